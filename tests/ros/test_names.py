@@ -60,48 +60,37 @@ def start(local, tmp_path):
     return start_node
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_names_follow_namespaces_and_remaps(start, name):
-    node = start(name)
-    expected, others = NAMES[name]
-    assert expected < node.names()
-    assert not others & node.names()
-    space = name.rpartition('/')[0]
-    outside = {item for item in node.names() if not item.startswith(f'{space}/')}
-    assert outside - expected == {'/clock', '/parameter_events'}
-    newest = node.newest(*MAPS[name])
-    assert {tuple(item['shape']) for item in newest.values()} == {tuple(SHAPES[name])}
-
-
-def test_remapped_click_opens_a_vent_of_one_node(start):
-    node, other = start(ETNA), start(HEKLA)
-    node.publish('click')
-    node.run_commands()
-    for item in (node, other):
-        item.run(3.0)
-    assert node.newest('map', condition=lambda newest: newest['map']['max'] > 0)
-    other.hear()
-    assert {item['max'] for item in other.seen if item['topic'] in MAPS[HEKLA]} == {0}
-
-
-def test_each_node_records_its_own_bag(start, tmp_path):
+def test_each_node_has_its_own_names_vents_and_bag(start, tmp_path):
     nodes = {name: start(name, record=True) for name in NAMES}
     for name, node in nodes.items():
-        node.newest(MAPS[name][0])
-        space = name.removeprefix('/')
-        recording = 'recording'
-        node.status_now('recorder', lambda item: item['state'] == recording, node=space)  # noqa: B023
+        expected, others = NAMES[name]
+        assert expected < node.names()
+        assert not others & node.names()
+        space = name.rpartition('/')[0]
+        outside = {item for item in node.names() if not item.startswith(f'{space}/')}
+        assert outside - expected == {'/clock', '/parameter_events'}
+        newest = node.newest(*MAPS[name])
+        assert {tuple(item['shape']) for item in newest.values()} == {tuple(SHAPES[name])}
+    etna, hekla = nodes.values()
+    etna.publish('click')
+    etna.run_commands()
+    for node in nodes.values():
+        node.run(3.0)
+    assert etna.newest('map', condition=lambda newest: newest['map']['max'] > 0)
+    hekla.hear()
+    assert {item['max'] for item in hekla.seen if item['topic'] in MAPS[HEKLA]} == {0}
+    for name, node in nodes.items():
         assert node.change('shutdown', name)
         assert 'ERROR' not in node.log
     bags = sorted((tmp_path / 'bags').iterdir(), key=lambda bag: bag.name[19:])
     assert [bag.name[19:] for bag in bags] == ['_etna_lava', '_hekla_lava2']
-    etna, hekla = map(BagReader, bags)
-    assert not etna.recovered
-    assert not hekla.recovered
-    assert {'/map', '/etna/height', '/etna/terrain', '/diagnostics'} <= set(etna.topics)
-    assert {'/hekla/hazard', '/hekla/terrain', '/diagnostics'} <= set(hekla.topics)
-    assert not [topic for topic in etna.topics if topic.startswith('/hekla')]
-    assert not [topic for topic in hekla.topics if topic.startswith(('/etna', '/map'))]
+    readers = [BagReader(bag) for bag in bags]
+    assert not any(reader.recovered for reader in readers)
+    etnas, heklas = (set(reader.topics) for reader in readers)
+    assert {'/map', '/etna/height', '/etna/terrain', '/diagnostics'} <= etnas
+    assert {'/hekla/hazard', '/hekla/terrain', '/diagnostics'} <= heklas
+    assert not [topic for topic in etnas if topic.startswith('/hekla')]
+    assert not [topic for topic in heklas if topic.startswith(('/etna', '/map'))]
 
 
 def test_terrain_of_the_node_is_no_input(start, monkeypatch):

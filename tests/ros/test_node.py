@@ -25,20 +25,6 @@ def running(module_local):
     return start_flow(module_local)
 
 
-def test_log_has_one_line_for_each_event(flowing):
-    node = flowing(record=True, bag_directory='bag')
-    node.wait_for_log('recording to')
-    node.wait_for_log('simulation running')
-    lines = re.findall(r'^\[INFO\] \[[\d.]+\] \[lava\]: (.*)$', node.log, re.MULTILINE)
-    waiting = 'waiting for terrain on terrain, terrain_info, terrain_cloud'
-    assert lines[0].startswith(waiting)
-    assert lines[1:3] == ['configured', 'active']
-    for expected in ('terrain: 40 x 30 cells of 10 m', 'vents: 1, 20 m3/s'):
-        assert lines.count(expected) == 1, (expected, lines)
-    for start_of_line in ('effects: ', 'recording to '):
-        assert [line.startswith(start_of_line) for line in lines].count(True) >= 1, lines
-
-
 def test_diagnostics_have_state_speed_and_budget(running):
     status = running.status_now('simulation')
     assert status['state'] == 'running'
@@ -141,8 +127,19 @@ def test_flow_continues_on_new_terrain(running):
     assert running.newest('height')['height']['origin'] == [0.0, 0.0]
 
 
-def test_bag_has_inputs_scene_parameters_and_effects(flowing, tmp_path):
+def test_log_has_each_event_once_and_the_bag_inputs_scene_and_effects(flowing, tmp_path):
     node = flowing(record=True, bag_directory='bag')
+    node.wait_for_log('recording to')
+    node.wait_for_log('simulation running')
+    lines = re.findall(r'^\[INFO\] \[[\d.]+\] \[lava\]: (.*)$', node.log, re.MULTILINE)
+    waiting = 'waiting for terrain on terrain, terrain_info, terrain_cloud'
+    assert lines[0].startswith(waiting)
+    assert lines[1:3] == ['configured', 'active']
+    for expected in ('terrain: 40 x 30 cells of 10 m', 'vents: 1, 20 m3/s'):
+        assert lines.count(expected) == 1, (expected, lines)
+    for start_of_line in ('effects: ', 'recording to '):
+        assert [line.startswith(start_of_line) for line in lines].count(True) >= 1, lines
+
     node.publish('click')
     assert node.set(effects_on=['helmholtz'])['success']
     node.status_now('effects', lambda status: status['helmholtz'] == 'on: forced')

@@ -10,7 +10,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, QosProfile
-from ros.conftest import QUICK
+from ros.conftest import QUICK, start_flow
 
 SECOND = 10**9
 
@@ -82,8 +82,12 @@ def test_node_waits_for_the_clock_of_a_replay_and_follows_it(graph, tmp_path):
     assert 'height' not in {item['topic'] for item in listener.seen}
 
 
-def test_jumps_of_the_clock_are_reported_and_not_followed(flowing):
-    node = flowing()
+@pytest.fixture(scope='module')
+def node(module_local):
+    return start_flow(module_local)
+
+
+def test_jumps_of_the_clock_are_reported_and_not_followed(node):
     for to, where in ((1e6, 'ahead'), (500.0, 'back')):
         before = node.worker.eruption.time
         node.jump(to)
@@ -96,8 +100,7 @@ def test_jumps_of_the_clock_are_reported_and_not_followed(flowing):
         assert node.worker.eruption.time == pytest.approx(before + node.worker.time_scale)
 
 
-def test_rejects_a_negative_time_of_the_clock(flowing):
-    node = flowing()
+def test_rejects_a_negative_time_of_the_clock(node):
     now, before = node.now, node.worker.eruption.time
     for _ in range(2):
         with pytest.raises(ValueError, match='must not be negative') as caught:
