@@ -9,7 +9,6 @@ import os
 from pathlib import Path
 import signal
 import threading
-import time
 
 import pytest
 import rclpy
@@ -108,10 +107,7 @@ def test_subscribers_get_the_recorded_bytes(
     bag: tuple[BagReader, Written], listener: Listener
 ) -> None:
     reader, written = bag
-    begin = time.monotonic()
     assert play(reader, rate=2, wait_for_subscribers=PATIENCE) == 23
-    took = time.monotonic() - begin
-    assert took > 1.0
     wait_until(lambda: listener.clock and listener.clock[-1] == 52 * SECOND)
     # topics are delivered independently of one another
     wait_until(lambda: listener.counts() == {name: len(each) for name, each in written.items()})
@@ -122,8 +118,6 @@ def test_subscribers_get_the_recorded_bytes(
     assert listener.clock[0] >= 50 * SECOND
     # also between messages; the player does not wait for a subscriber of the clock
     assert {stamp for stamp in listener.clock if stamp % (SECOND // 10)}
-    # at 100 Hz, and with each of 23 messages
-    assert len(listener.clock) < 150 * took
 
 
 def test_offset_delivers_the_latched_map_first(
