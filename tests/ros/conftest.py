@@ -240,7 +240,7 @@ def module_local(tmp_path_factory):
         yield start
 
 
-def start_flow(local, **parameters):
+def _start_flow(local, **parameters):
     """Start an active node with a slope, a vent and lava."""
     node = local(**parameters)
     assert node.change('configure') and node.change('activate'), node.log
@@ -255,7 +255,14 @@ def start_flow(local, **parameters):
 
 @pytest.fixture
 def flowing(local):
-    return partial(start_flow, local)
+    """Return a function that starts an active node with a slope, a vent and lava."""
+    return partial(_start_flow, local)
+
+
+@pytest.fixture(scope='module')
+def running(module_local):
+    """An active node with a slope, a vent and lava, which the tests of a module share."""
+    return _start_flow(module_local)
 
 
 @pytest.fixture

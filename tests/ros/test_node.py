@@ -13,16 +13,10 @@ import pytest
 import yaml
 
 from lava_ros.bag import BagReader
-from ros.conftest import start_flow
 from ros.graph_publisher import elevation
 
 #: Topics of the grids that are published by default.
 GRIDS = ('height', 'temperature', 'hazard')
-
-
-@pytest.fixture(scope='module')
-def running(module_local):
-    return start_flow(module_local)
 
 
 def test_diagnostics_have_state_speed_and_budget(running):

@@ -10,7 +10,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, QosProfile
-from ros.conftest import QUICK, start_flow
+from ros.conftest import QUICK
 
 SECOND = 10**9
 
@@ -82,34 +82,29 @@ def test_node_waits_for_the_clock_of_a_replay_and_follows_it(graph, tmp_path):
     assert 'height' not in {item['topic'] for item in listener.seen}
 
 
-@pytest.fixture(scope='module')
-def node(module_local):
-    return start_flow(module_local)
-
-
-def test_jumps_of_the_clock_are_reported_and_not_followed(node):
+def test_jumps_of_the_clock_are_reported_and_not_followed(running):
     for to, where in ((1e6, 'ahead'), (500.0, 'back')):
-        before = node.worker.eruption.time
-        node.jump(to)
-        status = node.status_now(
+        before = running.worker.eruption.time
+        running.jump(to)
+        status = running.status_now(
             'simulation', lambda item: f'the clock jumped {where}' in item['message']  # noqa: B023
         )
         assert status['level'] == 1
-        assert node.worker.eruption.time == before
-        node.run(1.0)
-        assert node.worker.eruption.time == pytest.approx(before + node.worker.time_scale)
+        assert running.worker.eruption.time == before
+        running.run(1.0)
+        assert running.worker.eruption.time == pytest.approx(before + running.worker.time_scale)
 
 
-def test_rejects_a_negative_time_of_the_clock(node):
-    now, before = node.now, node.worker.eruption.time
+def test_rejects_a_negative_time_of_the_clock(running):
+    now, before = running.now, running.worker.eruption.time
     for _ in range(2):
         with pytest.raises(ValueError, match='must not be negative') as caught:
-            node.jump(-20.0)
+            running.jump(-20.0)
         # as the executor of the program does
-        node.node.report_callback(caught.value)
-    status = node.status_now('inputs')
+        running.node.report_callback(caught.value)
+    status = running.status_now('inputs')
     assert (status['rejected.message'], status['level']) == ('2', 1)
-    assert node.log.count('must not be negative') == 1
-    node.now = now
-    node.run(1.0)
-    assert node.worker.eruption.time > before
+    assert running.log.count('must not be negative') == 1
+    running.now = now
+    running.run(1.0)
+    assert running.worker.eruption.time > before

@@ -13,7 +13,6 @@ import pytest
 
 from lava_ros.ros import worker_status
 from lava_ros.simulation import Simulation
-from ros.conftest import start_flow
 from ros.graph_publisher import PATIENCE, vents
 
 GRIDS = ('height', 'temperature', 'hazard')
@@ -39,11 +38,6 @@ while not all(node.count_publishers(topic) for topic in sys.argv[1:]):
 print('never_reads', flush=True)
 time.sleep(600.0)
 """
-
-
-@pytest.fixture(scope='module')
-def node(module_local):
-    return start_flow(module_local)
 
 
 def lose_device(patch):
@@ -101,27 +95,27 @@ def memory(process):
         (break_position, ['not a number', 'left=nan']),
     ],
 )
-def test_fault_is_reported_and_the_last_maps_remain(node, monkeypatch, fault, words):
-    before = len(node.log)
+def test_fault_is_reported_and_the_last_maps_remain(running, monkeypatch, fault, words):
+    before = len(running.log)
     with monkeypatch.context() as patch:
         fault(patch)
-        status = fail(node)
+        status = fail(running)
     assert status['level'] == ERROR
     assert all(word in status['message'] for word in words), status['message']
-    (error,) = [line for line in node.log[before:].splitlines() if '[ERROR]' in line]
+    (error,) = [line for line in running.log[before:].splitlines() if '[ERROR]' in line]
     assert all(word in error for word in words), error
     assert '~/reset' in error
     # no new map is published, and the last one remains valid
-    last = node.at_rest(*GRIDS)
+    last = running.at_rest(*GRIDS)
     assert last['height']['wet'] > 0
     assert last['height']['min'] == 0
     for topic in GRIDS:
-        assert node.map(topic)['cells'] == last[topic]['cells']
-    recover(node)
+        assert running.map(topic)['cells'] == last[topic]['cells']
+    recover(running)
 
 
-def test_step_that_does_not_end_is_reported(node, monkeypatch):
-    may_end, advance, before = threading.Event(), Simulation.advance, len(node.log)
+def test_step_that_does_not_end_is_reported(running, monkeypatch):
+    may_end, advance, before = threading.Event(), Simulation.advance, len(running.log)
 
     def advance_slowly(*arguments, **options):
         may_end.wait()
@@ -130,24 +124,25 @@ def test_step_that_does_not_end_is_reported(node, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(worker_status, 'MAX_TASK_DURATION', 0.1)
         patch.setattr(Simulation, 'advance', advance_slowly)
-        node.jump(node.now + 0.5)
+        running.jump(running.now + 0.5)
         try:
-            status = node.status_now(
+            status = running.status_now(
                 'simulation', lambda status: 'a step takes' in status['message']
             )
             assert (status['state'], status['level']) == ('running', 1)
-            answer = node.call('reset')
+            answer = running.call('reset')
             assert answer['success']
             words = 'starting again at time 0, but later: a step takes'
             assert answer['message'].startswith(words)
-            status = node.status_now('simulation')
+            status = running.status_now('simulation')
             assert 'waiting for it: ' in status['message'] and 'reset' in status['message']
-            warnings = [line for line in node.log[before:].splitlines() if 'a step takes' in line]
+            lines = running.log[before:].splitlines()
+            warnings = [line for line in lines if 'a step takes' in line]
             assert len(warnings) == 1 and '[WARN]' in warnings[0], warnings
         finally:
             may_end.set()
-    recover(node)
-    node.status_now('simulation', lambda status: 'a step takes' not in status['message'])
+    recover(running)
+    running.status_now('simulation', lambda status: 'a step takes' not in status['message'])
 
 
 @pytest.fixture
