@@ -8,12 +8,14 @@ import hashlib
 import json
 import re
 
+from nav_msgs.msg import OccupancyGrid
 import numpy as np
 import pytest
 import yaml
 
 from lava_ros.bag import BagReader
-from ros.graph_publisher import elevation
+from ros.graph_listener import line_of
+from ros.graph_publisher import elevation, LATCHED
 
 #: Topics of the grids that are published by default.
 GRIDS = ('height', 'temperature', 'hazard')
@@ -184,7 +186,14 @@ def test_late_subscribers_and_the_bag_have_the_grids_of_a_fed_scene(graph):
     assert not [line for line in node.log.splitlines() if line.startswith('Warp ')]
     assert publisher.call('pause', True)['success']
     last = listener.at_rest(*GRIDS)
-    assert graph.listener(*GRIDS).newest(*GRIDS) == last
+    late = {}
+    for topic in GRIDS:
+        publisher.node.create_subscription(
+            OccupancyGrid, topic,
+            lambda data, topic=topic: late.update({topic: line_of(topic, OccupancyGrid, data)}),
+            LATCHED, raw=True,
+        )
+    publisher.spin_until(lambda: late == last)
     assert publisher.call('record', False) == {'success': True, 'message': f'recorded {bag}'}
     listener.hear()
     reader = BagReader(bag)

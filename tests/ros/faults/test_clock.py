@@ -41,7 +41,7 @@ def test_node_waits_for_the_clock_of_a_replay_and_follows_it(graph, tmp_path):
     silent = listener.wait_for_status(
         'simulation',
         # the first status of a running simulation may come before its first readback
-        lambda item: '/clock' in item['message'] and item.get('simulated_time_s') == '0.0',
+        lambda item: '/clock' in item['message'] and item['simulated_time_s'] == '0.0',
     )
     assert silent['level'] == 1
     assert silent['message'].startswith('/clock does not arrive, so simulated time stands still')
