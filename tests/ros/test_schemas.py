@@ -59,6 +59,9 @@ UNCERTAINTY = {
     ],
 }
 
+#: Keys whose values the parsers of a case and of a scene share.
+SHARED = (('case', 'events'), ('case', 'uncertainty'))
+
 #: Valid files of each kind, which together have every key.
 VALID = {
     'scene': [
@@ -354,7 +357,11 @@ def test_valid_files_have_every_key():
 @pytest.mark.parametrize(
     ('kind', 'number', 'path'),
     [
-        (kind, number, path)
+        pytest.param(
+            kind, number, path,
+            # a case has them in common with a scene, but reads its rasters each time
+            marks=[pytest.mark.nightly] * ((kind, path[0]) in SHARED),
+        )
         for kind, files in VALID.items()
         for number, data in enumerate(files)
         for path in _places(data)
