@@ -18,18 +18,19 @@ import time
 
 import pytest
 
-from ros.graph_publisher import PATIENCE, Publisher
+from ros.graph_publisher import Publisher
 from ros.hearing import Hearing
 from ros_domain import own_domain
+from waiting import PATIENCE
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
 #: Runs the node, or the module's ``main``, with five heartbeats per second to shorten waits.
 QUICK_MODULE = """
-from lava_ros.ros import active_node
+from lava_ros.ros import runtime
 from lava_ros.{} import main
-active_node.HEARTBEAT = 0.2
+runtime.HEARTBEAT = 0.2
 raise SystemExit(main())
 """
 QUICK = QUICK_MODULE.format('ros.node')
@@ -195,15 +196,6 @@ def pytest_runtest_makereport(item):
 
 
 @pytest.fixture
-def bench(request):
-    from worker_bench import Bench
-
-    result = Bench(**getattr(request, 'param', {}))
-    yield result
-    assert result.worker.stop(PATIENCE)
-
-
-@pytest.fixture
 def graph(tmp_path_factory):
     result = Graph(tmp_path_factory.mktemp('graph'))
     yield result
@@ -268,12 +260,12 @@ def running(module_local):
 @pytest.fixture
 def run_program(monkeypatch, tmp_path, capfd):
     """Return a function that runs the node's program in the test: exit status and stderr."""
-    from lava_ros.ros import active_node, node
+    from lava_ros.ros import node, runtime
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain()))
     # a thread that is still in the solver would end the test's process
-    monkeypatch.setattr(active_node, 'STOP_TIMEOUT', PATIENCE)
+    monkeypatch.setattr(runtime, 'STOP_TIMEOUT', PATIENCE)
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     package = logging.getLogger('lava_ros')
     kept, level = package.handlers[:], package.level

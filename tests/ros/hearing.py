@@ -6,7 +6,7 @@
 from abc import ABC, abstractmethod
 import time
 
-from ros.graph_publisher import PATIENCE
+from waiting import PATIENCE
 
 #: A value that the status of a task has as soon as there are results.
 RESULTS = {

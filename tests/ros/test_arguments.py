@@ -11,8 +11,8 @@ import pytest
 from command_line import lava
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
-from lava_ros.ros.active_node import ActiveNode
-from lava_ros.ros.arguments import start_ros
+from lava_ros.ros.executor import start_ros
+from lava_ros.ros.runtime import NodeRuntime
 
 BAG = Path(__file__).parents[2] / 'bags/sample'
 
@@ -89,14 +89,14 @@ def test_mistake_is_one_sentence_and_status_2(run, words):
 
 
 def test_unexpected_error_is_the_last_line_and_status_1(run, monkeypatch):
-    monkeypatch.setattr(ActiveNode, '_begin', Mock(side_effect=RuntimeError('went wrong')))
+    monkeypatch.setattr(NodeRuntime, '_begin', Mock(side_effect=RuntimeError('went wrong')))
     status, stderr = run('--ros-args', '-p', 'device:=cpu')
     assert stderr.splitlines()[-1] == 'lava_node cannot start: RuntimeError: went wrong'
     assert status == 1
 
 
 def test_unknown_parameters_of_a_file_are_warnings(run, monkeypatch):
-    monkeypatch.setattr(ActiveNode, '_begin', Mock(side_effect=RuntimeError('went wrong')))
+    monkeypatch.setattr(NodeRuntime, '_begin', Mock(side_effect=RuntimeError('went wrong')))
     _, stderr = run('--ros-args', '--params-file', 'unknown.yaml')
     warnings = [line for line in stderr.splitlines() if 'has no effect' in line]
     assert all('[WARN]' in line for line in warnings)

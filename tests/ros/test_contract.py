@@ -18,9 +18,9 @@ import pytest
 import yaml
 
 from lava_ros.bag.qos import QosProfile
+from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
-from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from maps.test_layers import EASTWARD as SNAPSHOT
 from ros.local_node import COARSE
 from scripts import load_script

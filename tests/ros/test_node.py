@@ -38,9 +38,9 @@ def test_diagnostics_have_state_speed_and_budget(running):
 
 
 def check_advance(node):
-    before, now = node.worker.eruption.time, node.now
+    before, now = node.worker.session.time, node.now
     node.run(2.0)
-    assert node.worker.eruption.time > before
+    assert node.worker.session.time > before
     grid = node.wait_for_topic('height', lambda grid: grid['stamp_ns'] > now * 1e9)
     assert grid['wet'] > 0 and grid['min'] == 0
     assert float(node.status_now('simulation')['volume_error']) < 1e-5

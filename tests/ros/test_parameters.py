@@ -11,8 +11,8 @@ import rclpy
 from rclpy.parameter import Parameter
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import parameters
-from lava_ros.ros.arguments import start_ros
+from lava_ros.ros import node_parameters, parameters
+from lava_ros.ros.executor import start_ros
 from lava_ros.scene import constants_of, Lava
 from ros_domain import own_domain
 
@@ -76,8 +76,8 @@ def node_with():
             made.callback(rclpy.shutdown, context=context)
             node = rclpy.create_node('lava', context=context)
             made.callback(node.destroy_node)
-            parameters.declare(node, _specs())
-            node.add_pre_set_parameters_callback(partial(parameters.with_types, node))
+            node_parameters.declare(node, _specs())
+            node.add_pre_set_parameters_callback(partial(node_parameters.with_types, node))
             return node
 
         yield make

@@ -15,7 +15,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, image_array
 from lava_ros.errors import LavaError
 from lava_ros.ros.codec import nanoseconds
-from lava_ros.ros.place_topic import load_places
+from lava_ros.ros.forecast_topics import load_places
 from ros.graph_publisher import elevation
 
 SCENE = """

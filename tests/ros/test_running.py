@@ -80,7 +80,7 @@ def test_markers_follow_the_discharge_up_to_the_end_time(local):
     assert node.set(end_time=0.0)['success']
     node.status_now('simulation', lambda status: status['state'] == 'running')
     node.run(0.5)
-    assert node.worker.eruption.time == pytest.approx(80.0)
+    assert node.worker.session.time == pytest.approx(80.0)
 
 
 def test_layers_are_switched_on_and_off_and_saved(local):
@@ -119,7 +119,7 @@ def test_layers_are_switched_on_and_off_and_saved(local):
         assert {f'/{topic}' for topic in ('height', 'hazard', *OPTIONAL)} <= set(topics)
         # although checkpoint_period is 0
         found = newest_checkpoint(node.directory / name).checkpoint
-        assert found.time == node.worker.eruption.time
+        assert found.time == node.worker.session.time
         assert found.scene.vents[0].name == 'north'
     state = node.status_now('recorder')
     assert (state['state'], state['level']) == ('off', 0)

@@ -21,7 +21,7 @@ SCALE = 2.0
 START, LENGTH, RATE = 1000, 600, 10
 
 #: Program that warns of a clock that stands still after one second.
-IMPATIENT = 'from lava_ros.ros import diagnostics\ndiagnostics.PATIENCE = 1.0\n'
+IMPATIENT = 'from lava_ros.live import clock\nclock.PATIENCE = 1.0\n'
 
 CONFIG = """
 layers:
@@ -84,19 +84,19 @@ def test_node_waits_for_the_clock_of_a_replay_and_follows_it(graph, tmp_path):
 
 def test_jumps_of_the_clock_are_reported_and_not_followed(running):
     for to, where in ((1e6, 'ahead'), (500.0, 'back')):
-        before = running.worker.eruption.time
+        before = running.worker.session.time
         running.jump(to)
         status = running.status_now(
             'simulation', lambda item: f'the clock jumped {where}' in item['message']  # noqa: B023
         )
         assert status['level'] == 1
-        assert running.worker.eruption.time == before
+        assert running.worker.session.time == before
         running.run(1.0)
-        assert running.worker.eruption.time == pytest.approx(before + running.worker.time_scale)
+        assert running.worker.session.time == pytest.approx(before + running.worker.time_scale)
 
 
 def test_rejects_a_negative_time_of_the_clock(running):
-    now, before = running.now, running.worker.eruption.time
+    now, before = running.now, running.worker.session.time
     for _ in range(2):
         with pytest.raises(ValueError, match='must not be negative') as caught:
             running.jump(-20.0)
@@ -107,4 +107,4 @@ def test_rejects_a_negative_time_of_the_clock(running):
     assert running.log.count('must not be negative') == 1
     running.now = now
     running.run(1.0)
-    assert running.worker.eruption.time > before
+    assert running.worker.session.time > before

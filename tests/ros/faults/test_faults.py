@@ -11,9 +11,10 @@ import time
 import numpy as np
 import pytest
 
-from lava_ros.ros import worker_status
+from lava_ros.live import worker_status
 from lava_ros.simulation import Simulation
-from ros.graph_publisher import PATIENCE, vents
+from ros.graph_publisher import vents
+from waiting import PATIENCE
 
 GRIDS = ('height', 'temperature', 'hazard')
 ERROR = 2
