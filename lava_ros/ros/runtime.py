@@ -146,7 +146,7 @@ class NodeRuntime:
             steady=steady,
             observe=self._forecasts.observe if settings.ensemble_members else None,
             recorder=self._recorder,
-            is_own=self._scene.is_own,
+            is_echo=self._scene.is_echo,
         )
         self._allowance = Allowance(self.inputs.refuse)
         create_services(
