@@ -28,7 +28,7 @@ from recording import record
 from small_checkpoint import small_checkpoint
 
 #: Bits that are flipped in each bag; `make nightly` tries more.
-FLIPS = int(os.environ.get('LAVA_FLIPS', '8'))
+FLIPS = int(os.environ.get('LAVA_FLIPS', '2'))
 
 TIMES = (200.0, 400.0, 600.0, 800.0)
 
@@ -213,7 +213,10 @@ def test_every_command_that_reads_a_bag_is_tested() -> None:
     assert taking == set(BAG_COMMANDS)
 
 
-@pytest.mark.parametrize('command', BAG_COMMANDS)
+@pytest.mark.parametrize('command', [
+    pytest.param(name, marks=() if name in ('info', 'recover', 'export') else pytest.mark.nightly)
+    for name in BAG_COMMANDS
+])
 def test_missing_messages_are_reported(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
@@ -244,7 +247,7 @@ def test_missing_messages_are_reported(
 def test_refuses_an_invalid_message_count(bag: Path, count: str) -> None:
     path = bag / 'metadata.yaml'
     path.write_text(re.sub(r'(?<=^    message_count: )\d+', count, path.read_text(), flags=re.M))
-    with pytest.raises(LavaError, match=r'metadata\.yaml.* message_count of each topic'):
+    with pytest.raises(LavaError, match=r'message_count of .*metadata\.yaml is'):
         BagReader(bag)
 
 

@@ -1,19 +1,21 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lateral stress: the Helmholtz solve, the Green's function, and flow in a channel."""
+"""Lateral stress by solving an equation."""
 
 from dataclasses import replace
 import math
 
 import numpy as np
+from numpy.polynomial import Polynomial
 import pytest
 
+from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.particles.state import ADVECTION
-from lava_ros.verification.cases.confined import channel_velocity
+from lava_ros.verification import exact
 from lava_ros.verification.cases.sheets import response
 from solver import flat, lattice, only, simulated
 
@@ -46,9 +48,9 @@ def test_sweeps_solve_the_matrix():
     matrix = -force * (local.volume / h) * (h[:, None] + h)
     np.fill_diagonal(matrix, 0.0)
     np.fill_diagonal(matrix, 2.5 / h - matrix.sum(axis=1))
-    exact = np.linalg.solve(matrix, (2.5 / h)[:, None] * local.velocity)
-    error = np.abs(solved.velocity - exact).max()
-    assert error < 2e-3 * np.abs(local.velocity - exact).max()
+    solution = np.linalg.solve(matrix, (2.5 / h)[:, None] * local.velocity)
+    error = np.abs(solved.velocity - solution).max()
+    assert error < 2e-3 * np.abs(local.velocity - solution).max()
 
 
 def test_no_speed_exceeds_the_largest_local_speed():
@@ -74,24 +76,12 @@ def test_step_length_follows_the_reduced_speed():
     assert rates[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
 
 
-@pytest.mark.parametrize('precision', ['float32', 'float64'])
-@pytest.mark.parametrize('height', [0.1, 1.0, 10.0])
-@pytest.mark.parametrize('distance', [0.02, 0.1, 0.3, 1.0])
-def test_columns_do_not_attract_each_other(device, precision, height, distance):
-    """A neighbour with more weight than the particle itself would attract it."""
-    places = 0.5 * distance * np.array([[-1.0, 0.0], [1.0, 0.0]])
-    simulation = simulated(
-        flat(8), Lava(viscosity=1e6), Particles(places, height, 1400.0), effects=only('green'),
-        device=device, spacing=1.0, ratio=3.5, precision=precision,
-    )
-    sample = simulation.sample()
-    apart = np.sign(sample.position[:, 0]) * sample.velocity[:, 0]
-    # thick columns close to each other have equal weights and stay in place
-    assert apart.min() >= 0.0
-
-
-def test_short_support_underestimates_the_walls(device):
-    """Cut off at 1.7 thicknesses the Green's function sums only half of the walls."""
-    accuracy = Accuracy(spacing=0.3, ratio=5.5)
-    _, mean = channel_velocity(6.0, effect='green', accuracy=accuracy, device=device)
-    assert mean.measured > 1.03 * mean.exact
+def test_lateral_drag_is_that_of_a_parabolic_profile():
+    profile = Polynomial([0.0, 3.0, -1.5])
+    mean = profile.integ()
+    assert mean(1.0) == pytest.approx(1.0)
+    drag, stress = ((item**2).integ()(1.0) for item in (profile.deriv(), profile))
+    assert drag / stress == pytest.approx(LATERAL_DRAG)
+    x = 0.01
+    loss = 1.0 - exact.wave_response(x, 1.0)
+    assert x**2 / loss == pytest.approx(LATERAL_DRAG, rel=1e-3)
