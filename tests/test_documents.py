@@ -19,7 +19,7 @@ A document that changes the package changes a copy, in which its other blocks th
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import os
 from pathlib import Path
 import re
@@ -33,15 +33,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
-from rasterio.transform import from_origin
 import yaml
 
 from command_line import lava
 from eruption import write_case, write_grid
+from geodata import write_raster
+from lava_ros.cli.parser import parse_command_line
+from lava_ros.ros.parameters import LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import scene_from_yaml
 
 ROOT = Path(__file__).parents[1]
+
+#: Options that make a command fast; `make nightly` runs its blocks as they are written.
+FAST = {
+    'ensemble': '--members 2 --spacing 60 --workers 1', 'hindcast': '--spacing 30 --maps 2',
+    'calibrate': '--runs 2',
+}
 
 #: Why a block may stay unrun.
 REASONS = {
@@ -112,11 +119,9 @@ def _furnish(folder: Path) -> None:
     elevation[-1, 0] = -9999.0
     near = (np.hypot(x - 1500.0, y - 6100.0) < 200.0).astype('float32')
     for name, values in (('etna.tif', elevation), ('seen.tif', near), ('where.tif', near)):
-        with rasterio.open(
-            folder / name, 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
-            nodata=-9999.0, crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
-        ) as file:
-            file.write(values, 1)
+        write_raster(
+            folder / name, values, cell=cell, north_west=(easting, northing), nodata=-9999.0
+        )
     corner = (easting, northing - 140 * cell)
     write_grid(folder / 'etna.asc', elevation[::-1], corner=corner, cell=cell)
     scene = {
@@ -178,10 +183,29 @@ def _is_run(block: Block) -> bool:
     return '' not in _left_out(block)
 
 
-def _running(language: str) -> Any:
-    """Return a parameter for each block of a language that runs in the unchanged package."""
-    running = [item for item in STANDING if item.language == language and _is_run(item)]
-    return pytest.mark.parametrize('block', running, ids=str)
+def _running(language: str) -> list[Block]:
+    """Return the blocks of a language that run in the unchanged package."""
+    return [item for item in STANDING if item.language == language and _is_run(item)]
+
+
+def _words(command: str) -> list[str]:
+    """Return the words of a line that is nothing but a call of `lava`, none for another line."""
+    words = shlex.split(command, comments=True)
+    is_call = words[0] == 'lava' and not re.search(r'[|&;<>$*`]', command)
+    return words[1:] if is_call else []
+
+
+def _shell_blocks() -> Iterator[Any]:
+    """Yield each shell block that runs, and those that `FAST` changes also as they are written.
+
+    Of the blocks that start processes every run has that of the README.
+    """
+    for block in _running('sh'):
+        is_slow = 'run: together' in block.remarks and block.document != 'README.md'
+        marks = pytest.mark.nightly if is_slow else ()
+        yield pytest.param(block, FAST, id=str(block), marks=marks)
+        if {words[0] for words in map(_words, _commands(block)) if words} & set(FAST):
+            yield pytest.param(block, {}, id=f'{block} as written', marks=pytest.mark.nightly)
 
 
 def _change(root: Path, block: Block, remark: str) -> None:
@@ -220,8 +244,26 @@ def test_blocks_are_found_and_exceptions_have_reasons() -> None:
         assert is_known or not _is_run(block), f'{block} is {block.language or "of no language"}'
 
 
-@_running('sh')
-def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_in_blocks_have_known_options_and_parameters() -> None:
+    """This includes commands that do not run here, except those of other programs."""
+    known = {item.name for item in (*PARAMETERS, *SOURCES, *LIFECYCLE)}
+    for block in (item for item in BLOCKS if item.language == 'sh'):
+        for line in block.text.replace('\\\n', ' ').splitlines():
+            call, _, ros = line.partition(' --ros-args')
+            words = _words(call) if call.strip() else []
+            if words:
+                try:
+                    parse_command_line(words)
+                except SystemExit as end:
+                    assert end.code == 0, f'{block}: {line}'
+            if re.match('lava(_node| node)', line):
+                assert set(re.findall(r'-p "?([\w.]+):=', ros)) <= known, f'{block}: {line}'
+
+
+@pytest.mark.parametrize(('block', 'fast'), list(_shell_blocks()))
+def test_shell_blocks_succeed(
+    block: Block, fast: dict[str, str], shop: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     environment = _environment(shop)
     if 'run: together' in block.remarks:
         # the port of the document may be in use
@@ -233,10 +275,10 @@ def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.Monk
     for name, text in environment.items():
         monkeypatch.setenv(name, text)
     for command in _commands(block):
-        first, *words = shlex.split(command, comments=True)
-        if first == 'lava' and not re.search(r'[|&;<>$*`]', command):
+        words = _words(command)
+        if words:
             # faster than a process
-            status, *output = lava(*words)
+            status, *output = lava(*words, *fast.get(words[0], '').split())
         else:
             done = subprocess.run(
                 ['bash', '-c', command], capture_output=True, text=True, timeout=200.0, check=False
@@ -299,7 +341,24 @@ def _interrupt(running: list[subprocess.Popen[bytes]]) -> None:
                     process.wait(10.0)
 
 
-@_running('python')
+def _shortened(block: Block) -> Block:
+    """Return a Python block that simulates a sixth of the time."""
+    text = re.sub(
+        r'(advance\(|horizon=)([\d.]+)', lambda found: f'{found[1]}{float(found[2]) / 6.0}',
+        block.text,
+    )
+    return replace(block, text=text)
+
+
+def _python_blocks() -> Iterator[Any]:
+    """Yield each Python block that runs, shortened, and a shortened one also as it is written."""
+    for block in _running('python'):
+        yield pytest.param(_shortened(block), id=str(block))
+        if _shortened(block) != block:
+            yield pytest.param(block, id=f'{block} as written', marks=pytest.mark.nightly)
+
+
+@pytest.mark.parametrize('block', list(_python_blocks()))
 def test_python_blocks_run_and_print_no_nan(block: Block, shop: Path) -> None:
     printed = _python(block, shop, _environment(shop))
     assert not re.search(r'\bnan\b', printed), f'{block}\n{printed}'
@@ -314,7 +373,7 @@ def _python(block: Block, folder: Path, environment: dict[str, str]) -> str:
     return done.stdout
 
 
-@_running('yaml')
+@pytest.mark.parametrize('block', _running('yaml'), ids=str)
 def test_yaml_blocks_are_scenes_or_parameters(block: Block, shop: Path) -> None:
     content = yaml.safe_load(block.text)
     if 'terrain' in content:
