@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every block of code in the README and the documents runs as it is written.
+"""Every block of code in the documents runs as it is written: the README in every run.
+
+The blocks of other documents run nightly; every run parses their `lava` commands.
 
 A block runs in a folder of its own, with the files that a reader would have (`_furnish`). An HTML
 comment before the block marks what cannot run here:
@@ -19,7 +21,7 @@ A document that changes the package changes a copy, in which its other blocks th
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import os
 from pathlib import Path
 import re
@@ -44,12 +46,6 @@ from lava_ros.scene import scene_from_yaml
 
 ROOT = Path(__file__).parents[1]
 
-#: Options that make a command fast; `make nightly` runs its blocks as they are written.
-FAST = {
-    'ensemble': '--members 2 --spacing 60 --workers 1', 'hindcast': '--spacing 30 --maps 2',
-    'calibrate': '--runs 2',
-}
-
 #: Why a block may stay unrun.
 REASONS = {
     'installs': 'changes what is installed', 'tests': 'runs the tests, or is as slow',
@@ -57,6 +53,9 @@ REASONS = {
     'a robot': 'needs one', 'a display': 'opens a window',
     'no program': 'is text: a layout, a table, output',
 }
+
+#: Characters that only a shell understands.
+SHELL = re.compile(r'[|&;<>$*`]')
 
 DOCUMENTS = sorted(
     path
@@ -183,29 +182,17 @@ def _is_run(block: Block) -> bool:
     return '' not in _left_out(block)
 
 
-def _running(language: str) -> list[Block]:
-    """Return the blocks of a language that run in the unchanged package."""
-    return [item for item in STANDING if item.language == language and _is_run(item)]
+def _is_quick(block: Block) -> bool:
+    return block.document == 'README.md' or block.language == 'yaml'
 
 
-def _words(command: str) -> list[str]:
-    """Return the words of a line that is nothing but a call of `lava`, none for another line."""
-    words = shlex.split(command, comments=True)
-    is_call = words[0] == 'lava' and not re.search(r'[|&;<>$*`]', command)
-    return words[1:] if is_call else []
-
-
-def _shell_blocks() -> Iterator[Any]:
-    """Yield each shell block that runs, and those that `FAST` changes also as they are written.
-
-    Of the blocks that start processes every run has that of the README.
-    """
-    for block in _running('sh'):
-        is_slow = 'run: together' in block.remarks and block.document != 'README.md'
-        marks = pytest.mark.nightly if is_slow else ()
-        yield pytest.param(block, FAST, id=str(block), marks=marks)
-        if {words[0] for words in map(_words, _commands(block)) if words} & set(FAST):
-            yield pytest.param(block, {}, id=f'{block} as written', marks=pytest.mark.nightly)
+def _running(language: str) -> Any:
+    """Return a parameter for each block of a language that runs in the unchanged package."""
+    running = [
+        pytest.param(item, marks=() if _is_quick(item) else pytest.mark.nightly)
+        for item in STANDING if item.language == language and _is_run(item)
+    ]
+    return pytest.mark.parametrize('block', running, ids=str)
 
 
 def _change(root: Path, block: Block, remark: str) -> None:
@@ -250,20 +237,17 @@ def test_commands_in_blocks_have_known_options_and_parameters() -> None:
     for block in (item for item in BLOCKS if item.language == 'sh'):
         for line in block.text.replace('\\\n', ' ').splitlines():
             call, _, ros = line.partition(' --ros-args')
-            words = _words(call) if call.strip() else []
-            if words:
+            if call.startswith('lava ') and not SHELL.search(call):
                 try:
-                    parse_command_line(words)
+                    parse_command_line(shlex.split(call, comments=True)[1:])
                 except SystemExit as end:
                     assert end.code == 0, f'{block}: {line}'
             if re.match('lava(_node| node)', line):
                 assert set(re.findall(r'-p "?([\w.]+):=', ros)) <= known, f'{block}: {line}'
 
 
-@pytest.mark.parametrize(('block', 'fast'), list(_shell_blocks()))
-def test_shell_blocks_succeed(
-    block: Block, fast: dict[str, str], shop: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@_running('sh')
+def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = _environment(shop)
     if 'run: together' in block.remarks:
         # the port of the document may be in use
@@ -275,10 +259,10 @@ def test_shell_blocks_succeed(
     for name, text in environment.items():
         monkeypatch.setenv(name, text)
     for command in _commands(block):
-        words = _words(command)
-        if words:
+        first, *words = shlex.split(command, comments=True)
+        if first == 'lava' and not SHELL.search(command):
             # faster than a process
-            status, *output = lava(*words, *fast.get(words[0], '').split())
+            status, *output = lava(*words)
         else:
             done = subprocess.run(
                 ['bash', '-c', command], capture_output=True, text=True, timeout=200.0, check=False
@@ -341,24 +325,7 @@ def _interrupt(running: list[subprocess.Popen[bytes]]) -> None:
                     process.wait(10.0)
 
 
-def _shortened(block: Block) -> Block:
-    """Return a Python block that simulates a sixth of the time."""
-    text = re.sub(
-        r'(advance\(|horizon=)([\d.]+)', lambda found: f'{found[1]}{float(found[2]) / 6.0}',
-        block.text,
-    )
-    return replace(block, text=text)
-
-
-def _python_blocks() -> Iterator[Any]:
-    """Yield each Python block that runs, shortened, and a shortened one also as it is written."""
-    for block in _running('python'):
-        yield pytest.param(_shortened(block), id=str(block))
-        if _shortened(block) != block:
-            yield pytest.param(block, id=f'{block} as written', marks=pytest.mark.nightly)
-
-
-@pytest.mark.parametrize('block', list(_python_blocks()))
+@_running('python')
 def test_python_blocks_run_and_print_no_nan(block: Block, shop: Path) -> None:
     printed = _python(block, shop, _environment(shop))
     assert not re.search(r'\bnan\b', printed), f'{block}\n{printed}'
@@ -373,7 +340,7 @@ def _python(block: Block, folder: Path, environment: dict[str, str]) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize('block', _running('yaml'), ids=str)
+@_running('yaml')
 def test_yaml_blocks_are_scenes_or_parameters(block: Block, shop: Path) -> None:
     content = yaml.safe_load(block.text)
     if 'terrain' in content:

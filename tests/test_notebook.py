@@ -27,41 +27,24 @@ def test_notebook_has_no_outputs() -> None:
     assert all(cell['outputs'] == [] and cell['execution_count'] is None for cell in code)
 
 
-#: Numbers of a fast run for those of the notebook.
-FAST = {
-    '2 * 3600.0': '1200.0', 'horizon=3600.0': 'horizon=900.0',
-    'draw_members(uncertain, 8)': 'draw_members(uncertain, 2)',
-}
-
-
-@pytest.mark.parametrize(('changes', 'volume', 'members'), [
-    (FAST, 48_000.0, 2),
-    # 40 m3/s for an hour, 15 for another
-    pytest.param({}, 198_000.0, 8, marks=pytest.mark.nightly),
-])
-def test_cells_run_in_order(
-    changes: dict[str, str], volume: float, members: int, tmp_path: Path
-) -> None:
+@pytest.mark.nightly
+def test_cells_run_in_order(tmp_path: Path) -> None:
     cells = [''.join(c['source']) for c in NOTEBOOK['cells'] if c['cell_type'] == 'code']
     cells += ["for number in plt.get_fignums(): plt.figure(number).savefig(f'{number}.png')"]
     cells += ['print(budget.flowing)']
-    text = '\n'.join(cells)
-    for old, new in changes.items():
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
     done = subprocess.run(
-        [sys.executable, '-c', text], cwd=tmp_path, capture_output=True, text=True,
+        [sys.executable, '-c', '\n'.join(cells)], cwd=tmp_path, capture_output=True, text=True,
         env=os.environ | {'MPLBACKEND': 'Agg', 'PYTHONPATH': str(ROOT)}, timeout=300.0,
     )
     assert done.returncode == 0, done.stderr
     assert len(list(tmp_path.glob('*.png'))) == 4
     with rasterio.open(tmp_path / 'maps/thickness.tif') as file:
         thickness = file.read(1, masked=True)
-    # some lava waits in the vent
+    # 40 m3/s for an hour, 15 for another, less the lava that waits in the vent
     flowing = float(done.stdout.split()[-1])
-    assert 0.97 * volume < flowing < volume
+    assert 0.97 * 198_000.0 < flowing < 198_000.0
     assert thickness.sum() * 30.0**2 == pytest.approx(flowing, rel=1e-4)
     with rasterio.open(tmp_path / 'maps/inundation_probability.tif') as file:
         probability = file.read(1, masked=True)
     assert np.isclose(probability.max(), 100.0)
-    assert np.isin(probability.compressed(), 100.0 / members * np.arange(members + 1)).all()
+    assert np.isin(probability.compressed(), 12.5 * np.arange(9)).all()

@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import EFFECTS, Effects, possible
+from lava_ros.effects import compatible, EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
 from lava_ros.forecast.lookahead import Looking
 from lava_ros.forecast.sampling import Member, rough_terrain
@@ -49,9 +49,6 @@ _ENDS = (0.1, 0.9)
 
 #: Maximum number of times that a displacement is halved before the vent is not displaced.
 _HALVINGS = 12
-
-#: Effects of which only one can be on.
-_RIVALS = ('inertia', 'green', 'helmholtz')
 
 #: Memory of a member for each cell of the terrain [bytes].
 _BYTES = 64
@@ -162,11 +159,8 @@ def make_plan(
         for one in (scene, *_end_scenes(scene))
     ]
     called_for = {name for one in chosen for name in one}
-    # of mutually exclusive effects, prefer the one that the scene itself calls for
-    rivals = [name for name in _RIVALS if name in chosen[0]]
-    rivals = rivals or [name for name in _RIVALS if name in called_for][:1]
-    called_for -= set(_RIVALS) - set(rivals)
-    together = Effects(**{name: name in called_for for name in EFFECTS})
+    # of effects that exclude each other, prefer the one that the scene itself calls for
+    together = compatible((*chosen[0], *(name for name in EFFECTS if name in called_for)))
     forced = dict(effects or {})
     return Plan(scene, horizon, accuracy, together, threshold, looks, forced=forced)
 
