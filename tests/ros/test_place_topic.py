@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import rasterio
 
-from cli.calls import done
+from command_line import done
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, image_array
 from lava_ros.errors import LavaError
