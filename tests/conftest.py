@@ -10,6 +10,7 @@ import json
 import os
 from pathlib import Path
 import signal
+import sys
 import time
 from typing import Any
 
@@ -53,6 +54,32 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run a test that uses ``device`` on every device."""
     if 'device' in metafunc.fixturenames:
         metafunc.parametrize('device', _devices())
+
+
+@pytest.fixture(autouse=True)
+def conserved_volume(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """Check after each test that its simulations have conserved the volume of the lava.
+
+    Not those of nodes, which may run in a thread until the process ends.
+    """
+    module = sys.modules.get('lava_ros.simulation.simulation')
+    is_of_a_node = request.node.nodeid.startswith('tests/ros/')
+    if module is None or is_of_a_node or request.node.get_closest_marker('spoils_volume'):
+        yield
+        return
+    advancing, flown = module.Simulation.advancing, {}
+
+    def recorded(simulation: Any, *arguments: Any, **options: Any) -> Any:
+        flown[id(simulation)] = simulation
+        return advancing(simulation, *arguments, **options)
+
+    monkeypatch.setattr(module.Simulation, 'advancing', recorded)
+    yield
+    for simulation in flown.values():
+        budget = simulation.budget()
+        assert budget.is_conserved, budget.text()
 
 
 @pytest.fixture(scope='session')

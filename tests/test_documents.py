@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every block of code in the README and the documents runs as it is written.
+"""Every block of code in the documents runs as it is written: the README in every run.
+
+The blocks of other documents run nightly; every run parses their `lava` commands.
 
 A block runs in a folder of its own, with the files that a reader would have (`_furnish`). An HTML
 comment before the block marks what cannot run here:
@@ -33,12 +35,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
-from rasterio.transform import from_origin
 import yaml
 
 from command_line import lava
 from eruption import write_case, write_grid
+from geodata import write_raster
+from lava_ros.cli.parser import parse_command_line
+from lava_ros.ros.parameters import LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import scene_from_yaml
 
 ROOT = Path(__file__).parents[1]
@@ -50,6 +53,9 @@ REASONS = {
     'a robot': 'needs one', 'a display': 'opens a window',
     'no program': 'is text: a layout, a table, output',
 }
+
+#: Characters that only a shell understands.
+SHELL = re.compile(r'[|&;<>$*`]')
 
 DOCUMENTS = sorted(
     path
@@ -112,11 +118,9 @@ def _furnish(folder: Path) -> None:
     elevation[-1, 0] = -9999.0
     near = (np.hypot(x - 1500.0, y - 6100.0) < 200.0).astype('float32')
     for name, values in (('etna.tif', elevation), ('seen.tif', near), ('where.tif', near)):
-        with rasterio.open(
-            folder / name, 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
-            nodata=-9999.0, crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
-        ) as file:
-            file.write(values, 1)
+        write_raster(
+            folder / name, values, cell=cell, north_west=(easting, northing), nodata=-9999.0
+        )
     corner = (easting, northing - 140 * cell)
     write_grid(folder / 'etna.asc', elevation[::-1], corner=corner, cell=cell)
     scene = {
@@ -178,9 +182,16 @@ def _is_run(block: Block) -> bool:
     return '' not in _left_out(block)
 
 
+def _is_quick(block: Block) -> bool:
+    return block.document == 'README.md' or block.language == 'yaml'
+
+
 def _running(language: str) -> Any:
     """Return a parameter for each block of a language that runs in the unchanged package."""
-    running = [item for item in STANDING if item.language == language and _is_run(item)]
+    running = [
+        pytest.param(item, marks=() if _is_quick(item) else pytest.mark.nightly)
+        for item in STANDING if item.language == language and _is_run(item)
+    ]
     return pytest.mark.parametrize('block', running, ids=str)
 
 
@@ -220,6 +231,21 @@ def test_blocks_are_found_and_exceptions_have_reasons() -> None:
         assert is_known or not _is_run(block), f'{block} is {block.language or "of no language"}'
 
 
+def test_commands_in_blocks_have_known_options_and_parameters() -> None:
+    """This includes commands that do not run here, except those of other programs."""
+    known = {item.name for item in (*PARAMETERS, *SOURCES, *LIFECYCLE)}
+    for block in (item for item in BLOCKS if item.language == 'sh'):
+        for line in block.text.replace('\\\n', ' ').splitlines():
+            call, _, ros = line.partition(' --ros-args')
+            if call.startswith('lava ') and not SHELL.search(call):
+                try:
+                    parse_command_line(shlex.split(call, comments=True)[1:])
+                except SystemExit as end:
+                    assert end.code == 0, f'{block}: {line}'
+            if re.match('lava(_node| node)', line):
+                assert set(re.findall(r'-p "?([\w.]+):=', ros)) <= known, f'{block}: {line}'
+
+
 @_running('sh')
 def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = _environment(shop)
@@ -234,7 +260,7 @@ def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.Monk
         monkeypatch.setenv(name, text)
     for command in _commands(block):
         first, *words = shlex.split(command, comments=True)
-        if first == 'lava' and not re.search(r'[|&;<>$*`]', command):
+        if first == 'lava' and not SHELL.search(command):
             # faster than a process
             status, *output = lava(*words)
         else:

@@ -40,10 +40,6 @@ class TerrainEvent:
         """Return the ground after the event, with warnings of widened crests if ``is_told``."""
         return with_barriers(self.terrain or before, self.barriers, is_told=is_told)
 
-    def reshaped(self, change: Callable[[Terrain], Terrain]) -> 'TerrainEvent':
-        """Return the event with a change, such as refinement, of its terrain."""
-        return self if self.terrain is None else replace(self, terrain=change(self.terrain))
-
 
 def event_to_dict(event: TerrainEvent) -> dict[str, Any]:
     """Return plain data that describes an event without its elevation, for logs and bags."""
@@ -120,8 +116,7 @@ def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
     """Raise LavaError, which names ``field``, for a terrain on a grid other than the ground's."""
     shown, expected = (
         '{} x {} cells of {:.9g} m from easting {:.9g}, northing {:.9g}'.format(
-            *one.shape, one.resolution, one.origin[0] + one.offset[0],
-            one.origin[1] + one.offset[1],
+            *one.shape, one.resolution, *one.corner
         )
         for one in (terrain, ground)
     )

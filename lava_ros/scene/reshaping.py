@@ -97,10 +97,7 @@ class Barrier:
     @classmethod
     def from_dict(cls, label: str, data: object) -> 'Barrier':
         """Build a barrier from the plain data of a YAML file; raise LavaError for bad data."""
-        required = ['line', 'height', 'width']
-        allowed = [*required, 'slope', 'name']
-        values = validation.keys(label, data, allowed=allowed, required=required)
-        return cls(**values)  # type: ignore[arg-type]
+        return validation.build(cls, label, data)
 
 
 def read_barriers(
@@ -166,8 +163,10 @@ def with_barrier(terrain: Terrain, barrier: Barrier, *, is_told: bool = True) ->
     """
     rows, columns = terrain.shape
     cell = terrain.resolution
-    x = terrain.origin[0] + terrain.offset[0] + (np.arange(columns) + 0.5) * cell
-    y = terrain.origin[1] + terrain.offset[1] + (np.arange(rows) + 0.5) * cell
+    x, y = (
+        start + (np.arange(count) + 0.5) * cell
+        for start, count in zip(terrain.corner, (columns, rows), strict=True)
+    )
     crest = barrier.crest_on(cell)
     half = 0.5 * crest
     reach = half + barrier.height / barrier.slope

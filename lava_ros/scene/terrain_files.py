@@ -10,6 +10,7 @@ from itertools import product
 import json
 import logging
 import math
+import os
 from pathlib import Path
 import re
 from typing import Any
@@ -23,7 +24,7 @@ from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import is_installed, require
 from lava_ros.files.rasters import open_raster
 from lava_ros.files.yaml import parse_json
-from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE, without_value
+from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE
 from lava_ros.scene.projection import (
     coordinate_system,
     crop,
@@ -36,7 +37,7 @@ from lava_ros.scene.projection import (
     WGS84,
     with_epsg,
 )
-from lava_ros.scene.terrain import crest_lines, MAX_SIDE_CELLS, Terrain
+from lava_ros.scene.terrain import check_epsg, crest_lines, MAX_SIDE_CELLS, Terrain
 
 _LOG = logging.getLogger(__name__)
 
@@ -62,22 +63,15 @@ MAX_PRJ = 1 << 16
 #: Demonstration terrain of the package.
 DEMO = Path(__file__).with_name('st_helens.npz')
 
-#: Maximum EPSG code in a file, far above those in use.
-MAX_EPSG = 999_999
-
 #: GeoTIFF tag or .npz key of the barrier crests, as JSON.
 _BARRIERS = 'lava_ros_barriers'
 
 NPZ_KEYS = (
-    'elevation', 'resolution', 'dx', 'dy', 'origin', 'epsg', 'wkt', 'offset', 'row_order',
-    'source', _BARRIERS,
+    'elevation', 'resolution', 'origin', 'epsg', 'wkt', 'offset', 'source', _BARRIERS,
 )
 
 #: Options of ``load_terrain`` that a scene file may give.
 TERRAIN_OPTIONS = ('epsg', 'resolution', 'offset', 'window', 'fill_holes', 'nodata')
-
-#: Minimum EPSG code.
-MIN_EPSG = 1024
 
 #: Check of the side of a cell.
 RESOLUTION_CHECK = partial(validation.number, above=0.0, unit='m')
@@ -121,10 +115,8 @@ def load_terrain(
     square with the shorter side. Elevations in feet, by the unit of the band, the vertical
     coordinate system or an ESRI ``.prj`` file, become metres.
 
-    An .npz file has ``elevation`` [m], shape [rows, columns], and ``resolution`` [m], or ``dx``
-    and ``dy``; x and y are metres. Optional are ``origin`` and ``offset`` (x, y) [m], ``epsg``,
-    ``row_order``: ``south`` (the default: row 0 has the smallest y) or ``north``, and ``source``
-    and ``wkt`` as in ``Terrain``.
+    An .npz file has ``elevation`` and ``resolution``, and optionally ``origin``, ``offset``,
+    ``epsg``, ``wkt`` and ``source``, as in ``Terrain``.
 
     Args:
         path: Path of the file.
@@ -142,16 +134,9 @@ def load_terrain(
         LavaError: If the file cannot be read, or its contents cannot be used.
     """
     path = Path(path)
-    try:
-        is_file = path.is_file()
-    except (OSError, ValueError):
-        # the name is too long, or contains a null character
-        is_file = False
-    if not is_file:
+    if not os.path.isfile(path):
         raise LavaError('terrain file', str(path), 'a file that exists')
-    is_code = isinstance(epsg, int) and not isinstance(epsg, bool) and epsg >= MIN_EPSG
-    if epsg is not None and not is_code:
-        raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
+    check_epsg('terrain.epsg', epsg)
     if resolution is not None:
         resolution = RESOLUTION_CHECK('terrain.resolution', resolution)
     if offset is not None:
@@ -188,34 +173,29 @@ def load_terrain(
 
 def _read_npz(path: Path, nodata: float | str | None) -> Raster:
     arrays = read_arrays('terrain file', path)
-    data: Any = validation.keys('terrain file', arrays, allowed=NPZ_KEYS, required=['elevation'])
-    order = validation.choice('row_order', str(data.get('row_order', 'south')), ('south', 'north'))
-    elevation = np.asarray(data['elevation'])
+    data: Any = validation.keys(
+        'terrain file', arrays, allowed=NPZ_KEYS, required=['elevation', 'resolution']
+    )
+    elevation = data.pop('elevation')
     if elevation.ndim != 2 or elevation.dtype.kind not in 'iuf':
         found = f'{elevation.dtype} array of shape {elevation.shape}'
         raise LavaError('terrain file elevation', found, 'numbers [m] of shape [rows, columns]')
-    sides = ('resolution', 'resolution') if 'resolution' in data else ('dx', 'dy')
-    if 'resolution' in data and ('dx' in data or 'dy' in data):
-        raise LavaError('resolution', data['resolution'], 'absent when dx or dy is given')
-    dx, dy = (validation.number(name, data.get(name), above=0.0, unit='m') for name in sides)
-    elevation = _with_missing(elevation.astype(np.float32), dy, nodata, path)
-    epsg = None
-    if 'epsg' in data:
-        code = validation.number('epsg', data['epsg'])
-        epsg = validation.whole('epsg', code, at_least=1, at_most=MAX_EPSG)
-    none = np.zeros(2)
-    offset, origin = (validation.pair(name, data.get(name, none)) for name in ('offset', 'origin'))
+    data = {name: item.tolist() for name, item in data.items()}
+    cell = validation.number('resolution', data['resolution'], above=0.0, unit='m')
+    epsg = data.get('epsg')
+    check_epsg('epsg', epsg)
+    offset, origin = (
+        validation.pair(name, data.get(name, (0.0, 0.0))) for name in ('offset', 'origin')
+    )
     return Raster(
-        elevation=elevation[::-1] if order == 'north' else elevation,
-        dx=dx,
-        dy=dy,
+        elevation=_with_missing(elevation.astype(np.float32), cell, nodata, path),
+        dx=cell,
+        dy=cell,
         corner=(origin[0] + offset[0], origin[1] + offset[1]),
         epsg=epsg,
         offset=offset,
-        is_metric=True,
         source=str(data.get('source', '')),
-        barriers=_barriers({_BARRIERS: str(data[_BARRIERS])}, epsg, path)
-        if _BARRIERS in data else (),
+        barriers=_barriers(data, epsg, path),
         wkt=str(data['wkt']) if 'wkt' in data else None,
     )
 
@@ -231,6 +211,8 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
     if unit != 1.0:
         _LOG.info(f'{path.name}: elevations in {named} become metres')
     code = horizontal(crs).to_epsg() if crs else None
+    # a vertical system in feet no longer holds
+    system = horizontal(crs) if crs and unit != 1.0 else crs
     given = crs if epsg is None else coordinate_system(epsg)
     cell = abs(transform.e) * (METRES_PER_DEGREE if given and given.is_geographic else 1.0)
     # missing data have a stored value, without unit and scale
@@ -248,7 +230,7 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
         dy=abs(transform.e),
         corner=(transform.c, bottom),
         epsg=code,
-        wkt=_full_definition(crs, code, unit),
+        wkt=system.to_wkt() if system and system.to_epsg() is None else None,
         barriers=_barriers(tags, code, path),
     )
 
@@ -261,13 +243,13 @@ def barrier_tags(terrain: Terrain) -> dict[str, str]:
 
 
 def _barriers(
-    tags: Mapping[str, str], epsg: int | None, path: Path
+    tags: Mapping[str, object], epsg: int | None, path: Path
 ) -> tuple[tuple[tuple[float, float], ...], ...]:
     """Read the barriers of a file; only warn of damaged data, since only maps show them."""
     if _BARRIERS not in tags:
         return ()
     try:
-        known = parse_json(_BARRIERS, tags[_BARRIERS])
+        known = parse_json(_BARRIERS, str(tags[_BARRIERS]))
         if known['epsg'] != epsg:
             # other programs copy tags unchanged when they reproject a file
             raise LavaError(f'{_BARRIERS}.epsg', known['epsg'], f'{epsg}, that of the file')
@@ -277,21 +259,17 @@ def _barriers(
         return ()
 
 
-def _full_definition(crs: Any, code: int | None, unit: float) -> str | None:
-    """Return the WKT of a system that an EPSG code does not define, with heights in metres."""
-    part = horizontal(crs) if crs and unit != 1.0 else crs
-    return part.to_wkt() if part and part.to_epsg() is None else None
-
-
 def _with_missing(
     elevation: np.ndarray, cell: float, nodata: float | str | None, path: Path, unit: float = 1.0
 ) -> np.ndarray:
     """Replace ``nodata`` by NaN; without it, raise LavaError for a likely undeclared value."""
     if isinstance(nodata, float):
-        found = without_value(elevation, nodata)
-        if np.array_equal(found, elevation, equal_nan=True):
+        # a value beyond float32 is infinite, both here and in the array
+        with np.errstate(over='ignore'):
+            is_missing = elevation == np.float32(nodata)
+        if not is_missing.any():
             _LOG.warning(f'{path.name}: no cell has the value {nodata:g} that nodata declares')
-        return found
+        return np.where(is_missing, np.float32(np.nan), elevation)
     if nodata is None:
         field = f'elevation of {path.name}'
         check_missing(field, elevation, cell, unit=unit, advice=NODATA_ADVICE)

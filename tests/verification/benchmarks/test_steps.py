@@ -12,13 +12,11 @@ import numpy as np
 import pytest
 
 from lava_ros.cli import main as cli
-from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.verification.benchmarks import convergence, steps
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 from lava_ros.verification.benchmarks.reference import Reference
-from lava_ros.verification.benchmarks.scenes import scenes
 
 
 def test_reference_step_moves_particles_as_the_product(device):
@@ -81,12 +79,6 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def test_failed_start_reports_the_error_of_the_process(monkeypatch):
-    monkeypatch.setattr(steps, '_FIRST', 'raise RuntimeError("no such {device}")')
-    with pytest.raises(LavaError, match='no such thing'):
-        steps._starts('thing', 1)
-
-
 def test_command_writes_csv_json_and_text(tmp_path, capsys, monkeypatch, brief):
     output, text = tmp_path / 'steps.csv', tmp_path / 'steps.json'
     words = 'bench steps --device cpu --repetitions 2 --particles 100 400'
@@ -111,16 +103,7 @@ def test_committed_rows_have_unit_machine_command_and_range():
             assert float(row['low']) <= float(row['value']) <= float(row['high'])
 
 
-def test_convergence_scenes_have_a_volume():
-    found = convergence.scenes()
-    names = [case.name for case in found]
-    assert names[:5] == ['ridge', 'coarse_ridge', 'hill', 'valley', 'cliff']
-    assert len(names) == len(set(names)) == 5 + len(scenes())
-    for case in found:
-        emitted = [vent.volume_between(0.0, case.duration) for vent in case.scene.vents]
-        assert case.volume == sum(emitted) > 0.0
-
-
+@pytest.mark.nightly
 def test_finer_presets_have_more_particles_and_smaller_errors(device):
     x = np.arange(40) * 5.0
     scene = Scene(
