@@ -199,31 +199,31 @@ def test_outline_and_isochrones_are_polygons_of_cells(bag, tmp_path):
 
 
 def test_rejects_coordinates_outside_the_projection(tmp_path):
-    place = gis.Place((1e8, 4e6), 10.0, gis.coordinate_system(32633))
-    features = gis.area(np.ones((2, 2), dtype=bool), place)
+    terrain = Terrain(np.zeros((2, 2)), 10.0, epsg=32633, offset=(1e8, 4e6))
+    features = gis.area(np.ones((2, 2), dtype=bool), terrain)
     with pytest.raises(LavaError, match='corner of the map') as caught:
-        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, place, '')
-    assert caught.value.value == place.corner
+        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, terrain, '')
+    assert caught.value.value == terrain.corner
 
 
 def test_areas_of_cells_times_and_probabilities():
     cells = np.zeros((6, 6), dtype=bool)
     cells[1:5, 1:5] = True
     cells[2, 2] = False
-    (feature,) = gis.area(cells, gis.Place((100.0, 200.0), 10.0, None))
+    (feature,) = gis.area(cells, Terrain(np.zeros((6, 6)), 10.0, offset=(100.0, 200.0)))
     assert feature['properties']['area_m2'] == 1500.0
     ((outer, inner),) = feature['geometry']['coordinates']
     assert {tuple(item) for item in outer} == {(110, 210), (150, 210), (150, 250), (110, 250)}
     assert {tuple(item) for item in inner} == {(120, 220), (130, 220), (130, 230), (120, 230)}
-    place = gis.Place((0.0, 0.0), 1.0, None)
-    assert gis.area(~cells & cells, place) == []
+    terrain = Terrain(np.zeros((2, 2)), 1.0)
+    assert gis.area(~cells & cells, terrain) == []
     for last in (40.0, 3000.0, 86_400.0, 86_400.0 * 1000):
         times = np.linspace(0.0, last, 100).reshape(10, 10)
-        ends = [item['properties']['time_s'] for item in gis.isochrones(times, place)]
+        ends = [item['properties']['time_s'] for item in gis.isochrones(times, terrain)]
         assert 1 <= len(ends) <= MAX_ISOCHRONES and ends[-1] >= last
-    assert gis.isochrones(np.full((3, 3), np.nan), place) == []
+    assert gis.isochrones(np.full((3, 3), np.nan), terrain) == []
     percent = np.array([[np.nan, 5.0, 10.0], [49.0, 50.0, 95.0]])
-    found = [item['properties'] for item in gis.probabilities(percent, place)]
+    found = [item['properties'] for item in gis.probabilities(percent, terrain)]
     assert found == [
         {'probability_percent': least, 'area_m2': cells}
         for least, cells in ((10.0, 4.0), (50.0, 2.0), (90.0, 1.0))
@@ -285,8 +285,8 @@ def test_style_of_the_hazard_has_its_classes(tmp_path):
 def test_every_raster_describes_itself(name, tmp_path):
     values = np.array([[0.0, 3.0], [np.nan, 2.0]])
     origin = gis.Provenance('etna.yaml', ('steep', 'cooling'), 'draft', '9.9', 'seen.geojson')
-    place = gis.Place((0.0, 0.0), 1.0, None)
-    path, _ = gis.write_map(tmp_path / 'map.tif', name, values, place, origin, {'members': '4'})
+    terrain = Terrain(np.zeros((2, 2)), 1.0)
+    path, _ = gis.write_grid(tmp_path / 'map.tif', name, values, terrain, origin, {'members': '4'})
     with rasterio.open(path) as file:
         assert file.nodata == NODATA and file.descriptions == (name,)
         assert file.units == (RASTER_LAYERS[name].unit,)
@@ -299,6 +299,12 @@ def test_every_raster_describes_itself(name, tmp_path):
     dry = RASTER_LAYERS[name].drawn in ('thickness', 'change')
     np.testing.assert_array_equal(np.ma.getmaskarray(cells), [[dry, False], [True, False]])
     np.testing.assert_array_equal(cells[~cells.mask], values[~cells.mask])
+
+
+def test_rejects_a_raster_that_is_not_in_the_table(tmp_path):
+    terrain = Terrain(np.zeros((2, 2)), 1.0)
+    with pytest.raises(LavaError, match='name is .depth., expected .*thickness'):
+        gis.write_grid(tmp_path / 'a.tif', 'depth', np.ones((2, 2)), terrain, gis.Provenance('a'))
 
 
 @pytest.mark.parametrize(('format_name', 'module', 'words'), [

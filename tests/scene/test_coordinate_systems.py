@@ -19,7 +19,6 @@ from rasterio.warp import transform
 from geodata import write_raster
 from lava_ros.errors import LavaError
 from lava_ros.maps.export import export_bag
-from lava_ros.maps.gis import place_of
 from lava_ros.pages.runs import system_words
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import read_features
@@ -66,7 +65,7 @@ def test_keeps_the_system_of_a_file(tmp_path: Path, crs: CRS, code: int | None, 
     else:
         assert terrain.wkt is not None and CRS.from_wkt(terrain.wkt) == crs
     expected = CRS.from_epsg(code) if code else crs
-    assert place_of(terrain).crs == expected
+    assert coordinate_system(terrain.epsg, terrain.wkt) == expected
 
 
 def test_compound_system_without_codes_has_a_horizontal_part(tmp_path: Path) -> None:
@@ -147,7 +146,7 @@ def test_rejects_invalid_definitions(wkt: Any) -> None:
     with pytest.raises(LavaError, match='terrain.wkt'):
         Terrain(GROUND, 10.0, wkt=wkt)
     with pytest.raises(LavaError, match='terrain.wkt'):
-        place_of(Terrain(GROUND, 10.0, wkt='nowhere'))
+        coordinate_system(None, 'nowhere')
 
 
 def test_maps_of_a_bag_have_its_system(
