@@ -56,7 +56,7 @@ def test_effect_has_either_a_case_or_a_reason():
     assert names.isdisjoint(name for name, effect in EFFECTS.items() if effect.no_case)
 
 
-@pytest.mark.parametrize('name', EFFECTS.keys() & NAMES.keys())
+@pytest.mark.parametrize('name', sorted(EFFECTS.keys() & NAMES.keys()))
 def test_constants_by_which_tests_name_an_effect_are_its_own(name):
     assert {name, *NAMES[name]} >= {*EFFECTS[name].constants, *EFFECTS[name].environment}
     assert names_effect(HERE / f'test_{name}.py', name)
