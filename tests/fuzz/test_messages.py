@@ -14,6 +14,7 @@ import time
 from hypothesis import settings
 import pytest
 from rcl_interfaces.srv import GetParameters
+from rclpy.duration import Duration
 
 from fuzz.messages import messages, TOPICS
 from waiting import wait_until
@@ -55,6 +56,8 @@ def test_node_survives_hostile_messages(graph, figures):
     kinds, bad, longest = Counter(), Counter(), 0.0
     for item in itertools.islice(messages(seed), count):
         ways[item.topic].publish(item.data)
+        # a reader keeps only the last message of some topics: it must have this one before the next
+        assert ways[item.topic].wait_for_all_acked(Duration(seconds=MAX_DELAY))
         start = time.monotonic()
         publisher.ask(GetParameters, '/lava/get_parameters', names=['time_scale'])
         longest = max(longest, time.monotonic() - start)
