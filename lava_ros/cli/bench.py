@@ -72,11 +72,11 @@ def bench(args: argparse.Namespace) -> int:
     """Measure computing time and memory.
 
     effects: time of a step with each effect, and with all effects, relative to a step without.
-    steps: time of steps and snapshots, and memory, from few particles to many, next to a reference
-    step. members: members of an ensemble, from one to many at once. choice: scenes with the
-    effects that they call for, with each other effect forced on, and with all effects: the change
-    of the footprint and the stated cost. convergence: footprints at the presets from coarse to
-    fine, of scenes or of mapped eruptions.
+    steps: time of steps and snapshots, and memory of a GPU, from few particles to many. members:
+    members of an ensemble, from one to many at once. choice: scenes with the effects that they
+    call for, with each other effect forced on, and with all effects: the change of the footprint
+    and the stated cost. convergence: footprints at the presets from coarse to fine, of scenes or
+    of mapped eruptions.
     """
     from lava_ros.verification import measure
     from lava_ros.verification.rows import as_plain, write_csv

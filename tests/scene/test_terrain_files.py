@@ -11,7 +11,6 @@ import threading
 from typing import Any
 import zipfile
 
-from matplotlib import cbook
 import numpy as np
 import pytest
 import rasterio
@@ -21,7 +20,7 @@ from rasterio.warp import transform as transform_points
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.scene.projection import projected
-from lava_ros.scene.terrain_files import demo_terrain, load_terrain, ridge_terrain
+from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 
 ETNA = Path(__file__).parents[3] / 'shared/data/etna2001/elevation.asc'
 
@@ -379,28 +378,6 @@ def test_demo_terrain_is_mount_st_helens() -> None:
     # 1.5 km north of the summit: western rim, floor, eastern rim
     west, floor, east = terrain.elevation[row + 50, column + np.array([-20, 20, 50])]
     assert floor < min(west, east) - 300.0
-
-
-def test_ridge_terrain_has_the_hills_of_the_sample() -> None:
-    terrain = ridge_terrain()
-    assert (terrain.epsg, terrain.resolution, terrain.origin) == (32616, 30.0, (0.0, 0.0))
-    assert terrain.has_data.all()
-    assert 200.0 < terrain.elevation.min() < 300.0 < 1000.0 < terrain.elevation.max() < 1080.0
-    x, y = centres(terrain)
-    here = np.s_[20:-20:25, 20:-20:25]
-    longitude, latitude = (
-        np.array(values)
-        for values in transform_points('EPSG:32616', 'EPSG:4326', x[here].ravel(), y[here].ravel())
-    )
-    with cbook.get_sample_data('jacksboro_fault_dem.npz') as sample:
-        step = float(sample['dx'])
-        column = np.floor((longitude - float(sample['xmin'])) / step).astype(int)
-        row = np.floor((float(sample['ymin']) - latitude) / step).astype(int)
-        expected = sample['elevation'][row, column]
-    # half a cell of the sample on a slope of 1 in 2 is 23 m
-    error = terrain.elevation[here].ravel() - expected
-    assert np.abs(error).max() < 45.0
-    assert abs(error.mean()) < 3.0
 
 
 @pytest.mark.skipif(not ETNA.exists(), reason='the Etna 2001 data are not in the shared folder')
