@@ -121,11 +121,9 @@ class Progress:
         self._started = time.monotonic()
         self._bar = None
         if self._stream.isatty():
-            try:
-                from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-                from rich.progress import Progress as Bar
-            except ImportError:
-                return
+            from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+            from rich.progress import Progress as Bar
+
             self._bar = Bar(
                 TextColumn('{task.description}'),
                 BarColumn(bar_width=None),

@@ -91,7 +91,6 @@ PIT_DEPTH = 2.0
 FILL_DISTANCE = 1000.0
 
 
-
 def terrain_path(name: str, folder: Path = Path()) -> Path:
     """Return the path of an elevation file, relative to a folder.
 
