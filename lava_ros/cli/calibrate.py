@@ -38,12 +38,12 @@ TABLE, CALIBRATION = 'runs.csv', 'calibration.json'
         'may be repeated (default: those with a published range)', [], action='append',
     ),
     argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
-    argument('--material', 'NAME', 'lava by name; replaces the lava of the cases'),
     argument(
         '-o --output', 'DIR', 'folder for the table and the result (default: '
         'calibrations/<cases>_<preset>)',
     ),
     '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
+    '--material',
     preset='draft',
 )
 def calibrate(args: argparse.Namespace) -> int:

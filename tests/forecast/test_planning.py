@@ -134,20 +134,6 @@ def test_pilot_near_the_plan_corrects_it(monkeypatch, within, worse):
     assert plan.pilots == len(asked)
 
 
-def test_plan_may_switch_off_a_slow_effect(monkeypatch):
-    for fraction, gain in ((0.3, 1.2), (0.1, 1.5)):
-        _machine(monkeypatch, slow_from=0.9, slower=40.0)
-        within = _wall_time(0.9) / fraction
-        kept = _plan(within)
-        assert kept.refinement < 0.9 and kept.forced == {}
-        plan = _plan(within, may_force=True)
-        assert plan.forced == {'green': False}
-        assert plan.refinement >= gain * kept.refinement
-        assert plan.refinement <= affordable.WITHOUT * 0.9
-        assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.05)
-        assert plan.wall_time <= 1.01 * USED * within
-
-
 def test_stopped_run_shows_a_jump_in_cost(monkeypatch):
     _machine(monkeypatch, leap=0.7)
     within = 4.0 * _wall_time(0.7) / 2.0
@@ -227,23 +213,3 @@ def test_command_prints_the_plan(tmp_path, capsys):
     assert 0.0 < plan['wall_time'] <= 3.0
     assert cli.main([*words, '--members', 'many']) == 2
     assert "--members is 'many'" in capsys.readouterr().err
-
-
-def test_command_names_effects_that_are_switched_off(monkeypatch, tmp_path, capsys):
-    _machine(monkeypatch, slow_from=0.45, slower=40.0)
-    np.savez(tmp_path / 'flat.npz', elevation=np.zeros((40, 40)), resolution=10.0)
-    scene = tmp_path / 'scene.yaml'
-    scene.write_text(
-        'terrain: {file: flat.npz}\nvents: [{position: [200.0, 200.0], discharge: 20.0}]\n'
-        'lava: {viscosity: 1.0e+6}\n'
-    )
-    path = tmp_path / 'plan.json'
-    words = ['plan', str(scene), '--within', '1s', '--device', 'cpu', '--json', str(path)]
-    assert cli.main(words) == 0
-    printed = capsys.readouterr().out
-    assert 'effect green off: the choice for the scene takes too long' in printed
-    assert json.loads(path.read_text())['forced'] == {'green': False}
-    assert cli.main([*words[:-1], str(tmp_path / 'none/plan.json')]) == 2
-    printed = capsys.readouterr()
-    assert '--json' in printed.err
-    assert 'pilot' not in printed.out

@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 import math
+from pathlib import Path
 
 from matplotlib.image import imread
 import pytest
@@ -15,8 +16,11 @@ from lava_ros.verification import measure
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.chart import draw
 from lava_ros.verification.measure import all_settings, name_of, Setting, STEPPED
-from lava_ros.verification.report import markdown, studies
 from lava_ros.verification.rows import points, presets_of
+from scripts import load_script
+
+report = load_script(Path(__file__).parents[2] / 'docs/accuracy_report.py')
+markdown, studies = report.markdown, report.studies
 
 
 def test_report_names_presets_and_the_front(fake_case, measured):

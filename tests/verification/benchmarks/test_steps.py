@@ -15,7 +15,8 @@ from lava_ros.cli import main as cli
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
-from lava_ros.verification.benchmarks import convergence, steps
+from lava_ros.verification.benchmarks import steps
+from scripts import load_script
 
 
 @pytest.fixture
@@ -87,6 +88,7 @@ def test_finer_presets_have_more_particles_and_smaller_errors(device):
     scene = Scene(
         Terrain(np.tile(-0.2 * x, (40, 1)), 5.0), (Vent((40.0, 100.0), 2.0),), Lava(viscosity=1e4)
     )
+    convergence = load_script(Path(__file__).parents[3] / 'docs/benchmarks/convergence.py')
     case = convergence.case_of('incline', scene, 600.0)
     rows = [SimpleNamespace(**row) for row in convergence.compare(case, device=device, runs=2)]
     assert [row.preset for row in rows] == list(convergence.LADDER)

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Dependence of inundated areas on the resolution: scenes at presets from coarse to fine.
+"""Measure how inundated areas depend on the resolution: presets from coarse to fine.
+
+    python docs/benchmarks/convergence.py convergence_h200.csv --device cuda:0 --case etna2001
 
 The footprint of a scene is the area that at least half of several rotated and mirrored runs
 inundate (hindcast/replicates.py). Decimetres decide where a flow branches, so a single run's
@@ -12,14 +14,20 @@ footprints of the same resolution differ by chance. The expected error of a sing
 the actual error.
 """
 
-from collections.abc import Iterator, Sequence
+import argparse
+from collections.abc import Iterator
 from itertools import combinations
 import math
+from pathlib import Path
+import shlex
+import sys
 from typing import Any
 
+from bench_scenes import scenes
+from choice import jaccard, noise
 import numpy as np
 
-from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.expected_error import difference, estimate_error
 from lava_ros.hindcast.replicates import agreement, run_replicates
 from lava_ros.hindcast.run import Result, Settings, simulate
@@ -27,9 +35,8 @@ from lava_ros.hindcast.score import judge, Score
 from lava_ros.scene import Scene
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
-from lava_ros.verification.benchmarks.scenes import scenes
-from lava_ros.verification.benchmarks.selection import jaccard, noise
-from lava_ros.verification.rows import OnProgress
+from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import write_csv
 
 #: Presets, from coarse to fine; all are compared with the last.
 LADDER = ('draft', 'standard', 'fine')
@@ -75,16 +82,6 @@ def _footprint(
     return each, majority, judge(case, maps.mean(axis=0), majority), cost
 
 
-def measure(
-    device: str, *, cases: Sequence[Case], runs: int, on_progress: OnProgress
-) -> Iterator[dict[str, Any]]:
-    """Run each case ``runs`` times at each preset; without ``cases``, those of ``scenes``."""
-    items = cases or [case_of(item.name, item.scene, item.horizon) for item in scenes()]
-    for index, case in enumerate(items):
-        on_progress(case.name, index / len(items))
-        yield from compare(case, device=device, runs=runs)
-
-
 def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
     """Run a case at each preset, rotated and mirrored."""
     standard = resolution_of(case.scene, PRESETS['standard'].accuracy, horizon=case.duration)
@@ -117,3 +114,28 @@ def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
             **cost,
             'simulated_s': case.duration,
         }
+
+
+def main() -> None:
+    """Run the cases, by default the scenes of choice.py, and write the rows so far after each."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('output', metavar='OUT.csv', type=Path)
+    parser.add_argument('--device', default='cpu')
+    parser.add_argument('--runs', type=int, default=8, help='number of runs of a footprint')
+    parser.add_argument('--case', action='append', default=[], help='folder of a mapped eruption')
+    args = parser.parse_args()
+    origin = {
+        'device': args.device,
+        'machine': machine_name(args.device),
+        'command': f'python {shlex.join(sys.argv)}',
+    }
+    cases = [load_case(folder) for folder in args.case]
+    rows: list[dict[str, Any]] = []
+    for case in cases or [case_of(item.name, item.scene, item.horizon) for item in scenes()]:
+        rows += ({**row, **origin} for row in compare(case, device=args.device, runs=args.runs))
+        write_csv(rows, args.output)
+        print(case.name, flush=True)
+
+
+if __name__ == '__main__':
+    main()
