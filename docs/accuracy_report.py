@@ -221,7 +221,7 @@ def _from_paper(rows: Sequence[Row]) -> list[str]:
     found = _results(rows)
     ways = {
         label: found.get(measure.name_of(accuracy))
-        for label, accuracy in measure.from_paper().items()
+        for label, accuracy in measure.paper_settings().items()
     }
     paper = next(iter(ways.values()))
     if paper is None:

@@ -31,7 +31,7 @@ from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.expected_error import difference, estimate_error
 from lava_ros.hindcast.replicates import agreement, run_replicates
 from lava_ros.hindcast.run import Result, Settings, simulate
-from lava_ros.hindcast.score import judge, Score
+from lava_ros.hindcast.score import Score, score_case
 from lava_ros.scene import Scene
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
@@ -79,7 +79,7 @@ def _footprint(
         'chance': expected.chance,
         'actual': difference(alone.snapshot.inundated, finest.snapshot.inundated),
     }
-    return each, majority, judge(case, maps.mean(axis=0), majority), cost
+    return each, majority, score_case(case, maps.mean(axis=0), majority), cost
 
 
 def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:

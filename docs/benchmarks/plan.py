@@ -39,8 +39,8 @@ from lava_ros.cli.console import write_json
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.forecast.members import make_plan, run_members
-from lava_ros.forecast.pilots import accuracy_at, run_at
-from lava_ros.forecast.planning import afford, sampling_error
+from lava_ros.forecast.pilot_runs import accuracy_at, run_at
+from lava_ros.forecast.planning import plan_within, sampling_error
 from lava_ros.forecast.probability import footprint_of, reached_by
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -183,7 +183,7 @@ def measure(name, within, fraction, members, options):
     horizon = fraction * item.horizon
     clock = time.process_time if options['clock'] == 'process' else time.monotonic
     try:
-        plan = afford(
+        plan = plan_within(
             item.scene, within=within, horizon=horizon, members=members, device=options['device'],
             clock=clock,
         )

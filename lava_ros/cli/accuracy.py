@@ -45,7 +45,9 @@ def accuracy(args: argparse.Namespace) -> int:
     from lava_ros.verification.chart import draw
     from lava_ros.verification.rows import as_plain, read_csv, write_csv
 
-    repetitions, longest = (1, measure.QUICK_MAX_RUN_TIME) if args.quick else (3, measure.LONGEST)
+    repetitions, longest = 3, measure.MAX_RUN_TIME
+    if args.quick:
+        repetitions, longest = 1, measure.QUICK_MAX_RUN_TIME
     if args.repetitions is not None:
         repetitions = args.repetitions
     repetitions = validation.whole('--repetitions', repetitions, at_least=1, at_most=1000)

@@ -56,7 +56,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
     from lava_ros.hindcast.run import Run, Settings, UNFINISHED
-    from lava_ros.hindcast.score import judge
+    from lava_ros.hindcast.score import score_case
     from lava_ros.maps.plot import duration
 
     # checked before the first run, although only the replicates need it
@@ -74,10 +74,10 @@ def hindcast(args: argparse.Namespace) -> int:
     if run.is_resumed:
         print(f'continuing the unfinished run in {output}', file=sys.stderr)
     with Progress() as progress:
-        for done, _ in run.snapshots():
-            progress.show(duration(done * case.duration), done)
+        for _ in run.parts():
+            progress.show(duration(run.time), run.time / case.duration)
     result = run.result()
-    judged = judge(case, result.snapshot.thickness, result.snapshot.inundated)
+    judged = score_case(case, result.snapshot.thickness, result.snapshot.inundated)
     several = None
     if runs > 1:
         with Progress() as progress:

@@ -29,7 +29,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.pilots import (
+from lava_ros.forecast.pilot_runs import (
     accuracy_at,
     completed,
     cost_at,
@@ -66,7 +66,7 @@ MAX_PARTIAL_TIME_FRACTION = 1.25
 MAX_PARTIAL_RUNS = 6
 
 #: Maximum ratios of the refinement and of the time of a plan and a partial run that confirms it.
-NEAR, PARTIAL_RUN_TIME_RATIO = 1.08, 1.35
+PARTIAL_RUN_REFINEMENT_RATIO, PARTIAL_RUN_TIME_RATIO = 1.08, 1.35
 
 #: A full run is stopped after this fraction of the time.
 FULL_RUN_TIME_FRACTION = 1.1
@@ -80,9 +80,9 @@ FULL_RUN_REFINEMENT_RATIO = 1.2
 COARSER, ABOUT = 1.45, 1.2
 
 #: Fraction of the time that a plan uses, with a margin for other load on the machine.
-USED = 0.7
+PLANNED_TIME_FRACTION = 0.7
 
-#: A plan that uses a smaller fraction of the time than this may use more than ``USED``.
+#: A plan that uses a smaller fraction of the time than this may use more than planned.
 MIN_PLANNED_TIME_FRACTION = 0.6
 #: Maximum fraction of the time in that case.
 MAX_PLANNED_TIME_FRACTION = 0.9
@@ -92,12 +92,12 @@ _MAX_MEMBERS = 2500
 
 
 @dataclass(frozen=True)
-class Affordable:
+class RunPlan:
     """A plan for the runs.
 
     A run builds a simulation, advances it to the horizon and takes a snapshot, as ``run_at`` does;
-    its kernels are compiled before. It uses ``USED`` of the time; docs/benchmarks/plan.csv
-    compares that and the error with measurements.
+    its kernels are compiled before. It uses ``PLANNED_TIME_FRACTION`` of the time;
+    docs/benchmarks/plan.csv compares that and the error with measurements.
 
     Attributes:
         preset: Name of the nearest coarser preset.
@@ -127,7 +127,7 @@ class Affordable:
     spent: float
 
 
-def afford(
+def plan_within(
     scene: Scene,
     *,
     within: float,
@@ -136,7 +136,7 @@ def afford(
     device: str | None = None,
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
-) -> Affordable:
+) -> RunPlan:
     """Find the finest runs that fit in a wall time, with pilots that take one to three times that.
 
     The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``.
@@ -158,7 +158,7 @@ def afford(
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
     search = _Search(scene, within, horizon, members, device, on_pilot, clock)
-    search.climb()
+    search.refine_pilots()
     best = search.choose()
     refinement, count = best.refinement, best.members
     wall_time = count * search.cost(refinement, best.effects)
@@ -166,7 +166,7 @@ def afford(
         expected = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
         raise LavaError('within', within, expected)
     resolution = resolution_of(scene, accuracy_at(scene, refinement, horizon), horizon=horizon)
-    return Affordable(
+    return RunPlan(
         preset=preset_below(refinement),
         spacing=resolution.spacing,
         refinement=refinement,
@@ -213,7 +213,7 @@ class _Search:
         """Wall time of all pilots [s]."""
         return sum(pilot.spent for pilot in self.runs)
 
-    def climb(self) -> None:
+    def refine_pilots(self) -> None:
         """Run pilots to the horizon, each finer than the one before."""
         refinement, within = FIRST, self.within
         # without a given number of members, as for a single run
@@ -244,7 +244,7 @@ class _Search:
             cost = self.cost(best.refinement, best.effects)
             is_known = any(
                 1.0 / PARTIAL_RUN_TIME_RATIO <= cost / run.wall_time <= PARTIAL_RUN_TIME_RATIO
-                for run in self._near(best.refinement, NEAR, best.effects)
+                for run in self._near(best.refinement, PARTIAL_RUN_REFINEMENT_RATIO, best.effects)
             )
             limit = PARTIAL_RUN_TIME_FRACTION * self.within
             if is_known or self.spent + limit > MAX_PARTIAL_TIME_FRACTION * self.within:
@@ -322,7 +322,7 @@ class _Search:
                 best = _Choice(refinement, self.members or 1, effects, 0.0)
             # at a jump of the cost, prefer to use nearly all of the time instead of half
             is_leap = 0.0 < best.used < MIN_PLANNED_TIME_FRACTION
-            most = MAX_PLANNED_TIME_FRACTION if is_leap else USED
+            most = MAX_PLANNED_TIME_FRACTION if is_leap else PLANNED_TIME_FRACTION
             fitting = int(min(most * self.within / each, _MAX_MEMBERS))
             count = fitting if self.members is None else self.members
             if not 1 <= count <= fitting:

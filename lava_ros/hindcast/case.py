@@ -261,7 +261,7 @@ def _footprint(path: Path, ground: Terrain) -> np.ndarray:
 def _uncertainty(options: Mapping[str, Any], error: Distribution | None) -> Uncertainty:
     """Read the uncertainty in ``case.yaml``; the discharge defaults to the table's error."""
     found = uncertainty_from_dict(options.get('uncertainty', {}))
-    # without this section, published ranges apply (chances.py)
+    # without this section, published ranges apply (probabilistic_score.py)
     if 'uncertainty' not in options or error is None or found.discharge is not None:
         return found
     return replace(found, discharge=error)

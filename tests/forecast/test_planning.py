@@ -12,10 +12,10 @@ import pytest
 from lava_ros.cli import main as cli
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast import pilots
+from lava_ros.forecast import pilot_runs as pilots
 from lava_ros.forecast import planning as affordable
-from lava_ros.forecast.pilots import MARKS, Pilot
-from lava_ros.forecast.planning import afford, FINEST, USED
+from lava_ros.forecast.pilot_runs import N_COMPARISON_TIMES, Pilot
+from lava_ros.forecast.planning import FINEST, plan_within, PLANNED_TIME_FRACTION
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
 EFFECTS, SLOW = Effects(), Effects(green=True)
@@ -60,7 +60,7 @@ def _machine(
         spent = progress[-1, 1]
         # 10000 cells are right; all errors are beyond their border
         covered = np.arange(20_000) < 10_000.0 * (1.0 + error(refinement))
-        covered = np.tile(covered, (int(MARKS * progress[-1, 0] + 1e-9), 1, 1))
+        covered = np.tile(covered, (int(N_COMPARISON_TIMES * progress[-1, 0] + 1e-9), 1, 1))
         return Pilot(refinement, spent, progress[-1, 2], effects, covered, spent, 0.0, progress)
 
     monkeypatch.setattr(affordable, 'run_at', run_at)
@@ -73,7 +73,7 @@ def _wall_time(refinement, base=2e-4, each=1e-7):
 
 
 def _plan(within, **options):
-    return afford(SCENE, **{'within': within, 'horizon': 3600.0, 'device': 'cpu', **options})
+    return plan_within(SCENE, **{'within': within, 'horizon': 3600.0, 'device': 'cpu', **options})
 
 
 @pytest.mark.parametrize('within', [0.15, 0.4, 1.0, 2.0])
@@ -81,7 +81,7 @@ def test_plan_uses_its_time_and_predicts_its_error(monkeypatch, within):
     _machine(monkeypatch)
     plan = _plan(within)
     assert not plan.is_finest
-    assert _wall_time(plan.refinement) == pytest.approx(USED * within, rel=0.05)
+    assert _wall_time(plan.refinement) == pytest.approx(PLANNED_TIME_FRACTION * within, rel=0.05)
     assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.03)
     assert 0.5 < plan.error / (0.04 / plan.refinement) < 2.0
     assert plan.spacing == pilots.spacing_at(SCENE, plan.refinement, 3600.0)
@@ -99,8 +99,9 @@ def test_plan_repeats_pilots_with_the_effects_of_finer_runs(monkeypatch):
     asked = _machine(monkeypatch, slow_from=0.9)
     plan = _plan(2.0)
     assert plan.refinement > 0.9
-    assert 4.0 * _wall_time(plan.refinement) == pytest.approx(USED * 2.0, rel=0.05)
-    assert plan.wall_time == pytest.approx(USED * 2.0, rel=0.05)
+    planned = PLANNED_TIME_FRACTION * 2.0
+    assert 4.0 * _wall_time(plan.refinement) == pytest.approx(planned, rel=0.05)
+    assert plan.wall_time == pytest.approx(PLANNED_TIME_FRACTION * 2.0, rel=0.05)
     assert len([effects for _, effects in asked if effects == SLOW]) == 2
     assert plan.pilots == len(asked)
 
@@ -130,7 +131,7 @@ def test_pilot_near_the_plan_corrects_it(monkeypatch, within, worse):
     assert 0.6 * within < time < 0.95 * within
     assert plan.wall_time == pytest.approx(time, rel=0.2)
     nearest = min(abs(np.log(refinement / plan.refinement)) for refinement, _ in asked)
-    assert nearest <= np.log(affordable.NEAR)
+    assert nearest <= np.log(affordable.PARTIAL_RUN_REFINEMENT_RATIO)
     assert plan.pilots == len(asked)
 
 
@@ -174,10 +175,11 @@ def test_pilots_keep_to_the_time_limit(monkeypatch):
 def test_members_divide_the_time(monkeypatch):
     _machine(monkeypatch)
     plan = _plan(10.0, members=20)
-    assert 20 * _wall_time(plan.refinement) == pytest.approx(USED * 10.0, rel=0.05)
+    planned = PLANNED_TIME_FRACTION * 10.0
+    assert 20 * _wall_time(plan.refinement) == pytest.approx(planned, rel=0.05)
     assert plan.sampling_error == pytest.approx(0.5 / np.sqrt(20))
     best = _plan(10.0, members=None)
-    assert best.wall_time <= USED * 10.0 * 1.001
+    assert best.wall_time <= PLANNED_TIME_FRACTION * 10.0 * 1.001
     total = np.hypot(best.error, best.sampling_error)
     for members in (2, 10, 30, 200):
         other = _plan(10.0, members=members)

@@ -50,7 +50,6 @@ COMMANDS = {
 #: Functions that start the work, after arguments and files are checked.
 WORK = (
     'lava_ros.maps.animation._Canvas.draw', 'lava_ros.cli.demo._flow',
-    'lava_ros.cli.demo_forecast._Truth.__init__',
     'lava_ros.forecast.pool.Pool.__init__', 'lava_ros.simulation.simulation.Simulation.__init__',
 )
 

@@ -15,7 +15,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import COARSER, difference, estimate_error, ORDER
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Settings, simulate
-from lava_ros.hindcast.score import judge
+from lava_ros.hindcast.score import score_case
 
 MEASURED = Path(__file__).parents[2] / 'docs/benchmarks/expected_error_h100.csv'
 
@@ -41,7 +41,7 @@ def test_chance_is_the_expected_difference_of_two_runs(valley: Case) -> None:
     settings = Settings('draft', device='cpu', maps=1)
     result = simulate(valley, settings)
     covered = result.snapshot.inundated
-    one = judge(valley, result.snapshot.thickness, covered)
+    one = score_case(valley, result.snapshot.thickness, covered)
     fraction = covered * 1.0
     fork = np.argwhere(covered)[: int(covered.sum()) // 2]
     fraction[tuple(fork.T)] = 0.5

@@ -14,9 +14,9 @@ from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
-from lava_ros.hindcast.replicates import agreement, Direction, directions, run_replicates
+from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
 from lava_ros.hindcast.run import Run, Settings, simulate
-from lava_ros.hindcast.score import judge
+from lava_ros.hindcast.score import score_case
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
@@ -27,7 +27,7 @@ SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 
 
 def _finished(run: Run) -> Run:
-    for _ in run.snapshots():
+    for _ in run.parts():
         pass
     return run
 
@@ -35,17 +35,17 @@ def _finished(run: Run) -> Run:
 def test_lava_flows_down_the_valley(valley: Case) -> None:
     """It covers a part of the mapped flow field, and its volume is that of the case."""
     run = Run(valley, SETTINGS)
-    parts = list(run.snapshots())
-    done, maps = [part for part, _ in parts], [item for _, item in parts if item is not None]
+    parts = [(run.time, snapshot) for snapshot in run.parts()]
+    done, maps = [time for time, _ in parts], [item for _, item in parts if item is not None]
     assert done == sorted(done)
-    assert done[-1] == pytest.approx(1.0)
+    assert done[-1] == valley.duration
     # each map is at the end of the step in which it was due
     times = [item.time for item in maps]
     dues = (900, 1800, 2700, 3600)
     assert all(0.0 <= time - due <= 60.0 for time, due in zip(times, dues, strict=True))
     assert times[-1] == valley.duration
     result = run.result()
-    judged = judge(valley, result.snapshot.thickness, result.snapshot.inundated)
+    judged = score_case(valley, result.snapshot.thickness, result.snapshot.inundated)
     assert judged.jaccard > 0.3
     budget = result.snapshot.budget
     assert budget.emitted == pytest.approx(valley.volume)
@@ -67,7 +67,7 @@ def test_interrupted_run_resumes(valley: Case, tmp_path: Path) -> None:
     """Its maps, peak and arrival are bitwise identical to those of an uninterrupted run."""
     whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'whole'))
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
-    maps = (snapshot for _, snapshot in first.snapshots() if snapshot is not None)
+    maps = (snapshot for snapshot in first.parts() if snapshot is not None)
     for _ in range(2):
         next(maps)
     second = Run(valley, SETTINGS, folder=tmp_path / 'parts')
@@ -88,7 +88,7 @@ def test_finished_run_is_not_repeated(valley: Case, tmp_path: Path) -> None:
     settings, folder = replace(SETTINGS, maps=1), tmp_path / 'kept'
     whole = _finished(Run(valley, settings, folder=folder))
     again = Run(valley, settings, folder=folder)
-    assert list(again.snapshots()) == []
+    assert list(again.parts()) == []
     np.testing.assert_array_equal(
         again.result().snapshot.thickness, whole.result().snapshot.thickness
     )
@@ -227,15 +227,15 @@ def test_replicates_equal_single_runs(valley: Case) -> None:
     results = run_replicates(valley, settings, 5, progress=done.append)
     assert done == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     for direction, result in zip(directions(5), results, strict=True):
-        alone = simulate(direction.turn(valley), settings)
+        alone = simulate(direction.rotate(valley), settings)
         thickness = result.snapshot.thickness
-        np.testing.assert_array_equal(thickness, direction.restore(alone.snapshot.thickness))
+        np.testing.assert_array_equal(thickness, direction.rotate_back(alone.snapshot.thickness))
         np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
         assert result.snapshot.terrain is valley.scene.terrain
         assert result.peak.shape == valley.footprint.shape
         arrived = alone.snapshot.arrived
         assert arrived is not None
-        np.testing.assert_array_equal(result.snapshot.arrived, direction.restore(arrived))
+        np.testing.assert_array_equal(result.snapshot.arrived, direction.rotate_back(arrived))
         assert result.snapshot.budget.emitted == pytest.approx(valley.volume)
         assert result.snapshot.budget.error < 1e-5
         assert result.effects == alone.effects
@@ -260,15 +260,15 @@ def test_a_rotated_case_has_the_same_replicates(
     # not a multiple of the step of positions
     vent = replace(vent, position=(x + 1e-3 / 3.0, y - 1e-3 / 7.0))
     case = replace(valley, scene=replace(valley.scene, vents=(vent,)))
-    direction = Direction(quarters, mirror)
+    direction = Orientation(quarters, mirror)
     found, other = (
         agreement(one, [item.snapshot for item in run_replicates(one, settings, 16)])
-        for one in (case, direction.turn(case))
+        for one in (case, direction.rotate(case))
     )
     one, another = (sorted(item.jaccard for item in of.scores) for of in (found, other))
     assert one == another
     assert found.majority.jaccard == other.majority.jaccard
-    np.testing.assert_array_equal(direction.restore(other.share), found.share)
+    np.testing.assert_array_equal(direction.rotate_back(other.share), found.share)
 
 
 def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -> None:
@@ -324,7 +324,7 @@ def test_interrupted_replicates_resume(valley: Case, tmp_path: Path) -> None:
     with pytest.raises(CutOffError):
         run_replicates(valley, TWO_MAPS, 2, folder=tmp_path, progress=cut_off)
     kept = tmp_path / 'run_01'
-    assert Run(directions(2)[1].turn(valley), TWO_MAPS, folder=kept).is_resumed
+    assert Run(directions(2)[1].rotate(valley), TWO_MAPS, folder=kept).is_resumed
     done: list[float] = []
     again = run_replicates(valley, TWO_MAPS, 3, folder=tmp_path, progress=done.append)
     assert len(done) == TWO_MAPS.maps * 3 - 3
@@ -342,25 +342,25 @@ def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley: Case, mirror:
     before = valley.scene.terrain
     here = before.cell_at(*vent.position)
     for quarters in range(4):
-        direction = Direction(quarters, mirror)
-        case = direction.turn(valley)
+        direction = Orientation(quarters, mirror)
+        case = direction.rotate(valley)
         ground, (moved,) = case.scene.terrain, case.scene.vents
         cell = ground.cell_at(*moved.position)
         assert cell is not None
         assert ground.elevation[cell] == before.elevation[here]
         assert case.footprint[cell] == valley.footprint[here]
-        np.testing.assert_array_equal(direction.restore(ground.elevation), before.elevation)
-        np.testing.assert_array_equal(direction.restore(case.footprint), valley.footprint)
+        np.testing.assert_array_equal(direction.rotate_back(ground.elevation), before.elevation)
+        np.testing.assert_array_equal(direction.rotate_back(case.footprint), valley.footprint)
 
 
 def test_rotations_are_counterclockwise_after_the_mirror(valley: Case) -> None:
     """A valley that slopes south then slopes east; four rotations restore the case."""
     (vent,) = valley.scene.vents
-    once = Direction(1).turn(valley)
+    once = Orientation(1).rotate(valley)
     assert np.median(np.diff(once.scene.terrain.elevation, axis=1)) < 0.0
-    again = Direction(3).turn(once)
+    again = Orientation(3).rotate(once)
     np.testing.assert_array_equal(again.scene.terrain.elevation, valley.scene.terrain.elevation)
     assert again.scene.vents[0].position == pytest.approx(vent.position)
-    mirrored = Direction(0, mirror=True).turn(valley)
+    mirrored = Orientation(0, mirror=True).rotate(valley)
     x0, _, x1, _ = valley.scene.terrain.extent
     assert mirrored.scene.vents[0].position[0] - x0 == pytest.approx(x1 - vent.position[0])

@@ -21,8 +21,8 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast import planning as affordable
 from lava_ros.forecast import process as forecast_process
-from lava_ros.forecast.lookahead import LookAhead, LOOKS, N_FIRST_SAMPLES
-from lava_ros.forecast.planning import Affordable
+from lava_ros.forecast.forecast_run import ForecastRun, N_FIRST_SAMPLES, N_SAMPLES
+from lava_ros.forecast.planning import RunPlan
 from lava_ros.ros import diagnostics, forecaster
 from lava_ros.ros.ensemble_forecasts import ForecastRules
 from lava_ros.ros.forecaster import (
@@ -153,7 +153,7 @@ def test_forecasts_follow_the_live_simulation(bench):
     bench.worker.pause(True).result(PATIENCE)
     fork = bench.worker.fork().result(PATIENCE)
     last = bench.forecast(lambda item: item.shown.time == fork.checkpoint.time).shown
-    expected = LookAhead(fork.checkpoint, horizon=200.0, threshold=0.01, device='cpu').run()
+    expected = ForecastRun(fork.checkpoint, horizon=200.0, threshold=0.01, device='cpu').run()
     np.testing.assert_array_equal(last.arrival, expected.arrival)
     np.testing.assert_array_equal(last.thickness, expected.thickness)
     np.testing.assert_array_equal(last.temperature, expected.temperature)
@@ -283,7 +283,7 @@ class Slices(queue.SimpleQueue):
 
 def test_process_computes_only_for_its_share_of_time(monkeypatch):
     slices = Slices()
-    monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: slices)
+    monkeypatch.setattr(forecast_process, 'ForecastRun', lambda *_, **__: slices)
     # the worker of earlier tests still runs: patch only this module
     monkeypatch.setattr(forecast_process, 'time', slices)
     forecasting = forecast_process.Forecasting(slices, lambda *_, **__: None)
@@ -300,16 +300,16 @@ def test_process_computes_only_for_its_share_of_time(monkeypatch):
 
 
 def test_first_forecast_of_a_scene_has_fewer_observations(monkeypatch):
-    looks = []
+    samples = []
     monkeypatch.setattr(
-        forecast_process, 'LookAhead', lambda *_, **options: looks.append(options['looks'])
+        forecast_process, 'ForecastRun', lambda *_, **options: samples.append(options['samples'])
     )
     orders = queue.Queue()
     forecasting = forecast_process.Forecasting(orders, lambda *_, **__: None)
     for is_first in (True, False):
         orders.put(('fork', FORK | {'is_first': is_first}))
         forecasting.turn()
-    assert looks == [N_FIRST_SAMPLES, LOOKS] and 2 * N_FIRST_SAMPLES < LOOKS
+    assert samples == [N_FIRST_SAMPLES, N_SAMPLES] and 2 * N_FIRST_SAMPLES < N_SAMPLES
 
 
 def test_process_ends_when_the_node_is_killed():
@@ -342,17 +342,17 @@ def planned_members(monkeypatch):
     """Return a list that records the number of planned members; a plan has at most 20."""
     found = []
 
-    def afford(scene, *, within, horizon, members, device):
+    def plan_within(scene, *, within, horizon, members, device):
         found.append(members)
         assert (scene, within, horizon, device) == (SCENE, 20.0, 600.0, 'cpu')
         if members is not None and members > 20:
             raise LavaError('within', within, 'about 31 s: that is what the coarsest take')
-        return Affordable(
+        return RunPlan(
             preset='draft', spacing=25.0, refinement=0.4, members=members or 13, wall_time=9.0,
             error=0.02, cell_error=0.0, sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
         )
 
-    monkeypatch.setattr(affordable, 'afford', afford)
+    monkeypatch.setattr(affordable, 'plan_within', plan_within)
     return found
 
 
@@ -382,7 +382,7 @@ def test_deadline_reduces_the_number_of_members(planned_members):
 def test_impossible_deadline_is_a_warning(monkeypatch):
     chooser = SimulationFactory()
     too_late = LavaError('within', 20.0, 'longer: the coarsest runs take more')
-    monkeypatch.setattr(affordable, 'afford', Mock(side_effect=too_late))
+    monkeypatch.setattr(affordable, 'plan_within', Mock(side_effect=too_late))
     settings = replace(SETTINGS, ensemble_members=0)
     assert chooser.accuracy(SCENE, settings) == preset_accuracy('draft', spacing=None)
     assert not chooser.choice.is_met and 'the coarsest runs take more' in chooser.choice.reason

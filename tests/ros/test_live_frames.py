@@ -113,7 +113,7 @@ def test_maps_become_frames_of_their_time(live: LiveFrames, node: FakeNode) -> N
     until(lambda: len(live.times) == 3, live.poll)
     assert live.times == [200.0, 300.0, 400.0]
     assert len(live.frame(0).vents) == 1
-    assert live.status == (Level.WELL, 'etna/lava: running')
+    assert live.status == (Level.OK, 'etna/lava: running')
     for index, time_s in enumerate(live.times):
         frame = live.frame(index)
         thickness = growing(time_s)
@@ -158,33 +158,33 @@ def test_probabilities_belong_to_later_frames(
 def test_status_reports_each_fault(
     live: LiveFrames, node: FakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert live.status.level is Level.WAITING
+    assert live.status.level is Level.WARN
     node.status(1, 100.0, name='other/lava')
     until(lambda: bool(live._others), live.poll)
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
     level, words = live.status
-    assert level is Level.BAD
+    assert level is Level.ERROR
     assert 'no node answers in namespace /etna of ROS domain' in words
     assert '(heard from other/lava)' in words
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
     node.status(1, 100.0)
-    until(lambda: live.status.level is Level.WELL, live.poll)
+    until(lambda: live.status.level is Level.OK, live.poll)
     with pytest.raises(LavaError, match='terrain'):
         live.frame(0)
     image = codec.float_image(TERRAIN.elevation, codec.header('map', START))
     image.step = 1
     node.publish(LAYERS['thickness'].topic, image)
-    until(lambda: live.status.level is Level.BAD, live.poll)
+    until(lambda: live.status.level is Level.ERROR, live.poll)
     assert live.status.words.startswith('height_raw: height_raw.step is 1')
     node.frame(2, 'thickness')
     node.status(2, 200.0)
-    until(lambda: live.status.level is not Level.BAD, live.poll)
+    until(lambda: live.status.level is not Level.ERROR, live.poll)
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
     assert 'the node has been silent for' in live.status.words
     error = DiagnosticArray(status=[DiagnosticStatus(name='etna/lava: simulation', level=b'\2')])
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
     node.publish('/diagnostics', error)
-    until(lambda: live.status == (Level.BAD, 'etna/lava: '), live.poll)
+    until(lambda: live.status == (Level.ERROR, 'etna/lava: '), live.poll)
 
 
 def test_places_and_vents_have_names(live: LiveFrames, node: Any) -> None:

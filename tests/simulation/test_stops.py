@@ -11,7 +11,7 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.lookahead import Looking
+from lava_ros.forecast.forecast_run import SampledRun
 from lava_ros.hindcast.case import Case, Event
 from lava_ros.hindcast.run import Run, Settings
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -90,7 +90,7 @@ def stops(count):
 
 def observe_in_parts(simulation, count):
     """Observe as a forecast does, in parts."""
-    looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
+    looking = SampledRun(simulation, stops(count), threshold=0.1, max_particles=None)
     while not looking.is_done:
         looking.advance(wall_limit=0.01)
     return simulation
@@ -98,7 +98,7 @@ def observe_in_parts(simulation, count):
 
 def observe_in_a_batch(simulation, count):
     """Observe as the members of an ensemble do."""
-    looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
+    looking = SampledRun(simulation, stops(count), threshold=0.1, max_particles=None)
 
     def route():
         while not looking.is_done:

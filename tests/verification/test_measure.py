@@ -99,7 +99,7 @@ def test_settings_are_distinct_and_include_the_presets(quick):
     [
         (measuring.convergence, measuring.KNOB_CASES),
         (measuring.stepping, measuring.KNOB_CASES),
-        (lambda: measuring.from_paper().values(), measuring.KNOB_CASES),
+        (lambda: measuring.paper_settings().values(), measuring.KNOB_CASES),
         (lambda: measuring.gradients().values(), measuring.GRADIENT_CASES),
     ],
 )
@@ -119,7 +119,7 @@ def test_settings_may_apply_to_some_cases():
 
 def test_radius_of_the_paper_is_1_m():
     """The fixed volume ends as a disc with a radius of 130 m."""
-    literal = measuring.from_paper()['l = 1 m, as in table 3.1']
+    literal = measuring.paper_settings()['l = 1 m, as in table 3.1']
     count = 8000.0 * literal.refinement**2
     spacing = math.sqrt(math.pi * 130.0**2 / count)
     assert literal.ratio * spacing == pytest.approx(1.0, rel=1e-3)

@@ -131,7 +131,7 @@ def corrected(row):
             setting=name_of(accuracy), preset={0: 'as-published', 7: 'standard'}.get(index, ''),
             quantity=quantity, error=scale * 0.5**index, wall_s_per_simulated_hour=100.0 - index,
         )
-        for index, accuracy in enumerate(measure.from_paper().values())
+        for index, accuracy in enumerate(measure.paper_settings().values())
         for quantity, scale in (('radius', 0.1), ('scatter', 1.28))
     ]
 
@@ -140,7 +140,7 @@ def test_corrections_lead_from_the_paper_to_the_default(corrected, row):
     title = "From the paper's settings to ours"
     head, *lines = table(corrected, title)
     assert head[:3] == ['setting', 'radius', 'scatter']
-    assert [line[0] for line in lines] == list(measure.from_paper())
+    assert [line[0] for line in lines] == list(measure.paper_settings())
     assert (lines[0][2], lines[-1][2]) == ('128 %', '1 %')
     text = '\n'.join(section(corrected, title))
     assert 'is standard: its largest error is 1 %, in 93 s instead of 100 s' in text

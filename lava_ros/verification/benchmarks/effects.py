@@ -28,7 +28,7 @@ from lava_ros.verification.rows import OnProgress, row_of
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
 
 #: Minimum time of one measurement [s].
-LEAST = 0.5
+MIN_MEASURED_TIME = 0.5
 
 #: Steps that a GPU takes at once: idle ones past the last would be measured.
 _AT_ONCE = 16
@@ -104,7 +104,8 @@ def measure(
     bare = 0.0
     for index, (number, (name, effects)) in enumerate(cases):
         on_progress(name, index / len(cases))
-        times, count = step_times(lava_field(number, effects, device), repetitions, LEAST)
+        field = lava_field(number, effects, device)
+        times, count = step_times(field, repetitions, MIN_MEASURED_TIME)
         row = row_of(name, count, times, 'ns per particle and step')
         bare = row['value'] if name == 'bare' else bare
         repeated = row.pop('repetitions')

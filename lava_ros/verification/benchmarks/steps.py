@@ -39,7 +39,7 @@ SETS = ('bare', 'green', 'everything with green')
 FEWER, FEWER_SETS = 2.6, ('bare', 'green')
 
 #: Minimum time of one measurement [s].
-LEAST = 0.25
+MIN_MEASURED_TIME = 0.25
 
 #: Cells along a side of the published grids, and particles that cover them.
 GRIDS, COVERED_BY = (500, 1000, 2000), 100_000
@@ -93,7 +93,7 @@ def _steps(
             simulation.set_effects(asdict(sets[name]))
         if simulation.effects != sets[name]:
             raise LavaError('effects', name, 'a set that steps of fixed length can have')
-        each, count = step_times(simulation, repetitions, LEAST)
+        each, count = step_times(simulation, repetitions, MIN_MEASURED_TIME)
         yield from _pace(name, count, each)
         memory = (used_memory(device) - before) / count
         if memory:
@@ -104,7 +104,7 @@ def _steps(
         what = f'{name}, {neighbours} neighbours'
         show(what, len(SETS) / (len(SETS) + 1))
         simulation.set_effects(asdict(sets[name]))
-        each, count = step_times(simulation, repetitions, LEAST)
+        each, count = step_times(simulation, repetitions, MIN_MEASURED_TIME)
         yield from _pace(what, count, each)
 
 

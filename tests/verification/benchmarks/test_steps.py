@@ -22,8 +22,9 @@ from scripts import load_script
 @pytest.fixture
 def brief(monkeypatch):
     """Shorten the measurements, and start no process."""
-    little = {'LEAST': 0.0, 'SETS': ('bare', 'green'), 'FEWER_SETS': ('bare',), 'COVERED_BY': 400,
-              'GRIDS': (20,), '_starts': lambda device, repetitions: [2.0, 1.0]}
+    little = {'MIN_MEASURED_TIME': 0.0, 'SETS': ('bare', 'green'), 'FEWER_SETS': ('bare',),
+              'COVERED_BY': 400, 'GRIDS': (20,),
+              '_starts': lambda device, repetitions: [2.0, 1.0]}
     for name, value in little.items():
         monkeypatch.setattr(steps, name, value)
 
