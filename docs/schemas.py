@@ -357,6 +357,12 @@ def case_file() -> Schema:
         'effusion_rate': mapping(rate_options()) | {
             'description': 'Options for reading effusion_rate.csv'
         },
+        'outlines': list_of(mapping({
+            'time': {
+                'description': 'Time of the map [s], or its date', 'type': ['number', 'string']
+            },
+            'file': {'description': 'Mapped outline, like footprint.asc', 'type': 'string'},
+        }, ['time', 'file'])),
     }
     known = {name: known[name] for name in case.KEYS}
     return mapping(

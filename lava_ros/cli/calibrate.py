@@ -8,8 +8,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
@@ -37,6 +38,10 @@ TABLE, CALIBRATION = 'runs.csv', 'calibration.json'
         "('lava materials NAME' lists them), vent_temperature [K], or effusion_rate, a factor; "
         'may be repeated (default: those with a published range)', [], action='append',
     ),
+    argument(
+        '--until', 'TIME', 'fit only the dated outlines up to this time, in s of the clock of the '
+        'case or as a date, and forecast the later ones (default: fit all)',
+    ),
     argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
     argument(
         '-o --output', 'DIR', 'folder for the table and the result (default: '
@@ -53,8 +58,8 @@ def calibrate(args: argparse.Namespace) -> int:
     constants inside their published ranges, the same set for all cases. The score of a set is the
     mean over the cases. The command reports the sets that score nearly as well as the best, the
     spread of each constant among them, the constants that do not affect the score, and how well
-    constants fitted to the other cases score on each case. The same command continues an
-    interrupted search.
+    constants fitted to the other cases score on each case. With --until, outlines of later dates
+    are forecast. The same command continues an interrupted search.
     """
     from lava_ros.hindcast.calibration import (
         BATCH,
@@ -63,6 +68,7 @@ def calibrate(args: argparse.Namespace) -> int:
         leave_one_out,
         near_optimal,
         read_samples,
+        result_names,
         search,
         write_samples,
     )
@@ -84,17 +90,26 @@ def calibrate(args: argparse.Namespace) -> int:
     ]
     names = _names(cases)
     parameters = free_parameters_of(cases[0], *_chosen(args.unknown))
+    until = _until(args.until, cases)
     settings = Settings(args.preset, args.spacing, args.device)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
     file_to_write('--output', table)
-    known = [] if args.fresh else read_samples(table, parameters, names)
+    results = [name for case in cases for name in result_names(case)]
+    known = [] if args.fresh else read_samples(table, parameters, results)
     others = {
         numbers['directions'] for sample in known for numbers in sample.numbers.values()
     } - {directions}
     if others:
         expected = f'{min(others):g} as in {table}, or --fresh'
         raise LavaError('--directions', directions, expected)
+    fitted = [
+        name for case in cases for name, time in _times(case)
+        if time <= until.get(case.name, math.inf)
+    ]
+    if any(sample.fitted != fitted for sample in known):
+        expected = f'the time with which {table} was written, or --fresh'
+        raise LavaError('--until', args.until, expected)
     so_far: list[ParameterSample] = []
 
     def report(count: int, sample: ParameterSample) -> None:
@@ -102,7 +117,7 @@ def calibrate(args: argparse.Namespace) -> int:
         write_samples(table, parameters, [*so_far, *known[len(so_far) :]])
         progress.show(f'set {count}: Jaccard {sample.jaccard:.3f}', count / runs)
 
-    begun = evaluating(cases, settings, workers=workers, runs=directions)
+    begun = evaluating(cases, settings, workers=workers, runs=directions, until=until)
     with begun as evaluate, Progress() as progress:
         samples = search(
             parameters,
@@ -115,6 +130,7 @@ def calibrate(args: argparse.Namespace) -> int:
         )
     found, near = findings(parameters, samples), near_optimal(samples)
     left_out = leave_one_out(samples)
+    forecasts = [item for case in cases for item in _forecasts(case, near[0], fitted)]
     data = {
         'cases': names,
         'preset': settings.preset,
@@ -123,10 +139,15 @@ def calibrate(args: argparse.Namespace) -> int:
         'best': asdict(near[0]),
         'near_best': [asdict(sample) for sample in near],
         'leave_one_out': [asdict(item) for item in left_out],
+        'fitted': fitted,
+        'forecasts': forecasts,
         'unknowns': [asdict(item) for item in found],
     }
     write_json(data, output / CALIBRATION, args.json)
     _print_findings(found, near, samples, left_out)
+    for item in forecasts:
+        print(f'forecast of {item["outline"]}: Jaccard {item["jaccard"]:.3f}, of the last fitted '
+              f'outline {item["persistence"]:.3f}, of steepest descent {item["descent"]:.3f}')
     print(f'written to {table}\nwritten to {output / CALIBRATION}')
     return 0
 
@@ -144,6 +165,54 @@ def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[floa
                 raise LavaError('--unknown', text, 'NAME or NAME=LOW:HIGH') from None
             ranges[name] = (low, high)
     return tuple(names), ranges
+
+
+def _times(case: Case) -> list[tuple[str, float]]:
+    """Return the names of the results of a case with the times of their outlines [s]."""
+    from lava_ros.hindcast.calibration import result_names
+
+    times = [item.time for item in case.outlines] or [0.0]
+    return list(zip(result_names(case), times, strict=True))
+
+
+def _until(text: str | None, cases: Sequence[Case]) -> dict[str, float]:
+    """Return the time after which the outlines of each case are not fitted [s]."""
+    from lava_ros.hindcast.outlines import time_of_outline
+
+    if text is None:
+        return {}
+    if not any(case.outlines for case in cases):
+        raise LavaError('--until', text, 'cases with dated outlines (outlines in case.yaml)')
+    until = {}
+    for case in cases:
+        try:
+            value: object = float(text)
+        except ValueError:
+            value = text
+        until[case.name] = time_of_outline('--until', value, case.start, case.onset)
+        if case.outlines and until[case.name] < case.outlines[0].time:
+            expected = f'a time after the first outline of {case.name}, {case.outlines[0].text}'
+            raise LavaError('--until', text, expected)
+    return until
+
+
+def _forecasts(case: Case, best: ParameterSample, fitted: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the scores of the best set, and of two references, on outlines not fitted."""
+    from lava_ros.hindcast.score import refer
+
+    pairs = list(zip([name for name, _ in _times(case)], case.outlines, strict=False))
+    later = {outline.text: best.numbers[name] for name, outline in pairs if name not in fitted}
+    if not later:
+        return []
+    last = [outline for name, outline in pairs if name in fitted][-1]
+    references = refer(
+        case, {text: numbers['area_error'] for text, numbers in later.items()}, last.footprint
+    )
+    return [
+        {'outline': f'{case.name} {text}', 'jaccard': numbers['jaccard']}
+        | asdict(references[text])
+        for text, numbers in later.items()
+    ]
 
 
 def _names(cases: Sequence[Case]) -> list[str]:

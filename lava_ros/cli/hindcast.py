@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict
 import json
 from pathlib import Path
@@ -78,7 +79,7 @@ def hindcast(args: argparse.Namespace) -> int:
             progress.show(duration(run.time), run.time / case.duration)
     result = run.result()
     judged = score_case(case, result.snapshot.thickness, result.snapshot.inundated)
-    several = None
+    several, results = None, [result]
     if runs > 1:
         with Progress() as progress:
             results = run_replicates(
@@ -89,19 +90,22 @@ def hindcast(args: argparse.Namespace) -> int:
                 progress=lambda done: progress.show(f'{runs} runs', done),
             )
         several = agreement(case, [item.snapshot for item in results])
+    outlines, dated = _dated(case, results)
     expected = estimate_error(case, settings, result, several)
     picture, page = output / PICTURE, output / PAGE
     files = write_maps(case, settings, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
-    write_page(case, settings, result, judged, picture, page, expected, several)
+    write_page(case, settings, result, judged, picture, page, expected, several, dated)
     files = [*files, picture, page, *_write_bag(case, settings, run, result, output / BAG)]
     shutil.rmtree(unfinished, ignore_errors=True)
     data = _as_dict(case, settings, result, judged, expected)
     if several is not None:
         data['runs'] = several.as_dict()
+    if outlines:
+        data['outlines'] = outlines
     write_json(data, output / RESULT, args.json)
     print(case.title)
-    rows = [*facts(judged, expected, several).items()]
+    rows = [*facts(judged, expected, several, dated).items()]
     rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
         print(f'  {term:26} {value}')
@@ -109,6 +113,24 @@ def hindcast(args: argparse.Namespace) -> int:
         print(f'lava hindcast: {item}', file=sys.stderr)
     print('\n'.join(f'written to {path}' for path in [*files, output / RESULT]))
     return 0
+
+
+def _dated(
+    case: Case, results: Sequence[Result]
+) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Return the scores of the dated outlines as plain data, and as text by label."""
+    from lava_ros.hindcast.score import refer, score_outlines
+
+    if not case.outlines:
+        return [], {}
+    scores = score_outlines(case, [item.snapshot for item in results])
+    references = refer(case, {item.outline: item.area_error for item in scores})
+    plain = [asdict(item) | asdict(references[item.outline]) for item in scores]
+    return plain, {
+        f'Jaccard on {item.outline}': f'{item.jaccard:.3f} (area {100 * item.area_error:+.0f} %; '
+        f'{references[item.outline].words})'
+        for item in scores
+    }
 
 
 def _prepare(output: Path) -> None:

@@ -4,7 +4,8 @@
 """Calibration: a search for constants with which hindcasts match mapped flow fields.
 
 The constants are the same for all cases, and the score is the mean of the cases' scores. The
-leave-one-out score of a case is the score with the set that is best for the other cases.
+leave-one-out score of a case is the score with the set that is best for the other cases. Outlines
+of a case after a date are not fitted: their scores are those of forecasts.
 
 A mapped outline constrains few constants, and the score jumps when a flow passes an obstacle on
 the other side. So the result is the set of all runs that are nearly as good as the best, the
@@ -20,6 +21,7 @@ from io import StringIO, TextIOWrapper
 import math
 from pathlib import Path
 import time
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +33,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.free_parameters import changed, FreeParameter
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_together
 from lava_ros.hindcast.run import Result, Settings
+from lava_ros.hindcast.score import score_outlines
 
 #: Maximum difference to the best score for a near-best run: the effect of the error of the terrain
 #: on the score (docs/VALIDATION.md).
@@ -51,21 +54,29 @@ BATCH = 16
 #: Columns of the table of runs in addition to the parameters.
 COLUMNS = (
     *('jaccard', 'single', 'recall', 'precision', 'length_error', 'area_error'),
-    *('directions', 'wall_time_s'),
+    *('fitted', 'directions', 'wall_time_s'),
 )
 
 
 @dataclass(frozen=True)
 class ParameterSample:
-    """A set of values of the parameters, with its results by ``COLUMNS`` for each case."""
+    """A set of values of the parameters, with its results by ``COLUMNS``.
+
+    There are results for each case, or for each outline of a case with dated outlines.
+    """
 
     values: Mapping[str, float]
     numbers: Mapping[str, Mapping[str, float]]
 
     @property
     def jaccard(self) -> float:
-        """Score: the mean Jaccard index over the cases."""
-        return self.mean(self.numbers)
+        """Score: the mean Jaccard index over the cases and outlines that are fitted."""
+        return self.mean(self.fitted)
+
+    @property
+    def fitted(self) -> list[str]:
+        """Names of the cases and outlines that are fitted."""
+        return [name for name, numbers in self.numbers.items() if numbers['fitted']]
 
     def mean(self, cases: Iterable[str]) -> float:
         """Return the mean Jaccard index over some of the cases."""
@@ -217,7 +228,7 @@ class CrossValidation:
 
 def leave_one_out(samples: Sequence[ParameterSample]) -> list[CrossValidation]:
     """Score each case with the set that is best for the other cases; empty for one case."""
-    cases, result = list(samples[0].numbers), []
+    cases, result = samples[0].fitted, []
     for case in cases if len(cases) > 1 else []:
         others = [other for other in cases if other != case]
         chosen = max(samples, key=lambda sample: sample.mean(others))
@@ -226,16 +237,25 @@ def leave_one_out(samples: Sequence[ParameterSample]) -> list[CrossValidation]:
     return result
 
 
+def result_names(case: Case) -> list[str]:
+    """Return the names of the results of a case: its own, or those of its dated outlines."""
+    return [f'{case.name} {item.text}' for item in case.outlines] or [case.name]
+
+
 @contextmanager
 def evaluating(
-    cases: Sequence[Case], settings: Settings, *, workers: int = 1, runs: int = 1
+    cases: Sequence[Case], settings: Settings, *, workers: int = 1, runs: int = 1,
+    until: Mapping[str, float] | None = None,
 ) -> Iterator[Evaluate]:
     """Provide a function that runs sets of values, on a GPU or in CPU processes.
 
     Several ``workers`` (processes) share one GPU. With more than one of ``runs`` per set of
     constants, rotated and mirrored, the cells that at least half of them cover are compared.
+    ``until`` is the time [s] since its start after which outlines of a case are not fitted.
     """
-    evaluate = partial(_evaluate, cases, replace(settings, maps=1), directions(runs))
+    evaluate = partial(
+        _evaluate, cases, replace(settings, maps=1), directions(runs), dict(until or {})
+    )
     if workers == 1:
         yield evaluate
         return
@@ -252,6 +272,7 @@ def _evaluate(
     cases: Sequence[Case],
     settings: Settings,
     ways: Sequence[Orientation],
+    until: Mapping[str, float],
     sets: Sequence[Mapping[str, float]],
 ) -> list[Numbers]:
     try:
@@ -268,21 +289,39 @@ def _evaluate(
     # concurrent runs on a GPU each count an equal part of the wall time
     parts, count = iter(results), len(sets) * len(cases)
     return [
-        {case.name: _numbers(case, [next(parts) for _ in ways], taken / count) for case in cases}
+        {
+            name: numbers
+            for case in cases
+            for name, numbers in _numbers(
+                case, [next(parts) for _ in ways], taken / count, until.get(case.name, math.inf)
+            )
+        }
         for _ in sets
     ]
 
 
-def _numbers(case: Case, results: Sequence[Result], wall_time: float) -> Mapping[str, float]:
-    """Return the results of a set that took a wall time [s], by the names of ``COLUMNS``."""
-    found = agreement(case, [result.snapshot for result in results])
-    judged = asdict(found.majority)
-    return {
-        **{name: float(judged[name]) for name in COLUMNS if name in judged},
-        'single': float(np.mean([score.jaccard for score in found.scores])),
-        'directions': float(len(results)),
-        'wall_time_s': wall_time,
-    }
+def _numbers(
+    case: Case, results: Sequence[Result], wall_time: float, until: float
+) -> Iterator[tuple[str, Mapping[str, float]]]:
+    """Yield the names and results, by ``COLUMNS``, of a set that took a wall time [s]."""
+    rows: list[tuple[float, Any, list[float]]] = []
+    if case.outlines:
+        snapshots = [result.snapshot for result in results]
+        alone = [score_outlines(case, [snapshot]) for snapshot in snapshots]
+        for index, judged in enumerate(score_outlines(case, snapshots)):
+            rows.append((judged.time, judged, [scores[index].jaccard for scores in alone]))
+    else:
+        found = agreement(case, [result.snapshot for result in results])
+        rows.append((0.0, found.majority, [score.jaccard for score in found.scores]))
+    for name, (time_mapped, judged, singles) in zip(result_names(case), rows, strict=True):
+        plain = asdict(judged)
+        yield name, {
+            **{column: float(plain[column]) for column in COLUMNS if column in plain},
+            'single': float(np.mean(singles)),
+            'fitted': float(time_mapped <= until),
+            'directions': float(len(results)),
+            'wall_time_s': wall_time,
+        }
 
 
 def write_samples(

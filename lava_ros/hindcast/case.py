@@ -18,6 +18,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import read_yaml
+from lava_ros.hindcast.outlines import Outline, read_outlines
 from lava_ros.hindcast.tables import (
     check_discharge,
     check_elevation,
@@ -46,10 +47,13 @@ def _vector_files(stem: str) -> tuple[str, ...]:
     return tuple(f'{stem}{ending}' for ending in ENDINGS if ending not in TABLES)
 
 
+#: Possible names of the footprint; the first that exists is used, and none with ``outlines``.
+FOOTPRINTS = ('footprint.asc', 'footprint.tif', *_vector_files('footprint'))
+
 #: Possible names of each file; the first that exists is used.
 FILES = (
     ('elevation.asc', 'elevation.tif'),
-    ('footprint.asc', 'footprint.tif', *_vector_files('footprint')),
+    FOOTPRINTS,
     ('vent.csv', *_vector_files('vent')),
     ('effusion_rate.csv',),
 )
@@ -61,7 +65,7 @@ VENT_RADIUS = 1.5
 KEYS = (
     *('title', 'source', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
     *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
-    'effusion_rate',
+    'effusion_rate', 'outlines',
 )
 
 
@@ -82,7 +86,7 @@ class Case:
         source: Source of the data; may be empty.
         scene: Terrain, vents and lava. The map frame's origin is the grid's lower-left corner.
         material: Material of the lava; None without one.
-        footprint: Mapped flow field, bool, shape [rows, columns], row 0 in the south.
+        footprint: Mapped flow field at the end, bool, shape [rows, columns], row 0 in the south.
         start: Start of the simulation [s].
         end: End of the simulation [s].
         volume: Volume erupted during the simulation [m3].
@@ -90,6 +94,8 @@ class Case:
         rate_error: Distribution of a factor on all effusion rates, None without errors in the
             table.
         onset: Date of the start of the simulation, None if the case does not state it.
+        outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
+            case has one footprint only.
     """
 
     name: str
@@ -105,6 +111,7 @@ class Case:
     low_pass: float = 0.0
     rate_error: Distribution | None = None
     onset: Onset | None = None
+    outlines: tuple[Outline, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -115,6 +122,13 @@ class Case:
     def area(self) -> float:
         """Area of the mapped flow field [m2]."""
         return float(self.footprint.sum()) * self.scene.terrain.resolution**2
+
+    @property
+    def vent_cells(self) -> list[tuple[int, int]]:
+        """Rows and columns of the ends of the vents."""
+        ends = [end for vent in self.scene.vents for end in (vent.position, vent.end) if end]
+        cells = [self.scene.terrain.cell_at(*end) for end in ends]
+        return [cell for cell in cells if cell is not None]
 
     def with_lava(
         self, lava: Mapping[str, Any], *, temperature: float | None = None, discharge: float = 1.0
@@ -158,14 +172,17 @@ def load_case(
     folder = Path(directory)
     if not folder.is_dir():
         raise LavaError('case', str(folder), 'a folder that exists')
+    options = _options(folder)
     found = [next(filter(Path.is_file, map(folder.joinpath, names)), None) for names in FILES]
     missing = [
-        ' or '.join(names[:3]) for names, path in zip(FILES, found, strict=True) if not path
+        ' or '.join(names[:3])
+        for names, path in zip(FILES, found, strict=True)
+        if not path and not (names is FOOTPRINTS and 'outlines' in options)
     ]
     if missing:
         raise LavaError('case', str(folder), f'a folder that also holds {", ".join(missing)}')
-    elevation, outline, vent_table, rate_table = filter(None, found)
-    options = _options(folder)
+    elevation, outline, vent_table, rate_table = found
+    assert elevation and vent_table and rate_table
     if low_pass_width is not None:
         options['low_pass'] = low_pass_width
     read = partial(
@@ -176,18 +193,32 @@ def load_case(
     )
     ground = read(elevation)
     check_elevation(ground)
-    footprint = _footprint(outline, ground)
     choices = options_from_dict('case.effusion_rate', options.get('effusion_rate', {}))
     rates = read_effusion_rates('case', rate_table, choices)
     rows = read_vents('case', vent_table, ground)
-    check_places(rows, ground, footprint)
     series = series_of(rows, rates)
-    check_discharge(series, float(footprint.sum()) * ground.resolution**2)
     lava, used = lava_from_dict('case.lava', options.get('lava', {}), material)
     width = validation.number('case.low_pass', options.get('low_pass', 0.0), at_least=0.0)
     first, last = rates[0].start, rates[-1].end
     start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')
+    onset = _onset(choices.start, start)
+    outlines: tuple[Outline, ...] = ()
+    footprints = partial(_footprint, ground=ground)
+    if 'outlines' in options:
+        outlines = read_outlines(
+            options['outlines'], folder, footprints, start=start, onset=onset
+        )
+        last = start + outlines[-1].time
     end = validation.number('case.end', options.get('end', last), above=start, unit='s')
+    if outlines and outlines[-1].time > end - start:
+        expected = f'a time before the end, {end:g} s'
+        raise LavaError(f'case.outlines[{len(outlines) - 1}].time', outlines[-1].text, expected)
+    if outlines:
+        footprint = outlines[-1].footprint
+    else:
+        assert outline is not None
+        footprint = footprints(outline)
+    check_places(rows, ground, footprint)
     hot = float(used.vent_temperature.value)
     scene = Scene(
         low_pass(ground, width),
@@ -207,6 +238,8 @@ def load_case(
         **{key: options[key] for key in ENVIRONMENT if key in options},
     )
     warn_of_celsius(scene)
+    volume = sum(vent.volume_between(0.0, end - start) for vent in scene.vents)
+    check_discharge(volume, float(footprint.sum()) * ground.resolution**2)
     name = folder.resolve().name
     return Case(
         name=name,
@@ -217,11 +250,12 @@ def load_case(
         footprint=footprint,
         start=start,
         end=end,
-        volume=sum(vent.volume_between(0.0, end - start) for vent in scene.vents),
+        volume=volume,
         events=_events(folder, options.get('events', []), ground, width, read),
         low_pass=width,
         rate_error=error_of_rates(rates),
-        onset=_onset(choices.start, start),
+        onset=onset,
+        outlines=outlines,
     )
 
 
@@ -241,7 +275,7 @@ def _options(folder: Path) -> dict[str, Any]:
     return with_material_in_lava('case', given)
 
 
-def _footprint(path: Path, ground: Terrain) -> np.ndarray:
+def _footprint(path: Path, *, ground: Terrain) -> np.ndarray:
     """Read the mapped flow field: areas, or a grid of 0 and 1 in any system, cells and extent."""
     if path.suffix.lower() in ENDINGS:
         values = read_polygons_on(ground, path, field='the footprint').astype(float)

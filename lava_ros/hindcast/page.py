@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 import math
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ def write_page(
     output: Path,
     expected: ExpectedError,
     several: Agreement | None = None,
+    dated: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write the page of a hindcast as one HTML file that includes the picture, a PNG.
 
@@ -60,7 +62,7 @@ def write_page(
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
         warnings=warnings(case, result),
-        facts=facts(judged, expected, several),
+        facts=facts(judged, expected, several, dated),
         shows='Map of hits, misses and false alarms',
         lava=note,
         constants=constants,
@@ -70,9 +72,10 @@ def write_page(
 
 
 def facts(
-    judged: Score, expected: ExpectedError, several: Agreement | None = None
+    judged: Score, expected: ExpectedError, several: Agreement | None = None,
+    dated: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, str]:
-    """Return the comparison as text, by label."""
+    """Return the comparison as text by label; ``dated`` adds the scores of dated outlines."""
     result = {
         'Jaccard': f'{judged.jaccard:.3f}',
         'fit index': f'{judged.fit:.3f}',
@@ -98,7 +101,7 @@ def facts(
         result['Jaccard of their majority'] = (
             f'{several.majority.jaccard:.3f} (where at least half of them have lava)'
         )
-    return result
+    return {**result, **dated}
 
 
 def warnings(case: Case, result: Result) -> list[str]:

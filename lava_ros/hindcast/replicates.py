@@ -180,7 +180,10 @@ def _changed(
     events = tuple(replace(event, terrain=terrain(event.terrain)) for event in case.events)
     ground = terrain(case.scene.terrain)
     scene = replace(case.scene, terrain=ground, vents=_vents_at(case, place))
-    return replace(case, scene=scene, footprint=grid(case.footprint), events=events)
+    outlines = tuple(replace(item, footprint=grid(item.footprint)) for item in case.outlines)
+    return replace(
+        case, scene=scene, footprint=grid(case.footprint), outlines=outlines, events=events
+    )
 
 
 def _vents_at(case: Case, place: Callable[[Place], Place]) -> tuple[Vent, ...]:

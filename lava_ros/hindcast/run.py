@@ -40,6 +40,10 @@ MAPS = 24
 #: error below that of the terrain.
 COURANT = 1.0
 
+#: Longest step [s], ten times the usual one, which keeps maps of a live simulation close to their
+#: times. A third of the steps of a flow of ten days remain (docs/VALIDATION.md).
+LONGEST_STEP = 600.0
+
 #: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
 #: that resolve waves during weeks of creeping flow. Lateral stress is in none of the models with
 #: which materials were calibrated, and takes six times as long (docs/VALIDATION.md).
@@ -77,6 +81,8 @@ class Settings:
         accuracy = replace(preset_accuracy(self.preset), spacing=self.spacing, deterministic=True)
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant)
+        if accuracy.longest_step == Accuracy().longest_step:
+            accuracy = replace(accuracy, longest_step=LONGEST_STEP)
         return resolved_accuracy(accuracy, case.scene, horizon=case.duration)
 
     def coarseness(self, case: Case) -> int:

@@ -6,8 +6,9 @@
 All numbers are invariant if both are rotated by 90 degrees or mirrored.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 import math
 
 import numpy as np
@@ -15,6 +16,13 @@ import numpy as np
 from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
 from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.output.snapshot import Snapshot
+
+#: Number of paths of steepest descent, and the noise on the ground of each [m].
+PATHS, NOISE = 100, 3.0
+
+#: Steps to the neighbours of a cell.
+_NEIGHBORS = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 
 #: Steps of a path to 16 neighbours: its length then has an error of at most 2.7 %.
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
@@ -54,6 +62,47 @@ class Score:
     area_error: float
 
 
+@dataclass(frozen=True)
+class OutlineScore:
+    """Agreement of the inundated area at the time of an outline with the outline.
+
+    Attributes:
+        outline: Date or time of the outline.
+        time: Its time since the start of the simulation [s].
+        jaccard: Cells in both over cells in either.
+        recall: Inundated fraction of the mapped cells.
+        precision: Mapped fraction of the inundated cells.
+        area_error: Relative error of the inundated area, positive if it is too large.
+        length_error: Relative error of the runout length, positive if it is too long.
+    """
+
+    outline: str
+    time: float
+    jaccard: float
+    recall: float
+    precision: float
+    area_error: float
+    length_error: float
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Jaccard indices of an outline with references that need no model of lava.
+
+    ``persistence`` is that of the outline before, None without one; ``descent`` is that of
+    steepest descent over the same area as the inundated one.
+    """
+
+    persistence: float | None
+    descent: float
+
+    @property
+    def words(self) -> str:
+        """The scores as text."""
+        before = '' if self.persistence is None else f'outline before: {self.persistence:.3f}, '
+        return f'{before}steepest descent: {self.descent:.3f}'
+
+
 def score_case(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Score:
     """Compare a simulated flow with the mapped flow field of a case, on the cells of the case.
 
@@ -63,20 +112,18 @@ def score_case(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Scor
         inundated: Cells that it has inundated, bool, same shape.
     """
     terrain, footprint, thickness = case.scene.terrain, case.footprint, np.nan_to_num(thickness)
-    places = [place for vent in case.scene.vents for place in (vent.position, vent.end) if place]
-    vents = [cell for place in places if (cell := terrain.cell_at(*place)) is not None]
     standing, area = standing_cells(thickness), terrain.resolution**2
     layer = thickness[standing]
     hits = int((inundated & footprint).sum())
     mapped, simulated = int(footprint.sum()), int(inundated.sum())
-    jaccard = hits / (mapped + simulated - hits) if mapped + simulated else 0.0
-    ways = distances(inundated | footprint, vents) * terrain.resolution
+    index = jaccard(inundated, footprint)
+    ways = distances(inundated | footprint, case.vent_cells) * terrain.resolution
     length, mapped_length = _longest(ways, inundated), _longest(ways, footprint)
     return Score(
-        jaccard=jaccard,
+        jaccard=index,
         recall=hits / mapped if mapped else 0.0,
         precision=hits / simulated if simulated else 0.0,
-        fit=math.sqrt(jaccard),
+        fit=math.sqrt(index),
         hits=hits,
         misses=mapped - hits,
         false_alarms=simulated - hits,
@@ -93,6 +140,119 @@ def score_case(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Scor
         length_error=length / mapped_length - 1.0 if mapped_length else math.nan,
         area_error=simulated * area / (mapped * area) - 1.0 if mapped else math.nan,
     )
+
+
+def score_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineScore]:
+    """Score the area that at least half of some runs have inundated at the time of each outline.
+
+    The area at an earlier time follows from the arrival times of a run.
+
+    Args:
+        case: The case with its outlines.
+        snapshots: The end of each run, with arrival times.
+    """
+    scores = []
+    arrived = [item.arrived for item in snapshots if item.arrived is not None]
+    for outline in case.outlines:
+        inundated = np.mean([times <= outline.time for times in arrived], axis=0) >= 0.5
+        hits = int((inundated & outline.footprint).sum())
+        mapped, simulated = int(outline.footprint.sum()), int(inundated.sum())
+        ways = distances(inundated | outline.footprint, case.vent_cells)
+        scores.append(OutlineScore(
+            outline=outline.text,
+            time=outline.time,
+            jaccard=jaccard(inundated, outline.footprint),
+            recall=hits / mapped,
+            precision=hits / simulated if simulated else 0.0,
+            area_error=simulated / mapped - 1.0,
+            length_error=_longest(ways, inundated) / _longest(ways, outline.footprint) - 1.0,
+        ))
+    return scores
+
+
+def refer(
+    case: Case, area_errors: Mapping[str, float], before: np.ndarray | None = None
+) -> dict[str, Reference]:
+    """Score two references that need no model of lava on dated outlines.
+
+    Args:
+        case: The case with its outlines.
+        area_errors: Relative error of the inundated area, by the outline: steepest descent covers
+            the same area.
+        before: Outline that persists; None: each time the outline before.
+    """
+    visits = count_visits(case.scene.terrain.elevation, case.vent_cells)
+    found, last = {}, before
+    for outline in case.outlines:
+        if outline.text in area_errors:
+            cells = round((1.0 + area_errors[outline.text]) * int(outline.footprint.sum()))
+            order = np.argsort(visits, axis=None, kind='stable')[::-1][:cells]
+            covered = np.zeros(visits.shape, dtype=bool)
+            covered.flat[order] = True
+            found[outline.text] = Reference(
+                None if last is None else jaccard(last, outline.footprint),
+                jaccard(covered & (visits > 0), outline.footprint),
+            )
+        last = outline.footprint if before is None else before
+    return found
+
+
+def jaccard(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the Jaccard index of two masks: cells in both over cells in either."""
+    return float((one & other).sum() / max((one | other).sum(), 1))
+
+
+def count_visits(elevation: np.ndarray, vents: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Count how many paths of steepest descent from the vents visit each cell.
+
+    Each path is on the ground plus uniform noise, as in DOWNFLOW (Favalli, Pareschi, Neri and
+    Isola 2005, Geophysical Research Letters 32, L03305).
+
+    Args:
+        elevation: Elevation [m], NaN without data, shape [rows, columns].
+        vents: Rows and columns of the vents.
+
+    Returns:
+        The number of paths, int, same shape.
+    """
+    visits = np.zeros(elevation.shape, dtype=int)
+    random = np.random.default_rng(0)
+    for _ in range(PATHS):
+        visits += descend(elevation + random.uniform(-NOISE, NOISE, elevation.shape), vents)
+    return visits
+
+
+def descend(elevation: np.ndarray, vents: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Return the cells of a path of steepest descent, which fills pits, to the border.
+
+    The lowest neighbour of the visited cells is visited next (the priority flood of Barnes, Lehman
+    and Mulla 2014, Computers & Geosciences 62, from the vents).
+
+    Args:
+        elevation: Elevation [m], NaN without data, shape [rows, columns].
+        vents: Rows and columns of the vents.
+
+    Returns:
+        The cells, bool, same shape.
+    """
+    visited, is_queued = (np.zeros(elevation.shape, dtype=bool) for _ in range(2))
+    heights = np.pad(elevation, 1, constant_values=np.nan)
+    queue: list[tuple[float, int, int]] = []
+    for vent in vents:
+        is_queued[vent] = True
+        heappush(queue, (float(elevation[vent]), *vent))
+    while queue:
+        _, row, column = heappop(queue)
+        visited[row, column] = True
+        around = heights[row : row + 3, column : column + 3]
+        if np.isnan(around).any():
+            break
+        for down, right in _NEIGHBORS:
+            place = row + down, column + right
+            if not is_queued[place]:
+                is_queued[place] = True
+                heappush(queue, (float(elevation[place]), *place))
+    return visited
 
 
 def _longest(ways: np.ndarray, mask: np.ndarray) -> float:

@@ -7,7 +7,6 @@ Physically impossible values are treated as mistakes in a file.
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
 import math
 
 import numpy as np
@@ -135,14 +134,8 @@ def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarra
         raise LavaError('the footprint', shown, expected + 'upside down')
 
 
-def check_discharge(vents: Sequence[Series], area: float) -> None:
-    """Refuse a discharge in the wrong unit: lava on an area [m2] too thin or too thick.
-
-    ``vents`` is the result of ``series_of``; each series ends with 0.
-    """
-    volume = sum(
-        flux * (end - start) for series in vents for (start, flux), (end, _) in pairwise(series)
-    )
+def check_discharge(volume: float, area: float) -> None:
+    """Refuse a volume in the wrong unit [m3]: lava on an area [m2] too thin or too thick."""
     thickness = volume / area
     if not THINNEST <= thickness <= THICKEST:
         too = 'little' if thickness < THINNEST else 'much'

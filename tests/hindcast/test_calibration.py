@@ -50,7 +50,7 @@ CASES = {
 
 def _evaluated(sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
     return [
-        {case: {**dict.fromkeys(COLUMNS, 0.0), 'jaccard': score(values)}
+        {case: {**dict.fromkeys(COLUMNS, 0.0), 'fitted': 1.0, 'jaccard': score(values)}
          for case, score in CASES.items()}
         for values in sets
     ]

@@ -60,8 +60,9 @@ _BISECTIONS = 24
 #: Number of iterations of widths and temperatures, which depend on each other.
 _ITERATIONS = 3
 
-#: Minimum slope for computing a cross-section.
-_MIN_SLOPE = 1e-3
+#: Minimum and maximum slope for computing a cross-section. Steeper parts of a path are walls, on
+#: which the plan thickness of the law diverges.
+_MIN_SLOPE, _MAX_SLOPE = 1e-3, 2.0
 
 #: Width over (cot(b) x)^(3/7) (Q / K)^(1/7) of the steady flow down a plane at a distance x from
 #: its source: 2 (14 / 3)^(3/7) (35 / 32)^(1/7), of h = H (1 - y^2 / Y^2) (Smith 1973).
@@ -207,7 +208,8 @@ def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, flo
     # lava from a row of vents or a fissure is at least as wide as the row
     spread = across @ source.places.T
     extent = np.ptp(spread, axis=1) + 2.0 * source.radius
-    fall = slope / (1.0 + slope**2) ** 2
+    drop = np.minimum(slope, _MAX_SLOPE)
+    fall = drop / (1.0 + drop**2) ** 2
     distance = np.cumsum(step)
     temperature, width = np.full(len(step), source.temperature), np.full(len(step), np.inf)
     for _ in range(_ITERATIONS):

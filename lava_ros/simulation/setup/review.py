@@ -20,7 +20,7 @@ from lava_ros.simulation.selection import Decision
 FIRST, LONGEST = 1.0 / 200.0, 1.0 / 8.0
 
 #: Time between two reviews as a fraction of the simulated time.
-GROWTH = 0.5
+GROWTH = 1.0
 
 
 @dataclass

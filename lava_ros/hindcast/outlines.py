@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Outlines of one eruption that were mapped at several times."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.maps.onset import Onset
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A mapped flow field.
+
+    Attributes:
+        time: Time of the map since the start of the simulation [s].
+        text: Its date, or its time on the clock of the case.
+        footprint: Mapped cells, bool, shape [rows, columns], row 0 in the south.
+    """
+
+    time: float
+    text: str
+    footprint: np.ndarray
+
+
+def read_outlines(
+    items: object, folder: Path, read: Callable[[Path], np.ndarray], *, start: float,
+    onset: Onset | None,
+) -> tuple[Outline, ...]:
+    """Read the outlines that ``case.yaml`` lists.
+
+    Args:
+        items: List of mappings with ``time``, in s on the clock of the case or as a date in ISO
+            8601, and ``file``, a footprint.
+        folder: Folder to which file names are relative.
+        read: Function that reads a footprint on the cells of the case.
+        start: Start of the simulation on the clock of the case [s].
+        onset: Date of the start of the simulation; None without one, and dates are refused.
+
+    Raises:
+        LavaError: If a value or a file cannot be used, or times do not increase.
+    """
+    if not isinstance(items, list) or not items:
+        raise LavaError('case.outlines', items, 'a list of outlines, at least one')
+    outlines: list[Outline] = []
+    for index, item in enumerate(items):
+        where = f'case.outlines[{index}]'
+        data = validation.keys(where, item, required=['time', 'file'], allowed=['time', 'file'])
+        time = time_of_outline(f'{where}.time', data['time'], start, onset)
+        least = outlines[-1].time if outlines else 0.0
+        if time <= least:
+            expected = f'a time after {"the outline before" if outlines else "the start"}'
+            raise LavaError(f'{where}.time', data['time'], expected)
+        if not isinstance(data['file'], str):
+            raise LavaError(f'{where}.file', data['file'], 'the name of a file, text')
+        path = folder / data['file']
+        if not path.is_file():
+            raise LavaError(f'{where}.file', data['file'], f'a file in {folder}')
+        text = f'{start + time:g} s' if onset is None else onset.utc(time)
+        outlines.append(Outline(time, text, read(path)))
+    return tuple(outlines)
+
+
+def time_of_outline(where: str, value: object, start: float, onset: Onset | None) -> float:
+    """Return a time since the start of the simulation [s].
+
+    Args:
+        where: Name of the value in errors.
+        value: Time on the clock of the case [s], or a date in ISO 8601.
+        start: Start of the simulation on the clock of the case [s].
+        onset: Date of the start of the simulation; None without one.
+
+    Raises:
+        LavaError: If the value is neither, or is a date and there is no onset.
+    """
+    if not isinstance(value, str):
+        return validation.number(where, value, unit='s') - start
+    date = Onset.from_text(value, field=where)
+    if onset is None:
+        expected = 'a time [s], or also the date of time 0 as effusion_rate: {start: DATE}'
+        raise LavaError(where, value, expected)
+    return (date.start - onset.start).total_seconds()

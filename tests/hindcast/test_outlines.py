@@ -1,0 +1,185 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Cases with outlines of several dates: reading, scores, references and forecasts."""
+
+from dataclasses import replace
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cli.calls import done, refused
+from eruption import footprint, LAVA, write_case, write_grid
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.run import Result, Settings, simulate
+from lava_ros.hindcast.score import count_visits, descend, PATHS, refer, score_outlines
+
+#: Times of two outlines [s], and options of a run that takes a second.
+FIRST, SECOND = 900.0, 1800.0
+QUICK = Settings('draft', 40.0, 'cpu')
+
+
+def dated(folder: Path, outlines: str, *, start: str = '') -> Path:
+    """Write a case of half an hour without a footprint, with outlines as in ``case.yaml``."""
+    rates = f'effusion_rate: {{start: {start}}}\n' if start else ''
+    case = write_case(folder, hours=0.5, yaml=f'{LAVA}{rates}outlines: {outlines}\n')
+    (case / 'footprint.asc').unlink()
+    write_grid(case / 'early.asc', footprint())
+    return case
+
+
+@pytest.fixture(scope='module')
+def mapped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    """Return a case whose outlines are those of a simulation of it, and that simulation."""
+    folder = tmp_path_factory.mktemp('outlines') / 'valley'
+    items = f'[{{time: {FIRST}, file: early.asc}}, {{time: {SECOND}, file: late.asc}}]'
+    dated(folder, items)
+    write_grid(folder / 'late.asc', footprint())
+    result = simulate(load_case(folder), QUICK)
+    assert result.snapshot.arrived is not None
+    for name, time in (('early', FIRST), ('late', SECOND)):
+        write_grid(folder / f'{name}.asc', (result.snapshot.arrived <= time).astype(float))
+    return folder, result
+
+
+def test_outlines_of_a_simulation_agree_with_it_at_each_time(mapped: tuple[Path, Result]) -> None:
+    folder, result = mapped
+    case = load_case(folder)
+    assert [item.time for item in case.outlines] == [FIRST, SECOND] and case.end == SECOND
+    assert np.array_equal(case.footprint, case.outlines[-1].footprint)
+    early, late = (item.footprint for item in case.outlines)
+    assert 0 < early.sum() < late.sum()
+    for score in score_outlines(case, [result.snapshot]):
+        assert score.jaccard == score.recall == score.precision == 1.0
+        assert score.area_error == score.length_error == 0.0
+    first, second = refer(case, dict.fromkeys(['900 s', '1800 s'], 0.0)).values()
+    assert first.persistence is None and second.persistence == early.sum() / late.sum()
+    # down the middle of the valley, but not as wide as lava
+    assert 0.0 < first.descent < second.descent < 0.9
+    (only,) = refer(case, {'1800 s': 0.0}, late).values()
+    assert only.persistence == 1.0 and only.descent == second.descent
+
+
+def test_outlines_rotate_with_their_case(mapped: tuple[Path, Result]) -> None:
+    from lava_ros.hindcast.replicates import directions
+
+    case = load_case(mapped[0])
+    for way in directions(8):
+        turned = way.turn(case)
+        assert np.array_equal(turned.footprint, turned.outlines[-1].footprint)
+        for item, original in zip(turned.outlines, case.outlines, strict=True):
+            assert np.array_equal(way.restore(item.footprint), original.footprint)
+
+
+def test_majority_of_runs_counts_at_each_time(mapped: tuple[Path, Result]) -> None:
+    folder, result = mapped
+    case, snapshot = load_case(folder), result.snapshot
+    nothing = replace(snapshot, arrived=np.full_like(snapshot.arrived, np.nan))
+    assert score_outlines(case, [snapshot, snapshot, nothing])[0].jaccard == 1.0
+    assert score_outlines(case, [snapshot, nothing, nothing])[1].jaccard == 0.0
+
+
+@pytest.mark.parametrize(('outlines', 'start', 'field', 'valid'), [
+    ('3', '', 'outlines', 'a list of outlines'),
+    ('[]', '', 'outlines', 'at least one'),
+    ('[{time: 900}]', '', 'outlines[0].file', 'required'),
+    ('[{time: 900, file: early.asc, date: 3}]', '', 'outlines[0].date', 'time'),
+    ('[{time: -1, file: early.asc}]', '', 'outlines[0].time', 'after the start'),
+    ('[{time: .nan, file: early.asc}]', '', 'outlines[0].time', 'finite'),
+    ('[{time: 900, file: none.asc}]', '', 'outlines[0].file', 'a file in'),
+    ('[{time: 900, file: 7}]', '', 'outlines[0].file', 'the name of a file'),
+    ('[{time: 900, file: early.asc}, {time: 900, file: early.asc}]', '', 'outlines[1].time',
+     'after the outline before'),
+    ('[{time: "2021-09-24T12:00Z", file: early.asc}]', '', 'outlines[0].time',
+     'effusion_rate: {start'),
+    ('[{time: "24 September", file: early.asc}]', '2021-09-24T11:50Z', 'outlines[0].time',
+     'a date and time'),
+    ('[{time: "2021-09-24T11:00Z", file: early.asc}]', '2021-09-24T11:50Z', 'outlines[0].time',
+     'after the start'),
+    ('[{time: 9000, file: early.asc}]\nend: 1800', '', 'outlines[0].time', 'before the end'),
+])
+def test_refuses_unusable_outlines(
+    outlines: str, start: str, field: str, valid: str, tmp_path: Path
+) -> None:
+    case = dated(tmp_path / 'valley', outlines, start=start)
+    with pytest.raises(LavaError) as caught:
+        load_case(case)
+    assert f'case.{field}' in str(caught.value) and valid in str(caught.value)
+
+
+def test_times_of_outlines_may_be_dates(tmp_path: Path) -> None:
+    items = '[{time: "2021-09-24T12:00Z", file: early.asc}]'
+    case = load_case(dated(tmp_path / 'valley', items, start='"2021-09-24T11:50:00Z"'))
+    assert [(item.time, item.text) for item in case.outlines] == [(600.0, '2021-09-24T12:00:00Z')]
+
+
+def test_volume_until_the_end_is_compared_with_the_outline(tmp_path: Path) -> None:
+    # all of the table's volume would be 240 m thick on this outline
+    case = write_case(tmp_path / 'valley', hours=400.0, yaml=f'{LAVA}end: 3600\n')
+    assert load_case(case).volume == pytest.approx(20.0 * 3600.0)
+
+
+def test_steepest_descent_fills_pits_on_its_way_to_the_border() -> None:
+    elevation = np.full((7, 5), 9.0)
+    # a pit at 1 behind a sill at 4, then down to the border
+    low = {(5, 2): 6.0, (4, 2): 1.0, (3, 3): 4.0, (2, 2): 3.0, (1, 2): 2.0, (0, 2): 0.0}
+    for place, height in low.items():
+        elevation[place] = height
+    path = descend(elevation, [(5, 2)])
+    assert {tuple(cell) for cell in np.argwhere(path).tolist()} == set(low)
+    elevation[1, 1] = np.nan
+    assert not descend(elevation, [(5, 2)])[1, 2]
+
+
+def test_paths_of_steepest_descent_spread_by_the_noise_of_the_ground() -> None:
+    y, x = np.indices((40, 41)).astype(float)
+    visits = count_visits(10.0 * y, [(38, 20)])
+    assert visits[38, 20] == PATHS and visits.max() == PATHS
+    across = np.abs(x - 20.0)
+    near, far = ((visits * across)[row].sum() / visits[row].sum() for row in (34, 4))
+    assert 0.2 < near < far < 10.0
+
+
+def test_calibration_forecasts_later_outlines(mapped: tuple[Path, Result], tmp_path: Path) -> None:
+    words = ['calibrate', mapped[0], '--device', 'cpu', '--spacing', '40', '--runs', '4']
+    words += ['--unknown', 'viscosity=1e4:4e4', '-o', tmp_path / 'out']
+    text = done(*words, '--until', '1000')
+    assert 'forecast of valley 1800 s: Jaccard' in text
+    result = json.loads((tmp_path / 'out/calibration.json').read_text())
+    assert result['fitted'] == ['valley 900 s']
+    (forecast,) = result['forecasts']
+    best = result['best']['numbers']
+    assert forecast['outline'] == 'valley 1800 s'
+    assert forecast['jaccard'] == best['valley 1800 s']['jaccard']
+    # the outlines are those of the usual constants
+    usual = result['usual']['numbers']
+    assert [item['jaccard'] for item in usual.values()] == [1.0, 1.0]
+    assert [item['fitted'] for item in usual.values()] == [1.0, 0.0]
+    case = load_case(mapped[0])
+    early, late = (item.footprint for item in case.outlines)
+    assert forecast['persistence'] == pytest.approx(early.sum() / late.sum())
+    assert '--until' in refused(*words, '--until', '2000')
+    assert 'after the first outline' in refused(*words, '--until', '10', '--fresh')
+
+
+def test_until_needs_outlines(tmp_path: Path) -> None:
+    case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
+    text = refused('calibrate', case, '--until', '900', '-o', tmp_path / 'out')
+    assert "lava calibrate: --until is '900', expected cases with dated outlines" in text
+    assert not (tmp_path / 'out').exists()
+
+
+def test_hindcast_reports_each_outline(mapped: tuple[Path, Result], tmp_path: Path) -> None:
+    words = ['hindcast', mapped[0], '--preset', 'draft', '--spacing', '40', '--device', 'cpu']
+    text = done(*words, '-o', tmp_path / 'out', '--maps', '1')
+    assert 'Jaccard on 900 s' in text and 'Jaccard on 1800 s' in text
+    scores = json.loads((tmp_path / 'out/hindcast.json').read_text())['outlines']
+    assert [item['jaccard'] for item in scores] == [1.0, 1.0]
+    assert 'Jaccard on 1800 s' in (tmp_path / 'out/hindcast.html').read_text()
+
+
+def test_case_without_outlines_has_none(valley: Case) -> None:
+    assert valley.outlines == () and score_outlines(valley, []) == []
