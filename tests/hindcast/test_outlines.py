@@ -68,10 +68,10 @@ def test_outlines_rotate_with_their_case(mapped: tuple[Path, Result]) -> None:
 
     case = load_case(mapped[0])
     for way in directions(8):
-        turned = way.turn(case)
+        turned = way.rotate(case)
         assert np.array_equal(turned.footprint, turned.outlines[-1].footprint)
         for item, original in zip(turned.outlines, case.outlines, strict=True):
-            assert np.array_equal(way.restore(item.footprint), original.footprint)
+            assert np.array_equal(way.rotate_back(item.footprint), original.footprint)
 
 
 def test_majority_of_runs_counts_at_each_time(mapped: tuple[Path, Result]) -> None:

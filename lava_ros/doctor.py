@@ -263,11 +263,6 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Results:
             WARN, f'the ports of domain {domain} are in the ephemeral range of Linux',
             'set ROS_DOMAIN_ID to a number from 0 to 101',
         ))
-    if environment.get('ROS_LOCALHOST_ONLY'):
-        results.append((
-            WARN, 'ROS_LOCALHOST_ONLY is deprecated and overrides the discovery range',
-            'unset it; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST does the same',
-        ))
     reach = environment.get('ROS_AUTOMATIC_DISCOVERY_RANGE', '') or 'SUBNET'
     text = f'domain {domain}, range {reach}: {DISCOVERY_RANGES.get(reach, "no such range")}'
     peers = environment.get('ROS_STATIC_PEERS', '')
