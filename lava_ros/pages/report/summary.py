@@ -152,7 +152,7 @@ class View:
         padded = np.pad(part.astype(float), missing, constant_values=np.nan)
         rows, columns = (size // self.factor for size in padded.shape)
         blocks = padded.reshape(rows, self.factor, columns, self.factor)
-        return reduce.reduce(blocks, axis=(1, 3))
+        return np.asarray(reduce.reduce(blocks, axis=(1, 3)))
 
 
 def view_of(summary: RunSummary) -> View:
