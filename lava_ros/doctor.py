@@ -300,7 +300,7 @@ def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Results:
     """
     if find_spec('rclpy') is None:
         return [(FAIL, 'not tried: no rclpy', _WAY_TO_ROS)]
-    words = [sys.executable, '-m', 'lava_ros.ros.loopback']
+    words = [sys.executable, '-m', 'lava_ros.clients.dds_probe']
     try:
         probe = subprocess.run(
             words, capture_output=True, text=True, timeout=timeout, check=False

@@ -3,6 +3,8 @@
 
 """The exception that this package raises for bad input."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 import reprlib
 from typing import Any
 
@@ -43,6 +45,24 @@ class LavaError(ValueError):
     def __reduce__(self) -> tuple[type['LavaError'], tuple[str, object, str]]:
         """Return the arguments from which another process rebuilds the exception."""
         return type(self), (self.field, self.value, self.expected)
+
+
+@contextmanager
+def refusing(
+    field: str, value: object, expected: str, *kinds: type[Exception]
+) -> Iterator[None]:
+    """Raise LavaError for exceptions of some kinds; without kinds, for all that are errors.
+
+    The text of the exception follows ``expected`` in brackets. A LavaError is not changed.
+    """
+    kinds = kinds or (Exception,)
+    try:
+        yield
+    except (LavaError, MemoryError):
+        raise
+    except kinds as error:
+        reason = str(error) or type(error).__name__
+        raise LavaError(field, value, f'{expected} ({reason})') from error
 
 
 class _Shown(reprlib.Repr):

@@ -4,9 +4,13 @@
 """Checks of user input: each returns the valid value or raises LavaError."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, MISSING
 import math
+from typing import Any, TypeVar
 
 from lava_ros.errors import LavaError
+
+Built = TypeVar('Built')
 
 
 def number(
@@ -120,3 +124,24 @@ def keys(
         if key not in value:
             raise LavaError(f'{field}.{key}', None, 'a value: this key is required')
     return dict(value)
+
+
+def build(kind: type[Built], label: str, data: object) -> Built:
+    """Build a dataclass from a mapping with its fields.
+
+    Raises:
+        LavaError: If the data are not such a mapping, or a field is not valid. The error names
+            ``label`` in place of the name of the class.
+    """
+    # mypy does not know that the class is a dataclass
+    names = {
+        item.name: item.default is MISSING and item.default_factory is MISSING
+        for item in fields(kind)  # type: ignore[arg-type]
+    }
+    required = [name for name, has_no_default in names.items() if has_no_default]
+    values: dict[str, Any] = keys(label, data, allowed=names, required=required)
+    try:
+        return kind(**values)
+    except LavaError as error:
+        _, dot, name = error.field.partition('.')
+        raise LavaError(label + dot + name, error.value, error.expected) from None

@@ -10,11 +10,13 @@ import json
 import os
 from pathlib import Path
 import signal
+import sys
 import time
 from typing import Any
 
 import pytest
 
+from deleted_effects import is_left_out
 from ros_domain import own_domain
 
 #: Context of one trial of a kind, by its name; gives the figures of the kind.
@@ -35,6 +37,11 @@ def pytest_configure() -> None:
         os.environ.setdefault('LAVA_THREADS', '1')
 
 
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Leave out tests that name an effect that has been deleted."""
+    return is_left_out(collection_path) or None
+
+
 def _devices() -> list[str]:
     import warp as wp
 
@@ -47,6 +54,32 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run a test that uses ``device`` on every device."""
     if 'device' in metafunc.fixturenames:
         metafunc.parametrize('device', _devices())
+
+
+@pytest.fixture(autouse=True)
+def conserved_volume(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[None]:
+    """Check after each test that its simulations have conserved the volume of the lava.
+
+    Not those of nodes, which may run in a thread until the process ends.
+    """
+    module = sys.modules.get('lava_ros.simulation.simulation')
+    is_of_a_node = request.node.nodeid.startswith('tests/ros/')
+    if module is None or is_of_a_node or request.node.get_closest_marker('spoils_volume'):
+        yield
+        return
+    advancing, flown = module.Simulation.advancing, {}
+
+    def recorded(simulation: Any, *arguments: Any, **options: Any) -> Any:
+        flown[id(simulation)] = simulation
+        return advancing(simulation, *arguments, **options)
+
+    monkeypatch.setattr(module.Simulation, 'advancing', recorded)
+    yield
+    for simulation in flown.values():
+        budget = simulation.budget()
+        assert budget.is_conserved, budget.text()
 
 
 @pytest.fixture(scope='session')

@@ -13,7 +13,9 @@ from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 
 #: Fields of a scene that `simulated` accepts.
-AROUND = ('ambient_temperature', 'gravity', 'wind_speed')
+AROUND = ('ambient_temperature', 'gravity', *(
+    name for effect in EFFECTS.values() for name in effect.environment
+))
 
 
 def only(*names: str) -> Effects:

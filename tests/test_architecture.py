@@ -12,6 +12,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / 'docs/ARCHITECTURE.md').read_text(encoding='utf-8')
+(LINE,) = re.findall(r'^    (errors .*)$', PAGE, re.MULTILINE)
+ORDER = LINE.split()
 MODULES = {
     '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__'): path
     for path in (ROOT / 'lava_ros').rglob('*.py')
@@ -43,16 +45,24 @@ def room_of(module: str) -> str:
 
 
 def test_imports_follow_the_order_of_rooms():
-    (line,) = re.findall(r'^    (errors .*)$', PAGE, re.MULTILINE)
-    order = line.split()
-    assert {room_of(module) for module in MODULES} == set(order)
+    assert {room_of(module) for module in MODULES} == set(ORDER)
     back = [
         (module, other)
         for module, others in IMPORTS.items()
         for other in others
-        if order.index(room_of(other)) > order.index(room_of(module))
+        if ORDER.index(room_of(other)) > ORDER.index(room_of(module))
     ]
     assert not back
+
+
+def test_rooms_before_the_node_import_no_rclpy():
+    order = ORDER[: ORDER.index('ros')]
+    for module, path in MODULES.items():
+        if room_of(module) in order:
+            assert not re.search(
+                r'^\s*(from|import) (rclpy|\w+_(msgs|srvs|interfaces))\b',
+                path.read_text(encoding='utf-8'), re.MULTILINE,
+            ), module
 
 
 def test_imports_are_not_circular():

@@ -28,7 +28,7 @@ from recording import record
 from small_checkpoint import small_checkpoint
 
 #: Bits that are flipped in each bag; `make nightly` tries more.
-FLIPS = int(os.environ.get('LAVA_FLIPS', '8'))
+FLIPS = int(os.environ.get('LAVA_FLIPS', '2'))
 
 TIMES = (200.0, 400.0, 600.0, 800.0)
 
@@ -213,12 +213,15 @@ def test_every_command_that_reads_a_bag_is_tested() -> None:
     assert taking == set(BAG_COMMANDS)
 
 
-@pytest.mark.parametrize('command', BAG_COMMANDS)
+@pytest.mark.parametrize('command', [
+    pytest.param(name, marks=() if name in ('info', 'recover', 'export') else pytest.mark.nightly)
+    for name in BAG_COMMANDS
+])
 def test_missing_messages_are_reported(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr('lava_ros.ros.player.play', lambda bag, **_: 0)
+    monkeypatch.setattr('lava_ros.clients.player.play', lambda bag, **_: 0)
     monkeypatch.setattr('lava_ros.watch.server.Server', Mock())
     monkeypatch.setattr('signal.signal', lambda *_: None)
     (tmp_path / 'huts.csv').write_text('name,x,y\nhut,300,300\n')
@@ -244,7 +247,7 @@ def test_missing_messages_are_reported(
 def test_refuses_an_invalid_message_count(bag: Path, count: str) -> None:
     path = bag / 'metadata.yaml'
     path.write_text(re.sub(r'(?<=^    message_count: )\d+', count, path.read_text(), flags=re.M))
-    with pytest.raises(LavaError, match=r'metadata\.yaml.* message_count of each topic'):
+    with pytest.raises(LavaError, match=r'message_count of .*metadata\.yaml is'):
         BagReader(bag)
 
 
@@ -258,7 +261,7 @@ def test_a_flipped_bit_is_never_silent(
         lambda panels, path, **report: drawn.append((list(map(vars, panels)), report)),
     )
     monkeypatch.setattr(
-        'lava_ros.ros.player.play', lambda bag, **_: len(drawn.extend(schedule(bag)) or drawn)
+        'lava_ros.clients.player.play', lambda bag, **_: len(drawn.extend(schedule(bag)) or drawn)
     )
     path = bag / 'bag_0.mcap'
     # half of the bits are anywhere, half in the first bytes of records

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every block of code in the README and the documents runs as it is written.
+"""Every block of code in the documents runs as it is written: the README in every run.
+
+The blocks of other documents run nightly; every run parses their `lava` commands.
 
 A block runs in a folder of its own, with the files that a reader would have (`_furnish`). An HTML
 comment before the block marks what cannot run here:
@@ -39,6 +41,7 @@ import yaml
 
 from command_line import lava
 from eruption import write_case, write_grid
+from lava_ros.cli.parser import command_line_parser
 from lava_ros.scene import scene_from_yaml
 
 ROOT = Path(__file__).parents[1]
@@ -50,6 +53,9 @@ REASONS = {
     'a robot': 'needs one', 'a display': 'opens a window',
     'no program': 'is text: a layout, a table, output',
 }
+
+#: Characters that only a shell understands.
+SHELL = re.compile(r'[|&;<>$*`]')
 
 DOCUMENTS = sorted(
     path
@@ -178,9 +184,16 @@ def _is_run(block: Block) -> bool:
     return '' not in _left_out(block)
 
 
+def _is_quick(block: Block) -> bool:
+    return block.document == 'README.md' or block.language == 'yaml'
+
+
 def _running(language: str) -> Any:
     """Return a parameter for each block of a language that runs in the unchanged package."""
-    running = [item for item in STANDING if item.language == language and _is_run(item)]
+    running = [
+        pytest.param(item, marks=() if _is_quick(item) else pytest.mark.nightly)
+        for item in STANDING if item.language == language and _is_run(item)
+    ]
     return pytest.mark.parametrize('block', running, ids=str)
 
 
@@ -220,6 +233,17 @@ def test_blocks_are_found_and_exceptions_have_reasons() -> None:
         assert is_known or not _is_run(block), f'{block} is {block.language or "of no language"}'
 
 
+def test_commands_are_parsed() -> None:
+    parser, count = command_line_parser(), 0
+    for block in STANDING:
+        for command in _commands(block) if block.language == 'sh' and _is_run(block) else ():
+            if command.startswith('lava ') and not SHELL.search(command):
+                words = shlex.split(command.partition(' --ros-args')[0], comments=True)
+                parser.parse_args(words[1:])
+                count += 1
+    assert count > 30
+
+
 @_running('sh')
 def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = _environment(shop)
@@ -234,7 +258,7 @@ def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.Monk
         monkeypatch.setenv(name, text)
     for command in _commands(block):
         first, *words = shlex.split(command, comments=True)
-        if first == 'lava' and not re.search(r'[|&;<>$*`]', command):
+        if first == 'lava' and not SHELL.search(command):
             # faster than a process
             status, *output = lava(*words)
         else:

@@ -27,6 +27,7 @@ def test_notebook_has_no_outputs() -> None:
     assert all(cell['outputs'] == [] and cell['execution_count'] is None for cell in code)
 
 
+@pytest.mark.nightly
 def test_cells_run_in_order(tmp_path: Path) -> None:
     cells = [''.join(c['source']) for c in NOTEBOOK['cells'] if c['cell_type'] == 'code']
     cells += ["for number in plt.get_fignums(): plt.figure(number).savefig(f'{number}.png')"]

@@ -9,19 +9,17 @@ import time
 
 import numpy as np
 
-from lava_ros.ros.worker import SimulationWorker
+from lava_ros.live.worker import SimulationWorker
 from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import PendingSnapshot, Snapshot, StepReport
 from lava_ros.simulation.resolution import resolution_of
 from lava_ros.simulation.selection import decide, effects_for, HORIZON
+from waiting import PATIENCE
 
 TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
 VENT = Vent((25.0, 15.0), 2.0, 1360.0, name='one')
-#: Maximum time to wait on a busy machine [s].
-PATIENCE = 180.0
-
 OUTSIDE = Vent((500.0, 0.0), 2.0, 1360.0, name='far')
 
 

@@ -32,7 +32,7 @@ from typing import Any
 from bench_scenes import BenchScene, scenes
 import numpy as np
 
-from lava_ros.effects import Effects, excluded_by
+from lava_ros.effects import compatible, Effects, excluded_by
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy, COVERED
@@ -95,21 +95,16 @@ def left_off(decisions: Sequence[Decision]) -> list[Decision]:
 def everything(decisions: Sequence[Decision]) -> dict[str, bool]:
     """Return switches that force on every effect that the scene has, as far as compatible.
 
-    Of inertia and lateral stress, which exclude each other, the one that is on is kept; if neither
-    is on, the one whose number is closer to its threshold.
+    Of effects that exclude each other the one that is on is kept; if neither is on, the one whose
+    number is closer to its threshold.
     """
-    found = {item.name: item for item in decisions}
-    forced = {
-        name: not (math.isnan(item.value) or math.isinf(item.effect.threshold))
-        for name, item in found.items()
-    }
-    inertia, lateral = found['inertia'], found['helmholtz']
-    to_inertia, to_lateral = (
-        item.largest / item.effect.threshold for item in (inertia, lateral)
-    )
-    forced['inertia'] = inertia.is_on or (not lateral.is_on and to_inertia > to_lateral)
-    forced['helmholtz'] = not forced['inertia']
-    return forced
+    found = [
+        item for item in decisions
+        if not (math.isnan(item.value) or math.isinf(item.effect.threshold))
+    ]
+    found.sort(key=lambda item: (item.is_on, item.largest / (item.effect.threshold or 1e-9)))
+    on = compatible(item.name for item in reversed(found))
+    return {item.name: item.name in on for item in decisions}
 
 
 def directions(count: int) -> list[tuple[int, int]]:

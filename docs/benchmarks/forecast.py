@@ -22,9 +22,9 @@ import time
 import numpy as np
 
 from lava_ros.cli.demo_forecast import LAVA, SPACING, SPEED, UNCERTAINTY, VENT
-from lava_ros.ros.ensemble_forecasts import ForecastRules
-from lava_ros.ros.forecaster import Forecaster
-from lava_ros.ros.worker import SimulationWorker
+from lava_ros.live.ensemble_forecasts import ForecastRules
+from lava_ros.live.forecaster import Forecaster
+from lava_ros.live.worker import SimulationWorker
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.terrain_files import demo_terrain
 from lava_ros.simulation import Simulation

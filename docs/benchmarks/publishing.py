@@ -7,7 +7,7 @@ The output is publishing_h200.csv:
 
     python docs/benchmarks/publishing.py cuda:0 > docs/benchmarks/publishing_h200.csv
 
-The node's worker (``lava_ros.ros.worker``) runs a field of lava at full speed, in steps of fixed
+The node's worker (``lava_ros.live.worker``) runs a field of lava at full speed, in steps of fixed
 length, with ten snapshots per second or none. Another thread of the process converts each snapshot
 to the bytes of an occupancy grid, like in the node; no message is sent. Lava covers nearly all
 cells. Periods with and without grids alternate; a period with grids is compared with the periods
@@ -31,8 +31,8 @@ import time as wall_clock
 import warp as wp
 
 from lava_ros.files.resources import share_path
+from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.ros.worker import SimulationWorker
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import row_of

@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from lava_ros.bag.mcap_file import has_begun, mapped, read_summary
 from lava_ros.bag.reader import mcap_files
 from lava_ros.bag.records import BROKEN, FRAME, is_whole, iter_records, MAX_RECORD_SIZE, TRUNCATED
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input
 from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
 
@@ -58,12 +58,9 @@ class Attachment:
         label = f'attachment {self.name} at byte {self.offset} of {self.path}'
         if self.length > MAX_RECORD_SIZE:
             raise LavaError(label, f'{self.length} bytes', f'at most {MAX_RECORD_SIZE}')
-        try:
-            with open_input(self.path) as stream:
-                stream.seek(self.offset)
-                content = stream.read(self.length)
-        except OSError as error:
-            raise LavaError(label, str(error), 'a readable file') from error
+        with refusing(label, str(self.path), 'a readable file'), open_input(self.path) as stream:
+            stream.seek(self.offset)
+            content = stream.read(self.length)
         if len(content) < self.length:
             raise LavaError(label, f'{len(content)} bytes', f'{self.length} bytes')
         if self.name == UNREADABLE or not is_whole(content):

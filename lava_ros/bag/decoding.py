@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from itertools import pairwise
 import math
 import re
-import struct
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lava_ros.bag.reader import BagMessage, BagReader
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.optional import require
 
 # A fixed-length array takes memory for the length in its definition, whatever a message contains.
 _FIXED = re.compile(rb'^\s*[^#\s]+\[\d', re.MULTILINE)
 
-_CDR_HEADER = 4
+# An array of int8: the decoder makes a Python integer of each item, but bytes of uint8.
+_INT8 = re.compile(r'\bint8\[\]')
 
 #: Maximum plausible simulated time in a bag [s]: 30,000 years.
 MAX_TIME = 1e12
@@ -41,7 +41,10 @@ class Decoder:
 
         self._factory = DecoderFactory()
         self._schemas = {
-            name: Schema(number, topic.schema.text.encode(), 'ros2msg', topic.message_type)
+            name: Schema(
+                number, _INT8.sub('uint8[]', topic.schema.text).encode(), 'ros2msg',
+                topic.message_type,
+            )
             for number, (name, topic) in enumerate(bag.topics.items(), start=1)
         }
 
@@ -55,16 +58,12 @@ class Decoder:
         if _FIXED.search(schema.data):
             expected = 'a definition without arrays of fixed length'
             raise LavaError(f'definition of {schema.name}', schema.data.decode(), expected)
-        try:
+        # a library parses the untrusted definition, and its fields can be of any type
+        size = f'{len(message.data)} bytes'
+        with refusing(f'message on {message.topic}', size, f'a {schema.name}'):
             decode = self._factory.decoder_for('cdr', schema)
             assert decode is not None
             return take(decode(message.data))
-        except LavaError:
-            raise
-        # a library parses the untrusted definition, and its fields can be of any type
-        except Exception as error:
-            expected = f'a {schema.name} ({type(error).__name__}: {error})'
-            raise _wrong(message, expected) from error
 
 
 class Grid(NamedTuple):
@@ -75,35 +74,20 @@ class Grid(NamedTuple):
     cells: np.ndarray
 
 
-def read_grid(message: BagMessage) -> Grid:
-    """Read an occupancy grid directly from CDR; a decoder would make a Python int per cell.
+def read_grid(decoder: Decoder, message: BagMessage) -> Grid:
+    """Read an occupancy grid.
 
     Raises:
         LavaError: If the message is truncated or is not an occupancy grid.
     """
-    body = memoryview(message.data)[_CDR_HEADER:]
-    try:
-        order = '<' if message.data[1] & 1 else '>'
-        # Header: a stamp of 8 bytes, the length of the frame's name, and the name.
-        (length,) = struct.unpack_from(f'{order}I', body, 8)
-        start = _aligned(12 + length, 4)
-        # The map's load time, 8 bytes, precedes its resolution.
-        resolution, columns, rows = struct.unpack_from(f'{order}f2I', body, start + 8)
-        pose = _aligned(start + 20, 8)
-        x, y = struct.unpack_from(f'{order}2d', body, pose)
-        (count,) = struct.unpack_from(f'{order}I', body, pose + 56)
-        cells = np.frombuffer(body, np.int8, count, pose + 60)
-        return Grid(resolution, (x, y), cells.reshape(rows, columns))
-    except (IndexError, struct.error, ValueError) as error:
-        raise _wrong(message, f'a grid ({error})') from error
 
+    def read(grid: Any) -> Grid:
+        info, place = grid.info, grid.info.origin.position
+        cells = np.frombuffer(grid.data, np.int8).reshape(info.height, info.width)
+        return Grid(info.resolution, (place.x, place.y), cells)
 
-def _aligned(position: int, size: int) -> int:
-    return -(-position // size) * size
-
-
-def _wrong(message: BagMessage, expected: str) -> LavaError:
-    return LavaError(f'message on {message.topic}', f'{len(message.data)} bytes', expected)
+    result: Grid = decoder.decode(message, read)
+    return result
 
 
 #: numpy type of each sensor_msgs/PointField datatype: INT8 is 1, FLOAT64 is 8.

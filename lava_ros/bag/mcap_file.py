@@ -11,7 +11,7 @@ memory is bounded by the blocks that overlap in time.
 """
 
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 import heapq
@@ -28,7 +28,7 @@ from mcap.summary import Summary
 from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import records
 from lava_ros.bag.records import MAGIC
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input
 
 # Length at which a run of messages outside of chunks ends its block [bytes].
@@ -160,27 +160,20 @@ class McapFile:
         return found
 
     def _opened(self) -> BinaryIO:
-        try:
+        with refusing('bag', str(self.path), 'a readable file', OSError):
             return open_input(self.path)
-        except OSError as error:
-            raise LavaError('bag', str(self.path), f'a readable file ({error})') from error
 
     def _read(
         self, stream: BinaryIO, block: Block, channel_ids: frozenset[int]
     ) -> Iterator[Message]:
-        try:
+        expected = f'a readable file; {block.length} bytes at byte {block.offset} are not readable'
+        with refusing('bag', str(self.path), expected, OSError, *records.DAMAGE):
             records.check_size(block.length, records.MAX_RECORD_SIZE)
             stream.seek(block.offset)
             data = stream.read(block.length)
-            found = [item for frame in records.frames(data) for item in records.parse(*frame)]
-        except (OSError, *records.DAMAGE) as error:
-            expected = f'a readable file; {block.length} bytes at byte {block.offset} are not '
-            expected += f'readable ({type(error).__name__}: {error})'
-            raise LavaError('bag', str(self.path), expected) from error
+            found = list(records.parse(data))
         for item in found:
             if isinstance(item, Message) and item.channel_id in channel_ids:
-                # a view would keep the whole block in memory
-                item.data = bytes(item.data)
                 yield item
 
 
@@ -190,29 +183,23 @@ def has_begun(path: Path) -> bool:
     Raises:
         LavaError: If the file is unreadable.
     """
-    try:
+    with refusing('bag', str(path), 'a readable MCAP file', OSError):
         return path.stat().st_size >= len(MAGIC)
-    except OSError as error:
-        raise LavaError('bag', str(path), f'a readable MCAP file ({error})') from error
 
 
 @contextmanager
 def mapped(path: Path) -> Iterator[mmap.mmap]:
     """Map the bytes of an MCAP file, finished or not; errors as in ``open_mcap``."""
-    try:
-        with open_input(path) as stream:
-            if not stream.read(1):
-                raise LavaError('bag', str(path), 'an MCAP file; this one is empty')
-            with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                # a file with damaged magic bytes is still an MCAP file if a record follows
-                if data[: len(MAGIC)] != MAGIC and not records.fits(data, len(MAGIC)):
-                    expected = 'an MCAP file; it does not start like one'
-                    raise LavaError('bag', str(path), expected)
-                yield data
-    except FileNotFoundError:
-        raise LavaError('bag', str(path), 'an MCAP file that exists') from None
-    except OSError as error:
-        raise LavaError('bag', str(path), f'a readable MCAP file ({error})') from error
+    if not path.exists():
+        raise LavaError('bag', str(path), 'an MCAP file that exists')
+    with refusing('bag', str(path), 'a readable MCAP file', OSError), open_input(path) as stream:
+        if not stream.read(1):
+            raise LavaError('bag', str(path), 'an MCAP file; this one is empty')
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            # a file with damaged magic bytes is still an MCAP file if a record follows
+            if data[: len(MAGIC)] != MAGIC and not records.fits(data, len(MAGIC)):
+                raise LavaError('bag', str(path), 'an MCAP file; it does not start like one')
+            yield data
 
 
 def open_mcap(path: Path) -> McapFile:
@@ -257,8 +244,7 @@ def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | N
             return None
         for index in sorted(summary.metadata_indexes, key=lambda item: item.offset):
             records.check_size(index.length, records.MAX_RECORD_SIZE)
-            for frame in records.frames(data[index.offset : index.offset + index.length]):
-                _add(result, records.parse(*frame), 0, 0)
+            _add(result, records.parse(data[index.offset : index.offset + index.length]), 0, 0)
     except records.DAMAGE:
         return None
     assert summary.statistics is not None
@@ -293,10 +279,9 @@ def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
             return False
     for chunk in summary.chunk_indexes:
         start = chunk.chunk_start_offset
-        for opcode, content in records.frames(data[start : start + chunk.chunk_length]):
-            if opcode != Opcode.CHUNK:
-                return False
-            records.unpacked(content)
+        if data[start] != Opcode.CHUNK:
+            return False
+        deque(records.parse(data[start : start + chunk.chunk_length]), maxlen=0)
     return data[: len(MAGIC)] == MAGIC
 
 
@@ -325,9 +310,8 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
         elif opcode in records.PARSED:
             try:
                 records.check_size(end - start, records.MAX_RECORD_SIZE)
-                found = records.parse(opcode, data[start:end])
-                joins = opcode == Opcode.MESSAGE
-                _add(result, found, offset, end - offset, joins=joins)
+                found = list(records.parse(data[offset:end]))
+                _add(result, found, offset, end - offset, joins=opcode == Opcode.MESSAGE)
             except UnsupportedCompressionError as error:
                 damage.append((offset, end, f'a chunk ({error})'))
             except records.DAMAGE:
@@ -355,7 +339,8 @@ def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
 
 
 def _add(
-    contents: McapFile, found: list[McapRecord], offset: int, length: int, *, joins: bool = False
+    contents: McapFile, found: Iterable[McapRecord], offset: int, length: int, *,
+    joins: bool = False,
 ) -> None:
     """Add the contents of records, and a block if messages are among them.
 

@@ -13,7 +13,7 @@ import zlib
 import yaml
 
 from lava_ros.bag.qos import QosProfile
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.yaml import parse_yaml, read_yaml
 from lava_ros.validation import whole
 
@@ -32,7 +32,8 @@ CHECKSUM = 'crc32'
 
 _TEXT = 'serialized_metadata'
 
-_ROOT = 'rosbag2_bagfile_information'
+#: Key of all metadata in metadata.yaml.
+ROOT = 'rosbag2_bagfile_information'
 
 # rosbag2's start time for a bag without messages.
 _NEVER = 2**63 - 1
@@ -103,13 +104,15 @@ def describe(
 
 def to_record(data: Mapping[str, Any]) -> dict[str, str]:
     """Convert metadata to the content of a file's ``rosbag2`` record, with a checksum."""
-    text = _dump(data)
+    text = to_text(data)
     return {_TEXT: text, CHECKSUM: _checksum(RECORD, text)}
 
 
 def to_text(data: Mapping[str, Any]) -> str:
-    """Convert metadata to the content of metadata.yaml."""
-    return _dump({_ROOT: data})
+    """Convert metadata to YAML."""
+    # lines are not folded, so that every YAML reader gets long values unchanged
+    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)
+    return text
 
 
 def is_whole(name: str, record: Mapping[str, str]) -> bool:
@@ -141,9 +144,9 @@ def read_metadata(path: Path) -> StoredMetadata:
     """
     expected = 'metadata that rosbag2 wrote; if it is damaged, remove it: it is not needed'
     data = read_yaml('bag', path, expected)
-    if not isinstance(data, Mapping) or _ROOT not in data:
-        raise LavaError('bag', str(path), f'{expected} (a mapping with the key {_ROOT})')
-    return _parsed(data[_ROOT], path)
+    if not isinstance(data, Mapping) or ROOT not in data:
+        raise LavaError('bag', str(path), f'{expected} (a mapping with the key {ROOT})')
+    return _parsed(data[ROOT], path)
 
 
 def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
@@ -177,13 +180,12 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
 
 def _counts(listed: object, path: Path) -> Counter[str]:
     counts: Counter[str] = Counter()
-    try:
+    expected = 'metadata with a name and a message_count of each topic; if damaged, remove it'
+    with refusing('bag', str(path), expected, KeyError, TypeError):
         for item in listed:  # type: ignore[attr-defined]
             name = str(item['topic_metadata']['name'])
-            counts[name] += whole(name, item['message_count'], at_least=0, at_most=2**63)
-    except (LavaError, KeyError, TypeError) as error:
-        expected = 'metadata with a name and a message_count of each topic; if it is damaged, '
-        raise LavaError('bag', str(path), f'{expected}remove it: it is not needed') from error
+            field = f'message_count of {name} in {path}'
+            counts[name] += whole(field, item['message_count'], at_least=0, at_most=2**63)
     return counts
 
 
@@ -198,9 +200,3 @@ def _time_span(start_ns: int | None, end_ns: int | None) -> dict[str, Any]:
         'starting_time': {'nanoseconds_since_epoch': start_ns},
         'duration': {'nanoseconds': end_ns - start_ns},
     }
-
-
-def _dump(data: Mapping[str, Any]) -> str:
-    # Lines are not folded, so that every YAML reader gets long values unchanged.
-    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)
-    return text

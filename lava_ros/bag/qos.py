@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.yaml import parse_yaml
 
 #: rosbag2's value for a duration without limit [ns].
@@ -95,12 +95,8 @@ def profiles_from_yaml(text: str) -> tuple[QosProfile, ...]:
     items = parse_yaml('offered_qos_profiles', text, expected) or []
     if not isinstance(items, list):
         raise LavaError('offered_qos_profiles', text, expected)
-    try:
+    with refusing('offered_qos_profiles', text, expected):
         return tuple(_from_dict(item) for item in items)
-    except LavaError:
-        raise
-    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise LavaError('offered_qos_profiles', text, f'{expected} ({error})') from error
 
 
 def merge(profiles: Iterable[QosProfile]) -> QosProfile:

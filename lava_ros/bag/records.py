@@ -6,7 +6,7 @@
 A size in a file is checked before memory is allocated for it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from io import BytesIO
 import mmap
 import re
@@ -14,10 +14,10 @@ import struct
 import zlib
 
 import lz4.frame
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata, Schema
+from mcap.records import Chunk, Footer, McapRecord
+from mcap.stream_reader import StreamReader
 import zstandard
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -53,11 +53,8 @@ DAMAGE = (
 # Content of the record that ends the file, with a checksum at its end.
 _FOOTER = struct.Struct('<QQI')
 
-# A message before its data: channel, sequence, log and publish time.
-_MESSAGE = struct.Struct('<HIQQ')
-
-# A chunk before its compression: times, uncompressed size and checksum, length of a text.
-_CHUNK = struct.Struct('<QQQII')
+# Size of a message before its data: channel, sequence, log and publish time.
+_MESSAGE_SIZE = struct.calcsize('<HIQQ')
 
 # Layout of the records of the data section: number of bytes before the variable-length items,
 # format of the length before each of these items, number of bytes after them.
@@ -75,14 +72,8 @@ _LAYOUTS = {
 # Possible beginning of a record that is shorter than 4 GiB.
 _BEGINNING = re.compile(rb'[\x03\x04\x06\x07\x09\x0c\x0f].{4}\0{4}', re.DOTALL)
 
-_READ: dict[int, Callable[[ReadDataStream], McapRecord]] = {
-    Opcode.SCHEMA: Schema.read,
-    Opcode.CHANNEL: Channel.read,
-    Opcode.METADATA: Metadata.read,
-}
-
-#: Opcodes that ``parse`` supports.
-PARSED = frozenset({*_READ, Opcode.CHUNK, Opcode.MESSAGE})
+#: Opcodes of records that define or contain messages, or describe the recording.
+PARSED = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.CHUNK, Opcode.MESSAGE)
 
 
 def iter_records(data: mmap.mmap) -> Iterator[tuple[int, int, int]]:
@@ -131,7 +122,7 @@ def fits(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> bool:
         return False
     if opcode == Opcode.MESSAGE:
         # a message has no item to check; in a file with chunks it is probably a damaged index
-        return int(length) >= _MESSAGE.size and not has_chunks
+        return int(length) >= _MESSAGE_SIZE and not has_chunks
     if opcode not in _LAYOUTS:
         return False
     before, kinds, after = _LAYOUTS[opcode]
@@ -188,67 +179,42 @@ def check_size(size: int, maximum: int) -> None:
         raise McapError(f'{size} bytes at once, more than {maximum}')
 
 
-def frames(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Split records into opcode and content.
+def parse(data: bytes) -> Iterator[McapRecord]:
+    """Parse complete records; of a chunk, the records inside it.
 
     Raises:
-        McapError, struct.error: If a record is incomplete.
+        UnsupportedCompressionError: If the compression of a chunk is neither lz4 nor zstd.
+        DAMAGE: If a record is damaged, or a chunk is too large or differs from its header.
     """
-    view = memoryview(data)
-    position = 0
-    while position < len(view):
-        opcode, length = FRAME.unpack_from(view, position)
-        start = position + FRAME.size
-        position = start + length
-        if position > len(view):
-            raise McapError(f'a record of {length} bytes where {len(view) - start} are left')
-        yield opcode, view[start:position]
+    for record in _records(data):
+        if isinstance(record, Chunk):
+            yield from (item for item in _records(unpacked(record)) if not isinstance(item, Chunk))
+        else:
+            yield record
 
 
-def parse(opcode: int, content: bytes | memoryview) -> list[McapRecord]:
-    """Parse a record; of a chunk, the records inside it. Raises the same errors as ``unpacked``.
-
-    The data of a message are a view of the content, or of the chunk.
-    """
-    if opcode == Opcode.CHUNK:
-        return [
-            record
-            for inner, part in frames(unpacked(content))
-            if inner != Opcode.CHUNK
-            for record in parse(inner, part)
-        ]
-    if opcode == Opcode.MESSAGE:
-        channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(content)
-        data = memoryview(content)[_MESSAGE.size :]
-        return [Message(channel, log_time, data, publish_time, sequence)]
-    read = _READ.get(opcode)
-    return [] if read is None else [read(ReadDataStream(BytesIO(content)))]
+def _records(data: bytes) -> Iterator[McapRecord]:
+    # the reader expects the end of a file
+    end = FRAME.pack(Opcode.FOOTER, _FOOTER.size) + bytes(_FOOTER.size) + MAGIC
+    limit = len(data) + len(end)
+    reader = StreamReader(BytesIO(data + end), True, emit_chunks=True, record_size_limit=limit)
+    return (item for item in reader.records if not isinstance(item, Footer))
 
 
-def unpacked(content: bytes | memoryview) -> bytes | memoryview:
-    """Return the uncompressed records of a chunk.
-
-    Raises:
-        UnsupportedCompressionError: If the compression is neither lz4 nor zstd.
-        DAMAGE: If the chunk is damaged or too large, or its size differs from that in its header.
-    """
-    _, _, size, stored, length = _CHUNK.unpack_from(content)
+def unpacked(chunk: Chunk) -> bytes:
+    """Return the uncompressed records of a chunk; errors as in ``parse``."""
+    size, data = chunk.uncompressed_size, chunk.data
     check_size(size, MAX_CHUNK_SIZE)
-    view = memoryview(content)
-    place = _CHUNK.size + length
-    compression = bytes(view[_CHUNK.size : place]).decode()
-    (length,) = struct.unpack_from('<Q', view, place)
-    data: bytes | memoryview = view[place + 8 : place + 8 + length]
     # one byte more than the stated size is enough to detect that there is more
-    if compression == 'lz4':
+    if chunk.compression == 'lz4':
         data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
-    elif compression == 'zstd':
+    elif chunk.compression == 'zstd':
         reader = zstandard.ZstdDecompressor().stream_reader(data, read_across_frames=True)
         data = reader.read(size + 1)
-    elif compression:
-        raise UnsupportedCompressionError(compression)
+    elif chunk.compression:
+        raise UnsupportedCompressionError(chunk.compression)
     if len(data) != size:
         raise McapError(f'a chunk of {size} bytes that contains {len(data)} or more')
-    if stored not in (0, zlib.crc32(data)):
+    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise McapError('a chunk that does not match its checksum')
     return data

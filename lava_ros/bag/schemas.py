@@ -11,7 +11,7 @@ from pathlib import Path
 import re
 import sys
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 
 _TYPE_NAME = re.compile(r'([A-Za-z]\w*)/msg/([A-Za-z]\w*)')
 
@@ -103,11 +103,8 @@ def _dependencies(text: str, package: str) -> list[str]:
 
 
 def _type_hash(message_type: str, path: Path) -> str:
-    try:
+    expected = f'a type whose hash is in {path.name} next to its definition, as packages built '
+    with refusing('message_type', message_type, f'{expected}for ROS 2 Jazzy have it'):
         hashes = json.loads(path.read_text(encoding='utf-8'))['type_hashes']
-        found = (item['hash_string'] for item in hashes if item['type_name'] == message_type)
-        return str(next(found))
-    except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:
-        expected = f'a type whose hash is in {path.name} next to its definition, as packages '
-        expected += f'built for ROS 2 Jazzy have it ({type(error).__name__})'
-        raise LavaError('message_type', message_type, expected) from error
+        found = {item['type_name']: item['hash_string'] for item in hashes}
+        return str(found[message_type])

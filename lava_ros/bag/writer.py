@@ -18,7 +18,7 @@ from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag.metadata import FileRecord, TopicRecord
 from lava_ros.bag.qos import profiles_to_yaml, QosProfile
 from lava_ros.bag.schemas import message_schema, MessageSchema
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 
 #: Uncompressed size at which a chunk is closed [bytes]; ``flush`` also closes it.
 CHUNK_SIZE = 4 * 1024 * 1024
@@ -236,14 +236,11 @@ class BagWriter:
         duration = validation.number('max_duration', max_duration, at_least=0.0, unit='s')
         self._max_duration_ns = round(duration * 1e9)
         self.directory = Path(directory).absolute()
-        try:
-            self._directory = _Directory(self.directory)
-        except FileExistsError:
+        if os.path.lexists(self.directory):
             expected = 'a directory that does not exist yet; choose another name or remove it'
-            raise LavaError('bag', str(directory), expected) from None
-        except OSError as error:
-            expected = f'a directory that can be created ({error})'
-            raise LavaError('bag', str(directory), expected) from error
+            raise LavaError('bag', str(directory), expected)
+        with refusing('bag', str(directory), 'a directory that can be created', OSError):
+            self._directory = _Directory(self.directory)
         self._topics: dict[str, _Topic] = {}
         self._records: list[FileRecord] = []
         self._last_stamp_ns: int | None = None
@@ -386,7 +383,8 @@ class BagWriter:
                 self._file.finish(self._custom_data)
             topics = (item.record for item in self._topics.values())
             data = bag_metadata.describe(self._records, topics, self._custom_data)
-            self._directory.put(bag_metadata.FILE_NAME, bag_metadata.to_text(data))
+            text = bag_metadata.to_text({bag_metadata.ROOT: data})
+            self._directory.put(bag_metadata.FILE_NAME, text)
         finally:
             self._directory.close()
 

@@ -21,7 +21,7 @@ from lava_ros.cli.scene_options import SCENE_OPTIONS
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
-    from lava_ros.ros.monitor import Observation
+    from lava_ros.clients.monitor import Observation
     from lava_ros.scene import Scene
 
 #: Default wall time of the flow [s]; a GPU would finish too fast to watch.
@@ -171,9 +171,9 @@ def _flow(
     Raises:
         ChildError: If the node fails.
     """
+    from lava_ros.clients.monitor import Monitor
     from lava_ros.maps.plot import area_words
     from lava_ros.maps.plot import duration as words
-    from lava_ros.ros.monitor import Monitor
 
     with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
         changed_at, last = time.monotonic(), (0.0, '')

@@ -28,7 +28,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
-    from lava_ros.ros.monitor import ForecastWatch, ReceivedGrid
+    from lava_ros.clients.monitor import ForecastWatch, ReceivedGrid
 
 #: Horizon of the forecasts [s], and simulated time per wall time [s/s].
 HORIZON, SPEED = 3600.0, 40.0
@@ -121,7 +121,7 @@ def _narrowed(
     Raises:
         ChildError: If the node fails, or takes too long.
     """
-    from lava_ros.ros.monitor import ForecastWatch
+    from lava_ros.clients.monitor import ForecastWatch
 
     settings = {
         'device': truth.device,

@@ -379,7 +379,7 @@ def _write_bag(bag: Path, plan: Plan, maps: HazardMaps, report: dict[str, Any]) 
             file=sys.stderr,
         )
         return []
-    from lava_ros.ros.offline_bags import write_atlas_bag
+    from lava_ros.ros.snapshot_bags import write_atlas_bag
 
     effects = [{'time': 0.0, 'effects': plan.explain_effects()}]
     data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}

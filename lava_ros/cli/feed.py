@@ -40,8 +40,8 @@ def feed(args: argparse.Namespace) -> int:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
-    from lava_ros.ros.arguments import start_ros
-    from lava_ros.ros.monitor import SceneFeed
+    from lava_ros.clients.feed import SceneFeed
+    from lava_ros.ros.executor import start_ros
 
     start_ros(args.ros_args)
     stopping: list[int] = []

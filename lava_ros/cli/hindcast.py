@@ -146,7 +146,7 @@ def _write_bag(
     case: Case, settings: Settings, run: Run, result: Result, bag: Path
 ) -> list[Path]:
     try:
-        from lava_ros.ros.offline_bags import write_snapshots
+        from lava_ros.ros.snapshot_bags import write_snapshots
     except ImportError:
         print('lava hindcast: wrote no bag, which needs ROS 2', file=sys.stderr)
         return []

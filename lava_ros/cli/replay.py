@@ -47,7 +47,7 @@ def replay(args: argparse.Namespace) -> int:
     wait = seconds_of('--wait-for-subscribers', args.wait_for_subscribers, may_be_zero=True)
     bag = BagReader(args.bag)
     require_ros()
-    from lava_ros.ros.player import play
+    from lava_ros.clients.player import play
 
     start, duration = bag.start_ns or 0, max(bag.duration_ns, 1)
     with Progress(has_lines=False) as progress:

@@ -73,7 +73,7 @@ def watch(args: argparse.Namespace) -> int:
 def _frames(args: argparse.Namespace) -> Frames:
     if args.bag is None:
         require_ros()
-        from lava_ros.ros.live_frames import LiveFrames
+        from lava_ros.clients.live_frames import LiveFrames
 
         return LiveFrames(args.namespace)
     for name in ('namespace', 'control'):

@@ -3,27 +3,36 @@
 
 """Registry of effects; each is a file with its declaration, equations and constants.
 
-Each declares ``EFFECT`` (``effect.py``) and defines the functions below that it needs. The part of
-an effect that depends on much of the solver is in ``simulation/step/effects``. ``wp`` is Warp, or
-its substitute on the host (``laws.HOST``), ``real`` the scalar type, ``law`` and ``constants`` the
-structs of constants of ``laws.py``:
+Each declares ``EFFECT`` (``effect.py``) and defines the functions below that it needs. ``wp`` is
+Warp, or its substitute on the host (``laws.HOST``), ``real`` the scalar type, ``law``,
+``constants`` and ``column`` the structs of ``laws.py``:
 
     viscosity(wp, real, law)                  mu(T)                          laws.py
     stiffening(wp, real, law, viscosity)      mu(T) with suspended solids    laws.py
     strength(wp, real, law)                   tau_y(T, thickness, age)       laws.py
     speed(wp, real, law, viscosity, strength) u of thickness and slope       laws.py
-    terms(wp, real, constants)                heat gained and lost           step/heat.py
+    terms(wp, real, constants, column)        heat gained and lost           step/heat.py
     relaxed(wp, real, constants, relaxation)  temperature after a step       step/heat.py
-    factor(real)                              factor of the mobility         step/flow.py
-    AfterStep                                 a pass at the end of a step    step/stage.py
+    warmed(wp, real, constants)               temperature after given heat   step/effects
+    factor(real), along(real, climbs=)        speed of a layer on a slope    step/flow.py
 
-``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, neighbors)``, called
-after the motion in every stage: its kernels return at once unless ``counts[IS_LAST]`` is 1, and
-the step is ``clock[STEP]``. ``state.ordered`` holds the particles before the motion, and
-``state.particle`` the same particles in the same order after it. An ``AfterStep`` with arrays of
-its own has ``save() -> arrays by name`` and ``load(arrays)`` for checkpoints.
+The part of an effect that launches kernels of its own is in ``simulation/step/effects``, or in
+its file:
 
-To add an effect, add its file; to delete an effect, delete its files.
+    compute_velocity(state, way, accuracy)         turns the local balance into the velocity
+    accelerate(state, way, accuracy)               before the motion
+    move_particles(state, neighbors, way, choice)  replaces the motion
+    step_limit(scene, accuracy, reach)             longest step [s]
+    AfterStep                                      a pass at the end of a step
+
+``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, way)``, called after the
+motion in every stage: its kernels return at once unless ``counts[IS_LAST]`` is 1, and the step is
+``clock[STEP]``. ``state.ordered`` holds the particles before the motion, and ``state.particle``
+the same particles in the same order after it. An ``AfterStep`` with arrays of its own has
+``save() -> arrays by name`` and ``load(arrays)`` for checkpoints, ``take_over(former, state)`` for
+a new terrain, and ``show(state, grids)`` if maps contain it.
+
+To add an effect, add its file and its test; to delete an effect, delete its files.
 """
 
 from __future__ import annotations
@@ -111,6 +120,14 @@ class Effects:
         """Return the modules of the effects that are on and define a function, by name."""
         return {name: file for name in self if hasattr(file := load(name), part)}
 
+    def function(self, part: str, *arguments: Any, **options: Any) -> Any:
+        """Return what a function of an effect that is on returns, None without such an effect.
+
+        Of several effects the last one counts, which is the most general.
+        """
+        modules = [*self.having(part).values()]
+        return getattr(modules[-1], part)(*arguments, **options) if modules else None
+
 
 def load(name: str) -> Any:
     """Return the module of an effect."""
@@ -120,6 +137,14 @@ def load(name: str) -> Any:
 def excluded_by(one: str, other: str) -> bool:
     """Return True if two effects cannot be on at once."""
     return other in EFFECTS[one].excludes or one in EFFECTS[other].excludes
+
+
+def compatible(names: Iterable[str]) -> Effects:
+    """Return ``Effects`` with the named ones on, of those that exclude each other the first."""
+    on = dict.fromkeys(EFFECTS, False)
+    for name in names:
+        on[name] = not any(on[other] and excluded_by(name, other) for other in on)
+    return Effects(**on)
 
 
 def possible(lava: Lava) -> tuple[str, ...]:

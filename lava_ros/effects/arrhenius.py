@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import Effect, number
+from lava_ros.effects.effect import Effect
 from lava_ros.effects.scales import footprint_change, Scales
 
 
@@ -37,12 +37,6 @@ EFFECT = Effect(
     exists=lambda lava: lava.arrhenius > 0.0,
     stiffens=True,
     is_default=True,
-    # 8e-3 is the paper's value, 0.04 is usual in the field (Dragoni 1989)
-    constants={
-        'arrhenius': number(
-            8e-3, 'Rate of the Arrhenius law of viscosity; 0: constant', 0.0, 1.0, '1/K'
-        ),
-    },
     law={'arrhenius': lambda lava: lava.arrhenius},
     benchmark={'arrhenius': 0.02},
 )

@@ -28,23 +28,16 @@ EFFECT = Effect(
 
 
 @lru_cache
-def terms(wp: Any, real: Any, constants_type: Any) -> Any:
+def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     """Return the device function for s [1/s] and s Ta [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def cooling(
-        constants: constants_type,
-        thickness: real,
-        temperature: real,
-        age: real,
-        drop: real,
-        speed: real,
-    ) -> vec2:
-        ambient = real(constants.ambient)
+    def cooling(constants: constants_type, column: column_type) -> vec2:
+        ambient, temperature = real(constants.ambient), column.temperature
         square = temperature * temperature + ambient * ambient
         loss = real(constants.radiation) * square * (temperature + ambient)
-        rate = (loss + real(constants.convection)) / thickness
+        rate = (loss + real(constants.convection)) / column.thickness
         return vec2(rate, rate * ambient)
 
     return cooling

@@ -30,6 +30,7 @@ EFFECT = Effect(
     admits='1 % of the temperature or 3 % of the speed',
     cost=footprint_change(0.03),
     source='column at rest',
+    no_case='no closed solution; its test integrates the balance',
     exists=lambda lava: lava.radiates and lava.crust_cover > 0.0,
     excludes={'crust': 'they are one effect'},
     replaces=('cooling',),
@@ -55,7 +56,7 @@ EFFECT = Effect(
 
 
 @lru_cache
-def terms(wp: Any, real: Any, constants_type: Any) -> Any:
+def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     """Return the device function for s [1/s] and s Ta [K/s]."""
     vec2 = wp.types.vector(2, real)
 
@@ -68,22 +69,15 @@ def terms(wp: Any, real: Any, constants_type: Any) -> Any:
         return radiation + real(constants.convection)
 
     @wp.func
-    def cover(
-        constants: constants_type,
-        thickness: real,
-        temperature: real,
-        age: real,
-        drop: real,
-        speed: real,
-    ) -> vec2:
-        ambient = real(constants.ambient)
-        share = real(constants.cover) * wp.exp(-real(constants.cover_decay) * speed)
+    def cover(constants: constants_type, column: column_type) -> vec2:
+        ambient, temperature = real(constants.ambient), column.temperature
+        share = real(constants.cover) * wp.exp(-real(constants.cover_decay) * column.speed)
         bare = transfer(constants, temperature)
         crusted = bare
         crust = wp.max(real(constants.crust), ambient)
         if temperature > crust:
             crusted = transfer(constants, crust) * (crust - ambient) / (temperature - ambient)
-        rate = (share * crusted + (real(1.0) - share) * bare) / thickness
+        rate = (share * crusted + (real(1.0) - share) * bare) / column.thickness
         return vec2(rate, rate * ambient)
 
     return cover

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """A crust: lava radiates from a surface that becomes colder with time since emission.
 
 The temperature of the surface follows from the balance of heat fluxes,
@@ -74,7 +73,7 @@ NEWTON_STEPS = 4
 
 
 @lru_cache
-def terms(wp: Any, real: Any, constants_type: Any) -> Any:
+def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     """Return the device function for s [1/s] and s Ta [K/s]."""
     vec2 = wp.types.vector(2, real)
 
@@ -91,14 +90,8 @@ def terms(wp: Any, real: Any, constants_type: Any) -> Any:
         return (w / c - w * w / shift) / diffusivity
 
     @wp.func
-    def crust(
-        constants: constants_type,
-        thickness: real,
-        temperature: real,
-        age: real,
-        drop: real,
-        speed: real,
-    ) -> vec2:
+    def crust(constants: constants_type, column: column_type) -> vec2:
+        thickness, temperature, age = column.thickness, column.temperature, column.age
         radiation = real(constants.radiation)
         convection = real(constants.convection)
         ambient = real(constants.ambient)

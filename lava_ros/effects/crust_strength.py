@@ -18,6 +18,7 @@ If the effect is switched on during a run, ages count from that time.
 """
 
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ EFFECT = Effect(
     admits='1.5 % of the speed: 3/2 of the number',
     cost=footprint_change(0.015),
     source='exact sheet, verification/exact/rheology.py',
+    no_case='its stress by thickness and age adds to the strength of herschel_bulkley',
     exists=lambda lava: lava.crust_strength > 0.0,
     constants={
         'crust_strength': number(0.0, 'Strength of the crust; 0: none', 0.0, 1e9, 'Pa'),
@@ -50,10 +52,7 @@ EFFECT = Effect(
             5e-7, 'Thermal diffusivity of the crust, by which it thickens', 0.0, 1e-3, 'm2/s'
         ),
     },
-    law={
-        'crust_strength': lambda lava: lava.crust_strength,
-        'crust_diffusivity': lambda lava: lava.crust_diffusivity,
-    },
+    law={name: attrgetter(name) for name in ('crust_strength', 'crust_diffusivity')},
     needs_age=True,
     benchmark={'crust_strength': 1e5},
 )

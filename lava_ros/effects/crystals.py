@@ -67,7 +67,7 @@ EFFECT = Effect(
         'crystals_over_packing': lambda lava: lava.crystals / lava.packing,
         'crystal_exponent': lambda lava: EXPONENTS[lava.crystal_law],
     },
-    benchmark={'crystal_law': 'einstein-roscoe', 'crystals': 0.4},
+    benchmark={'crystal_law': 'einstein-roscoe', 'crystals': 0.4, 'solidus': 1100.0},
 )
 
 

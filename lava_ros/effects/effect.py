@@ -144,6 +144,7 @@ class Effect:
         cost: That error as the largest fraction of the inundated area that changes: cells that
             lava covers either with or without the effect. It is proportional to the number.
         source: Source of threshold and cost.
+        no_case: Why no case of ``lava verify`` has it; empty if one does.
         exists: Function that returns True if a lava has the effect. An effect with an
             ``environment`` also needs one of its values to differ from 0.
         is_default: True if ``Effects()`` contains it.
@@ -159,6 +160,12 @@ class Effect:
         stiffens: True if it makes the speed of lava depend on its temperature.
         needs_age: True if its terms depend on the age of a column.
         needs_speed: True if its terms depend on the speed of a column.
+        needs_drop: True if its terms depend on the height that a column falls.
+        needs_velocity: True if lava has momentum: particles carry their velocity from step to
+            step, and a step has one stage.
+        is_lateral: True if it is lateral stress: the local velocity is the force that drives it.
+        freezes: True if columns colder than the solidus become ground.
+        work_power: Power of the number of particles in the time of an evaluation.
         arrays: Arrays that it keeps on the device, by name.
         removes_particles: True if particles may lose all their volume to it, and are then dropped.
         benchmark: Constants of lava, or of the scene, with which it matters, by name.
@@ -174,6 +181,7 @@ class Effect:
     admits: str = ''
     cost: float = 0.0
     source: str = ''
+    no_case: str = ''
     exists: Callable[[Lava], bool] = lambda lava: True
     is_default: bool = False
     constants: Mapping[str, Any] = field(default_factory=dict)
@@ -188,6 +196,11 @@ class Effect:
     stiffens: bool = False
     needs_age: bool = False
     needs_speed: bool = False
+    needs_drop: bool = False
+    needs_velocity: bool = False
+    is_lateral: bool = False
+    freezes: bool = False
+    work_power: float = 1.0
     arrays: Mapping[str, Array] = field(default_factory=dict)
     removes_particles: bool = False
     benchmark: Mapping[str, Any] = field(default_factory=dict)

@@ -17,6 +17,7 @@ EFFECT = Effect(
     admits='nothing: helmholtz is the better form',
     source='docs/benchmarks/choice_lateral.csv',
     excludes={'inertia': 'the lateral stress is part of the local balance'},
+    is_lateral=True,
     arrays={
         # x, y [m], and volume times local velocity, x and y [m4/s], of each ordered particle
         'source': Array('vec4'),

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Conduction into the ground, a half-space at air temperature before lava reaches it.
 
 Ground at Tg in contact with lava of constant temperature T for a time t takes up
@@ -75,21 +74,14 @@ EFFECT = Effect(
 
 
 @lru_cache
-def terms(wp: Any, real: Any, constants_type: Any) -> Any:
+def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     """Return the device function for s [1/s] and s Tg [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def ground(
-        constants: constants_type,
-        thickness: real,
-        temperature: real,
-        age: real,
-        drop: real,
-        speed: real,
-    ) -> vec2:
-        b = real(constants.contact) / thickness
-        root = wp.sqrt(age)
+    def ground(constants: constants_type, column: column_type) -> vec2:
+        b = real(constants.contact) / column.thickness
+        root = wp.sqrt(column.age)
         x = b * root
         c = real(wp.static(4.0 / math.pi)) + real(wp.static(2.0 - 4.0 / math.pi)) * x / (
             x + real(0.85)

@@ -20,6 +20,9 @@ EFFECT = Effect(
         'green': 'they are one effect',
         'inertia': 'the lateral stress is part of the local balance',
     },
+    is_lateral=True,
+    # finer particles need more sweeps
+    work_power=1.5,
     arrays={
         # x, y from the centre [m], area V / h [m2] and thickness [m] of each ordered particle
         'layer': Array('vec4'),

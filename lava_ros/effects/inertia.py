@@ -3,7 +3,6 @@
 
 """Inertia (equations: simulation/step/effects/inertia.py)."""
 
-
 import numpy as np
 
 from lava_ros.effects.effect import Array, Effect
@@ -27,10 +26,7 @@ EFFECT = Effect(
     admits='2 % of the front: a fifth of the number',
     cost=0.02,
     source='point source on a slope with and without',
-    arrays={
-        # velocity of each particle in the middle of the latest step [m/s]
-        'velocity': Array('vec2', is_carried=True),
-        # acceleration x and y [m/s2] of each ordered particle
-        'kick': Array('vec2'),
-    },
+    needs_velocity=True,
+    # acceleration x and y [m/s2] of each ordered particle
+    arrays={'kick': Array('vec2')},
 )

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Latent heat, released by crystals that form between liquidus and solidus.
 
 Crystallisation is linear in temperature, so the heat content over rho c h is
@@ -57,7 +56,7 @@ EFFECT = Effect(
     check=_check,
     # L / c [K]
     heat={'latent': lambda scene: scene.lava.latent_heat / scene.lava.specific_heat},
-    benchmark={'latent_heat': 3e5},
+    benchmark={'latent_heat': 3e5, 'solidus': 1100.0},
 )
 
 

@@ -7,20 +7,13 @@ Each law is written once. On the host, Python runs the same lines, with ``HOST``
 and floats in place of its scalars.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import lru_cache
 import math
 from types import SimpleNamespace
 from typing import Any
 
-from lava_ros.effects import (
-    drop_superseded,
-    EFFECTS,
-    Effects,
-    excluded_by,
-    existing,
-    possible,
-)
+from lava_ros.effects import compatible, drop_superseded, EFFECTS, Effects, existing, possible
 from lava_ros.effects.effect import join_names
 from lava_ros.effects.protocols import Lava, Scene
 
@@ -89,9 +82,7 @@ def viscosity_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> A
     def constant(law: law_type, temperature: real) -> real:
         return real(law.viscosity)
 
-    viscosity = constant
-    for module in effects.having('viscosity').values():
-        viscosity = module.viscosity(wp, real, law_type)
+    viscosity = effects.function('viscosity', wp, real, law_type) or constant
     for module in effects.having('stiffening').values():
         viscosity = module.stiffening(wp, real, law_type, viscosity)
     return viscosity
@@ -125,17 +116,15 @@ def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
     None if lava is Newtonian: both are then rho g h^2 / (3 mu).
     """
     viscosity = viscosity_function(wp, real, law_type, effects)
-    strength, speed = _strength_function(wp, real, law_type, effects), None
-    # the last one is the most general
-    for module in effects.having('speed').values():
-        speed = module.speed(wp, real, law_type, viscosity, strength)
-    return speed
+    strength = _strength_function(wp, real, law_type, effects)
+    return effects.function('speed', wp, real, law_type, viscosity, strength)
 
 
 @lru_cache
 def _on_host(lava: Lava) -> tuple[Any, Any, Any]:
     """Return the constants, mu(T) and the yield strength of a lava."""
-    effects = _all_of(name for name in possible(lava) if EFFECTS[name].law)
+    laws = drop_superseded(name for name in possible(lava) if EFFECTS[name].law)
+    effects = compatible(laws)
     functions = (
         one(HOST, float, object, effects) for one in (viscosity_function, _strength_function)
     )
@@ -152,14 +141,6 @@ def strength_at(lava: Lava, temperature: float) -> float:
     """Return the yield strength [Pa] at a temperature [K], before a crust has grown."""
     values, _, strength = _on_host(lava)
     return 0.0 if strength is None else float(strength(values, temperature, 1.0, 0.0))
-
-
-def _all_of(names: Iterable[str]) -> Effects:
-    """Return ``Effects`` with the named ones that are not replaced; the first of rivals."""
-    on = dict.fromkeys(EFFECTS, False)
-    for name in drop_superseded(names):
-        on[name] = not any(on[other] and excluded_by(name, other) for other in on)
-    return Effects(**on)
 
 
 def heat_values(scene: Scene, names: tuple[str, ...]) -> dict[str, float]:
@@ -189,6 +170,15 @@ def heat_type(real: Any) -> Any:
     return structure('HeatConstants', tuple(dict.fromkeys((*_HEAT, *_MORE_HEAT))), real)
 
 
+@lru_cache
+def column_type(real: Any) -> Any:
+    """Return the struct of what a term of the heat balance depends on.
+
+    Thickness [m], temperature [K], age [s], height that the column falls [m/s], speed [m/s].
+    """
+    return structure('Column', ('thickness', 'temperature', 'age', 'drop', 'speed'), real)
+
+
 def heat_of(scene: Scene, effects: Effects, real: Any) -> Any:
     """Return the struct of the constants of the heat balance for the device."""
     return _filled(heat_type(real)(), heat_values(scene, tuple(effects)))
@@ -201,7 +191,7 @@ def heat_balance(scene: Scene) -> Callable[[float, float, float, float], tuple[f
         Function of thickness [m], temperature [K], age [s] and speed [m/s] that returns s [1/s]
         and f [K/s] of dT/dt = f - s T.
     """
-    terms = _heat_terms(scene, _all_of(existing(scene)))
+    terms = _heat_terms(scene, compatible(existing(scene)))
 
     def balance(
         thickness: float, temperature: float, age: float, speed: float
@@ -214,8 +204,9 @@ def heat_balance(scene: Scene) -> Callable[[float, float, float, float], tuple[f
 
 def heat_loss(scene: Scene) -> Callable[[float], float]:
     """Return the heat flux [W/m2] from bare lava at rest to the air, by temperature [K]."""
-    effects = _all_of(name for name in possible(scene.lava) if EFFECTS[name].is_surface)
-    terms, capacity = _heat_terms(scene, effects), scene.lava.density * scene.lava.specific_heat
+    surfaces = drop_superseded(name for name in possible(scene.lava) if EFFECTS[name].is_surface)
+    terms = _heat_terms(scene, compatible(surfaces))
+    capacity = scene.lava.density * scene.lava.specific_heat
 
     def loss(temperature: float) -> float:
         balances = terms(1.0, temperature, math.inf, 0.0)
@@ -229,10 +220,17 @@ def _heat_terms(
 ) -> Callable[[float, float, float, float], list[tuple[float, float]]]:
     """Return the terms of each effect by thickness [m], temperature [K], age [s], speed [m/s]."""
     values = SimpleNamespace(**heat_values(scene, tuple(effects)))
-    every = [one.terms(HOST, float, object) for one in effects.having('terms').values()]
-    return lambda thickness, temperature, age, speed: [
-        one(values, thickness, temperature, age, 0.0, speed) for one in every
-    ]
+    every = [one.terms(HOST, float, object, object) for one in effects.having('terms').values()]
+
+    def terms(
+        thickness: float, temperature: float, age: float, speed: float
+    ) -> list[tuple[float, float]]:
+        column = SimpleNamespace(
+            thickness=thickness, temperature=temperature, age=age, drop=0.0, speed=speed
+        )
+        return [one(values, column) for one in every]
+
+    return terms
 
 
 def _filled(target: Any, values: dict[str, float]) -> Any:

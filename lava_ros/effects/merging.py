@@ -8,6 +8,7 @@ from lava_ros.effects.effect import Array, Effect
 EFFECT = Effect(
     rank=180,
     title='particles that have come together merge, stretched ones split',
+    no_case='it changes particles, not lava',
     arrays={
         # merge partner of each particle, whether it splits, and number of splitting ones before it
         'partner': Array('int32'),

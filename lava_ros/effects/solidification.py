@@ -22,6 +22,7 @@ EFFECT = Effect(
         # solidified volume [m3]
         'frozen': Array('float64', 1, is_total=True),
     },
+    freezes=True,
     removes_particles=True,
     benchmark={'solidus': 1100.0},
 )

@@ -10,6 +10,7 @@ the composition. The law is that of the melt, and infinite at C: temperatures be
 
 from functools import lru_cache
 import math
+from operator import attrgetter
 from typing import Any
 
 from lava_ros.effects.effect import Effect, number
@@ -32,11 +33,7 @@ EFFECT = Effect(
         ),
         'vft_c': number(0.0, 'Constant C of the VFT law', 0.0, 2000.0, 'K'),
     },
-    law={
-        'vft_a': lambda lava: lava.vft_a,
-        'vft_b': lambda lava: lava.vft_b,
-        'vft_c': lambda lava: lava.vft_c,
-    },
+    law={name: attrgetter(name) for name in ('vft_a', 'vft_b', 'vft_c')},
     benchmark={'vft_b': 9000.0, 'vft_c': 600.0},
 )
 

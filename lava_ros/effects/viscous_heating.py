@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Viscous heating: the work of gravity turns into heat.
 
 Without acceleration, shear dissipates the work of gravity: rho g h |grad S| |u| per area, equal to
@@ -16,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.effects.effect import Array, Effect
+from lava_ros.effects.effect import Effect
 from lava_ros.effects.scales import footprint_change, Scales
 
 
@@ -37,25 +36,17 @@ EFFECT = Effect(
     source='energy of the fall',
     # g / c [K/m]
     heat={'fall': lambda scene: scene.gravity / scene.lava.specific_heat},
-    # gradient of the surface at each ordered particle
-    arrays={'slope': Array('vec2')},
+    needs_drop=True,
 )
 
 
 @lru_cache
-def terms(wp: Any, real: Any, constants_type: Any) -> Any:
+def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     """Return the device function for s = 0 and the warming [K/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def heating(
-        constants: constants_type,
-        thickness: real,
-        temperature: real,
-        age: real,
-        drop: real,
-        speed: real,
-    ) -> vec2:
-        return vec2(real(0.0), real(constants.fall) * drop)
+    def heating(constants: constants_type, column: column_type) -> vec2:
+        return vec2(real(0.0), real(constants.fall) * column.drop)
 
     return heating

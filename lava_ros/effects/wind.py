@@ -11,7 +11,6 @@ Volcanology 63, 20-44). That is 1.75 W/(m2 K) at 1 m/s. It is added to the conve
 FLOWGO's 8.73 W/(m2 K) for 5 m/s, set it to 0.
 """
 
-
 import numpy as np
 
 from lava_ros.effects.effect import Effect, number
@@ -43,6 +42,7 @@ EFFECT = Effect(
     admits='1 % of the temperature or 3 % of the speed',
     cost=footprint_change(0.03),
     source='column at rest',
+    no_case='it adds to the convection of cooling',
     exists=lambda lava: lava.radiates,
     environment={
         'wind_speed': number(0.0, 'Speed of the wind over the lava; 0: still', 0.0, 100.0, 'm/s'),

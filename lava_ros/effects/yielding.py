@@ -8,6 +8,7 @@ agreement with measurements.
 """
 
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -42,10 +43,7 @@ EFFECT = Effect(
             0.0, 'Rate at which yield strength rises as lava cools', 0.0, 1.0, '1/K'
         ),
     },
-    law={
-        'yield_strength': lambda lava: lava.yield_strength,
-        'yield_rate': lambda lava: lava.yield_rate,
-    },
+    law={name: attrgetter(name) for name in ('yield_strength', 'yield_rate')},
     benchmark={'yield_strength': 500.0, 'yield_rate': 0.01},
 )
 

@@ -13,7 +13,7 @@ import secrets
 import stat
 from typing import BinaryIO
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 
 _LOG = logging.getLogger(__name__)
 
@@ -51,6 +51,12 @@ def open_input(path: str | Path) -> BinaryIO:
         raise
 
 
+def check_exists(field: str, path: Path) -> None:
+    """Raise LavaError, which names ``field``, if a file does not exist."""
+    if not os.path.exists(path):
+        raise LavaError(field, str(path), 'a file that exists')
+
+
 def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
     """Check and return the path of an output, and log that an existing file will be replaced.
 
@@ -67,7 +73,7 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
     path = Path(value)
     if endings and path.suffix.lower() not in endings:
         raise LavaError(field, str(value), f'a file whose name ends with {" or ".join(endings)}')
-    try:
+    with refusing(field, str(value), 'a file to write', OSError, ValueError):
         place = _target(path)
         is_there = os.path.lexists(place)
         if is_there:
@@ -77,8 +83,6 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
         for item in (place, place.parent) if is_there else (place.parent,):
             if not os.access(item, os.W_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(item))
-    except (OSError, ValueError) as error:
-        raise LavaError(field, str(value), f'a file to write ({error})') from error
     if is_there:
         _LOG.info('%s exists and will be replaced', path)
     return path
@@ -111,13 +115,9 @@ def replacing(path: Path) -> Iterator[Path]:
 @contextmanager
 def writing(field: str, path: str | Path) -> Iterator[Path]:
     """Yield a file as ``replacing``; raise LavaError, which names ``field``, for an OSError."""
-    try:
-        with replacing(Path(path)) as partial:
-            yield partial
-    except LavaError:
-        raise
-    except (OSError, ValueError) as error:
-        raise LavaError(field, str(path), f'a file to write ({error})') from error
+    expected = 'a file to write'
+    with refusing(field, str(path), expected, OSError, ValueError), replacing(Path(path)) as file:
+        yield file
 
 
 def write_output(field: str, path: str | Path, data: str | bytes) -> None:

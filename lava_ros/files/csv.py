@@ -8,8 +8,8 @@ import csv
 from pathlib import Path
 import re
 
-from lava_ros.errors import LavaError
-from lava_ros.files import open_input
+from lava_ros.errors import LavaError, refusing
+from lava_ros.files import check_exists, open_input
 
 #: Maximum size of a table [bytes].
 MAX_BYTES = 64 * 2**20
@@ -39,7 +39,8 @@ def read_table(
         LavaError: If the table cannot be read, has no rows, other columns or a column twice, or if
             a row has the wrong length.
     """
-    try:
+    check_exists(field, path)
+    with refusing(field, str(path), 'a readable table of text', OSError, ValueError, csv.Error):
         with open_input(path) as file:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
@@ -55,10 +56,6 @@ def read_table(
             (reader.line_num, [_cell(cell, separator) for cell in row])
             for row in reader if any(cell.strip() for cell in row)
         ]
-    except FileNotFoundError:
-        raise LavaError(field, str(path), 'a file that exists') from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LavaError(field, str(path), f'a readable table of text ({error})') from error
     names = ','.join(columns or ['of names of columns'])
     if len(lines) < 2:
         expected = f'a first line {names} and at least one row'

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import lava_ros
-from lava_ros.errors import LavaError, one_line
+from lava_ros.errors import one_line, refusing
 from lava_ros.files import open_input, writing
 from lava_ros.files.optional import require
 
@@ -83,9 +83,10 @@ def read_picture(field: str, path: str | Path, max_side: int = _MAX_LOGO) -> Any
     require('matplotlib', field, str(path))
     from PIL import Image
 
-    try:
-        with open_input(path) as file, Image.open(file, formats=('PNG', 'JPEG')) as image:
-            image.thumbnail((max_side, max_side))
-            return image.convert('RGBA')
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise LavaError(field, str(path), f'a PNG or JPEG picture ({error})') from error
+    with (
+        refusing(field, str(path), 'a PNG or JPEG picture'),
+        open_input(path) as file,
+        Image.open(file, formats=('PNG', 'JPEG')) as image,
+    ):
+        image.thumbnail((max_side, max_side))
+        return image.convert('RGBA')

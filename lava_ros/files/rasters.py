@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import MAX_CELLS, open_input, warn_of_unknown
 from lava_ros.files.optional import require
 
@@ -154,15 +154,14 @@ def open_raster(field: str, path: str | Path) -> Iterator[Any]:
 
     # an absolute path cannot be a URL
     place = Path(path).absolute()
-    try:
+    # an error of GDAL may contain bytes of a damaged file
+    kinds = (RasterioError, OSError, UnicodeDecodeError)
+    with refusing(field, str(path), 'a raster that GDAL can read', *kinds):
         kind = _format_of(field, place)
         if kind.driver == 'VRT':
             _check_virtual(field, place)
         with _opened(field, place, kind) as source:
             yield source
-    # an error of GDAL may contain bytes of a damaged file
-    except (RasterioError, OSError, UnicodeDecodeError) as error:
-        raise LavaError(field, str(path), f'a raster that GDAL can read ({error})') from error
 
 
 def _format_of(field: str, path: Path) -> RasterFormat:
@@ -245,12 +244,10 @@ def _check_virtual(field: str, path: Path) -> None:
     """Raise LavaError for a virtual raster with sources other than rasters in its folder."""
     with open_input(path) as file:
         text = file.read(MAX_VIRTUAL + 1)
-    try:
+    with refusing(field, str(path), 'a readable virtual raster'):
         if len(text) > MAX_VIRTUAL or b'<!' in text:
             raise ValueError(f'at most {MAX_VIRTUAL} bytes, and no document type')
         elements = list(ElementTree.fromstring(text).iter())
-    except (ElementTree.ParseError, ValueError) as error:
-        raise LavaError(field, str(path), f'a readable virtual raster ({error})') from error
     advice = 'of the same folder (gdal_translate makes a GeoTIFF of the virtual raster)'
     for item in elements:
         name, value = f'{item.tag} of {path.name}', (item.text or '').strip()
@@ -273,18 +270,18 @@ def _check_virtual(field: str, path: Path) -> None:
 
 def _check_database(field: str, path: Path) -> None:
     """Raise LavaError for a damaged database, whose missing values GDAL reads as 0."""
-    try:
-        with closing(sqlite3.connect(f'{path.as_uri()}?immutable=1', uri=True)) as database:
-            (found,) = database.execute('PRAGMA quick_check(1)').fetchone()
-            sizes = [
-                database.execute(f'PRAGMA page_{name}').fetchone()[0] for name in ('count', 'size')
-            ]
-        if found == 'ok' and sizes[0] * sizes[1] > path.stat().st_size:
-            found = f'{path.stat().st_size} of {sizes[0] * sizes[1]} bytes'
-    except (sqlite3.Error, UnicodeDecodeError) as error:
-        found = str(error)
-    if found != 'ok':
-        raise LavaError(field, str(path), f'an undamaged GeoPackage ({found})')
+    with (
+        refusing(field, str(path), 'an undamaged GeoPackage'),
+        closing(sqlite3.connect(f'{path.as_uri()}?immutable=1', uri=True)) as database,
+    ):
+        found, count, size = (
+            database.execute(f'PRAGMA {name}').fetchone()[0]
+            for name in ('quick_check(1)', 'page_count', 'page_size')
+        )
+        if found == 'ok' and count * size > path.stat().st_size:
+            found = f'{path.stat().st_size} of {count * size} bytes'
+        if found != 'ok':
+            raise ValueError(found)
 
 
 def _check_size(field: str, path: Path, source: Any) -> None:

@@ -21,12 +21,7 @@ def share_path(relative: str) -> Path:
     Raises:
         LavaError: If there is no such file. The error lists the places that were searched.
     """
-    candidates = _candidates(relative)
-    for candidate in candidates:
-        if candidate.exists():
-            return candidate
-    expected = f'a file of {PACKAGE}; looked for {_listed(candidates)}'
-    raise LavaError('share path', relative, expected)
+    return _first(_own(relative), 'share path', relative, f'a file of {PACKAGE}')
 
 
 def find_file(name: str | Path, folder: str, *, field: str, expected: str) -> Path:
@@ -46,26 +41,25 @@ def find_file(name: str | Path, folder: str, *, field: str, expected: str) -> Pa
     """
     path = Path(name)
     # only a bare name is searched in the folder: a path could lead out of it
-    own = _candidates(f'{folder}/{name}') if path.name == str(name) else []
-    for candidate in (path, *own):
-        if os.path.lexists(candidate):
-            return candidate
-    places = _listed([path.absolute(), *own])
-    raise LavaError(field, str(name), f'{expected}; looked for {places}')
+    own = _own(f'{folder}/{name}') if path.name == str(name) else []
+    return _first([path, *own], field, str(name), expected)
 
 
-def _candidates(relative: str) -> list[Path]:
-    return [root / relative for root in _roots()]
+def _first(paths: list[Path], field: str, value: str, expected: str) -> Path:
+    """Return the first path that exists."""
+    for path in paths:
+        if os.path.lexists(path):
+            return path
+    places = ', '.join(str(path.absolute()) for path in paths)
+    raise LavaError(field, value, f'{expected}; looked for {places}')
 
 
-def _listed(paths: list[Path]) -> str:
-    return ', '.join(str(path) for path in paths)
-
-
-def _roots() -> list[Path]:
+def _own(relative: str) -> list[Path]:
+    """Return the possible paths of a data file of this package."""
     checkout = Path(__file__).resolve().parents[2]
     manifest = checkout / 'package.xml'
     is_checkout = manifest.is_file() and f'<name>{PACKAGE}</name>' in manifest.read_text('utf-8')
     ament = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     prefixes = [*(Path(item) for item in ament if item), Path(sys.prefix)]
-    return [checkout] * is_checkout + [prefix / 'share' / PACKAGE for prefix in prefixes]
+    roots = [checkout] * is_checkout + [prefix / 'share' / PACKAGE for prefix in prefixes]
+    return [root / relative for root in roots]

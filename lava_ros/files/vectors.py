@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import warnings
 import zipfile
 
-from lava_ros.errors import LavaError
-from lava_ros.files import open_input, warn_of_unknown, write_output
+from lava_ros.errors import LavaError, refusing
+from lava_ros.files import check_exists, open_input, warn_of_unknown, write_output
 from lava_ros.files.optional import require
 
 _LOG = logging.getLogger(__name__)
@@ -108,26 +108,15 @@ def read_vectors(field: str, path: Path) -> list[Item]:
     """
     require('pyogrio', field, str(path))
     known, contents = _content(field, path)
-    with warnings.catch_warnings(record=True) as told:
+    expected = f'a file of {known.name} that GDAL can read'
+    with refusing(field, str(path), expected), warnings.catch_warnings(record=True) as told:
         warnings.simplefilter('always')
-        try:
-            result = [item for data in contents for item in _read(known, data, path)]
-        except LavaError:
-            raise
-        # the errors of pyogrio have no common class
-        except Exception as error:
-            expected = f'a file of {known.name} that GDAL can read ({_message(error, path)})'
-            raise LavaError(field, str(path), expected) from error
-    # GDAL warns that a file in memory has no suffix
-    texts = {_message(item.message, path) for item in told} - {''}
+        result = [item for data in contents for item in _read(known, data, path)]
+    # a message of GDAL has the path in memory; it warns that the file has no suffix
+    texts = {re.sub(r"/vsi[^\s']+", path.name, str(item.message)) for item in told} - {''}
     for text in sorted(text for text in texts if 'file extension' not in text):
         _LOG.warning(f'{path}: {text}')
     return result
-
-
-def _message(message: object, path: Path) -> str:
-    """Return a message of GDAL with the name of the file instead of its path in memory."""
-    return re.sub(r"/vsi[^\s']+", path.name, str(message))
 
 
 def _read(known: Format, data: bytes, path: Path) -> list[Item]:
@@ -211,19 +200,13 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     ending = _ending(path)
     if f'.{ending}' not in ENDINGS:
         raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
+    check_exists(field, path)
     journal = path.with_name(f'{path.name}-wal')
-    try:
+    with refusing(field, str(path), 'a readable file'):
         if ending == 'gpkg' and journal.exists() and journal.stat().st_size:
             expected = 'a GeoPackage closed by other programs: its -wal file has unsaved changes'
             raise LavaError(field, str(path), expected)
         files = _files(field, path)
-    except FileNotFoundError:
-        raise LavaError(field, str(path), 'a file that exists') from None
-    except LavaError:
-        raise
-    # the errors of damaged archives have no common class
-    except Exception as error:
-        raise LavaError(field, str(path), f'a readable file ({error})') from error
     wanted = ARCHIVES.get(ending, (ending,))
     found = sorted(
         name for name in files if _ending(name) in wanted and '__MACOSX' not in name.parts
@@ -246,11 +229,16 @@ def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     if lacking := [name for name in _PARTS[:3] if name not in parts]:
         expected = f'a Shapefile with its other parts in the same folder ({", ".join(lacking)})'
         raise LavaError(field, str(path), expected)
+    stem = re.sub(r'[^A-Za-z0-9_-]', '_', path.stem)
+    return known, [_archive({stem + name: data for name, data in parts.items()})]
+
+
+def _archive(files: Mapping[str, bytes]) -> bytes:
     packed = io.BytesIO()
-    with zipfile.ZipFile(packed, 'w') as archive:
-        for name, data in parts.items():
-            archive.writestr(f'{re.sub(r"[^A-Za-z0-9_-]", "_", path.stem)}{name}', data)
-    return known, [packed.getvalue()]
+    with zipfile.ZipFile(packed, 'w', zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return packed.getvalue()
 
 
 def _ending(path: Path) -> str:
@@ -316,43 +304,38 @@ def write_vectors(
     driver = 'CSV' if known is None else known.driver
     options = {'CSV': {'GEOMETRY': 'AS_WKT'}, 'GeoJSON': {'RFC7946': 'YES'}}.get(driver, {})
     written = []
-    try:
-        with TemporaryDirectory() as temporary, warnings.catch_warnings():
-            # GDAL warns that it cuts column names in a Shapefile
-            warnings.simplefilter('ignore')
-            for name, features in layers.items():
-                collection = {'type': 'FeatureCollection', 'features': list(features)}
-                text = json.dumps(collection) + '\n'
-                in_one = known is not None and known.has_layers
-                # GDAL packs a Shapefile with the suffix .shp.zip
-                inner = {'zip': 'shp.zip', 'kmz': 'kml'}.get(ending, ending)
-                place = Path(temporary, f'{stem if in_one else name}.{inner}')
-                if not features:
-                    if ending == 'geojson':
-                        place.write_text(text)
-                    continue
-                meta, _, geometry, values = raw.read(text.encode())
-                raw.write(
-                    place, geometry, values, meta['fields'], layer=name, driver=driver,
-                    geometry_type=features[0]['geometry']['type'], crs=crs, append=place.exists(),
-                    layer_options=options,
-                )
-            for place in sorted(Path(temporary).iterdir()):
-                data = place.read_bytes()
-                if ending == 'kmz':
-                    # GDAL cannot append a layer to an archive
-                    packed = io.BytesIO()
-                    with zipfile.ZipFile(packed, 'w', zipfile.ZIP_DEFLATED) as archive:
-                        archive.writestr('doc.kml', data)
-                    data = packed.getvalue()
-                suffix = place.suffix if ending not in ARCHIVES else f'.{ending}'
-                written.append(folder / f'{place.name.partition(".")[0]}{suffix}')
-                write_output('output', written[-1], data)
-    except LavaError:
-        raise
-    # the errors of GDAL and SQLite have no common class
-    except Exception as error:
-        raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
+    with (
+        refusing('output', str(folder), 'a folder to write to'),
+        TemporaryDirectory() as temporary,
+        warnings.catch_warnings(),
+    ):
+        # GDAL warns that it cuts column names in a Shapefile
+        warnings.simplefilter('ignore')
+        for name, features in layers.items():
+            collection = {'type': 'FeatureCollection', 'features': list(features)}
+            text = json.dumps(collection) + '\n'
+            in_one = known is not None and known.has_layers
+            # GDAL packs a Shapefile with the suffix .shp.zip
+            inner = {'zip': 'shp.zip', 'kmz': 'kml'}.get(ending, ending)
+            place = Path(temporary, f'{stem if in_one else name}.{inner}')
+            if not features:
+                if ending == 'geojson':
+                    place.write_text(text)
+                continue
+            meta, _, geometry, values = raw.read(text.encode())
+            raw.write(
+                place, geometry, values, meta['fields'], layer=name, driver=driver,
+                geometry_type=features[0]['geometry']['type'], crs=crs, append=place.exists(),
+                layer_options=options,
+            )
+        for place in sorted(Path(temporary).iterdir()):
+            data = place.read_bytes()
+            if ending == 'kmz':
+                # GDAL cannot append a layer to an archive
+                data = _archive({'doc.kml': data})
+            suffix = place.suffix if ending not in ARCHIVES else f'.{ending}'
+            written.append(folder / f'{place.name.partition(".")[0]}{suffix}')
+            write_output('output', written[-1], data)
     return written
 
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import yaml
 
-from lava_ros.errors import LavaError, MAX_VALUE_LENGTH, one_line
+from lava_ros.errors import LavaError, MAX_VALUE_LENGTH, one_line, refusing
 from lava_ros.files import open_input
 
 #: Maximum size of a text [bytes].
@@ -37,11 +37,8 @@ def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML fil
     Raises:
         LavaError: If the file cannot be read, or as in ``parse_yaml``.
     """
-    try:
-        with open_input(path) as file:
-            text = file.read(MAX_BYTES + 1).decode()
-    except (OSError, ValueError) as error:
-        raise LavaError(field, str(path), f'{expected} ({error})') from error
+    with refusing(field, str(path), expected, OSError, ValueError), open_input(path) as file:
+        text = file.read(MAX_BYTES + 1).decode()
     return parse_yaml(field, text, expected, value=str(path))
 
 
@@ -78,11 +75,9 @@ def parse_json(field: str, text: str | bytes) -> Any:
         LavaError: If the text is not JSON or too deep, or if a number is not finite or has more
             than ``MAX_DIGITS`` digits.
     """
-    try:
+    with refusing(field, text, 'JSON'):
         # JSON has no aliases, so that the text bounds the size
         return json.loads(text, parse_int=_integer, parse_constant=_integer)
-    except (ValueError, RecursionError) as error:
-        raise LavaError(field, text, f'JSON ({error})') from error
 
 
 def _integer(text: str) -> int:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import EFFECTS, Effects
+from lava_ros.effects import compatible, EFFECTS, Effects
 from lava_ros.forecast.forecast_run import SampledRun
 from lava_ros.forecast.member_scenes import end_scenes, median_scene, member_scene
 from lava_ros.forecast.sampling import Member
@@ -40,8 +40,6 @@ MAX_SAMPLES, MIN_SAMPLES, SAMPLE_INTERVAL = 120, 20, 60.0
 #: Lava has arrived where its thickness is at or above this value [m].
 THRESHOLD = 0.1
 
-#: Effects of which only one can be on.
-_RIVALS = ('inertia', 'green', 'helmholtz')
 
 #: Memory of a member for each cell of the terrain [bytes].
 _BYTES = 64
@@ -152,11 +150,8 @@ def make_plan(
         for one in (scene, *end_scenes(scene))
     ]
     called_for = {name for one in chosen for name in one}
-    # of mutually exclusive effects, prefer the one that the scene itself calls for
-    rivals = [name for name in _RIVALS if name in chosen[0]]
-    rivals = rivals or [name for name in _RIVALS if name in called_for][:1]
-    called_for -= set(_RIVALS) - set(rivals)
-    together = Effects(**{name: name in called_for for name in EFFECTS})
+    # of effects that exclude each other, prefer the one that the scene itself calls for
+    together = compatible((*chosen[0], *(name for name in EFFECTS if name in called_for)))
     forced = dict(effects or {})
     return Plan(scene, horizon, accuracy, together, threshold, samples, forced=forced)
 

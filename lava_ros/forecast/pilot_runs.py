@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -206,7 +206,7 @@ def completed(pilot: Pilot, model: Pilot) -> Pilot:
 
 def _power(effects: Effects) -> float:
     """Return the power of the number of particles in the time of an evaluation."""
-    return 1.5 if 'helmholtz' in effects else 1.0
+    return max((EFFECTS[name].work_power for name in effects), default=1.0)
 
 
 def _increments(pilot: Pilot) -> np.ndarray:

@@ -16,6 +16,7 @@ import time as wall_clock
 import numpy as np
 
 from lava_ros import validation
+from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.files import replacing, write_output
 from lava_ros.files.npz import read_arrays
@@ -47,7 +48,11 @@ LONGEST_STEP = 600.0
 #: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
 #: that resolve waves during weeks of creeping flow. Lateral stress is in none of the models with
 #: which materials were calibrated, and takes six times as long (docs/VALIDATION.md).
-FORCED = {'inertia': False, 'helmholtz': False}
+FORCED = {
+    name: False
+    for name, effect in EFFECTS.items()
+    if effect.needs_extent and math.isfinite(effect.threshold)
+}
 
 #: Name of the folder, inside the output, with the state of an unfinished run.
 UNFINISHED = '.unfinished'

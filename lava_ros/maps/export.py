@@ -3,8 +3,8 @@
 
 """Export of the maps of a bag as GeoTIFF and other GIS files."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Collection, Mapping
+from dataclasses import fields
 import logging
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,14 +13,14 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.bag.description import described, effects_on
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.optional import require
 from lava_ros.files.vectors import WRITTEN
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
-from lava_ros.maps.onset import recorded_onset
+from lava_ros.maps.onset import Onset, recorded_onset
 from lava_ros.maps.plot import time_note
 from lava_ros.scene import Vent
 from lava_ros.scene.projection import coordinate_system, system_name
@@ -47,6 +47,10 @@ class Placement(NamedTuple):
     def system(self) -> str | None:
         """The coordinate system in the notation of GDAL; None if it is unknown."""
         return self.wkt if self.epsg is None else f'EPSG:{self.epsg}'
+
+
+#: Values of a map, and its tags by name.
+_Made = tuple[np.ndarray, dict[str, str]]
 
 
 class Exported(NamedTuple):
@@ -108,13 +112,28 @@ def export_bag(
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
     crs = coordinate_system(placement.epsg, placement.wkt)
     gis.require_formats(formats, target, crs)
-    _make_empty(target)
+    with refusing('output', str(target), 'a folder to write to', OSError):
+        target.mkdir(parents=True, exist_ok=True)
+        if any(target.iterdir()):
+            raise LavaError('output', str(target), 'a folder that is new or empty')
     origin = provenance_of(recording)
-    writer = _Writer(
-        target, crs, placement.offset, Path(path).name, origin, threshold, formats
-    )
-    writer.vents = _vents(recording.scene)
-    current = [name for name in SOURCES if name in maps]
+    written: list[Path] = []
+    newest: dict[str, np.ndarray] = {}
+
+    def write(name: str, frame: Frame, made: _Made, file_name: str) -> None:
+        newest[name], tags = made
+        if 'tif' in formats:
+            tags = {'bag': Path(path).name, **tags}
+            position = _position(frame, placement.offset, crs)
+            files = gis.write_map(target / file_name, name, made[0], position, origin, tags)
+            # the style file is not listed
+            written.append(files[0])
+
+    def write_layers(frame: Frame, suffix: str = '') -> None:
+        for name in SOURCES:
+            if name in maps and name in frame.layers:
+                write(name, frame, _layer_map(name, frame, origin.onset), f'{name}{suffix}.tif')
+
     history = Arrival(threshold)
     last: Frame | None = None
     for index, frame in enumerate(recording.frames()):
@@ -126,23 +145,29 @@ def export_bag(
         last = frame
         if every:
             seconds = 'unknown' if frame.time is None else f'{frame.time:.0f}'
-            for name in current:
-                writer.write_layer(name, frame, f'{name}_{index:04d}_{seconds}s.tif')
+            write_layers(frame, f'_{index:04d}_{seconds}s')
     if last is None:
         target.rmdir()
         raise recording.missing_error(time, 'terrain and a map')
     if note := time_note(None if every else time, last):
         _LOG.warning(note)
-    for name in () if every else current:
-        writer.write_layer(name, last, f'{name}.tif')
+    if not every:
+        write_layers(last)
     for name in ('arrival', 'peak_thickness'):
         if name in maps and history.frame is not None:
-            writer.write_history(name, history.frame, history)
-    writer.finish(last, history)
-    if not writer.written:
+            write(name, history.frame, _history_map(name, history), f'{name}.tif')
+    if newest:
+        position = _position(last, placement.offset, crs)
+        layers = _shapes(last, history, newest, position, origin.onset)
+        layers |= gis.vents(_vents(recording.scene), placement.offset)
+        title = f'lava flow of {Path(path).name}'
+        written += gis.write_formats(
+            target, formats, layers, newest, position, title, origin.onset
+        )
+    if not written:
         have = sorted({layer.source for layer in recording.layers.values()})
         raise LavaError('maps', ', '.join(maps), f'maps of layers in the bag: {", ".join(have)}')
-    return Exported(tuple(writer.written), placement)
+    return Exported(tuple(written), placement)
 
 
 def placement_of(
@@ -205,107 +230,65 @@ def provenance_of(recording: Recording) -> gis.Provenance:
     )
 
 
-def _make_empty(directory: Path) -> None:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        is_empty = not any(directory.iterdir())
-    except OSError as error:
-        raise LavaError('output', str(directory), f'a folder to write to ({error})') from error
-    if not is_empty:
-        raise LavaError('output', str(directory), 'a folder that is new or empty')
+def _position(frame: Frame, offset: tuple[float, float], crs: Any) -> gis.Place:
+    corner = (offset[0] + frame.origin[0], offset[1] + frame.origin[1])
+    return gis.Place(corner, frame.resolution, crs)
 
 
-@dataclass
-class _Writer:
-    """Writer of the files, which it lists in ``written``."""
+def _layer_map(name: str, frame: Frame, onset: Onset | None) -> _Made:
+    """Return the values of a layer of a frame, and tags."""
+    shown = frame.layers[name]
+    values = shown.values
+    if name == 'hazard':
+        # 0 is the value of cells without lava
+        values = np.nan_to_num(np.clip(np.rint(values), 1, 100))
+    values = np.where(np.isfinite(frame.elevation), values, np.float32(np.nan))
+    tags = _layer_tags(shown)
+    if frame.time is not None:
+        tags['simulated_time_s'] = repr(frame.time)
+        if onset is not None:
+            tags['date_utc'] = onset.utc(frame.time)
+    return values, tags
 
-    directory: Path
-    crs: Any
-    offset: tuple[float, float]
-    bag: str
-    origin: gis.Provenance
-    threshold: float
-    formats: Collection[str]
-    written: list[Path] = field(default_factory=list)
-    newest: dict[str, np.ndarray] = field(default_factory=dict)
-    place: gis.Place | None = None
-    vents: Sequence[Vent] = ()
 
-    def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
-        """Write a layer of a frame if the frame has it."""
-        shown = frame.layers.get(name)
-        if shown is None:
-            return
-        values = shown.values
-        if name == 'hazard':
-            # 0 is the value of cells without lava
-            values = np.nan_to_num(np.clip(np.rint(values), 1, 100))
-        values = np.where(np.isfinite(frame.elevation), values, np.float32(np.nan))
-        tags = _layer_tags(shown)
-        if frame.time is not None:
-            tags['simulated_time_s'] = repr(frame.time)
-            if self.origin.onset is not None:
-                tags['date_utc'] = self.origin.onset.utc(frame.time)
-        self._write(name, values, frame, file_name, tags)
+def _history_map(name: str, history: Arrival) -> _Made:
+    """Return the arrival times or the peak thickness, and tags."""
+    frame = history.frame
+    assert frame is not None and history.times is not None and history.peak is not None
+    tags = _layer_tags(frame.layers[THICKNESS]) | {'maps': str(history.frame_count)}
+    if frame.time is not None:
+        tags['maps_up_to_s'] = repr(frame.time)
+    if name == 'peak_thickness':
+        tags['saturated'] = 'yes' if history.is_saturated else 'no'
+        is_noted = history.is_noted
+        return raise_peak(history.peak, history.times) if is_noted else history.peak, tags
+    tags['threshold_m'] = repr(history.threshold)
+    if history.is_noted:
+        tags['note'] = 'times are those of the steps of the simulation'
+    else:
+        tags['longest_time_between_maps_s'] = repr(history.longest_gap)
+        tags['note'] = 'lava may have come earlier, by the time between two maps at most'
+    return history.times.astype(np.float32), tags
 
-    def write_history(self, name: str, frame: Frame, history: Arrival) -> None:
-        """Write the map of arrival times or of peak thickness."""
-        shown = frame.layers[THICKNESS]
-        assert history.times is not None and history.peak is not None
-        tags = _layer_tags(shown) | {'maps': str(history.frame_count)}
-        if frame.time is not None:
-            tags['maps_up_to_s'] = repr(frame.time)
-        if name == 'arrival':
-            tags['threshold_m'] = repr(self.threshold)
-            if history.is_noted:
-                tags['note'] = 'times are those of the steps of the simulation'
-            else:
-                tags['longest_time_between_maps_s'] = repr(history.longest_gap)
-                tags['note'] = 'lava may have come earlier, by the time between two maps at most'
-            values = history.times.astype(np.float32)
-        else:
-            tags['saturated'] = 'yes' if history.is_saturated else 'no'
-            values = history.peak
-            if history.is_noted:
-                values = raise_peak(values, history.times)
-        self._write(name, values, frame, f'{name}.tif', tags)
 
-    def _write(
-        self, name: str, values: np.ndarray, frame: Frame, file_name: str, tags: dict[str, str]
-    ) -> None:
-        corner = (self.offset[0] + frame.origin[0], self.offset[1] + frame.origin[1])
-        self.place = gis.Place(corner, frame.resolution, self.crs)
-        self.newest[name] = values
-        if 'tif' in self.formats:
-            path, tags = self.directory / file_name, {'bag': self.bag, **tags}
-            files = gis.write_map(path, name, values, self.place, self.origin, tags)
-            # the style file is not listed
-            self.written.append(files[0])
+def _shapes(
+    frame: Frame, history: Arrival, newest: Mapping[str, np.ndarray], position: gis.Place,
+    onset: Onset | None,
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the outline and the isochrones as layers of features.
 
-    def finish(self, frame: Frame, history: Arrival) -> None:
-        """Write the newest maps in the formats with all maps in one file.
-
-        The outline is that of the area inundated so far, or of the standing lava if the bag has no
-        arrival times.
-        """
-        if self.place is None:
-            return
-        layers: dict[str, list[dict[str, Any]]] = {}
-        cells, name = frame.inundated, 'inundated area'
-        if cells is None and history.times is not None and self.threshold == COVERED:
-            cells = inundated_cells(history.times)
-        if cells is None:
-            cells, name = frame.standing, 'standing lava'
-        layers['outline'] = gis.area(cells, self.place, shows=name, from_m=COVERED)
-        if 'arrival' in self.newest:
-            layers['isochrones'] = gis.isochrones(
-                self.newest['arrival'], self.place, self.origin.onset
-            )
-        layers |= gis.vents(self.vents, self.offset)
-        self.written += gis.write_formats(
-            self.directory, self.formats, layers, self.newest, self.place,
-            f'lava flow of {self.bag}', self.origin.onset,
-        )
+    The outline is that of the area inundated so far, or of the standing lava if the bag has no
+    arrival times.
+    """
+    cells, name = frame.inundated, 'inundated area'
+    if cells is None and history.times is not None and history.threshold == COVERED:
+        cells = inundated_cells(history.times)
+    if cells is None:
+        cells, name = frame.standing, 'standing lava'
+    layers = {'outline': gis.area(cells, position, shows=name, from_m=COVERED)}
+    if 'arrival' in newest:
+        layers['isochrones'] = gis.isochrones(newest['arrival'], position, onset)
+    return layers
 
 
 def _layer_tags(shown: LayerFrame) -> dict[str, str]:

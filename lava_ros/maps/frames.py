@@ -265,7 +265,10 @@ class _Assembly:
             self._ground = place, elevation, Terrain(elevation, resolution, place[1:])
         terrain = self._ground[2]
         layers: dict[str, LayerFrame] = {}
-        for name in sorted(self._layer_names(), key=self._rank):
+        # newer maps first, and images before grids of the same time
+        for name in sorted(self._layer_names(), key=lambda name: (
+            -self.newest[name].publish_ns, recording.layers[name].message != IMAGE
+        )):
             layer = recording.layers[name]
             # a grid and an image of one source have the same content
             if layer.source not in layers:
@@ -291,11 +294,6 @@ class _Assembly:
 
     def _layer_names(self) -> list[str]:
         return [name for name in self._recording.layers if name in self.newest]
-
-    def _rank(self, name: str) -> tuple[int, bool]:
-        """Return a sort key: newer maps first, and images before grids of the same time."""
-        is_rounded = self._recording.layers[name].message != IMAGE
-        return (-self.newest[name].publish_ns, is_rounded)
 
     def _get(self, name: Any, convert: Callable[[Decoder, BagMessage], Any]) -> Any:
         """Return the content of a topic's newest message; each is decoded once."""
@@ -349,7 +347,7 @@ def _map(layer: Layer, decoder: Decoder, message: BagMessage) -> tuple[LayerFram
     """Return a map and the position of its grid, None for an image."""
     if layer.message == IMAGE:
         return image_frame(layer, _image(decoder, message)), None
-    grid = read_grid(message)
+    grid = read_grid(decoder, message)
     return grid_frame(layer, grid.cells), (grid.resolution, *grid.origin)
 
 

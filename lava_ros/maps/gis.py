@@ -16,7 +16,7 @@ import numpy as np
 
 import lava_ros
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import vectors, write_output
 from lava_ros.files.optional import require
 from lava_ros.maps.onset import Onset
@@ -117,9 +117,11 @@ def write_map(
     cells = layer.stored(values)
     rows, columns = cells.shape
     side, (east, south) = place.resolution, place.corner
-    try:
-        # GDAL raises no error if the disk is full, so it writes into memory
-        with MemoryFile() as memory, memory.open(
+    # GDAL raises no error if the disk is full, so it writes into memory
+    with (
+        refusing('output', str(path), 'a file to write', OSError, RasterioError),
+        MemoryFile() as memory,
+        memory.open(
             driver='COG',
             overview_resampling='nearest',
             width=columns,
@@ -132,20 +134,19 @@ def write_map(
             compress='deflate',
             predictor=2 if layer.is_whole else 3,
             bigtiff='if_safer',
-        ) as file:
-            # row 0 of the file is the northernmost
-            file.write(cells[::-1], 1)
-            file.set_band_description(1, name)
-            file.set_band_unit(1, layer.unit)
-            file.update_tags(
-                TIFFTAG_SOFTWARE=f'lava_ros {lava_ros.__version__}',
-                TIFFTAG_IMAGEDESCRIPTION=f'{name} [{layer.unit}]: {layer.meaning}',
-                **{**origin.tags, **(tags or {})},
-            )
-            file.close()
-            write_output('output', path, memory.read())
-    except (OSError, RasterioError) as error:
-        raise LavaError('output', str(path), f'a file to write ({error})') from error
+        ) as file,
+    ):
+        # row 0 of the file is the northernmost
+        file.write(cells[::-1], 1)
+        file.set_band_description(1, name)
+        file.set_band_unit(1, layer.unit)
+        file.update_tags(
+            TIFFTAG_SOFTWARE=f'lava_ros {lava_ros.__version__}',
+            TIFFTAG_IMAGEDESCRIPTION=f'{name} [{layer.unit}]: {layer.meaning}',
+            **{**origin.tags, **(tags or {})},
+        )
+        file.close()
+        write_output('output', path, memory.read())
     return [path, write_style(path, name, values)]
 
 
@@ -297,12 +298,9 @@ def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dic
     from rasterio.warp import transform_geom
 
     geometries = [item['geometry'] for item in features]
-    try:
+    expected = 'easting and northing that have a longitude and latitude'
+    with refusing('the corner of the map', place.corner, expected):
         geometries = transform_geom(place.crs, 'EPSG:4326', geometries, precision=7)
-    # the class of this error is not public in rasterio
-    except Exception as error:
-        expected = f'easting and northing that have a longitude and latitude ({error})'
-        raise LavaError('the corner of the map', place.corner, expected) from error
     return [
         {**item, 'geometry': geometry}
         for item, geometry in zip(features, geometries, strict=True)

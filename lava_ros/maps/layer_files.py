@@ -10,7 +10,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from lava_ros.bag.qos import LATCHED, QosProfile
+from lava_ros.bag.qos import LATCHED
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
@@ -153,141 +153,110 @@ def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) 
     ]
 
 
-class _Entry:
-    """A mapping in a file; errors about its values name the key."""
-
-    def __init__(
-        self, where: str, value: object, allowed: Iterable[str], required: Sequence[str] = ()
-    ) -> None:
-        self.where = where
-        self.data = keys(where, value, allowed=allowed, required=required)
-
-    def read(self, key: str, default: object = None, **options: Any) -> Any:
-        return CHECKS[key](f'{self.where}.{key}', self.data.get(key, default), **options)
-
-    def listed(
-        self, key: str, expected: str, default: object = None, least: int = 2, most: int = 2
-    ) -> list[tuple[str, object]]:
-        """Return the items of a list, each with its name in errors."""
-        value = self.data.get(key, default)
-        if not isinstance(value, (list, tuple)) or not least <= len(value) <= most:
-            raise self.error(key, expected)
-        return [(f'{self.where}.{key}[{index}]', item) for index, item in enumerate(value)]
-
-    def refuse(self, names: Sequence[str], expected: str) -> None:
-        for key in names:
-            if key in self.data:
-                raise self.error(key, expected)
-
-    def error(self, key: str, expected: str) -> LavaError:
-        return LavaError(f'{self.where}.{key}', self.data.get(key), expected)
-
-
 def _layer(name: str, value: object) -> Layer:
     where = f'layers.{name}'
     allowed = [item.name for item in fields(Layer) if item.name != 'name']
-    entry = _Entry(where, value, allowed, required=['source', 'message'])
-    message = MESSAGES[entry.read('message')]
-    alone = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES)
-    alone += (ARRIVED,) if message == IMAGE else ()
-    allowed = [LAVA] if message in (POINT_CLOUD, GRID_MAP) else [*alone]
-    source = entry.read('source', allowed=allowed)
-    topic = entry.data.get('topic', name)
+    data = keys(where, value, allowed=allowed, required=['source', 'message'])
+    result = {'topic': name, **data, **_checked(where, data), 'name': name}
+    message = result['message'] = MESSAGES[result['message']]
+    known = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES)
+    known += (ARRIVED,) if message == IMAGE else ()
+    known = (LAVA,) if message in (POINT_CLOUD, GRID_MAP) else known
+    source = choice(f'{where}.source', data['source'], known)
+    topic = result['topic']
     if not isinstance(topic, str) or not TOPIC.fullmatch(topic):
         expected = 'a relative topic name: letters, digits, _ and / between'
         raise LavaError(f'{where}.topic', topic, expected)
-    result: dict[str, Any] = {
-        'name': name,
-        'topic': topic,
-        'source': source,
-        'message': message,
-        'threshold': entry.read('threshold', 0.1),
-        'enabled': entry.read('enabled', True),
-        'rate': entry.read('rate', 1.0),
-        'record': entry.read('record', True),
-        'qos': _qos(f'{where}.qos', entry.data.get('qos', {})),
-        'heartbeat': _heartbeat(entry),
-    }
+    if 'heartbeat' in data:
+        result['heartbeat'] = _heartbeat(f'{where}.heartbeat', data['heartbeat'])
+    if 'qos' in data:
+        qos = keys(f'{where}.qos', data['qos'], allowed=QOS_KEYS)
+        result['qos'] = replace(LATCHED, **_checked(f'{where}.qos', qos))
     if source in (*FORECAST_SOURCES, *ENSEMBLE_SOURCES):
-        entry.refuse(['heartbeat'], 'absent: forecasts are withdrawn, never repeated')
+        _refuse(where, data, ['heartbeat'], 'absent: forecasts are withdrawn, never repeated')
     if message == OCCUPANCY_GRID:
-        result |= _scaling(entry, plain_source(source))
+        result |= _scaling(where, data, plain_source(source))
     else:
         scaling = ('range', 'scale', 'step', 'classes', 'margin', 'outside', 'min_cells')
-        entry.refuse(scaling, 'absent: only a grid scales the values')
+        _refuse(where, data, scaling, 'absent: only a grid scales the values')
     if source.endswith('hazard') or message == GRID_MAP:
-        result['hazard'] = _hazard_limits(f'{where}.hazard', entry.data.get('hazard', {}))
+        result['hazard'] = _hazard_limits(f'{where}.hazard', data.get('hazard', {}))
     else:
-        entry.refuse(['hazard'], 'absent unless source is hazard or the message a GridMap')
+        expected = 'absent unless source is hazard or the message a GridMap'
+        _refuse(where, data, ['hazard'], expected)
     return Layer(**result)
 
 
-def _scaling(entry: _Entry, quantity: str) -> dict[str, Any]:
+def _checked(where: str, data: Mapping[str, object]) -> dict[str, Any]:
+    """Return the values that ``CHECKS`` checks."""
+    return {key: CHECKS[key](f'{where}.{key}', data[key]) for key in data if key in CHECKS}
+
+
+def _refuse(where: str, data: Mapping[str, object], names: Iterable[str], expected: str) -> None:
+    for key in names:
+        if key in data:
+            raise LavaError(f'{where}.{key}', data[key], expected)
+
+
+def _listed(
+    where: str, value: object, expected: str, least: int = 2, most: int = 2
+) -> list[tuple[str, object]]:
+    """Return the items of a list, each with its name in errors."""
+    if not isinstance(value, list | tuple) or not least <= len(value) <= most:
+        raise LavaError(where, value, expected)
+    return [(f'{where}[{index}]', item) for index, item in enumerate(value)]
+
+
+def _scaling(where: str, data: Mapping[str, object], quantity: str) -> dict[str, Any]:
     """Return the fields of a layer for the values of an occupancy grid."""
-    result: dict[str, Any] = {
-        'margin': entry.read('margin', 0.0),
-        'outside': entry.read('outside', -1),
-        'min_cells': entry.read('min_cells', 0),
-    }
     unit = _UNITS[quantity]
-    if 'step' in entry.data:
-        entry.refuse(('range', 'scale', 'classes'), 'absent if step is set')
-        return {**result, 'step': number(f'{entry.where}.step', entry.data['step'], unit=unit)}
-    if 'classes' in entry.data:
-        entry.refuse(('range', 'scale', 'margin'), 'absent if classes is set')
-        return {**result, 'classes': _classes(entry, unit)}
-    if quantity in (ARRIVAL, PROBABILITY) and result['margin']:
-        raise entry.error('margin', 'absent unless step is set')
+    if 'step' in data:
+        _refuse(where, data, ('range', 'scale', 'classes'), 'absent if step is set')
+        return {'step': number(f'{where}.step', data['step'], unit=unit)}
+    if 'classes' in data:
+        _refuse(where, data, ('range', 'scale', 'margin'), 'absent if classes is set')
+        return {'classes': _classes(f'{where}.classes', data['classes'], unit)}
+    if quantity in (ARRIVAL, PROBABILITY) and data.get('margin'):
+        _refuse(where, data, ['margin'], 'absent unless step is set')
     if quantity == PROBABILITY:
-        entry.refuse(('range', 'scale'), 'absent: a probability is always 0 to 100')
-        return result
-    return {**result, 'range': _range(entry, quantity), 'scale': _scale(entry, quantity)}
+        _refuse(where, data, ('range', 'scale'), 'absent: a probability is always 0 to 100')
+        return {}
+    ends = data.get('scale', (100, 0) if quantity == ARRIVAL else (0, 100))
+    expected = 'two whole numbers, the grid values at the ends of range'
+    scale = tuple(SCALE_CHECK(*item) for item in _listed(f'{where}.scale', ends, expected))
+    if max(scale) == 0:
+        raise LavaError(f'{where}.scale', ends, 'a value above 0 at one end: 0 means no lava')
+    if 'range' not in data and quantity in (ARRIVAL, 'hazard'):
+        return {'scale': scale, 'range': None if quantity == ARRIVAL else (0.0, 100.0)}
+    expected = f'two numbers [low, high] {unit}'
+    first, second = _listed(f'{where}.range', data.get('range'), expected)
+    low = RANGE_CHECK(*first, unit=unit)
+    high = RANGE_CHECK(*second, at_least=None, above=low, unit=unit)
+    return {'scale': scale, 'range': (low, high)}
 
 
-def _classes(entry: _Entry, unit: str) -> tuple[float, ...]:
+def _classes(where: str, value: object, unit: str) -> tuple[float, ...]:
     expected = f'1 to {MAX_CLASSES - 1} numbers {unit}, each larger than the previous'
     bounds: list[float] = []
-    for field, item in entry.listed('classes', expected, least=1, most=MAX_CLASSES - 1):
+    for field, item in _listed(where, value, expected, least=1, most=MAX_CLASSES - 1):
         bounds.append(number(field, item, above=bounds[-1] if bounds else 0.0, unit=unit))
     return tuple(bounds)
 
 
-def _range(entry: _Entry, quantity: str) -> tuple[float, float] | None:
-    if 'range' not in entry.data and quantity in (ARRIVAL, 'hazard'):
-        return None if quantity == ARRIVAL else (0.0, 100.0)
-    unit = _UNITS[quantity]
-    first, second = entry.listed('range', f'two numbers [low, high] {unit}')
-    low = RANGE_CHECK(*first, unit=unit)
-    return low, RANGE_CHECK(*second, at_least=None, above=low, unit=unit)
-
-
-def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
-    expected = 'two whole numbers, the grid values at the ends of range'
-    ends = entry.listed('scale', expected, (100, 0) if quantity == ARRIVAL else (0, 100))
-    first, last = (SCALE_CHECK(*item) for item in ends)
-    if max(first, last) == 0:
-        raise entry.error('scale', 'a value above 0 at one end: 0 means no lava')
-    return first, last
-
-
-def _heartbeat(entry: _Entry) -> float:
-    where, given = f'{entry.where}.heartbeat', entry.data.get('heartbeat', 0.0)
-    heartbeat = number(where, given, at_least=0.0, unit='s')
+def _heartbeat(where: str, value: object) -> float:
+    heartbeat = number(where, value, at_least=0.0, unit='s')
     if heartbeat and not MIN_HEARTBEAT <= heartbeat <= MAX_HEARTBEAT:
         expected = f'0 s for none, or {MIN_HEARTBEAT:g} to {MAX_HEARTBEAT:g} s'
-        raise entry.error('heartbeat', expected)
+        raise LavaError(where, value, expected)
     return heartbeat
 
 
-def _qos(where: str, value: object) -> QosProfile:
-    entry = _Entry(where, value, QOS_KEYS)
-    return QosProfile(**{name: entry.read(name, getattr(LATCHED, name)) for name in QOS_KEYS})
-
-
 def _hazard_limits(where: str, value: object) -> HazardLimits:
-    entry = _Entry(where, value, [item.name for item in fields(HazardLimits)])
     usual, zero = HazardLimits(), ZERO_CELSIUS
-    safe = entry.read('safe_temperature', usual.safe_temperature - zero)
-    lethal = entry.read('lethal_temperature', usual.lethal_temperature - zero, above=safe)
-    thickness = entry.read('lethal_thickness', usual.lethal_thickness)
+    data = keys(where, value, allowed=[item.name for item in fields(HazardLimits)])
+    known = _checked(where, data)
+    safe = known.get('safe_temperature', usual.safe_temperature - zero)
+    lethal = known.get('lethal_temperature', usual.lethal_temperature - zero)
+    lethal = number(f'{where}.lethal_temperature', lethal, above=safe, unit='Celsius')
+    thickness = known.get('lethal_thickness', usual.lethal_thickness)
     return HazardLimits(thickness, safe + zero, lethal + zero)

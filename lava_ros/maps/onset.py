@@ -9,7 +9,7 @@ from datetime import datetime, timedelta, timezone, tzinfo
 import logging
 from zoneinfo import ZoneInfo
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 
 _LOG = logging.getLogger(__name__)
 
@@ -71,11 +71,9 @@ class Onset:
         return f'{text} ({day}{local:%H:%M %Z})'
 
     def _date(self, seconds: float) -> datetime:
-        try:
+        expected = f'a date, {seconds:g} s after which the year is at most 9999'
+        with refusing('onset', self.text, expected, OverflowError):
             return (self.start + timedelta(seconds=seconds)).astimezone(timezone.utc)
-        except OverflowError as error:
-            expected = f'a date, {seconds:g} s after which the year is at most 9999'
-            raise LavaError('onset', self.text, expected) from error
 
 
 def time_zone(name: str) -> ZoneInfo:
@@ -84,11 +82,9 @@ def time_zone(name: str) -> ZoneInfo:
     Raises:
         LavaError: If it is not available on this machine.
     """
-    try:
+    expected = 'a time zone of this machine, such as Europe/Rome; package tzdata'
+    with refusing('--timezone', name, expected, KeyError, ValueError, OSError):
         return ZoneInfo(name)
-    except (KeyError, ValueError, OSError) as error:
-        expected = 'a time zone of this machine, such as Europe/Rome (package tzdata)'
-        raise LavaError('--timezone', name, expected) from error
 
 
 def recorded_onset(custom_data: Mapping[str, str]) -> Onset | None:

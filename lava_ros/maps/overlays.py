@@ -122,9 +122,12 @@ def draw_overlays(
         window: Extent of the map, in the coordinates of the axes [m].
         offset: Easting and northing [m] of the origin of the axes.
     """
+    from matplotlib.transforms import Bbox
+
     names: list[tuple[str, np.ndarray, OverlayStyle, bool]] = []
-    # boxes [pixels] that names avoid if possible
+    # boxes [pixels] that names avoid if possible, and half of a marker
     taken: list[Any] = []
+    half = 0.5 * _MARKER_SIZE * axes.figure.dpi / 72.0
     for features, style in overlays:
         most: dict[str, int] = {}
         for feature in features:
@@ -138,7 +141,8 @@ def draw_overlays(
             visible = np.concatenate([_samples(ring, window) for ring in parts])
             visible = visible[_inside(visible, window)]
             if is_point and len(visible):
-                taken.append(_box_around(axes, visible[0]))
+                middle = axes.transData.transform(visible[0])
+                taken.append(Bbox([middle - half, middle + half]))
             name, place = feature.name, _place_of_name(feature, visible, window, offset)
             if not name or place is None:
                 continue
@@ -165,15 +169,6 @@ def _place_of_name(
     if _surrounds(feature, (*np.add(window[:2], offset), *np.add(window[2:], offset))):
         return np.asarray(0.5 * np.add(window[:2], window[2:]))
     return None
-
-
-def _box_around(axes: Any, place: np.ndarray) -> Any:
-    """Return the box of the marker of a point [pixels]."""
-    from matplotlib.transforms import Bbox
-
-    x, y = axes.transData.transform(place)
-    half = 0.5 * _MARKER_SIZE * axes.figure.dpi / 72.0
-    return Bbox([(x - half, y - half), (x + half, y + half)])
 
 
 def _draw_name(
@@ -217,13 +212,8 @@ def _samples(ring: np.ndarray, window: Sequence[float]) -> np.ndarray:
 
 def _surrounds(feature: Feature, window: Sequence[float]) -> bool:
     """Return True if the middle of a window lies in an area."""
-    if feature.kind != 'Polygon':
-        return False
-    x, y = 0.5 * np.add(window[:2], window[2:])
-    count = 0
-    for ring in feature.rings:
-        (x0, y0), (x1, y1) = ring[:-1].T, ring[1:].T
-        crosses = (y0 > y) != (y1 > y)
-        with np.errstate(divide='ignore', invalid='ignore'):
-            count += int((crosses & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))).sum())
-    return count % 2 == 1
+    from matplotlib.path import Path
+
+    middle = 0.5 * np.add(window[:2], window[2:])
+    around = [Path(ring).contains_point(middle) for ring in feature.rings]
+    return feature.kind == 'Polygon' and sum(around) % 2 == 1

@@ -176,7 +176,10 @@ def _area(rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Part:
     low = np.clip(np.floor(outer.min(axis=0)), 0, shape[::-1]).astype(np.int64)
     high = np.clip(np.floor(outer.max(axis=0)) + 1, 0, shape[::-1]).astype(np.int64)
     columns = max(int(high[0] - low[0]), 0)
-    sizes = [_enclosed(ring) for ring in rings]
+    sizes = []
+    for ring in rings:
+        x, y = np.concatenate([ring, ring[:1]]).T - ring[0][:, None]
+        sizes.append(0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))))
     found = []
     step = max(_MAX_BAND_CELLS // max(columns, 1), 1)
     for first in range(low[1], high[1], step):
@@ -192,11 +195,6 @@ def _area(rings: Sequence[np.ndarray], shape: tuple[int, int]) -> _Part:
         np.concatenate(item) for item in zip((nothing, nothing, np.zeros(0)), *found, strict=True)
     )
     return _Part(rows, places, overlaps, sizes[0] - sum(sizes[1:]))
-
-
-def _enclosed(ring: np.ndarray) -> float:
-    x, y = np.concatenate([ring, ring[:1]]).T - ring[0][:, None]
-    return 0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))
 
 
 def _overlap(ring: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -253,7 +251,11 @@ def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> 
         slice(found[0], found[-1] + 1) if len(found) else slice(0)
         for found in (np.flatnonzero(inundated.any(axis=axis)) for axis in (1, 0))
     )
-    cells = np.argwhere(_border(inundated[box])) + [part.start or 0 for part in box]
+    marked = inundated[box]
+    around = np.pad(marked, 1)
+    inner = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
+    # only cells at the border of the lava can be the nearest ones
+    cells = np.argwhere(marked & ~inner) + [part.start or 0 for part in box]
     if not len(cells):
         return np.full(len(places), np.nan)
     middles = np.array(terrain.origin) + (cells[:, ::-1] + 0.5) * terrain.resolution
@@ -267,13 +269,6 @@ def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> 
         part = np.s_[first : first + step]
         np.minimum.at(result, owner[part], _distances(segments[part], middles))
     return result
-
-
-def _border(marked: np.ndarray) -> np.ndarray:
-    """Mark the marked cells with an unmarked neighbour."""
-    padded = np.pad(marked, 1)
-    inner = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
-    return np.asarray(marked & ~inner)
 
 
 def _distances(segments: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -58,15 +58,6 @@ class RasterLayer:
         return np.where(np.isfinite(cells), cells, NODATA).astype(kind)
 
 
-def _arrival_quantile(percent: int) -> RasterLayer:
-    return RasterLayer(
-        'arrival', 's',
-        f'time from the start by which lava at or above the threshold thickness (threshold_m) has '
-        f'reached the cell in {percent} % of all members, to arrival_error_s and a time step; no '
-        'data: it reached the cell in fewer members within the horizon (horizon_s)',
-    )
-
-
 #: All maps by name.
 RASTER_LAYERS = {
     'thickness': RasterLayer(
@@ -102,7 +93,15 @@ RASTER_LAYERS = {
     'expected_peak_thickness': RasterLayer(
         'thickness', 'm', 'mean over the members of the largest lava thickness; no data: no lava'
     ),
-    **{f'arrival_time_p{percent}': _arrival_quantile(percent) for percent in (10, 50, 90)},
+    **{
+        f'arrival_time_p{percent}': RasterLayer(
+            'arrival', 's',
+            'time from the start by which lava at or above the threshold thickness (threshold_m) '
+            f'has reached the cell in {percent} % of all members, to arrival_error_s and a time '
+            'step; no data: it reached the cell in fewer members within the horizon (horizon_s)',
+        )
+        for percent in (10, 50, 90)
+    },
     'elevation': RasterLayer(
         'elevation', 'm', 'elevation of the ground without lava; no data: unknown'
     ),

@@ -147,10 +147,6 @@ def draw_sheet(
             _draw_panel(axes, panel, scales[panel.source], view, interval, overlays)
             if index == 0:
                 plot.draw_north(axes)
-                # an overview would hide places
-                if len(panels) < 4 and not overlays:
-                    window = _moved(view, panel, -1.0)
-                    plot.draw_overview(axes, panel.frame, panel.shown, window)
             plot.draw_colour_bar(figure, figure.add_axes(bar), scales[panel.source])
         for index, draw in enumerate(charts, len(panels)):
             draw(page.axes(figure, index)[0])

@@ -3,9 +3,7 @@
 
 """Diagnostics of the node: messages on /diagnostics, and its log."""
 
-from collections.abc import Callable, Mapping
-from functools import partial
-import math
+from collections.abc import Mapping
 from pathlib import Path
 from socket import gethostname
 from types import MappingProxyType
@@ -14,14 +12,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
+from lava_ros.live.checkpoint_recording import LastCheckpoint
+from lava_ros.live.ensemble_forecasts import ForecastStatus, StampedForecast
+from lava_ros.live.recorder import Recorder, RecorderStatus
+from lava_ros.live.session import is_on, SimulationSession
+from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layers import ZERO_CELSIUS
-from lava_ros.ros.ensemble_forecasts import AheadStatus, Live
-from lava_ros.ros.followed_clock import MAX_LAG
-from lava_ros.ros.recorder import Recorder, RecorderStatus
-from lava_ros.ros.recording import LastCheckpoint
-from lava_ros.ros.session import Eruption, is_on
-from lava_ros.ros.sources import DeadlineChoice
-from lava_ros.ros.worker_status import WorkerState, WorkerStatus
+from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -89,6 +86,7 @@ def simulation_status(
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
     """Return the status values of a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
     steps = snapshot.steps
+    highest = float(np.fmax.reduce(snapshot.temperature, axis=None))
     areas = {'standing_area_m2': repr(snapshot.area(snapshot.standing))}
     if snapshot.arrived is not None:
         areas['inundated_area_m2'] = repr(snapshot.area(snapshot.inundated))
@@ -103,13 +101,8 @@ def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
         'step_limit': steps.limit,
         'step_stages': steps.stages,
         # NaN without lava
-        'highest_temperature_c': f'{_highest(snapshot.temperature) - ZERO_CELSIUS:.6g}',
+        'highest_temperature_c': f'{highest - ZERO_CELSIUS:.6g}',
     }
-
-
-def _highest(temperature: np.ndarray) -> float:
-    """Return the largest value of a map, NaN if it has none."""
-    return float(np.fmax.reduce(temperature, axis=None))
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
@@ -119,8 +112,13 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
     return status('effects', OK, message, effects)
 
 
-def ahead_status(
-    task: str, state: AheadStatus, latest: Live[Any] | None, *, age: float, staleness: str
+def forecast_status(
+    task: str,
+    state: ForecastStatus,
+    latest: StampedForecast[Any] | None,
+    *,
+    age: float,
+    staleness: str,
 ) -> DiagnosticStatus:
     """Return the status of the task ``forecast`` or ``ensemble``; ``latest`` is the newest result.
 
@@ -238,70 +236,6 @@ def status(
     )
 
 
-#: Wall time within which a simulated clock must advance [s]; a replay may be slow to start.
-PATIENCE = 5.0
-
-#: Wall time for which a warning about a jump of the clock, or about lost time, remains [s].
-WARNING_TIME = 10.0
-
-#: Minimum lost time of the clock that causes a warning [s]: a pause loses less.
-MIN_LOST = 1.0
-
-
-class ClockWatch:
-    """Checks at intervals whether the clock moves and whether simulated time follows it."""
-
-    def __init__(self) -> None:
-        """Create a watch that has not read the clock yet."""
-        self._seen: tuple[int, float] | None = None
-        self._jumps, self._jumped = 0, -math.inf
-        self._lost, self._losing = 0.0, -math.inf
-
-    def look(
-        self, stamp_ns: int, now: float, worker: WorkerStatus, *, is_simulated: bool
-    ) -> dict[str, str]:
-        """Return warnings about the clock.
-
-        Args:
-            stamp_ns: Time of the clock [ns], 0 before it is received.
-            now: Wall time [s].
-            worker: Status of the simulation that follows the clock.
-            is_simulated: Whether the time comes from the topic ``/clock``.
-
-        Returns:
-            Reasons why simulated time does not follow the clock, by kind: ``clock``, ``ahead``,
-            ``back`` or ``lost``. Empty if it follows.
-        """
-        if self._seen is None or self._seen[0] != stamp_ns:
-            self._seen = stamp_ns, now
-        if worker.jumps != self._jumps:
-            self._jumped = now if worker.jumps else -math.inf
-            # the time lost by a jump causes no second warning
-            self._jumps, self._lost = worker.jumps, worker.lost
-        elif abs(worker.lost - self._lost) >= MIN_LOST:
-            self._losing = now if worker.lost else -math.inf
-            self._lost = worker.lost
-        texts = {}
-        if is_simulated and now - self._seen[1] >= PATIENCE:
-            what = 'stands still' if stamp_ns else 'does not arrive'
-            texts['clock'] = (
-                f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
-                '`ros2 bag play --clock` do, or set use_sim_time to false'
-            )
-        if now - self._jumped < WARNING_TIME:
-            where = 'ahead' if worker.jump > 0.0 else 'back'
-            texts[where] = (
-                f'the clock jumped {where} by {abs(worker.jump):.6g} s and simulated time did '
-                f'not: it follows steps of up to {MAX_LAG:g} s ahead'
-            )
-        if now - self._losing < WARNING_TIME:
-            texts['lost'] = (
-                f'simulated time has lost {worker.lost:.4g} s of the clock: it can be at most '
-                f'{MAX_LAG:g} s behind; a lower time_scale or a coarser preset loses less'
-            )
-        return texts
-
-
 class NodeLog:
     """Logs scene, simulation and recorder when they have changed."""
 
@@ -310,27 +244,27 @@ class NodeLog:
         self._logger = logger
         self._logged: dict[str, object] = {'state': WorkerState.WAITING}
 
-    def scene(self, session: Eruption, snapshot: Snapshot | None) -> None:
+    def scene(self, session: SimulationSession, snapshot: Snapshot | None) -> None:
         """Log changes of terrain, vents and effects up to the newest snapshot.
 
-        Changes within the noise of a sensor (``Eruption.changes``) are not logged.
+        Changes within the noise of a sensor (``SimulationSession.changes``) are not logged.
         """
         scene = session.scene
         if scene is None or self._logged.get('changes') == session.changes:
             return
         self._logged['changes'] = session.changes
         terrain, vents, effects = scene.terrain, scene.vents, session.effects
-        self._log_change('terrain', terrain, lambda: _terrain_text(terrain))
+        self._log_change('terrain', terrain, _terrain_text(terrain))
         # without the discharge: a live feed changes it continually
         now = snapshot.time if snapshot is not None else 0.0
         discharge = sum(vent.discharge_at(now) for vent in vents)
         places = [(vent.position, vent.end, vent.radius) for vent in vents]
-        self._log_change('vents', places, lambda: f'vents: {len(vents)}, {discharge:g} m3/s')
+        self._log_change('vents', places, f'vents: {len(vents)}, {discharge:g} m3/s')
         # the topics use Celsius
         doubts = suspicious_temperatures(scene, is_celsius=True)[:3]
-        self._log_change('doubts', doubts, lambda: '; '.join(doubts), 'warning')
+        self._log_change('doubts', doubts, '; '.join(doubts), 'warning')
         names = [name for name, text in effects.items() if is_on(text)]
-        self._log_change('effects', names, lambda: f'effects: {", ".join(names) or "none"}')
+        self._log_change('effects', names, f'effects: {", ".join(names) or "none"}')
 
     def worker(
         self,
@@ -349,14 +283,14 @@ class NodeLog:
             # an inactive node holds time too, and reports that it is inactive
             text = ''
         failed = state is WorkerState.FAILED
-        self._log_change('state', state, lambda: text, 'error' if failed else 'info')
+        self._log_change('state', state, text, 'error' if failed else 'info')
         if resolution is not None:
             severity = 'warning' if resolution.is_coarse else 'info'
-            self._log_change('resolution', resolution.text(), resolution.text, severity)
+            self._log_change('resolution', resolution.text(), resolution.text(), severity)
         # the text contains a duration, so only the kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
-            self._log_change(kind, kind in clock, partial(str, clock.get(kind, '')), 'warning')
-        self._log_change('hold-up', bool(worker.blocked_by), lambda: worker.blocked_by, 'warning')
+            self._log_change(kind, kind in clock, clock.get(kind, ''), 'warning')
+        self._log_change('hold-up', bool(worker.blocked_by), worker.blocked_by, 'warning')
 
     def volumes(self, snapshot: Snapshot) -> None:
         """Log the volume of lava emitted, and where it is."""
@@ -370,24 +304,21 @@ class NodeLog:
         status = recorder.status
         if recorder.is_recording:
             place = Path(status.directory).absolute()
-            self._log_change('recorder', place, lambda: f'recording to {place}')
-        self._log_change('recorder error', status.error, lambda: status.error, 'error')
+            self._log_change('recorder', place, f'recording to {place}')
+        self._log_change('recorder error', status.error, status.error, 'error')
 
-    def _log_change(
-        self, about: str, thing: object, text: Callable[[], str], severity: str = 'info'
-    ) -> None:
+    def _log_change(self, about: str, thing: object, text: str, severity: str = 'info') -> None:
         """Log ``text`` when ``thing`` has changed; an empty text is not logged."""
         if about in self._logged and self._logged[about] == thing:
             return
         self._logged[about] = thing
-        words = text()
         # rclpy requires a constant severity for each line of code that logs
-        if words and severity == 'error':
-            self._logger.error(words)
-        elif words and severity == 'warning':
-            self._logger.warning(words)
-        elif words:
-            self._logger.info(words)
+        if text and severity == 'error':
+            self._logger.error(text)
+        elif text and severity == 'warning':
+            self._logger.warning(text)
+        elif text:
+            self._logger.info(text)
 
 
 def _terrain_text(terrain: Terrain) -> str:

@@ -1,30 +1,33 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publication of forecasts, and withdrawal of those that no longer apply."""
+"""Publication of forecasts until they no longer apply, and of arrival times at places."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
-from typing import Any, Generic
+from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.node import Node
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
+from lava_ros.live.ensemble_forecasts import ForecastRules, ForecastT, StampedForecast
+from lava_ros.live.forecaster import Forecaster
+from lava_ros.live.recorder import Recorder
+from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
-from lava_ros.ros import diagnostics
-from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live
-from lava_ros.ros.forecaster import Forecaster
+from lava_ros.maps.place_arrivals import live_arrivals, LiveArrivals
+from lava_ros.maps.places import Places, places_on
+from lava_ros.ros import codec, diagnostics, qos
+from lava_ros.ros.diagnostics import ERROR, OK, WARN
+from lava_ros.ros.executor import EntityRegistry, now_ns
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.publishers import LayerPublishers
-from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.sources import DeadlineChoice
-from lava_ros.ros.spinning import Entities, now_ns
-from lava_ros.ros.worker import SimulationWorker
-from lava_ros.scene.features import Feature
+from lava_ros.ros.publishers import LayerPublishers, publish_and_record
+from lava_ros.ros.startup_inputs import DeadlineChoice
+from lava_ros.scene import Terrain
+from lava_ros.scene.features import Feature, load_features
+from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Maximum wait for the forecast thread to end [s]; it may be copying the state.
 STOP_TIMEOUT = 4.0
@@ -32,51 +35,67 @@ STOP_TIMEOUT = 4.0
 #: Arrival threshold if no layer shows the arrival: minimum lava thickness [m].
 _THRESHOLD = 0.1
 
+#: Relative name of the topic of arrivals at places.
+PLACE_TOPIC = 'place_arrivals'
 
-@dataclass(eq=False)
+#: Maximum number of features: each message measures their distances from the lava.
+MAX_FEATURES = 1000
+
+#: Maximum number of places in the message of the status, and in its values.
+_MAX_NAMED, _MAX_DESCRIBED = 3, 50
+
+
 class ForecastTopics:
     """The layers of forecasts and of ensembles; there are none without a horizon.
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
-    maps of unknown cells, when the scene or the effects change or when it is too old. ``choice``
-    returns the choice made to meet the deadline, None without a deadline. ``features`` are places
-    for which ensembles also predict arrival times.
+    maps of unknown cells, when the scene or the effects change or when it is too old.
     """
 
-    entities: Entities
-    layers: Sequence[Layer]
-    recorder: Recorder
-    worker: SimulationWorker
-    settings: Callable[[], Settings]
-    choice: Callable[[], DeadlineChoice | None] = lambda: None
-    features: tuple[Feature, ...] = ()
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        entities: EntityRegistry,
+        layers: Sequence[Layer],
+        recorder: Recorder,
+        *,
+        worker: SimulationWorker,
+        settings: Callable[[], Settings],
+        choice: Callable[[], DeadlineChoice | None],
+        features: tuple[Feature, ...] = (),
+    ) -> None:
         """Create publishers and the forecaster.
+
+        Args:
+            entities: Entities of the node.
+            layers: Layers of forecasts and ensembles.
+            recorder: Records the messages.
+            worker: Worker with the simulation.
+            settings: Returns the current settings.
+            choice: Returns the choice made to meet the deadline, None without a deadline.
+            features: Places for which ensembles also predict arrival times.
 
         Raises:
             LavaError: If layers of the arrival have different thresholds.
         """
-        self._threshold = _threshold(self.layers)
-        self.publishers: list[LayerPublishers[Any]] = [
-            LayerPublishers(
-                self.entities,
-                [layer for layer in self.layers if layer.is_ensemble is is_ensemble],
-                self.recorder,
-                frame_id=self.settings().frame_id,
+        self._settings, self._choice, self._features = settings, choice, features
+        self._threshold = _threshold(layers)
+        self._forecasts, self._ensembles = (
+            _Withdrawable[Any](
+                entities,
+                [layer for layer in layers if layer.is_ensemble is is_ensemble],
+                recorder,
+                frame_id=settings().frame_id,
+                name='ensemble' if is_ensemble else 'forecast',
             )
             for is_ensemble in (False, True)
-        ]
-        self._forecasts, self._ensembles = (
-            _Withdrawable(publishers, name, self.entities.node)
-            for publishers, name in zip(self.publishers, ('forecast', 'ensemble'), strict=True)
         )
-        ready = self.entities.create('guard_condition', self.publish)
-        self._forecaster = Forecaster(self.worker, self._rules, on_change=ready.trigger)
+        self.rates = self._forecasts.rates | self._ensembles.rates
+        ready = entities.create('guard_condition', self.publish)
+        self._forecaster = Forecaster(worker, self._rules, on_change=ready.trigger)
 
     def start(self) -> None:
         """Start the forecast thread if there is a horizon."""
-        if self.settings().forecast_horizon:
+        if self._settings().forecast_horizon:
             self._forecaster.start()
 
     def stop(self) -> None:
@@ -89,7 +108,7 @@ class ForecastTopics:
 
     def mark_due(self, rate: float) -> None:
         """Mark the layers of a rate [Hz] as due with the next forecast."""
-        for publishers in self.publishers:
+        for publishers in (self._forecasts, self._ensembles):
             publishers.mark_due(rate)
         self.publish()
 
@@ -98,8 +117,8 @@ class ForecastTopics:
         forecaster = self._forecaster
         if forecaster.is_wanted:
             latest, ensemble = forecaster.latest, forecaster.ensembles.latest
-            self._forecasts.publish(latest, forecaster.staleness(latest), repeat=repeat)
-            self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
+            self._forecasts.publish_valid(latest, forecaster.staleness(latest), repeat=repeat)
+            self._ensembles.publish_valid(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     @property
     def valid(self) -> tuple[Forecast | None, EnsembleForecast | None]:
@@ -123,28 +142,30 @@ class ForecastTopics:
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Return the diagnostic statuses, none without a horizon."""
-        forecaster, settings = self._forecaster, self.settings()
+        forecaster, settings = self._forecaster, self._settings()
         if not settings.forecast_horizon:
             return []
         ensembles = forecaster.ensembles
         tasks: list[Any] = [('forecast', forecaster.status, forecaster.latest)]
         if settings.ensemble_members:
             tasks.append(('ensemble', ensembles.status, ensembles.latest))
-        found = [
-            diagnostics.ahead_status(
+        result = [
+            diagnostics.forecast_status(
                 *task, age=forecaster.age(task[-1]), staleness=forecaster.staleness(task[-1])
             )
             for task in tasks
         ]
         if settings.deadline:
             # the duration of an ensemble includes that of its forecast
-            known = [live.shown.duration for *_, live in tasks if live is not None]
+            known = [latest.shown.duration for *_, latest in tasks if latest is not None]
             took = max(known, default=0.0)
-            found.append(diagnostics.deadline_status(settings.deadline, self.choice(), took=took))
-        return found
+            result.append(
+                diagnostics.deadline_status(settings.deadline, self._choice(), took=took)
+            )
+        return result
 
     def _rules(self) -> ForecastRules:
-        settings, choice = self.settings(), self.choice()
+        settings, choice = self._settings(), self._choice()
         members = settings.ensemble_members
         if choice is not None and choice.members is not None:
             members = min(members, choice.members)
@@ -157,40 +178,37 @@ class ForecastTopics:
             members=members,
             deadline=settings.deadline,
             time_scale=settings.time_scale,
-            features=self.features,
+            features=self._features,
         )
 
 
-@dataclass(eq=False)
-class _Withdrawable(Generic[Ahead]):
+class _Withdrawable(LayerPublishers[ForecastT]):
     """Publishes forecasts or ensembles while they are valid, and withdraws them when stale."""
 
-    layers: LayerPublishers[Ahead]
-    name: str
-    node: Node
-    withdrawn: tuple[Ahead, Ahead, int] | None = None
-    is_known: bool = False
+    def __init__(self, entities: EntityRegistry, *args: Any, name: str, **options: Any) -> None:
+        super().__init__(entities, *args, **options)
+        self._node, self._name = entities.node, name
+        self._withdrawn: tuple[ForecastT, ForecastT, int] | None = None
+        self._is_valid = False
 
-    def publish(self, live: Live[Ahead] | None, staleness: str, *, repeat: bool) -> None:
-        """Publish ``live`` if it is new, or maps of unknown cells if it is stale."""
-        if live is None:
+    def publish_valid(
+        self, latest: StampedForecast[ForecastT] | None, staleness: str, *, repeat: bool
+    ) -> None:
+        """Publish ``latest`` if it is new, or maps of unknown cells if it is stale."""
+        if latest is None:
             return
-        shown, stamp_ns = live.shown, live.stamp_ns
-        moment_ns = now_ns(self.node)
+        shown, stamp_ns, time_ns = latest.shown, latest.stamp_ns, now_ns(self._node)
         if staleness:
-            if self.withdrawn is None or self.withdrawn[0] is not shown:
-                self.node.get_logger().info(f'{self.name} withdrawn: {staleness}')
-                self.withdrawn = (shown, shown.withdrawn(), moment_ns)
-            _, shown, stamp_ns = self.withdrawn
-        self.layers.publish(
-            shown,
-            stamp_ns,
-            # the first valid maps and a withdrawal are published immediately
-            also_not_due=bool(staleness) or not self.is_known,
-            repeat=repeat,
-            recorded_ns=moment_ns,
+            if self._withdrawn is None or self._withdrawn[0] is not shown:
+                self._node.get_logger().info(f'{self._name} withdrawn: {staleness}')
+                self._withdrawn = shown, shown.withdrawn(), time_ns
+            _, shown, stamp_ns = self._withdrawn
+        # the first valid maps and a withdrawal are published immediately
+        is_urgent = bool(staleness) or not self._is_valid
+        self.publish(
+            shown, stamp_ns, also_not_due=is_urgent, repeat=repeat, recorded_ns=time_ns
         )
-        self.is_known = not staleness
+        self._is_valid = not staleness
 
 
 def _threshold(layers: Sequence[Layer]) -> float:
@@ -201,3 +219,135 @@ def _threshold(layers: Sequence[Layer]) -> float:
         expected = 'one threshold above 0 for all arrivals'
         raise LavaError('forecast_config', sorted(thresholds), expected)
     return thresholds.pop() if thresholds else _THRESHOLD
+
+
+def load_places(files: Sequence[str]) -> tuple[Feature, ...]:
+    """Read the features of the files that the parameter ``places`` names.
+
+    Raises:
+        LavaError: If a file cannot be read, or there are more than ``MAX_FEATURES`` in all.
+    """
+    features = tuple(item for path in files for item in load_features('places', path))
+    if len(features) > MAX_FEATURES:
+        raise LavaError('places', f'{len(features)} features', f'at most {MAX_FEATURES} in all')
+    return features
+
+
+class PlaceTopic:
+    """The topic of arrivals at places; there is none without features."""
+
+    def __init__(
+        self,
+        entities: EntityRegistry,
+        recorder: Recorder,
+        features: Sequence[Feature],
+        *,
+        frame_id: str,
+    ) -> None:
+        """Create the publisher."""
+        self._node, self._recorder, self._frame_id = entities.node, recorder, frame_id
+        self._features = features
+        self._error = ''
+        self._terrain: Terrain | None = None
+        self._places: Places | None = None
+        self._shown: tuple[object, ...] = ()
+        self._latest: LiveArrivals | None = None
+        self._message: DiagnosticArray | None = None
+        if features:
+            profile = qos.ros_profile(qos.LATCHED)
+            self._publisher = entities.create('publisher', DiagnosticArray, PLACE_TOPIC, profile)
+
+    def publish(
+        self,
+        snapshot: Snapshot,
+        forecast: Forecast | None,
+        ensemble: EnsembleForecast | None,
+        stamp_ns: int,
+        *,
+        recorded_ns: int,
+        repeat: bool = False,
+    ) -> None:
+        """Publish the arrivals if they have changed, or if ``repeat``.
+
+        Args:
+            snapshot: The state of the newest maps.
+            forecast: The newest forecast, None if none is valid.
+            ensemble: The newest ensemble, None if none is valid.
+            stamp_ns: ROS time of the newest maps [ns].
+            recorded_ns: ROS time of the message in the bag [ns].
+            repeat: Publish again, even if nothing has changed.
+        """
+        # snapshots and forecasts are equal only if they are the same object
+        is_new = self._shown != (snapshot, forecast, ensemble)
+        if not self._features or not (is_new or repeat):
+            return
+        if is_new:
+            self._shown = snapshot, forecast, ensemble
+            self._find_places(snapshot.terrain)
+            self._latest, statuses = None, []
+            if self._places is not None:
+                self._latest = live_arrivals(self._places, snapshot, forecast, ensemble)
+                statuses = _statuses(self._latest, self._places)
+            header = codec.header(self._frame_id, stamp_ns)
+            self._message = DiagnosticArray(header=header, status=statuses)
+        publish_and_record(
+            self._publisher, self._message, self._recorder, recorded_ns, profile=qos.LATCHED
+        )
+
+    def statuses(self) -> list[DiagnosticStatus]:
+        """Return the status of the places; none without features."""
+        if not self._features:
+            return []
+        latest = self._latest
+        if latest is None:
+            level = ERROR if self._error else OK
+            return [diagnostics.status('places', level, self._error or 'no maps yet', {})]
+        places = [
+            (_level(latest, index), row.name, latest.words(index))
+            for index, row in enumerate(latest.rows)
+        ]
+        # the most severe first
+        places.sort(key=lambda item: item[0], reverse=True)
+        worst = places[0][0]
+        sentences = [f'{name}: {words}' for level, name, words in places if level == worst != OK]
+        more = f'; and {len(sentences) - _MAX_NAMED} more' if len(sentences) > _MAX_NAMED else ''
+        message = '; '.join(sentences[:_MAX_NAMED]) + more or latest.summary
+        values = {name: words for _, name, words in places[:_MAX_DESCRIBED]}
+        return [diagnostics.status('places', worst, message, values)]
+
+    def _find_places(self, terrain: Terrain) -> None:
+        if terrain is self._terrain:
+            return
+        self._terrain, self._places, self._error = terrain, None, ''
+        try:
+            self._places = places_on(self._features, terrain)
+        except LavaError as error:
+            self._error = f'places cannot be put on this terrain: {error}'
+            self._node.get_logger().error(self._error)
+
+
+def _statuses(latest: LiveArrivals, places: Places) -> list[DiagnosticStatus]:
+    """Return a status for each place: its name, a sentence, and the numbers."""
+    result = []
+    for index, row in enumerate(latest.rows):
+        x, y = places.middle(index)
+        values = {'x_m': x, 'y_m': y, **latest.values(index)}
+        texts = {key: _text(value) for key, value in values.items() if key != 'name'}
+        level = _level(latest, index)
+        result.append(diagnostics.status(row.name, level, latest.words(index), texts))
+    return result
+
+
+def _text(value: object) -> str:
+    """Format a value for a message: numbers in full precision, an empty text for None."""
+    if value is None:
+        return ''
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _level(latest: LiveArrivals, index: int) -> bytes:
+    """Return ERROR if lava has arrived, WARN if it may arrive or there is no forecast."""
+    row = latest.rows[index]
+    may_arrive = not row.is_known or bool(row.probability)
+    level: bytes = ERROR if latest.reached[index] else WARN if may_arrive else OK
+    return level

@@ -22,11 +22,14 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import parameters
-from lava_ros.ros.active_node import ActiveNode
-from lava_ros.ros.arguments import check_words, start_ros
-from lava_ros.ros.sources import adopted, load_sources, Sources
-from lava_ros.ros.spinning import Entities, spin
+from lava_ros.ros import node_parameters, parameters
+from lava_ros.ros.executor import check_words, EntityRegistry, spin, start_ros
+from lava_ros.ros.runtime import NodeRuntime
+from lava_ros.ros.startup_inputs import (
+    load_startup_inputs,
+    overrides_from_checkpoint,
+    StartupInputs,
+)
 from lava_ros.scene import constants_of
 
 #: Exit status for invalid arguments and parameters, as of the other commands.
@@ -62,29 +65,29 @@ class LavaNode(LifecycleNode):
             LavaError: If a parameter of the lifecycle has a wrong type.
         """
         super().__init__('lava', **options)
-        self._active: ActiveNode | None = None
+        self.runtime: NodeRuntime | None = None
         self._values: dict[str, Any] = {}
         self._constants: Mapping[str, Any] | None = None
-        self._ending: ActiveNode | None = None
+        self._ending: NodeRuntime | None = None
         self.refusal = ''
         self.has_failed = self._is_starting = False
         self._typed = typed
         self._answer_all_requests()
-        declared = parameters.declare(self, parameters.LIFECYCLE)
+        declared = node_parameters.declare(self, parameters.LIFECYCLE)
         self._is_autostarting = bool(declared['autostart'])
-        parameters.fix(self, parameters.LIFECYCLE, fixed=True)
+        node_parameters.fix(self, parameters.LIFECYCLE, fixed=True)
         for spec in _DECLARED:
             # configuring refuses a value of the wrong type
             with suppress(LavaError):
-                parameters.declare(self, (spec,))
-        self.add_pre_set_parameters_callback(partial(parameters.with_types, self))
+                node_parameters.declare(self, (spec,))
+        self.add_pre_set_parameters_callback(partial(node_parameters.with_types, self))
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
     @property
     def failure(self) -> BaseException | None:
         """Error that ends the node, None without one."""
-        return self._active.failure if self._active is not None else None
+        return self.runtime.failure if self.runtime is not None else None
 
     def autostart(self) -> bool:
         """Configure and activate if ``autostart`` is true; return True without a ``refusal``."""
@@ -98,19 +101,19 @@ class LavaNode(LifecycleNode):
 
     def close(self) -> bool:
         """Finish the bag and end the simulation; return True if its thread has ended."""
-        active, self._active = self._active, None
-        parameters.fix(self, _DECLARED, fixed=False)
-        if active is not None:
-            self._ending = active
-            active.close()
-        if self._ending is not None and self._ending.has_ended():
+        runtime, self.runtime = self.runtime, None
+        node_parameters.fix(self, _DECLARED, fixed=False)
+        if runtime is not None:
+            self._ending = runtime
+            runtime.close()
+        if self._ending is not None and self._ending.worker.stop(0.0):
             self._ending = None
         return self._ending is None
 
     def report_callback(self, error: Exception) -> None:
         """Report an error that the middleware itself raised in a callback."""
-        if self._active is not None:
-            self._active.report_callback(error)
+        if self.runtime is not None:
+            self.runtime.inputs.report_callback(error)
         else:
             self.get_logger().error(f'{type(error).__name__}: {error}')
 
@@ -163,21 +166,21 @@ class LavaNode(LifecycleNode):
             expected = 'ended; configure again in a while'
             raise LavaError('simulation', 'still in the last step before cleanup', expected)
         # a later configure starts from the scene: the bags of this process are finished
-        sources = load_sources(self, may_restart=self._constants is None)
-        settings = self._declare_parameters(sources)
-        entities = Entities(self)
+        startup = load_startup_inputs(self, may_restart=self._constants is None)
+        settings = self._declare_parameters(startup)
+        entities = EntityRegistry(self)
         try:
-            self._active = ActiveNode(
-                self, settings, lambda: self._values, sources, entities=entities
+            self.runtime = NodeRuntime(
+                self, settings, lambda: self._values, startup, entities=entities
             )
         except Exception:
             entities.destroy()
             raise
-        parameters.fix(self, _DECLARED, fixed=True)
+        node_parameters.fix(self, _DECLARED, fixed=True)
 
-    def _configured(self) -> ActiveNode:
-        assert self._active is not None
-        return self._active
+    def _configured(self) -> NodeRuntime:
+        assert self.runtime is not None
+        return self.runtime
 
     def _close(self) -> None:
         if not self.close():
@@ -202,22 +205,22 @@ class LavaNode(LifecycleNode):
 
         change.callback = answer
 
-    def _declare_parameters(self, sources: Sources) -> parameters.Settings:
-        constants = constants_of(sources.scene)
+    def _declare_parameters(self, startup: StartupInputs) -> parameters.Settings:
+        constants = constants_of(startup.scene)
         specs = parameters.PARAMETERS + parameters.constant_parameters(constants)
         previous, self._constants = self._constants, constants
-        self._values = parameters.declare(self, specs)
-        for text in parameters.without_effect(self, self._typed):
+        self._values = node_parameters.declare(self, specs)
+        for text in node_parameters.without_effect(self, self._typed):
             self.get_logger().warning(text)
-        if sources.checkpoint is not None:
+        if startup.checkpoint is not None:
             defaults = {spec.name: spec.default for spec in specs}
             self._change(
-                adopted(
-                    sources.checkpoint, self._values, defaults, is_restart=sources.is_restart
+                overrides_from_checkpoint(
+                    startup.checkpoint, self._values, defaults, is_restart=startup.is_restart
                 )
             )
-            if sources.onset and not self._values['onset']:
-                self._change({'onset': sources.onset})
+            if startup.onset and not self._values['onset']:
+                self._change({'onset': startup.onset})
         elif previous is not None:
             # the scene file may have changed: update the parameters that the user has not set
             old = parameters.constant_values(previous)
@@ -229,25 +232,25 @@ class LavaNode(LifecycleNode):
         return parameters.settings_from(self._values)
 
     def _change(self, values: Mapping[str, Any]) -> None:
-        parameters.put(self, values)
+        node_parameters.put(self, values)
         self._values |= values
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
         try:
             # unchecked while unconfigured, so that several wrong values can be corrected in turn
-            if self._active is not None:
-                self._active.check(parameters.settings_from(self._with(changed)))
+            if self.runtime is not None:
+                self.runtime.check(parameters.settings_from(self._with(changed)))
         except LavaError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, changed: list[Parameter]) -> None:
         self._values = self._with(changed)
-        if self._active is not None:
-            self._active.apply(parameters.settings_from(self._values))
+        if self.runtime is not None:
+            self.runtime.apply(parameters.settings_from(self._values))
 
     def _with(self, changed: list[Parameter]) -> dict[str, Any]:
-        new = {item.name: parameters.plain(item.value) for item in changed}
+        new = {item.name: node_parameters.plain(item.value) for item in changed}
         return {name: new.get(name, value) for name, value in self._values.items()}
 
 
@@ -283,7 +286,7 @@ def main(args: list[str] | None = None) -> int:
     try:
         start_ros(args)
         check_words(words)
-        node = LavaNode(typed=parameters.typed(words))
+        node = LavaNode(typed=node_parameters.typed(words))
     except (LavaError, ParameterException) as error:
         print(f'lava_node cannot start: {error}', file=sys.stderr)
         rclpy.try_shutdown()

@@ -3,27 +3,21 @@
 
 """The node's parameters: descriptions, ranges, and the settings made of their values."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from difflib import get_close_matches
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from lava_ros import validation
 from lava_ros.effects import drop_superseded, EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
+from lava_ros.live.worker import MAX_PARTICLES
 from lava_ros.maps.layer_files import MAX_MARGIN
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.maps.onset import Onset
-from lava_ros.ros.worker import MAX_PARTICLES
-from lava_ros.scene import constants_of, ENVIRONMENT, Lava, Scene, Vent, VENT_TEMPERATURE_RANGE
+from lava_ros.scene import constants_of, ENVIRONMENT, Lava, Scene, VENT_TEMPERATURE_RANGE
 from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.selection import HORIZON
@@ -379,127 +373,8 @@ def constant_values(constants: Mapping[str, Any]) -> dict[str, Any]:
     return {spec.name: spec.default for spec in constant_parameters(constants)}
 
 
-#: Values that stand for an empty list of strings: ROS leaves a parameter unset that is an empty
-#: list at the start, ``ros2 param dump`` writes it as null, and ROS reads null as a string.
-_EMPTY_LISTS = (None, '', '~', 'null', 'Null', 'NULL', 'None')
-
 #: Names of the types of parameters in ROS.
 TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string', list: 'string_array'}
-
-
-def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
-    """Declare parameters that a node does not have yet.
-
-    Returns:
-        Values of all ``specs`` by name.
-
-    Raises:
-        LavaError: If a value that was given at the start has another type or is out of range.
-    """
-    for spec in specs:
-        if not node.has_parameter(spec.name):
-            given = node._parameter_overrides.get(spec.name)
-            value = None if given is None else given.value
-            try:
-                node.declare_parameter(
-                    spec.name,
-                    spec.default,
-                    spec.descriptor(),
-                    ignore_override=spec.is_list and _is_empty(value),
-                )
-            except InvalidParameterTypeException:
-                expected = f'a {TYPES[type(spec.default)]}'
-                if isinstance(spec.default, float):
-                    expected += '; a whole number is written 5.0'
-                raise LavaError(spec.name, value, expected) from None
-            except InvalidParameterValueException:
-                raise LavaError(spec.name, value, spec.range_text) from None
-    return {spec.name: plain(node.get_parameter(spec.name).value) for spec in specs}
-
-
-def _is_empty(value: Any) -> bool:
-    if value is None or isinstance(value, str):
-        return value in _EMPTY_LISTS
-    return hasattr(value, '__len__') and len(value) == 0
-
-
-def with_types(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
-    """Convert values that are set to the types of the node's parameters.
-
-    ``ros2 param load`` sends 7e-07 from its own dump as a string, because a YAML number has a
-    point, and null as the string None. An empty list of strings becomes a list with one empty
-    string, which has a type.
-    """
-    result = list(given)
-    for index, item in enumerate(result):
-        if not node.has_parameter(item.name):
-            continue
-        is_list = node.describe_parameter(item.name).dynamic_typing
-        is_text = isinstance(item.value, str)
-        if is_list and _is_empty(item.value):
-            result[index] = Parameter(item.name, value=[''])
-        elif is_text and node.get_parameter(item.name).type_ == Parameter.Type.DOUBLE:
-            with suppress(ValueError):
-                result[index] = Parameter(item.name, value=float(item.value))
-    return result
-
-
-def typed(args: Sequence[str]) -> set[str]:
-    """Return the names of the parameters that a command line sets with ``-p name:=value``."""
-    words = [word for flag, word in pairwise(args) if flag in ('-p', '--param')]
-    return {word.partition(':=')[0].removeprefix('lava:') for word in words}
-
-
-def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
-    """Return a warning for each parameter given at the start that the node does not have.
-
-    A parameter file may contain parameters of other nodes, so these are not errors.
-
-    Raises:
-        LavaError: If such a parameter is in ``typed_names``, those of the command line.
-    """
-    known = list(node._parameters)
-    result = []
-    for name in sorted(set(node._parameter_overrides) - set(known)):
-        if name.startswith('qos_overrides.'):
-            continue
-        close = get_close_matches(name, known, 3)
-        text = f'; similar names: {", ".join(close)}' if close else ''
-        if name.split('.')[0] in ('vent', 'vents', *(item.name for item in fields(Vent))):
-            text += '; vents come by the scene file (scene), the topic vents or clicks'
-        if name in typed_names:
-            value = node._parameter_overrides[name].value
-            raise LavaError(f'-p {name}', value, f'a parameter that this node has{text}')
-        result.append(f'this node has no parameter {name!r}: its value has no effect{text}')
-    return result
-
-
-def fix(node: Node, specs: Iterable[ParameterSpec], *, fixed: bool) -> None:
-    """Make the read-only parameters of a node fixed or settable."""
-    for spec in specs:
-        if spec.read_only and node.has_parameter(spec.name):
-            # changes the descriptor in place, because rclpy does not replace a read-only one
-            node.describe_parameter(spec.name).read_only = fixed
-
-
-def put(node: Node, values: Mapping[str, Any]) -> None:
-    """Set parameters of a node, all or none.
-
-    Raises:
-        LavaError: If a value is refused.
-    """
-    if not values:
-        # rclpy raises for an empty list
-        return
-    new = [Parameter(name, value=value) for name, value in values.items()]
-    result = node.set_parameters_atomically(new)
-    if not result.successful:
-        raise LavaError('parameters', dict(values), f'values that can be set ({result.reason})')
-
-
-def plain(value: Any) -> Any:
-    """Return a parameter's value; an array becomes a list."""
-    return value if value is None or isinstance(value, str | bool | int | float) else list(value)
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:

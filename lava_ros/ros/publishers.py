@@ -17,14 +17,15 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import MarkerArray
 
+from lava_ros.bag import QosProfile
 from lava_ros.errors import LavaError
+from lava_ros.live.recorder import Recorder
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layer_files import load_layers, switched
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.executor import EntityRegistry
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.spinning import Entities
 from lava_ros.scene import Scene
 from lava_ros.simulation.output.snapshot import Snapshot
 
@@ -74,6 +75,22 @@ def published_layers(
     return [replace(layer, margin=margin) if layer.is_keepout else layer for layer in enabled]
 
 
+def publish_and_record(
+    publisher: Publisher,
+    message: Any,
+    recorder: Recorder,
+    recorded_ns: int | None,
+    *,
+    profile: QosProfile,
+) -> None:
+    """Publish a message, and record the same bytes at a ROS time [ns] unless that is None."""
+    data = codec.serialise(message)
+    publisher.publish(data)
+    if recorded_ns is not None:
+        kind = codec.type_name(type(message))
+        recorder.write(publisher.topic_name, kind, data, recorded_ns, qos=profile)
+
+
 @dataclass(eq=False)
 class _Output(Generic[Shown]):
     """A layer, its publisher and its last message.
@@ -101,7 +118,7 @@ class LayerPublishers(Generic[Shown]):
 
     def __init__(
         self,
-        entities: Entities,
+        entities: EntityRegistry,
         layers: Sequence[Layer],
         recorder: Recorder,
         *,
@@ -187,13 +204,11 @@ class LayerPublishers(Generic[Shown]):
 
     def _send(self, output: _Output[Shown], message: Any, recorded_ns: int | None) -> None:
         """Publish a message, and record it at a ROS time [ns] unless that is None."""
-        data, layer = codec.serialise(message), output.layer
-        output.publisher.publish(data)
+        # layer.qos is without the deadline, which a replay cannot meet
+        publish_and_record(
+            output.publisher, message, self._recorder, recorded_ns, profile=output.layer.qos
+        )
         output.sent_ns, output.sent_at = output.stamp_ns, self._clock()
-        if recorded_ns is not None:
-            topic = output.publisher.topic_name
-            # layer.qos is without the deadline, which a replay cannot meet
-            self._recorder.write(topic, layer.message, data, recorded_ns, qos=layer.qos)
 
     def _get_map(self, layer: Layer, _: Any, response: Any) -> Any:
         # Without a map the response is empty: GetMap has no field for an error.
@@ -208,7 +223,7 @@ class LayerPublishers(Generic[Shown]):
 class ScenePublisher:
     """Publishes relief and vents, latched, and the node's own terrain on its input topics."""
 
-    def __init__(self, entities: Entities, *, frame_id: str) -> None:
+    def __init__(self, entities: EntityRegistry, *, frame_id: str) -> None:
         """Create the publishers."""
         self._entities = entities
         self._messages = outputs.SceneMessages(frame_id)

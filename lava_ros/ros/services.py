@@ -1,54 +1,105 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node's services: reset, step, pause, record, save."""
+"""The node's services (reset, step, pause, record, save) and limits of their rates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
+import time
 import traceback
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.allowance import Allowance
-from lava_ros.ros.input_topics import InputTopics
-from lava_ros.ros.spinning import Entities
-from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import WorkerState
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState
+from lava_ros.ros.executor import EntityRegistry
+from lava_ros.ros.subscribers import InputSubscribers
 
 
-class ControlledNode(Protocol):
-    """Parts of an active node that services control."""
+class Limit(NamedTuple):
+    """A rate limit: a burst of ``calls`` requests, then one more every ``period`` [s]."""
+
+    calls: int
+    period: float
+
+
+#: Limits by name of the service or of the group of parameters. A reset or a change of effects may
+#: compile kernels and so delay the simulation; bags use disk space.
+LIMITS = {
+    'reset': Limit(5, 2.0),
+    'effects': Limit(5, 2.0),
+    'record': Limit(5, 10.0),
+    'save': Limit(5, 10.0),
+}
+
+
+class Allowance:
+    """Counts requests and refuses those beyond ``LIMITS``."""
+
+    def __init__(
+        self,
+        refused: Callable[[str, LavaError], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Allow the full number of calls of each limit.
+
+        Args:
+            refused: Called with the name and the error of each refused request.
+            clock: Returns wall time [s].
+        """
+        self._refused = refused
+        self._clock = clock
+        self._left = {name: (float(limit.calls), clock()) for name, limit in LIMITS.items()}
+
+    def take(self, name: str) -> None:
+        """Count a request.
+
+        Args:
+            name: Key of ``LIMITS``.
+
+        Raises:
+            LavaError: If there are too many such requests.
+        """
+        calls, period = LIMITS[name]
+        left, counted = self._left[name]
+        now = self._clock()
+        left = min(float(calls), left + (now - counted) / period)
+        is_allowed = left >= 1.0
+        self._left[name] = left - is_allowed, now
+        if not is_allowed:
+            expected = f'at most {calls} at once and one more each {period:g} s; try again later'
+            self.refuse(name, LavaError(name, 'too often', expected))
+
+    def refuse(self, name: str, error: LavaError) -> None:
+        """Report the error of a refused request, and raise it."""
+        self._refused(name, error)
+        raise error
+
+
+class _Runtime(Protocol):
+    """The parts of ``NodeRuntime`` that services control."""
 
     is_active: bool
 
     @property
-    def step_length(self) -> float:
-        """Length of one requested step [s]."""
-
-    def pause(self, paused: bool) -> Future[None]:
-        """Pause or resume the simulation."""
-
-    def save(self) -> str:
-        """Save maps, and return their path."""
-
-    def start_recording(self) -> str:
-        """Start a bag, and return its path."""
-
-    def stop_recording(self) -> str:
-        """Close the bag, and return its path; empty if there was none."""
+    def step_length(self) -> float: ...
+    def pause(self, paused: bool) -> Future[None]: ...
+    def save(self) -> str: ...
+    def start_recording(self) -> str: ...
+    def stop_recording(self) -> str: ...
 
 
 def create_services(
-    active: ControlledNode,
-    entities: Entities,
+    active: _Runtime,
+    entities: EntityRegistry,
     *,
     worker: SimulationWorker,
-    inputs: InputTopics,
+    inputs: InputSubscribers,
     allowance: Allowance,
 ) -> None:
     """Create the services.
@@ -69,7 +120,7 @@ def create_services(
         return f'{text}, but later: {blocked_by}' if blocked_by else text
 
     def reset(_: Any) -> str:
-        if worker.eruption.scene is None:
+        if worker.session.scene is None:
             raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
         allowance.take('reset')
         logger.info('reset: starting again at time 0')

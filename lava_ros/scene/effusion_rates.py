@@ -4,13 +4,13 @@
 """Tables of effusion rates: mean rates, rates at instants, or erupted volumes."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from itertools import pairwise
 import logging
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -25,9 +25,12 @@ _LOG = logging.getLogger(__name__)
 #: Effusion rate in a time without data: 0, or interpolated linearly.
 GAPS = ('zero', 'interpolate')
 
-#: Columns of an amount of lava, of which a table has one, and all columns.
-AMOUNTS = ('effusion_rate', 'volume', 'cumulative_volume')
-COLUMNS = ('start', 'end', 'time', *AMOUNTS, 'error')
+#: All columns, and those of which a table has one set; it may have errors as well.
+COLUMNS = ('start', 'end', 'time', 'effusion_rate', 'volume', 'cumulative_volume', 'error')
+_SETS = (
+    ('start', 'end', 'effusion_rate'), ('start', 'end', 'volume'), ('time', 'effusion_rate'),
+    ('time', 'cumulative_volume'),
+)
 
 #: Cells without a rate.
 _MISSING = ('', '-', '--', 'na', 'n/a', 'nan', 'nodata', 'no data')
@@ -47,6 +50,11 @@ class Interval:
     end: float
     discharge: float
     error: float | None = None
+
+    @property
+    def volume(self) -> float:
+        """Volume of the interval [m3]."""
+        return self.discharge * (self.end - self.start)
 
 
 @dataclass(frozen=True)
@@ -81,13 +89,7 @@ class Options:
 
 def options_from_dict(label: str, data: object) -> Options:
     """Build options from the plain data of a YAML file; raise LavaError for an invalid field."""
-    names = [item.name for item in fields(Options)]
-    values: dict[str, Any] = validation.keys(label, data, allowed=names)
-    try:
-        return Options(**values)
-    except LavaError as error:
-        field = label + error.field.removeprefix('effusion_rate')
-        raise LavaError(field, error.value, error.expected) from None
+    return validation.build(Options, label, data)
 
 
 def read_effusion_rates(
@@ -113,52 +115,45 @@ def read_effusion_rates(
     if 'volume' in columns and 'time' in columns:
         # a volume at an instant is cumulative
         columns['cumulative_volume'] = columns.pop('volume')
-    amounts = [name for name in AMOUNTS if name in columns]
-    has_spans = 'start' in columns
-    if len(amounts) != 1 or has_spans == ('time' in columns) or has_spans != ('end' in columns):
-        expected = 'start, end and effusion_rate or volume, or time and effusion_rate or '
-        expected += 'cumulative_volume'
-        raise LavaError(f'{path}, first line', ','.join(rows[0][1]), f'the columns {expected}')
-    amount = amounts[0]
-    if amount == 'cumulative_volume' and has_spans:
-        expected = 'time in place of start and end'
+    known = tuple(name for name in COLUMNS[:-1] if name in columns)
+    if known not in _SETS:
+        expected = 'the columns start, end and effusion_rate or volume, or time and effusion_rate '
+        expected += 'or cumulative_volume'
         raise LavaError(f'{path}, first line', ','.join(rows[0][1]), expected)
+    *times, amount = known
     warn_of_unknown(path, 'columns', others)
     if amount == 'cumulative_volume' and 'error' in columns:
         _LOG.warning(f'{path}: errors of a cumulative volume are not used')
     factor = _bulk_factor(path, columns[amount], options)
-    times = _Times(options.start)
+    clock = _Clock(options.start)
     read = []
     for where, row in rows:
-        when = [times.seconds(where, columns[name], row[columns[name].header])
-                for name in (('start', 'end') if has_spans else ('time',))]
+        when = [clock.seconds(where, columns[name], row[columns[name].header]) for name in times]
         value, error = _number(where, columns[amount], row, options.gaps is not None), None
         if value is not None and 'error' in columns:
             error = _number(where, columns['error'], row, True)
             if error is not None and columns['error'].unit in ('%', 'percent'):
                 error *= value
-        if value is None and options.gaps == 'interpolate' and not has_spans:
+        if value is None and options.gaps == 'interpolate' and times == ['time']:
             _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
         else:
             read.append(_Row(where, when[0], when[-1], value, error))
     result = []
-    for where, item in _intervals(str(path), read, columns, amount, options.gaps):
-        rate = item.discharge * factor
+    for row in _intervals(str(path), read, columns, amount, options.gaps):
+        rate = (row.value or 0.0) * factor
         if not 0.0 <= rate <= MAX_DISCHARGE:
-            label = f'{where}, {columns[amount].header}'
+            label = f'{row.where}, {columns[amount].header}'
             raise LavaError(label, rate, f'0 to {MAX_DISCHARGE:g} m3/s')
-        error = None if item.error is None else item.error * factor
-        result.append(replace(item, discharge=rate, error=error))
+        result.append(Interval(row.start, row.end, rate, row.error and row.error * factor))
     if not any(item.discharge > 0.0 for item in result):
         raise LavaError(str(path), 'a table without lava', 'an effusion rate above 0 at some time')
-    volume = sum(item.discharge * (item.end - item.start) for item in result)
-    kind = 'mean rates' if has_spans else 'cumulative volumes' if amount != 'effusion_rate' else (
-        'rates of instants, linear between them'
+    kind = 'cumulative volumes' if amount == 'cumulative_volume' else (
+        'rates of instants, linear between them' if times == ['time'] else 'mean rates'
     )
-    origin = f', time 0 is {times.origin.isoformat()}' if times.origin else ''
+    origin = f', time 0 is {clock.origin.isoformat()}' if clock.origin else ''
     _LOG.info(
         f'{path}: {len(result)} intervals of {kind}, {result[0].start:g} to {result[-1].end:g} s, '
-        f'{volume:.3g} m3 in all{origin}'
+        f'{sum(item.volume for item in result):.3g} m3 in all{origin}'
     )
     return tuple(result)
 
@@ -180,8 +175,8 @@ def error_of_rates(intervals: Sequence[Interval]) -> Distribution | None:
     deviation of the factor is the relative error of the volume, and its median is 1.
     """
     known = [item for item in intervals if item.error is not None]
-    volume = sum(item.discharge * (item.end - item.start) for item in known)
-    error = sum(item.error * (item.end - item.start) for item in known if item.error)
+    volume = sum(item.volume for item in known)
+    error = sum((item.error or 0.0) * (item.end - item.start) for item in known)
     if not volume or not error:
         return None
     return Distribution('lognormal', (1.0, math.exp(math.sqrt(math.log1p((error / volume) ** 2)))))
@@ -193,10 +188,10 @@ def instants_to_series(
     """Return a series of rates [m3/s], the means of linear changes between instants [s]."""
     rows = [_Row(where, time, time, rate, None) for time, rate in instants]
     found = _intervals(where, rows, {'time': Column('time')}, 'effusion_rate', None)
-    return series_of_rates([item for _, item in found])
+    return series_of_rates([Interval(row.start, row.end, row.value or 0.0) for row in found])
 
 
-class _Times:
+class _Clock:
     """Converter of times in a table to seconds since the start, or since the first date."""
 
     def __init__(self, start: str | None) -> None:
@@ -207,25 +202,21 @@ class _Times:
         """Return the time [s] of a cell."""
         label, date = f'{where}, {column.header}', None
         try:
-            number = column.number(where, text)
+            time = column.number(where, text)
         except LavaError:
-            try:
-                date = _date(label, text)
-            except LavaError:
-                expected = 'a finite number, or a date such as 2021-09-19T14:10:00Z'
-                raise LavaError(label, text, expected) from None
+            date = _date(label, text, 'a finite number, or ')
         if self._is_date not in (None, date is not None):
             raise LavaError(label, text, 'dates in all rows, or numbers in all')
         self._is_date = date is not None
         if date is None:
-            return number
+            return time
         if self.origin is None:
             self.origin = date
             _LOG.warning(f'{where}: the eruption is taken to start with the first date, {text}')
         return (date - self.origin).total_seconds()
 
 
-def _date(label: str, text: object) -> datetime:
+def _date(label: str, text: object, other: str = '') -> datetime:
     """Parse a date, in UTC unless it has a time zone."""
     try:
         if not isinstance(text, str):
@@ -233,7 +224,7 @@ def _date(label: str, text: object) -> datetime:
         # Python 3.10 cannot parse the Z
         date = datetime.fromisoformat(text.strip().replace('Z', '+00:00').replace('z', '+00:00'))
     except ValueError:
-        raise LavaError(label, text, 'a date such as 2021-09-19T14:10:00Z') from None
+        raise LavaError(label, text, f'{other}a date such as 2021-09-19T14:10:00Z') from None
     return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
 
 
@@ -252,17 +243,17 @@ def _number(
     where: str, column: Column, row: Mapping[str, str], may_be_missing: bool
 ) -> float | None:
     """Return a number of a row, at least 0; None for a missing number that may be missing."""
-    text = row[column.header]
+    text, label = row[column.header], f'{where}, {column.header}'
     is_missing = text.lower() in _MISSING
     if is_missing and may_be_missing:
         return None
-    expected = 'a finite number' + ', or gaps: zero or interpolate' * is_missing
     try:
         value = column.number(where, text)
     except LavaError:
-        raise LavaError(f'{where}, {column.header}', text, expected) from None
+        expected = 'a finite number' + ', or gaps: zero or interpolate' * is_missing
+        raise LavaError(label, text, expected) from None
     if value < 0.0:
-        raise LavaError(f'{where}, {column.header}', text, 'at least 0')
+        raise LavaError(label, text, 'at least 0')
     return value
 
 
@@ -278,8 +269,8 @@ class _Row(NamedTuple):
 
 def _intervals(
     table: str, rows: list[_Row], columns: Mapping[str, Column], amount: str, gaps: str | None
-) -> Iterator[tuple[str, Interval]]:
-    """Yield the label in errors and the mean rate of each interval, and warn of filled gaps."""
+) -> Iterator[_Row]:
+    """Yield the mean rate of each interval, and warn of filled gaps."""
     is_volume, is_instant = 'volume' in amount, 'time' in columns
     if is_instant and len(rows) < 2:
         where, shown = (rows[0].where, 'the only row') if rows else (table, 'no value')
@@ -287,8 +278,7 @@ def _intervals(
     if is_instant:
         rows = [_between(*pair, columns.get('cumulative_volume')) for pair in pairwise(rows)]
     filled: list[_Row] = []
-    for row in rows:
-        where, start, end, value, error = row
+    for where, start, end, value, error in rows:
         if end <= start:
             name = 'the row before' if is_instant else 'its start'
             expected = f'a time after {name}, {start:g} s'
@@ -304,17 +294,18 @@ def _intervals(
             value, error = value / (end - start), error and error / (end - start)
         filled.append(_Row(where, start, end, value, error))
     last = 0.0
-    for index, (where, start, end, rate, error) in enumerate(filled):
-        if rate is None:
-            later = next((row.value for row in filled[index:] if row.value is not None), 0.0)
+    for index, row in enumerate(filled):
+        if row.value is None:
+            later = next((item.value for item in filled[index:] if item.value is not None), 0.0)
             rate = 0.5 * (last + later) if gaps == 'interpolate' else 0.0
             choice = '' if gaps else ' (gaps: zero or interpolate chooses)'
             _LOG.warning(
-                f'{where}: no effusion rate from {start:g} to {end:g} s, taken to be {rate:.4g} '
-                f'm3/s{choice}'
+                f'{row.where}: no effusion rate from {row.start:g} to {row.end:g} s, taken to be '
+                f'{rate:.4g} m3/s{choice}'
             )
-        last = rate
-        yield where, Interval(start, end, rate, error)
+            row = row._replace(value=rate)
+        last = row.value or 0.0
+        yield row
 
 
 def _between(first: _Row, last: _Row, volume: Column | None) -> _Row:

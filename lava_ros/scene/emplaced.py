@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import vectors
 from lava_ros.files.rasters import open_raster
 from lava_ros.scene.features import read_features
@@ -262,11 +262,8 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
     own = coordinate_system(terrain.epsg, terrain.wkt)
     is_same = crs is None or horizontal(crs) == own
     if not is_same:
-        try:
+        with refusing(field, str(path), f'a place {terrain.bounds(projected=True)}', ValueError):
             x, y = transformed(horizontal(crs), own, x, y)
-        except ValueError as error:
-            expected = f'a place {terrain.bounds(projected=True)} ({error})'
-            raise LavaError(field, str(path), expected) from error
     places, volumes = np.stack([x, y], axis=-1), lava[row, column]
     is_inside = _check_on_terrain(field, path, terrain, places, volumes, is_ground)
     _check_not_elevation(where, result, terrain)

@@ -40,10 +40,6 @@ class TerrainEvent:
         """Return the ground after the event, with warnings of widened crests if ``is_told``."""
         return with_barriers(self.terrain or before, self.barriers, is_told=is_told)
 
-    def reshaped(self, change: Callable[[Terrain], Terrain]) -> 'TerrainEvent':
-        """Return the event with a change, such as refinement, of its terrain."""
-        return self if self.terrain is None else replace(self, terrain=change(self.terrain))
-
 
 def event_to_dict(event: TerrainEvent) -> dict[str, Any]:
     """Return plain data that describes an event without its elevation, for logs and bags."""

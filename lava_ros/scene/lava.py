@@ -19,7 +19,8 @@ from lava_ros.errors import LavaError
 class Lava:
     """Material constants; each field declares its description, unit and limits.
 
-    A constant that only one effect uses is declared in the file of the effect. The defaults are
+    A constant that only one effect uses is declared in the file of the effect, except for
+    ``arrhenius``, which is not 0 by default. The defaults are
     those of table 3.1 in the paper of the method; constants that the table lacks are 0, which
     switches their physics off. A scene without a lava uses ``materials.default_lava()`` instead.
     """
@@ -33,6 +34,10 @@ class Lava:
     )
     reference_temperature: float = number(
         1423.0, 'Temperature at which viscosity and yield_strength hold', 1.0, 5000.0, 'K'
+    )
+    # 8e-3 is the paper's value, 0.04 is usual in the field (Dragoni 1989)
+    arrhenius: float = number(
+        8e-3, 'Rate of the Arrhenius law of viscosity; 0: constant', 0.0, 1.0, '1/K'
     )
     liquidus: float = number(
         1473.0, 'Temperature above which there are no crystals', 1.0, 5000.0, 'K'

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import open_raster
 from lava_ros.scene.features import read_features
@@ -63,7 +63,7 @@ def resampled(
     check_placed(place, path, field=field)
     target_crs = _coordinates(terrain, crs, path, field)
     result = np.full(terrain.shape, np.nan)
-    try:
+    with refusing(field, str(path), 'a raster that GDAL can put on the terrain'):
         reproject(
             values,
             result,
@@ -75,10 +75,6 @@ def resampled(
             dst_nodata=np.nan,
             resampling=Resampling[method],
         )
-    # the errors of GDAL have no common class
-    except Exception as error:
-        expected = f'a raster that GDAL can put on the terrain ({error})'
-        raise LavaError(field, str(path), expected) from error
     return np.flipud(result)
 
 

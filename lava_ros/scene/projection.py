@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import MAX_CELLS
 from lava_ros.files.optional import require
 from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
@@ -89,14 +89,11 @@ def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:
     if epsg is None and wkt is None:
         return None
     rasterio = rasterio_for('coordinate systems')
-    try:
+    name, shown = ('terrain.wkt', str(wkt)[:40]) if epsg is None else ('epsg', epsg)
+    with refusing(name, shown, 'a coordinate system GDAL knows', rasterio.errors.CRSError):
         if epsg is not None:
             return rasterio.crs.CRS.from_epsg(epsg)
         return horizontal(rasterio.crs.CRS.from_wkt(wkt))
-    except rasterio.errors.CRSError as error:
-        name = 'epsg' if epsg is not None else 'terrain.wkt'
-        expected = f'a coordinate system GDAL knows ({error})'
-        raise LavaError(name, epsg or str(wkt)[:40], expected) from error
 
 
 def horizontal(crs: Any) -> Any:
@@ -168,14 +165,9 @@ def to_square_metric_cells(raster: Raster, resolution: float | None) -> Raster:
     square = math.isclose(raster.dx, raster.dy, rel_tol=1e-6)
     if target == raster.epsg and square and resolution in (None, raster.dx):
         return raster
-    try:
+    expected = 'a place that GDAL can map to square cells of metres'
+    with refusing('terrain file corner', raster.corner, expected):
         return _resample(raster, target, resolution)
-    except (LavaError, MemoryError):
-        raise
-    # the errors of GDAL have no common class
-    except Exception as error:
-        expected = f'a place that GDAL can map to square cells of metres ({error})'
-        raise LavaError('terrain file corner', raster.corner, expected) from error
 
 
 def _crs(raster: Raster) -> Any:
@@ -346,12 +338,9 @@ def on_terrain(
     if own is None:
         expected = 'coordinates of the terrain, which has no coordinate system'
         raise LavaError(where, shown, expected)
-    try:
+    expected = f'places in the domain of {system_name(terrain.epsg, terrain.wkt)}, of a '
+    with refusing(where, shown, f'{expected}coordinate system that GDAL knows', ValueError):
         return transformed(system, own, *places.T).T
-    except ValueError as error:
-        expected = f'places in the domain of {system_name(terrain.epsg, terrain.wkt)}, of a '
-        expected += f'coordinate system that GDAL knows ({error})'
-        raise LavaError(where, shown, expected) from error
 
 
 def transformed(source: Any, target: Any, x: Any, y: Any) -> np.ndarray:

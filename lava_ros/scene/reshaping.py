@@ -97,10 +97,7 @@ class Barrier:
     @classmethod
     def from_dict(cls, label: str, data: object) -> 'Barrier':
         """Build a barrier from the plain data of a YAML file; raise LavaError for bad data."""
-        required = ['line', 'height', 'width']
-        allowed = [*required, 'slope', 'name']
-        values = validation.keys(label, data, allowed=allowed, required=required)
-        return cls(**values)  # type: ignore[arg-type]
+        return validation.build(cls, label, data)
 
 
 def read_barriers(

@@ -119,7 +119,10 @@ class Scene:
         return replace(
             self,
             terrain=change(self.terrain),
-            events=tuple(event.reshaped(change) for event in self.events),
+            events=tuple(
+                replace(event, terrain=event.terrain and change(event.terrain))
+                for event in self.events
+            ),
         )
 
 

@@ -10,6 +10,7 @@ from itertools import product
 import json
 import logging
 import math
+import os
 from pathlib import Path
 import re
 from typing import Any
@@ -68,8 +69,7 @@ MAX_EPSG = 999_999
 _BARRIERS = 'lava_ros_barriers'
 
 NPZ_KEYS = (
-    'elevation', 'resolution', 'dx', 'dy', 'origin', 'epsg', 'wkt', 'offset', 'row_order',
-    'source', _BARRIERS,
+    'elevation', 'resolution', 'origin', 'epsg', 'wkt', 'offset', 'source', _BARRIERS,
 )
 
 #: Options of ``load_terrain`` that a scene file may give.
@@ -117,10 +117,8 @@ def load_terrain(
     square with the shorter side. Elevations in feet, by the unit of the band, the vertical
     coordinate system or an ESRI ``.prj`` file, become metres.
 
-    An .npz file has ``elevation`` [m], shape [rows, columns], and ``resolution`` [m], or ``dx``
-    and ``dy``; x and y are metres. Optional are ``origin`` and ``offset`` (x, y) [m], ``epsg``,
-    ``row_order``: ``south`` (the default: row 0 has the smallest y) or ``north``, and ``source``
-    and ``wkt`` as in ``Terrain``.
+    An .npz file has ``elevation`` and ``resolution``, and optionally ``origin``, ``offset``,
+    ``epsg``, ``wkt`` and ``source``, as in ``Terrain``.
 
     Args:
         path: Path of the file.
@@ -138,12 +136,7 @@ def load_terrain(
         LavaError: If the file cannot be read, or its contents cannot be used.
     """
     path = Path(path)
-    try:
-        is_file = path.is_file()
-    except (OSError, ValueError):
-        # the name is too long, or contains a null character
-        is_file = False
-    if not is_file:
+    if not os.path.isfile(path):
         raise LavaError('terrain file', str(path), 'a file that exists')
     is_code = isinstance(epsg, int) and not isinstance(epsg, bool) and epsg >= MIN_EPSG
     if epsg is not None and not is_code:
@@ -184,34 +177,31 @@ def load_terrain(
 
 def _read_npz(path: Path, nodata: float | str | None) -> Raster:
     arrays = read_arrays('terrain file', path)
-    data: Any = validation.keys('terrain file', arrays, allowed=NPZ_KEYS, required=['elevation'])
-    order = validation.choice('row_order', str(data.get('row_order', 'south')), ('south', 'north'))
-    elevation = np.asarray(data['elevation'])
+    data: Any = validation.keys(
+        'terrain file', arrays, allowed=NPZ_KEYS, required=['elevation', 'resolution']
+    )
+    elevation = data.pop('elevation')
     if elevation.ndim != 2 or elevation.dtype.kind not in 'iuf':
         found = f'{elevation.dtype} array of shape {elevation.shape}'
         raise LavaError('terrain file elevation', found, 'numbers [m] of shape [rows, columns]')
-    sides = ('resolution', 'resolution') if 'resolution' in data else ('dx', 'dy')
-    if 'resolution' in data and ('dx' in data or 'dy' in data):
-        raise LavaError('resolution', data['resolution'], 'absent when dx or dy is given')
-    dx, dy = (validation.number(name, data.get(name), above=0.0, unit='m') for name in sides)
-    elevation = _with_missing(elevation.astype(np.float32), dy, nodata, path)
-    epsg = None
-    if 'epsg' in data:
-        code = validation.number('epsg', data['epsg'])
-        epsg = validation.whole('epsg', code, at_least=1, at_most=MAX_EPSG)
-    none = np.zeros(2)
-    offset, origin = (validation.pair(name, data.get(name, none)) for name in ('offset', 'origin'))
+    data = {name: item.tolist() for name, item in data.items()}
+    cell = validation.number('resolution', data['resolution'], above=0.0, unit='m')
+    epsg = data.get('epsg')
+    if epsg is not None:
+        epsg = validation.whole('epsg', epsg, at_least=1, at_most=MAX_EPSG)
+    offset, origin = (
+        validation.pair(name, data.get(name, (0.0, 0.0))) for name in ('offset', 'origin')
+    )
     return Raster(
-        elevation=elevation[::-1] if order == 'north' else elevation,
-        dx=dx,
-        dy=dy,
+        elevation=_with_missing(elevation.astype(np.float32), cell, nodata, path),
+        dx=cell,
+        dy=cell,
         corner=(origin[0] + offset[0], origin[1] + offset[1]),
         epsg=epsg,
         offset=offset,
         is_metric=True,
         source=str(data.get('source', '')),
-        barriers=_barriers({_BARRIERS: str(data[_BARRIERS])}, epsg, path)
-        if _BARRIERS in data else (),
+        barriers=_barriers(data, epsg, path),
         wkt=str(data['wkt']) if 'wkt' in data else None,
     )
 
@@ -227,6 +217,8 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
     if unit != 1.0:
         _LOG.info(f'{path.name}: elevations in {named} become metres')
     code = horizontal(crs).to_epsg() if crs else None
+    # a vertical system in feet no longer holds
+    system = horizontal(crs) if crs and unit != 1.0 else crs
     given = crs if epsg is None else coordinate_system(epsg)
     cell = abs(transform.e) * (METRES_PER_DEGREE if given and given.is_geographic else 1.0)
     # missing data have a stored value, without unit and scale
@@ -244,7 +236,7 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
         dy=abs(transform.e),
         corner=(transform.c, bottom),
         epsg=code,
-        wkt=_full_definition(crs, code, unit),
+        wkt=system.to_wkt() if system and system.to_epsg() is None else None,
         barriers=_barriers(tags, code, path),
     )
 
@@ -257,13 +249,13 @@ def barrier_tags(terrain: Terrain) -> dict[str, str]:
 
 
 def _barriers(
-    tags: Mapping[str, str], epsg: int | None, path: Path
+    tags: Mapping[str, object], epsg: int | None, path: Path
 ) -> tuple[tuple[tuple[float, float], ...], ...]:
     """Read the barriers of a file; only warn of damaged data, since only maps show them."""
     if _BARRIERS not in tags:
         return ()
     try:
-        known = parse_json(_BARRIERS, tags[_BARRIERS])
+        known = parse_json(_BARRIERS, str(tags[_BARRIERS]))
         if known['epsg'] != epsg:
             # other programs copy tags unchanged when they reproject a file
             raise LavaError(f'{_BARRIERS}.epsg', known['epsg'], f'{epsg}, that of the file')
@@ -271,12 +263,6 @@ def _barriers(
     except (LavaError, KeyError, TypeError, ValueError) as error:
         _LOG.warning(f'{path.name}: maps will not show its barriers: {error}')
         return ()
-
-
-def _full_definition(crs: Any, code: int | None, unit: float) -> str | None:
-    """Return the WKT of a system that an EPSG code does not define, with heights in metres."""
-    part = horizontal(crs) if crs and unit != 1.0 else crs
-    return part.to_wkt() if part and part.to_epsg() is None else None
 
 
 def _with_missing(

@@ -8,7 +8,7 @@ A member of an ensemble is the scene with one value drawn from each distribution
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import partial
 import math
@@ -113,23 +113,27 @@ class Distribution:
             raise LavaError(where, bounds, 'limits with 0.1 % of the distribution between them')
 
     def _as_normal(self) -> tuple[float, ...]:
-        """Return mean, deviation and limits; for a lognormal kind, those of the logarithm."""
-        values = (*self.numbers, *(self.limits or ()))
-        return tuple(map(math.log, values)) if self.kind == 'lognormal' else values
+        """Return mean, deviation and support; for a lognormal kind, those of the logarithm."""
+        values = (*self.numbers, *self.support)
+        if self.kind == 'normal':
+            return values
+        return tuple(math.log(value) if value else -math.inf for value in values)
 
     @property
     def support(self) -> tuple[float, float]:
         """Minimum and maximum value, infinite without limits."""
-        if self.kind == 'normal':
-            return self.limits or (-math.inf, math.inf)
-        if self.kind == 'lognormal':
-            return self.limits or (0.0, math.inf)
+        if self.kind in WITH_LIMITS:
+            return self.limits or (-math.inf if self.kind == 'normal' else 0.0, math.inf)
         return (self.numbers[0], self.numbers[-1])
 
     def quantile(self, probability: float) -> float:
         """Return the value with a cumulative probability, 0 < probability < 1."""
         if self.kind in WITH_LIMITS:
-            return self._normal_quantile(probability)
+            centre, width, low, high = self._as_normal()
+            first, last = (_STANDARD.cdf((end - centre) / width) for end in (low, high))
+            inside = min(max(first + probability * (last - first), 1e-16), 1.0 - 1e-16)
+            value = min(max(centre + width * _STANDARD.inv_cdf(inside), low), high)
+            return math.exp(value) if self.kind == 'lognormal' else value
         if self.kind == 'triangular':
             low, mode, high = self.numbers
             if probability < (mode - low) / (high - low):
@@ -139,18 +143,6 @@ class Distribution:
         if self.kind == 'loguniform':
             return low * math.exp(probability * math.log(high / low))
         return low + (high - low) * probability
-
-    def _normal_quantile(self, probability: float) -> float:
-        centre, width, *limits = self._as_normal()
-        if limits:
-            low, high = limits
-            first = _STANDARD.cdf((low - centre) / width)
-            probability = first + probability * (_STANDARD.cdf((high - centre) / width) - first)
-            value = centre + width * _STANDARD.inv_cdf(min(max(probability, 1e-16), 1.0 - 1e-16))
-            value = min(max(value, low), high)
-        else:
-            value = centre + width * _STANDARD.inv_cdf(probability)
-        return math.exp(value) if self.kind == 'lognormal' else value
 
 
 @dataclass(frozen=True)
@@ -274,26 +266,10 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
     names = [item.name for item in fields(Uncertainty)]
     values: dict[str, Any] = {}
     for key, item in validation.keys(where, data, allowed=[*names, 'effusion_rate']).items():
-        label, name = f'{where}.{key}', 'discharge' if key == 'effusion_rate' else key
+        name = 'discharge' if key == 'effusion_rate' else key
         if name in values:
-            raise LavaError(label, item, 'either effusion_rate or discharge')
-        if name in ('position', 'terrain'):
-            kind = Displacement if name == 'position' else Roughness
-            parts = [part.name for part in fields(kind)]
-            required = parts if kind is Roughness else []
-            given = validation.keys(label, item, allowed=parts, required=required)
-            values[name] = _build(label, kind, **given)
-        elif name == 'constants':
-            known = validation.keys(label, item, allowed=CONSTANTS)
-            values[name] = {key: _distribution(f'{label}.{key}', known[key]) for key in known}
-        elif name == 'eruption':
-            if not isinstance(item, list):
-                raise LavaError(label, item, 'a list of classes of eruptions')
-            values[name] = tuple(
-                _eruption_class(f'{label}[{number}]', part) for number, part in enumerate(item)
-            )
-        else:
-            values[name] = _distribution(label, item)
+            raise LavaError(f'{where}.{key}', item, 'either effusion_rate or discharge')
+        values[name] = _READERS.get(name, _distribution)(f'{where}.{key}', item)
     return Uncertainty(**values)
 
 
@@ -327,23 +303,33 @@ def _distribution(where: str, data: object) -> Distribution:
         where, data, allowed=['distribution', *names, *limits], required=names
     )
     numbers = [values[name] for name in names]
-    built: Distribution = _build(where, Distribution, kind, numbers, values.get('limits'))
-    return built
+    parts = {'kind': kind, 'numbers': numbers, 'limits': values.get('limits')}
+    return validation.build(Distribution, where, parts)
 
 
-def _eruption_class(where: str, data: object) -> EruptionClass:
+def _constants(where: str, data: object) -> dict[str, Distribution]:
+    known = validation.keys(where, data, allowed=CONSTANTS)
+    return {name: _distribution(f'{where}.{name}', item) for name, item in known.items()}
+
+
+def _eruption_classes(where: str, data: object) -> tuple[EruptionClass, ...]:
+    if not isinstance(data, list):
+        raise LavaError(where, data, 'a list of classes of eruptions')
     names = [item.name for item in fields(EruptionClass)]
-    values = validation.keys(where, data, allowed=names, required=names[:-1])
-    for name in ('duration', 'volume'):
-        values[name] = _distribution(f'{where}.{name}', values[name])
-    built: EruptionClass = _build(where, EruptionClass, **values)
-    return built
+    result = []
+    for index, item in enumerate(data):
+        label = f'{where}[{index}]'
+        values = validation.keys(label, item, allowed=names, required=names[:-1])
+        for name in ('duration', 'volume'):
+            values[name] = _distribution(f'{label}.{name}', values[name])
+        result.append(validation.build(EruptionClass, label, values))
+    return tuple(result)
 
 
-def _build(where: str, kind: type, *values: Any, **named: Any) -> Any:
-    """Build an instance of a class above; errors name the place in the file."""
-    try:
-        return kind(*values, **named)
-    except LavaError as error:
-        field = error.field.removeprefix(kind.__name__.lower())
-        raise LavaError(where + field, error.value, error.expected) from None
+#: Readers of the fields of ``Uncertainty`` that are not distributions.
+_READERS: Mapping[str, Callable[[str, object], Any]] = {
+    'position': partial(validation.build, Displacement),
+    'terrain': partial(validation.build, Roughness),
+    'constants': _constants,
+    'eruption': _eruption_classes,
+}

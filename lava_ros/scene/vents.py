@@ -191,17 +191,13 @@ def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[
         raise LavaError('vents.discharge', 0.0, 'a discharge above 0')
     longer = duration / span
     more = volume / (whole * longer)
-    return tuple(
-        replace(vent, discharge=[(at * longer, q * more) for at, q in _finite_series(vent, span)])
-        for vent in vents
-    )
-
-
-def _finite_series(vent: Vent, span: float) -> list[tuple[float, float]]:
-    """Return the discharge series starting at time 0; a constant ends after ``span`` [s]."""
-    first = vent.discharge_at(0.0)
-    later = [(time, flux) for time, flux in vent.series if time > 0.0]
-    return [(0.0, first), *(later or [(span, 0.0)])]
+    result = []
+    for vent in vents:
+        # a constant ends after the span
+        later = [item for item in vent.series if item[0] > 0.0] or [(span, 0.0)]
+        series = [(0.0, vent.discharge_at(0.0)), *later]
+        result.append(replace(vent, discharge=[(at * longer, q * more) for at, q in series]))
+    return tuple(result)
 
 
 def vents_from_list(

@@ -65,10 +65,12 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
     if 'arrived' in parts:
         times = parts.pop('arrived').get('times')
         target.assign(fitting('arrived.times', times, target.shape, np.float32))
-    elif 'solidification' in solver.after_step:
+    else:
         # older checkpoints have no arrival times: flowing lava gets those of the next step
-        frozen = standing_cells(solver.after_step['solidification'].thickness())
-        target.assign(np.where(frozen, np.float32(checkpoint.time), np.float32(-1.0)))
+        for step in solver.after_step.values():
+            if hasattr(step, 'thickness'):
+                frozen = standing_cells(step.thickness())
+                target.assign(np.where(frozen, np.float32(checkpoint.time), np.float32(-1.0)))
     if parts:
         raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
     if solver.time != checkpoint.time:

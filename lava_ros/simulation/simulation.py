@@ -12,7 +12,7 @@ import time as wall_clock
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import Effects, excluded_by
+from lava_ros.effects import EFFECTS, Effects, excluded_by
 from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
@@ -345,7 +345,7 @@ class Simulation:
         former = self._forced, self._horizon
         self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
         self._forced = dict(forced)
-        kept = {*self._review.since, *({'solidification'} & set(self.effects))}
+        kept = {*self._review.since, *(name for name in self.effects if EFFECTS[name].freezes)}
         try:
             self._update_effects(kept)
         except LavaError:

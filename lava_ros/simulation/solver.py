@@ -30,7 +30,7 @@ from lava_ros.simulation.particles import state as at
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import centre_of, room_for, State
 from lava_ros.simulation.particles.terrain import sampled, StaggeredTerrain
-from lava_ros.simulation.step.effects import device_part
+from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
 
@@ -107,7 +107,7 @@ class Solver:
             assert self.accuracy.spacing is not None
             rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
             self.add_particles(rows)
-            if 'inertia' in self.effects:
+            if self.state.has_velocity:
                 self.state.velocity[: len(rows)].assign(particles.velocity)
             self.cover()
             self.volume_before = float(self.state.read_particles()[:, 2].sum())
@@ -132,23 +132,24 @@ class Solver:
         terrain, accuracy = self.scene.terrain, self.accuracy
         # solidified lava raises the ground of this simulation alone
         shared = StaggeredTerrain.shared(terrain, accuracy.precision, self.device)
-        self.terrain = shared.own() if 'solidification' in self.effects else shared
+        freezes = self.effects.any('freezes')
+        self.terrain = shared.own() if freezes else shared
         self.neighbors = NeighborGrid(self.terrain, self.radius, accuracy.ratio, self.device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
         # grids for solidified lava, and for the arrival
-        more = ('solidification' in self.effects) + 1
+        more = freezes + 1
         self.raster = Raster(
             self.terrain, output_radius, accuracy.kernel, accuracy.ratio, self.device, more=more
         )
         self._keep_arrival(terrain)
         former = self.after_step
         self.after_step = {
-            name: part.AfterStep(self.scene, accuracy, self.terrain, self.state)
-            for name in self.effects
-            if hasattr(part := device_part(name), 'AfterStep')
+            name: kind(self.scene, accuracy, self.terrain, self.state)
+            for name, kind in device_parts(self.effects, 'AfterStep').items()
         }
-        if 'solidification' in former:
-            self.after_step['solidification'].take_over(former['solidification'], self.state)
+        for name, effect in self.after_step.items():
+            if name in former and hasattr(effect, 'take_over'):
+                effect.take_over(former[name], self.state)
         self.stage = Stage(self.scene, accuracy, self.state, self.neighbors, self.after_step)
         self.cover()
 
@@ -308,8 +309,9 @@ class Solver:
 
     def _fill_raster(self) -> None:
         self.raster.fill(self.state, self.neighbors)
-        if 'solidification' in self.effects:
-            self.after_step['solidification'].show(self.state, self.raster.grids)
+        for effect in self.after_step.values():
+            if hasattr(effect, 'show'):
+                effect.show(self.state, self.raster.grids)
 
     def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
         """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import get_typestore, Stores
 
 from bag.conftest import Bag, GRID, messages_of, SECOND, small_bag
-from fuzz.files import chunk, data_section, joined
+from fuzz.bags import chunk, data_section, joined
 from lava_ros.bag import BagReader, LATCHED, QosProfile
 from lava_ros.bag.records import FRAME
 from lava_ros.errors import LavaError

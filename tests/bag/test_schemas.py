@@ -5,6 +5,8 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 from nav_msgs.msg import OccupancyGrid
 import numpy as np
@@ -12,7 +14,7 @@ import pytest
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 import yaml
 
-from lava_ros.bag.decoding import read_grid
+from lava_ros.bag.decoding import Decoder, Grid, read_grid
 from lava_ros.bag.qos import (
     INFINITE_NS,
     LATCHED,
@@ -21,7 +23,7 @@ from lava_ros.bag.qos import (
     profiles_to_yaml,
     QosProfile,
 )
-from lava_ros.bag.reader import BagMessage
+from lava_ros.bag.reader import BagMessage, Topic
 from lava_ros.bag.schemas import message_schema
 from lava_ros.errors import LavaError
 from lava_ros.ros import codec
@@ -166,17 +168,25 @@ def message(frame_id: str = 'map') -> BagMessage:
     return BagMessage('/height', 1, 1, codec.serialise(grid))
 
 
+def read(item: BagMessage) -> Grid:
+    """Decode a grid with the definition of its type."""
+    schema = message_schema('nav_msgs/msg/OccupancyGrid')
+    topic = Topic(item.topic, schema.name, LATCHED, 1, schema)
+    bag: Any = SimpleNamespace(path='bag', topics={item.topic: topic})
+    return read_grid(Decoder(bag), item)
+
+
 def test_reads_a_grid_with_any_frame_name_and_byte_order() -> None:
     """The length of the name changes the alignment of the fields after it."""
     names = ('', 'm', 'ma', 'map', 'odom', 'a/long/frame')
-    found = [read_grid(message(name)) for name in names]
+    found = [read(message(name)) for name in names]
     body = bytearray(message().data)
     body[1] = 0
     # Stamp, length of the name, load time, resolution, width, height; pose; count of cells.
     sizes = dict.fromkeys((0, 4, 8, 16, 20, 24, 28, 32, 96), 4)
     for start, size in {**sizes, **dict.fromkeys(range(40, 96, 8), 8)}.items():
         body[4 + start : 4 + start + size] = body[4 + start : 4 + start + size][::-1]
-    for grid in (*found, read_grid(message()._replace(data=bytes(body)))):
+    for grid in (*found, read(message()._replace(data=bytes(body)))):
         np.testing.assert_array_equal(grid.cells, np.arange(-1, 14).reshape(3, 5))
         assert grid.cells.dtype == np.int8
         assert (grid.resolution, grid.origin) == (2.5, (-7.0, 1e6))
@@ -188,8 +198,8 @@ def test_raises_for_a_truncated_grid() -> None:
     # serialisation pads the end to four bytes
     for length in range(len(whole.data) - 3):
         with pytest.raises(LavaError, match='message on /height'):
-            read_grid(whole._replace(data=whole.data[:length]))
+            read(whole._replace(data=whole.data[:length]))
     grid = OccupancyGrid()
     grid.info.width, grid.info.height, grid.data = 4, 4, [0] * 15
-    with pytest.raises(LavaError, match='a grid'):
-        read_grid(BagMessage('/height', 1, 1, codec.serialise(grid)))
+    with pytest.raises(LavaError, match='a nav_msgs/msg/OccupancyGrid'):
+        read(BagMessage('/height', 1, 1, codec.serialise(grid)))

@@ -16,7 +16,7 @@ from cli.calls import done, refused
 from command_line import lava
 from eruption import footprint, write_case
 from lava_ros.bag import BagReader
-from lava_ros.bag.decoding import read_grid
+from lava_ros.bag.decoding import Decoder, read_grid
 from lava_ros.cli.options import seconds_of
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
@@ -177,7 +177,7 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path):
     messages = {message.topic: message for message in bag.messages()}
     others = ('terrain', 'terrain_info', 'relief', 'vents', 'vents_markers', 'probability_class')
     assert {f'/lava/{name}' for name in (*MAPS, *others)} == set(messages)
-    grid = read_grid(messages['/lava/inundation_probability'])
+    grid = read_grid(Decoder(bag), messages['/lava/inundation_probability'])
     np.testing.assert_array_equal(grid.cells, occupancy(probability))
 
     outline = raster(tmp_path / 'outline.tif', maps['arrival_time_p10'] > 0.0)
@@ -193,9 +193,10 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path):
             with rasterio.open(folder / f'{name}.tif') as file:
                 assert file.tags()['observation'].startswith(observation)
             assert (folder / f'{name}.qml').exists()
+    bags = [BagReader(folder) for folder in (out / 'atlas', out / 'weighted/atlas')]
     grids = [
-        read_grid(next(BagReader(folder).messages(['/lava/inundation_probability']))).cells
-        for folder in (out / 'atlas', out / 'weighted/atlas')
+        read_grid(Decoder(bag), next(bag.messages(['/lava/inundation_probability']))).cells
+        for bag in bags
     ]
     np.testing.assert_array_equal(grids[0], occupancy(probability))
     assert not np.array_equal(*grids)

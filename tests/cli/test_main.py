@@ -108,7 +108,7 @@ def test_ros_arguments_reach_the_node(monkeypatch):
 def test_ros_arguments_reach_a_replay(monkeypatch):
     received: list[tuple[float, list[str]]] = []
     monkeypatch.setattr(
-        'lava_ros.ros.player.play',
+        'lava_ros.clients.player.play',
         lambda bag, **given: received.append((given['rate'], given['ros_arguments'])) or 0,
     )
     words = ['--ros-args', '-r', '__ns:=/etna', '-r', 'hazard:=/map']

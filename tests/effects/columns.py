@@ -4,13 +4,22 @@
 """Columns of lava and sheets that stay in place."""
 
 import numpy as np
+import pytest
 
+from lava_ros.effects.laws import STEFAN_BOLTZMANN
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from solver import incline, only, simulated
 
 #: Temperature of the air and of fresh lava [K].
 AIR, HOT = 300.0, 1423.0
+
+#: Heat capacity of lava of a default density [J/(m3 K)].
+CAPACITY = Lava().density * Lava().specific_heat
+
+HOUR = 3600.0
+
+precisions = pytest.mark.parametrize('precision', ['float32', 'float64'])
 
 
 def still_columns(lava, effects, temperatures, times, *, thickness=2.0, **options):
@@ -60,3 +69,32 @@ def viscosities(temperatures, effects, *, lava, precision, device):
         sample = simulation.sample()
         speeds.append(sample.velocity[np.argsort(sample.position[:, 0]), 0])
     return 1e3 * speeds[1] / speeds[0]
+
+
+def flux(lava, surface):
+    """Return the heat flux of a bare surface to the air [W/m2]."""
+    radiation = lava.emissivity * STEFAN_BOLTZMANN * (surface**4 - AIR**4)
+    return radiation + lava.convection * (surface - AIR)
+
+
+def check_range(lava, effects, step, steps, *, precision, device):
+    """Check that no column passes the temperature of the air, be it hotter or colder at first."""
+    before = np.array([HOT, 1400.0, 1325.0, 1250.0, 1000.0, 301.0, AIR, 250.0])
+    (after,), _ = still_columns(
+        lava, effects, before, [steps * step], longest_step=step, precision=precision,
+        device=device,
+    )
+    assert (after >= np.minimum(before, AIR - 0.01)).all()
+    assert (after <= np.maximum(before, AIR + 0.01)).all()
+
+
+def check_equal(lava, one, other, off):
+    """Check that two sets of effects cool columns alike, to ``off`` [K]."""
+    ends = [still_columns(lava, on, [HOT, 1300.0, 1000.0], [1e5])[0] for on in (one, other)]
+    assert ends[0] == pytest.approx(ends[1], rel=0.0, abs=off)
+
+
+def check_steps(lava, effects, time, steps, within):
+    """Check that columns lose as much heat in steps of any length [s], to a fraction."""
+    first, *others = (lost(lava, effects, time, longest_step=step) for step in steps)
+    assert others == pytest.approx([first] * len(others), rel=within)

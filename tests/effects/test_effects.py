@@ -1,26 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Effects as a key; an effect that is off, or whose file is deleted, leaves no trace."""
+"""Effects as a key; an effect that is off leaves no trace."""
 
 from dataclasses import replace
-import os
-from pathlib import Path
-import shutil
-import subprocess
-import sys
 
 import pytest
 import warp as wp
 
+from effects.copies import copy_package, output_of
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.effects.effect import Effect, join_names, number
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Vent
 from lava_ros.verification.cases.case import plane
 from solver import only, simulated
-
-ROOT = Path(__file__).parents[2]
 
 #: Arrays of a step without effects, and of a map.
 BARE_ARRAYS = {
@@ -46,60 +40,11 @@ ADDED['helmholtz'] = (
     {'layer', 'solution', 'next_solution', 'correction'}, {'start', 'sweep', 'finish'}
 )
 
-#: Computes a digest of a simulation with the named effects.
-DIGEST = """
-import hashlib, sys
-import lava_ros
-from lava_ros.scene import Lava, Vent
-from solver import incline, only, simulated
-ground = incline(-0.2, 20, 20, 5.0, origin=(-50.0, -50.0))
-simulation = simulated(
-    ground, Lava(), Vent((0.0, 0.0), 2.0), effects=only(*sys.argv[1:]), spacing=3.0, thickness=1.0
-)
-simulation.advance(120.0)
-seen = simulation.snapshot()
-digest = hashlib.sha256(seen.thickness.tobytes() + seen.temperature.tobytes()).hexdigest()
-print(lava_ros.__path__[0], digest)
-"""
-
-#: Loads scenes, materials and choices without each of the named effects in turn.
-WITHOUT = """
-import pkgutil, sys
-import numpy as np
-every = pkgutil.iter_modules
-for left_out in sys.argv[1:]:
-    pkgutil.iter_modules = lambda *args: [one for one in every(*args) if one.name != left_out]
-    for name in [name for name in sys.modules if name.startswith('lava_ros')]:
-        del sys.modules[name]
-    from lava_ros.effects import EFFECTS
-    assert left_out not in EFFECTS and len(EFFECTS) > 10
-    from lava_ros.scene import Scene, Terrain, Vent, scene_from_dict, scene_to_dict
-    from lava_ros.scene.materials import materials
-    from lava_ros.simulation.selection import effects_for
-    ground = Terrain(np.add.outer(np.arange(20.0), np.zeros(20)), 10.0)
-    for material in materials().values():
-        vent = Vent((100.0, 100.0), 5.0, temperature=material.vent_temperature.value)
-        scene = Scene(ground, (vent,), material.lava)
-        assert left_out not in effects_for(scene)
-        scene_to_dict(scene)
-"""
-
 #: An effect that declares a name of the solver.
 TOY = """
 from lava_ros.effects.effect import Array, Effect, number
 EFFECT = Effect(rank=200, title='toy', {})
 """
-
-
-def output_of(code, names, root=ROOT):
-    """Return the words that a program prints, given names, with the package in a folder."""
-    path = os.pathsep.join(map(str, filter(None, [root, ROOT / 'tests', os.getenv('PYTHONPATH')])))
-    run = subprocess.run(
-        [sys.executable, '-c', code, *names], capture_output=True, text=True, cwd=root,
-        env=os.environ | {'PYTHONPATH': path}, timeout=120,
-    )
-    assert run.returncode == 0, run.stderr
-    return run.stdout.split()
 
 
 @pytest.fixture
@@ -109,7 +54,7 @@ def launched(monkeypatch):
     launch, launch_again = wp.launch, wp.Launch.launch
 
     def record(kernel, *args, **kwargs):
-            # a recorded command is launched by ``record_again``
+        # a recorded command is launched by ``record_again``
         if not kwargs.get('record_cmd'):
             names.append(kernel.key.rpartition('__')[2])
         return launch(kernel, *args, **kwargs)
@@ -145,24 +90,6 @@ def test_effect_allocates_and_launches_only_its_own(launched, name):
     assert name or launched == BARE_KERNELS
 
 
-@pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])
-def test_flow_is_bitwise_identical_with_other_effects_deleted(tmp_path, names):
-    shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
-    deleted = [name for name in EFFECTS if name not in names]
-    assert len(deleted) > 10
-    for name in deleted:
-        (tmp_path / 'lava_ros/effects' / f'{name}.py').unlink()
-        path = tmp_path / 'lava_ros/simulation/step/effects' / f'{name}.py'
-        path.unlink(missing_ok=True)
-    found, expected = output_of(DIGEST, names, tmp_path), output_of(DIGEST, names)
-    assert found[-2:] == [str(tmp_path / 'lava_ros'), expected[-1]]
-
-
-@pytest.mark.nightly
-def test_any_effect_can_be_deleted():
-    output_of(WITHOUT, EFFECTS)
-
-
 @pytest.mark.parametrize(
     'pair',
     [('green', 'helmholtz'), ('arrhenius', 'vft'), ('inertia', 'green'), ('inertia', 'helmholtz')],
@@ -193,7 +120,7 @@ def test_rejects_a_name_of_another_effect(part):
     ],
 )
 def test_rejects_a_name_of_the_solver(tmp_path, part, key, value):
-    shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
+    copy_package(tmp_path)
     (tmp_path / 'lava_ros/effects/toy.py').write_text(TOY.format(f"{part}={{'{key}': {value}}}"))
     with pytest.raises(AssertionError, match=f"effects.toy.{part} is '{key}', expected a name"):
         output_of('import lava_ros.simulation.simulation', (), tmp_path)

@@ -25,7 +25,7 @@ PARTS = 40
 
 # Every test run tries the same scenes and messages.
 settings.register_profile(
-    'ci', max_examples=100, derandomize=True, deadline=None, database=None,
+    'ci', max_examples=40, derandomize=True, deadline=None, database=None,
     suppress_health_check=list(HealthCheck), print_blob=True,
 )
 settings.register_profile(

@@ -11,8 +11,10 @@ from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 import copy
+from functools import reduce
 import json
 import math
+from operator import getitem
 from pathlib import Path
 import random
 from typing import Any, NamedTuple
@@ -22,6 +24,8 @@ from rasterio.crs import CRS
 import yaml
 
 from eruption import LAVA, write_case
+from files.test_rasters import FILES, write_format
+from fuzz.bags import FLOATS, INTEGERS, TEXTS
 from lava_ros.cli.scenes import vents_as_given
 from lava_ros.files.columns import COLUMNS
 from lava_ros.hindcast.case import load_case
@@ -44,7 +48,7 @@ class Document(NamedTuple):
 
     Attributes:
         kind: Row in the table of a night.
-        tree: Its parts.
+        tree: Its parts, none if only its bytes are changed.
         write: Writes a tree into a folder; returns the path of the file.
         read: Reads a file; equal results have equal representations.
         needed: Paths of the parts that are required.
@@ -152,8 +156,7 @@ DOCUMENTS = (
     Document(
         'rasters', {
             'elevation': np.maximum(GROUND, 5.0), 'resolution': 10.0, 'epsg': 32633,
-            'origin': (20.0, 30.0), 'offset': (500_000.0, 4_180_000.0), 'row_order': 'north',
-            'source': 'a survey',
+            'origin': (20.0, 30.0), 'offset': (500_000.0, 4_180_000.0), 'source': 'a survey',
         },
         _npz, _ground, (('elevation',), ('resolution',)),
     ),
@@ -173,6 +176,10 @@ DOCUMENTS = (
         },
         lambda folder, tree: _header(folder, tree, '.flt'), _ground,
         (('NROWS',), ('NCOLS',), ('ULXMAP',), ('ULYMAP',), ('XDIM',), ('YDIM',)), is_header=True,
+    ),
+    *(
+        Document('rasters', {}, lambda folder, _, name=name: write_format(folder, name), _ground)
+        for name in FILES if name != 'SRTM'
     ),
     *(Document('vectors', _ATTRIBUTES, _vector(ending), _vents) for ending in DRIVERS),
     Document(
@@ -287,7 +294,6 @@ _VALUES = (
 #: Units that no column has.
 _UNITS = ('furlong', 'stone', '?')
 
-
 #: Parts to add, by kind; ``remark`` is unknown in all of them.
 _MORE = {
     'rasters': (*NPZ_KEYS[:-1], 'remark', 'CELLSIZE', 'cellsize', 'dx', 'XLLCENTER', 'nodata'),
@@ -334,12 +340,6 @@ def _with(tree: Any, path: tuple[Any, ...], edit: Callable[[Any, Any], Any]) -> 
     return result
 
 
-def _part_at(tree: Any, path: tuple[Any, ...]) -> Any:
-    for key in path:
-        tree = tree[key]
-    return tree
-
-
 def _without(part: Any, key: Any) -> Any:
     return {name: value for name, value in part.items() if name != key}
 
@@ -367,7 +367,7 @@ def change(chance: random.Random, document: Document) -> Change:
         new = chance.choice(_MORE[document.kind])
         value: Any = ['7'] * len(tree[name]) if document.is_table else 7
         # the current GeoJSON has no such objects
-        if new in _part_at(tree, path[:-1]) or 'crs' in path[:-1]:
+        if new in reduce(getitem, path[:-1], tree) or 'crs' in path[:-1]:
             return Change(without, f'{shown} is dropped', is_refused=path in document.needed)
         changed = _with(tree, path, lambda part, _: {**part, new: value})
         return Change(changed, f'{new} is added next to {shown}', tree, (new, new[:10]))
@@ -423,9 +423,18 @@ def _is_number(value: Any) -> bool:
     return False
 
 
-def damaged(chance: random.Random, path: Path) -> None:
-    """Change or remove bytes of a file."""
-    data = bytearray(path.read_bytes())
+def insane(chance: random.Random, document: Document) -> Any:
+    """Return the parts of a document with an extreme value in place of one."""
+    path = chance.choice([*_paths(document.tree, document.depth)])
+    value: Any = chance.choice((*INTEGERS, *FLOATS, *TEXTS, [1.0, {'time': []}], {'line': 1}))
+    if document.is_table:
+        value = [str(value), *document.tree[path[-1]][1:]]
+    return _with(document.tree, path, lambda part, key: {**part, key: value})
+
+
+def damaged(chance: random.Random, content: bytes) -> bytes:
+    """Change, remove or repeat some bytes."""
+    data = bytearray(content)
     for _ in range(chance.choice((1, 1, 2, 8))):
         place = chance.randrange(len(data))
         action = chance.random()
@@ -437,4 +446,4 @@ def damaged(chance: random.Random, path: Path) -> None:
         else:
             data[place:place] = data[place : place + chance.randrange(40)]
         data = data or bytearray(b' ')
-    path.write_bytes(data)
+    return bytes(data)

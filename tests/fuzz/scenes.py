@@ -50,27 +50,6 @@ class Trial:
     vents: tuple[Vent, ...] | None
     terrain: Terrain | None
 
-    def __repr__(self) -> str:
-        """Return the parts from which the trial can be made again."""
-        grounds = [item for item in (self.scene.terrain, self.terrain) if item is not None]
-        shown = ', '.join(
-            f'Terrain(np.array({item.elevation.tolist()!r}), {item.resolution!r}, {item.origin!r})'
-            if item.elevation.size <= 400
-            else f'<terrain {item.shape}, {item.resolution!r} m, {item.origin!r}>'
-            for item in grounds
-        )
-        return (
-            f'Trial(vents={self.scene.vents!r}, then={self.vents!r}, '
-            f'lava={_changed(self.scene.lava)}, air={self.scene.ambient_temperature}, '
-            f'gravity={self.scene.gravity}, effects={[*self.effects]}, '
-            f'accuracy={_changed(self.accuracy)}, until={self.until!r}, grounds=[{shown}])'
-        )
-
-
-def _changed(item: Any) -> dict[str, Any]:
-    usual = vars(type(item)())
-    return {name: value for name, value in vars(item).items() if value != usual[name]}
-
 
 def powers(low: float, high: float) -> st.SearchStrategy[float]:
     """Return numbers between limits whose logarithm is uniform."""

@@ -13,7 +13,6 @@ import argparse
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
-import json
 import math
 import multiprocessing
 from pathlib import Path
@@ -64,15 +63,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('--csv', type=Path, metavar='FOLDER', help='write hard_cpu.csv and '
                         'hard_as_published_cpu.csv there, or of another device')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcomes to it')
     options = parser.parse_args(arguments)
-    try:
-        if options.csv:
-            _check_folder(options.csv)
-        if options.json:
-            file_to_write('--json', options.json)
-    except LavaError as error:
-        parser.error(str(error))
+    if options.csv:
+        try:
+            options.csv.mkdir(parents=True, exist_ok=True)
+            file_to_write('--csv', options.csv / 'hard_cpu.csv')
+        except OSError as error:
+            parser.error(f'--csv is {options.csv}, expected a folder to write to ({error})')
+        except LavaError as error:
+            parser.error(str(error))
     # one thread per process
     use_threads(1)
     asked = options.scene or [*SCENES]
@@ -82,24 +81,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.published:
         presets = [PUBLISHED]
     devices = options.device or [str(device) for device in wp.get_devices()]
-    rows = [row for device in devices for row in _run_on(device, options, names, presets)]
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1), encoding='utf-8')
-    return int(not options.published and any(row['verdict'] != 'holds' for row in rows))
-
-
-def _check_folder(folder: Path) -> None:
-    """Create the folder, and raise before the run if it cannot be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise LavaError('--csv', str(folder), f'a folder to write to ({error})') from error
-    file_to_write('--csv', folder / 'hard_cpu.csv')
+    verdicts = [one for device in devices for one in _run_on(device, options, names, presets)]
+    return int(not options.published and any(one != 'holds' for one in verdicts))
 
 
 def _run_on(
     device: str, options: argparse.Namespace, names: Sequence[str], presets: Sequence[str]
-) -> list[dict[str, Any]]:
+) -> list[str]:
+    """Run the scenes at the presets; return the verdicts."""
     limit = options.limit if options.published else None
     tasks = [(name, preset, device, limit) for preset in reversed(presets) for name in names]
     outcomes = run(tasks, options.jobs)
@@ -110,10 +99,10 @@ def _run_on(
         title, name = f'At the paper\'s settings, {options.limit:g} s each', 'hard_as_published'
     print(table(f'{title}, {device}', outcomes))
     print(summary(outcomes))
-    rows = [_row(item, device) for item in outcomes]
     if options.csv:
+        rows = [_row(item, device) for item in outcomes]
         write_csv(rows, options.csv / f'{name}_{file_stem(device)}.csv')
-    return rows
+    return [item.verdict for item in outcomes]
 
 
 def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:

@@ -15,18 +15,19 @@ import time
 
 import pytest
 
-from ros.graph_publisher import PATIENCE, Publisher
+from ros.graph_publisher import Publisher
 from ros.hearing import Hearing
 from ros_domain import own_domain
+from waiting import PATIENCE
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
 #: Runs the node, or the module's ``main``, with five heartbeats per second to shorten waits.
 QUICK_MODULE = """
-from lava_ros.ros import active_node
+from lava_ros.ros import runtime
 from lava_ros.{} import main
-active_node.HEARTBEAT = 0.2
+runtime.HEARTBEAT = 0.2
 raise SystemExit(main())
 """
 QUICK = QUICK_MODULE.format('ros.node')
@@ -205,15 +206,6 @@ def pytest_runtest_makereport(item):
     if report.failed and isinstance(graph, Graph):
         report.sections += [(f'stderr of {name}', log) for name, log in graph.logs if log]
     return report
-
-
-@pytest.fixture
-def bench(request):
-    from worker_bench import Bench
-
-    result = Bench(**getattr(request, 'param', {}))
-    yield result
-    assert result.worker.stop(PATIENCE)
 
 
 @pytest.fixture(scope='module')

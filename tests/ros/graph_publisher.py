@@ -24,19 +24,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.ros import codec
-
-#: Maximum wait for an expected event on a busy machine [s].
-PATIENCE = 180.0
-
-
-def wait_until(condition, what=lambda: '', pause=0.01):
-    """Wait until ``condition`` returns a true value, and return it."""
-    end = time.monotonic() + PATIENCE
-    while not (value := condition()):
-        assert time.monotonic() < end, what()
-        time.sleep(pause)
-    return value
-
+from waiting import PATIENCE, wait_until
 
 ROWS, COLUMNS, RESOLUTION = 30, 40, 10.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -6,7 +6,7 @@
 from abc import ABC, abstractmethod
 import time
 
-from ros.graph_publisher import PATIENCE
+from waiting import PATIENCE
 
 
 class Hearing(ABC):

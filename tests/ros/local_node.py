@@ -18,13 +18,15 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
-from lava_ros.ros import active_node, codec, diagnostics
+from lava_ros.live import clock
+from lava_ros.live.worker_status import WorkerState
+from lava_ros.ros import codec, runtime
 from lava_ros.ros.node import LavaNode
-from lava_ros.ros.worker_status import WorkerState
 from ros.graph_listener import line_of
-from ros.graph_publisher import Asking, CASES, PATIENCE
+from ros.graph_publisher import Asking, CASES
 from ros.hearing import Hearing
 from ros_domain import own_domain
+from waiting import PATIENCE
 
 #: Period of diagnostics [s].
 HEARTBEAT = 0.02
@@ -88,9 +90,9 @@ class LocalNode(Asking, Hearing):
     """
 
     def __init__(self, directory, patch, *, remap=(), **parameters):
-        patch.setattr(active_node, 'HEARTBEAT', HEARTBEAT)
+        patch.setattr(runtime, 'HEARTBEAT', HEARTBEAT)
         # no warning about a clock that stands still
-        patch.setattr(diagnostics, 'PATIENCE', float('inf'))
+        patch.setattr(clock, 'PATIENCE', float('inf'))
         patch.chdir(directory)
         self.directory, self.seen, self.now = Path(directory), [], 0.0
         self._log, self._sent = _Log(), deque()
@@ -118,7 +120,7 @@ class LocalNode(Asking, Hearing):
 
     @property
     def worker(self):
-        return self.node._active._worker
+        return self.node.runtime.worker
 
     def close(self):
         self.node.close()
@@ -136,14 +138,14 @@ class LocalNode(Asking, Hearing):
     def run(self, seconds):
         """Advance the clock [s], and wait until the simulation has followed and published it."""
         end, worker = self.now + seconds, self.worker
-        reached = worker.eruption.time
+        reached = worker.session.time
         while self.now < end:
             step = min(STEP, end - self.now)
             reached += step * worker.time_scale
             self.jump(self.now + step)
             self.wait_until(
                 lambda: (
-                    worker.eruption.time > reached - 1e-6  # noqa: B023
+                    worker.session.time > reached - 1e-6  # noqa: B023
                     or worker.status.state is WorkerState.FINISHED
                 )
             )
@@ -152,9 +154,9 @@ class LocalNode(Asking, Hearing):
     def _has_shown_now(self):
         """Return True if the newest snapshot is of the current time; otherwise request one."""
         worker = self.worker
-        if worker.latest.time < worker.eruption.time:
+        if worker.latest.time < worker.session.time:
             worker.request_snapshot()
-        return worker.latest.time >= worker.eruption.time
+        return worker.latest.time >= worker.session.time
 
     def run_commands(self):
         """Wait until the simulation's thread has run all commands so far."""

@@ -4,7 +4,6 @@
 """Rate limits of ROS requests, and requests without limits."""
 
 from concurrent.futures import Future
-from functools import partial
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -13,14 +12,12 @@ from rclpy.clock import Clock
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.active_node import ActiveNode
-from lava_ros.ros.allowance import Allowance, LIMITS
+from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.diagnostics import WARN
-from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.services import create_services
-from lava_ros.ros.worker_status import WorkerState
-from worker_bench import TERRAIN, VENT
+from lava_ros.ros.runtime import NodeRuntime
+from lava_ros.ros.services import Allowance, create_services, LIMITS
+from lava_ros.ros.subscribers import InputSubscribers
 
 N_CALLS = 400
 
@@ -59,7 +56,7 @@ class NodeServices:
         self.worker.status = SimpleNamespace(state=WorkerState.PAUSED, blocked_by='')
         self.active = Mock(is_active=True, step_length=1.0)
         self.active.pause.side_effect = lambda paused: Future()
-        self.inputs = InputTopics(entities, self.worker, settings=Settings, steady=Clock())
+        self.inputs = InputSubscribers(entities, self.worker, settings=Settings, steady=Clock())
         self.allowance = Allowance(self.inputs.refuse, lambda: 0.0)
         entities.create.reset_mock()
         create_services(
@@ -81,7 +78,7 @@ class NodeServices:
             _settings=Settings(), _allowance=self.allowance, _bag_folder=self.active
         )
         try:
-            ActiveNode.check(node, Settings(effects_on=('inertia',)))
+            NodeRuntime.check(node, Settings(effects_on=('inertia',)))
         except LavaError as error:
             return SimpleNamespace(success=False, message=str(error))
         return SimpleNamespace(success=True)
@@ -123,37 +120,12 @@ def test_cheap_services_have_no_limit(name, request_):
     assert 'rejected.' + name not in services.status()[1]
 
 
-@pytest.mark.parametrize(
-    'kind', ['pause', 'step', 'reset', 'vents', 'terrain', 'effects', 'snapshot']
-)
-def test_waiting_command_is_replaced_by_the_next_of_its_kind(bench, kind):
-    bench.start()
-    bench.simulation.is_compiled.clear()
-    held = bench.worker.set_effects({}, horizon=1.0)
-    bench.wait(lambda: bench.worker.status.doing == 'effects')
-    ask = {
-        'pause': partial(bench.worker.pause, True),
-        'step': partial(bench.worker.step, 1.0),
-        'reset': bench.worker.reset,
-        'vents': partial(bench.worker.set_vents, [VENT]),
-        'terrain': partial(bench.worker.set_terrain, TERRAIN),
-        'effects': partial(bench.worker.set_effects, {}, horizon=1.0),
-        'snapshot': bench.worker.request_snapshot,
-    }[kind]
-    for _ in range(N_CALLS):
-        ask()
-    assert bench.worker.status.waiting == (kind,)
-    assert len(bench.worker._commands) == 1
-    bench.simulation.is_compiled.set()
-    bench.run(held)
-
-
 def test_total_size_of_saves_is_limited():
     services = NodeServices()
     node = SimpleNamespace(
-        _worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
+        worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
         _allowance=services.allowance,
     )
     with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
-        ActiveNode.save(node)
+        NodeRuntime.save(node)
     assert services.status()[1]['rejected.save'] == '1'

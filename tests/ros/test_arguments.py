@@ -13,7 +13,7 @@ from command_line import lava
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
 from lava_ros.ros import node
-from lava_ros.ros.arguments import start_ros
+from lava_ros.ros.executor import start_ros
 from ros_domain import own_domain
 
 BAG = Path(__file__).parents[2] / 'bags/sample'

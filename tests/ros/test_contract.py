@@ -20,12 +20,12 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 import yaml
 
 from lava_ros.bag.qos import QosProfile
+from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
-from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from maps.test_layers import EASTWARD as SNAPSHOT
-from ros.graph_publisher import wait_until
 from scripts import load_script
+from waiting import wait_until
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'ROS.md'

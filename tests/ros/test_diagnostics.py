@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
+from lava_ros.live.clock import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
+from lava_ros.live.recorder import RecorderStatus
+from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.ros import diagnostics
-from lava_ros.ros.diagnostics import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
-from lava_ros.ros.input_topics import InputLog
-from lava_ros.ros.recorder import RecorderStatus
-from lava_ros.ros.worker_status import WorkerState, WorkerStatus
+from lava_ros.ros.subscribers import InputLog
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
@@ -102,7 +102,7 @@ def test_repeated_error_is_logged_once():
     assert _counts(log, 'rejected') == ('4',)
 
 
-LONG = {'doing': 'a step', 'turn': 3.25, 'waiting': ('reset', 'snapshot')}
+LONG = {'current_task': 'a step', 'task_duration': 3.25, 'waiting': ('reset', 'snapshot')}
 LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
 
 
@@ -149,7 +149,7 @@ def test_simulation_values_are_those_of_the_frame():
         (WorkerState.RUNNING, {}, OK, 'running'),
         (WorkerState.RUNNING, {'is_behind': True}, WARN, 'running slower'),
         # a step or command that takes longer than ten slices, except while starting
-        (WorkerState.RUNNING, {**LONG, 'turn': 0.9}, OK, 'running'),
+        (WorkerState.RUNNING, {**LONG, 'task_duration': 0.9}, OK, 'running'),
         (WorkerState.STARTING, LONG, OK, 'starting'),
         (WorkerState.PAUSED, {}, OK, 'paused'),
         (WorkerState.PAUSED, {'is_active': False}, OK, 'inactive: paused'),

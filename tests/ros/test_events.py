@@ -14,7 +14,7 @@ import pytest
 from cli.calls import refused
 from lava_ros.cli import ros
 from lava_ros.errors import LavaError
-from lava_ros.ros.session import Eruption
+from lava_ros.live.session import SimulationSession
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.scene.emplaced import EmplacedFlow
 from lava_ros.scene.events import TerrainEvent
@@ -42,39 +42,39 @@ SCENE = Scene(
 )
 
 
-def _eruption() -> Eruption:
+def _session() -> SimulationSession:
     accuracy = Accuracy(spacing=2.5, thickness=1.0)
-    return Eruption(lambda scene: Simulation(scene, accuracy=accuracy, device='cpu'))
+    return SimulationSession(lambda scene: Simulation(scene, accuracy=accuracy, device='cpu'))
 
 
 def test_events_are_applied_and_undone_by_a_reset() -> None:
-    eruption = _eruption()
-    eruption.start(SCENE)
-    first, changes = eruption.simulation, eruption.changes
+    session = _session()
+    session.start(SCENE)
+    first, changes = session.simulation, session.changes
     assert first is not None
     for until, left in ((3.0, 2), (6.0, 1), (12.0, 0)):
-        eruption.advance(until, wall_limit=60.0, max_particles=10_000)
-        assert eruption.scene is not None
-        assert len(eruption.scene.events) == left
-        assert eruption.scene.terrain is first.scene.terrain
+        session.advance(until, wall_limit=60.0, max_particles=10_000)
+        assert session.scene is not None
+        assert len(session.scene.events) == left
+        assert session.scene.terrain is first.scene.terrain
     # earlier forecasts are outdated
-    assert eruption.changes == changes + 2
-    assert float((eruption.scene.terrain.elevation - GROUND.elevation).max()) > 8.0
-    eruption.reset()
-    assert eruption.scene is not None and eruption.scene.events == SCENE.events
-    assert eruption.scene.terrain is GROUND
-    assert eruption.simulation is not first
-    assert eruption.checkpoint().emitted == pytest.approx(FLOW.volume)
+    assert session.changes == changes + 2
+    assert float((session.scene.terrain.elevation - GROUND.elevation).max()) > 8.0
+    session.reset()
+    assert session.scene is not None and session.scene.events == SCENE.events
+    assert session.scene.terrain is GROUND
+    assert session.simulation is not first
+    assert session.checkpoint().emitted == pytest.approx(FLOW.volume)
     # terrain from a topic is kept, and later events apply to it
-    eruption.advance(6.0, wall_limit=60.0, max_particles=10_000)
+    session.advance(6.0, wall_limit=60.0, max_particles=10_000)
     other = replace(GROUND, elevation=GROUND.elevation - 1.0)
-    assert eruption.set_terrain(other)
+    assert session.set_terrain(other)
     # terrain on which a future barrier is impossible is rejected
     with pytest.raises(LavaError, match='a line on the terrain'):
-        eruption.set_terrain(replace(GROUND, offset=(0.0, 0.0)))
-    assert eruption.scene.terrain is other
-    eruption.reset()
-    assert eruption.scene.terrain is other and eruption.scene.events == SCENE.events
+        session.set_terrain(replace(GROUND, offset=(0.0, 0.0)))
+    assert session.scene.terrain is other
+    session.reset()
+    assert session.scene.terrain is other and session.scene.events == SCENE.events
 
 
 def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

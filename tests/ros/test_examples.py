@@ -18,8 +18,8 @@ from lava_ros.forecast.forecast_run import ForecastRun
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from ros.graph_publisher import PATIENCE
 from scripts import load_script
+from waiting import PATIENCE
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
 

@@ -23,8 +23,8 @@ from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.maps.layers import GRID_MAP
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.codec import decode, MAX_GRID_LAYERS
-from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.subscribers import InputSubscribers
 from lava_ros.scene import Terrain
 from maps.test_layers import EASTWARD as SNAPSHOT
 
@@ -252,7 +252,7 @@ def test_layer_without_the_package_is_an_error(absent):
 def subscribed(**changes):
     entities, worker = Mock(), Mock()
     worker.set_terrain.return_value = Future()
-    InputTopics(entities, worker, settings=lambda: Settings(**changes), steady=Clock())
+    InputSubscribers(entities, worker, settings=lambda: Settings(**changes), steady=Clock())
     made = [call.args[1:] for call in entities.create.call_args_list]
     topics = {words[1]: (words[0], *words[2:]) for words in made if len(words) == 4}
     return topics, worker.set_terrain, entities.node.get_logger().error
@@ -269,12 +269,12 @@ def test_grid_map_becomes_the_terrain(monkeypatch):
     kind, take, profile = topics['terrain_grid']
     assert kind is GridMap
     assert profile == topics['terrain'][2]
-    monkeypatch.setattr('lava_ros.ros.input_topics.decode', lambda *_, **__: moved(1, 2))
+    monkeypatch.setattr('lava_ros.ros.subscribers.decode', lambda *_, **__: moved(1, 2))
     take(b'')
     (terrain,) = set_terrain.call_args.args
     np.testing.assert_array_equal(terrain.elevation, TERRAIN.elevation)
     refused = spoilt(layers=['height'])
-    monkeypatch.setattr('lava_ros.ros.input_topics.decode', lambda *_, **__: refused)
+    monkeypatch.setattr('lava_ros.ros.subscribers.decode', lambda *_, **__: refused)
     take(b'')
     set_terrain.assert_called_once()
     (((message_start,), _),) = error.call_args_list

@@ -15,8 +15,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from ros.graph_publisher import wait_until
 from ros_domain import own_domain
+from waiting import wait_until
 
 CONFIG = """
 layers:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from lava_ros.bag import BagReader
-from lava_ros.ros import active_node
-from lava_ros.ros.active_node import ActiveNode
+from lava_ros.ros import runtime
+from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.simulation import Simulation
 
 pytestmark = pytest.mark.usefixtures('alone')
@@ -22,11 +22,11 @@ CONFIGURED = {*GRIDS, '/terrain', '/diagnostics', '/lava/step'}
 
 #: Program of a node whose configuration fails with an unexpected error.
 FAULTY = """
-from lava_ros.ros.active_node import ActiveNode
+from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.node import main
 def fail(*_):
     raise RuntimeError('configure went wrong')
-ActiveNode._begin = fail
+NodeRuntime._begin = fail
 raise SystemExit(main())
 """
 
@@ -59,7 +59,7 @@ def break_transition(patch, name):
     def run(*_, **__):
         raise RuntimeError(f'{name} went wrong')
 
-    patch.setattr(ActiveNode, method, run)
+    patch.setattr(NodeRuntime, method, run)
 
 
 @pytest.fixture
@@ -124,7 +124,7 @@ def test_inactive_node_accepts_inputs_and_publishes_no_maps(start):
     assert node.call('pause', True)['success']
     node.jump(node.now + 100.0)
     node.status_now('simulation')
-    assert node.worker.eruption.time == 0.0
+    assert node.worker.session.time == 0.0
     assert {item['topic'] for item in node.seen} == {'diagnostics'}
     change(node, 'activate')
     assert node.wait_for_topic('height')['wet'] == 0
@@ -161,13 +161,13 @@ def test_time_stands_still_while_inactive(start):
     assert {item['topic'] for item in node.seen[since:]} == {'diagnostics'}
     recorder = node.status_now('recorder')
     assert (recorder['state'], recorder['bag']) == ('recording', 'bag')
-    simulated = node.worker.eruption.time
+    simulated = node.worker.session.time
     change(node, 'activate')
     node.wait_for_topic('height', lambda grid: grid['stamp_ns'] == round(node.now * 1e9))
     node.status_now('simulation', lambda item: item['state'] == 'running')
     node.run(0.5)
     # half a second of the clock at 20 times its speed
-    assert node.worker.eruption.time - simulated == pytest.approx(10.0)
+    assert node.worker.session.time - simulated == pytest.approx(10.0)
 
 
 def test_deactivation_stops_a_step(start):
@@ -178,15 +178,15 @@ def test_deactivation_stops_a_step(start):
     assert node.set(time_scale=1e6)['success']
     node.run_commands()
     assert node.call('step')['success']
-    node.wait_until(lambda: node.worker.eruption.time > 0.0)
+    node.wait_until(lambda: node.worker.session.time > 0.0)
     change(node, 'deactivate')
     node.run_commands()
-    reached = node.worker.eruption.time
+    reached = node.worker.session.time
     for _ in range(3):
         # one round of the simulation thread
         node.run_commands()
         assert float(node.status_now('simulation')['simulated_time_s']) <= reached < 1e6
-    assert node.worker.eruption.time == reached
+    assert node.worker.session.time == reached
 
 
 def test_failed_simulation_is_not_activated(start, monkeypatch):
@@ -261,7 +261,7 @@ def test_unexpected_error_leaves_the_node_unconfigured(start, monkeypatch, name,
 
 
 def test_configuration_waits_for_the_last_step_of_the_previous_simulation(start, monkeypatch):
-    monkeypatch.setattr(active_node, 'STOP_TIMEOUT', 0.1)
+    monkeypatch.setattr(runtime, 'STOP_TIMEOUT', 0.1)
     node = start('active')
     begun, may_end, advance = threading.Event(), threading.Event(), Simulation.advance
 

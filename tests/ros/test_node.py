@@ -82,9 +82,9 @@ def test_malformed_input_is_logged_and_counted(running):
     assert int(status['rejected']) == len(MALFORMED)
     for topic, count in Counter(topic for _, topic, _ in MALFORMED).items():
         assert int(status[f'rejected.{topic}']) == count
-    before = running.worker.eruption.time
+    before = running.worker.session.time
     running.run(1.0)
-    assert running.worker.eruption.time > before
+    assert running.worker.session.time > before
     running.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
 
 
@@ -131,9 +131,9 @@ def test_changing_effects_does_not_stop_publishing(running):
     ):
         assert running.set(**values)['success']
         running.status_now('effects', lambda status: status[effect].startswith(text))  # noqa: B023
-        changed, before = running.now, running.worker.eruption.time
+        changed, before = running.now, running.worker.session.time
         running.run(1.0)
-        assert running.worker.eruption.time > before
+        assert running.worker.session.time > before
         grid = running.wait_for_topic('height', lambda grid: grid['stamp_ns'] > changed * 1e9)  # noqa: B023
         assert grid['wet'] > 0
 

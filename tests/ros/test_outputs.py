@@ -19,6 +19,7 @@ from visualization_msgs.msg import Marker
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError
+from lava_ros.live.recorder import Recorder
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.outputs import (
@@ -34,7 +35,6 @@ from lava_ros.ros.outputs import (
 )
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers, published_layers
-from lava_ros.ros.recorder import Recorder
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport

@@ -10,8 +10,8 @@ import rclpy
 from rclpy.parameter import Parameter
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import parameters
-from lava_ros.ros.arguments import start_ros
+from lava_ros.ros import node_parameters, parameters
+from lava_ros.ros.executor import start_ros
 from lava_ros.scene import constants_of, Lava
 from ros_domain import own_domain
 
@@ -73,8 +73,8 @@ def node_with():
         start_ros(['--ros-args', *words], context=context, domain_id=own_domain('graph'))
         made.append((rclpy.create_node('lava', context=context), context))
         node = made[-1][0]
-        parameters.declare(node, _specs())
-        node.add_pre_set_parameters_callback(partial(parameters.with_types, node))
+        node_parameters.declare(node, _specs())
+        node.add_pre_set_parameters_callback(partial(node_parameters.with_types, node))
         return node
 
     yield make

@@ -19,7 +19,7 @@ from lava_ros.bag.checkpoints import checkpoints_of, NAME, newest_checkpoint
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.ros.parameters import constant_parameters, PARAMETERS
-from lava_ros.ros.sources import adopted
+from lava_ros.ros.startup_inputs import overrides_from_checkpoint
 from lava_ros.scene import constants_of, Scene, Terrain
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Simulation
@@ -219,17 +219,17 @@ def defaults(lava):
 def test_omitted_parameters_are_those_of_the_checkpoint():
     one = checkpoint()
     known = defaults(one.scene.lava)
-    assert adopted(one, known, known) == {}
+    assert overrides_from_checkpoint(one, known, known) == {}
     forced = checkpoint(
         forced={'inertia': True, 'crust': False}, horizon=2.0 * HORIZON,
         accuracy=replace(preset_accuracy('fine', spacing=3.0), thickness=1.7),
     )
-    result = adopted(forced, known, known)
+    result = overrides_from_checkpoint(forced, known, known)
     assert result == {
         'effects_on': ['inertia'], 'effects_off': ['crust'], 'horizon': HORIZON / 1800.0,
         'preset': 'fine', 'spacing': 3.0,
     }
-    assert adopted(forced, {**known, **result}, known) == {}
+    assert overrides_from_checkpoint(forced, {**known, **result}, known) == {}
 
 
 @pytest.mark.parametrize(
@@ -248,14 +248,15 @@ def test_rejects_parameters_that_contradict_the_checkpoint(name, value):
     one = checkpoint(forced={'crust': False, 'inertia': True})
     known = defaults(one.scene.lava)
     assert known[name] != value
-    changed = adopted(one, {**known, name: value}, known, is_restart=True)
+    changed = overrides_from_checkpoint(one, {**known, name: value}, known, is_restart=True)
     assert changed[name] != value
     with pytest.raises(LavaError, match=f'^{name} is .* as in the checkpoint, or no value'):
-        adopted(one, {**known, name: value}, known)
+        overrides_from_checkpoint(one, {**known, name: value}, known)
 
 
 def test_accuracy_without_a_preset_is_kept():
     own = checkpoint(accuracy=replace(preset_accuracy('standard', spacing=5.0), ratio=4.5))
     assert isinstance(own, Checkpoint) and own.effects == Effects(**vars(own.effects))
     known = defaults(own.scene.lava)
-    assert adopted(own, {**known, 'preset': 'draft', 'spacing': 1.0}, known) == {}
+    given = {**known, 'preset': 'draft', 'spacing': 1.0}
+    assert overrides_from_checkpoint(own, given, known) == {}

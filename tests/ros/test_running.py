@@ -132,7 +132,7 @@ def test_save_writes_a_bag_of_the_current_state(start, tmp_path):
         assert {f'/{topic}' for topic in ('height', 'hazard', *OPTIONAL)} <= set(topics)
         # although checkpoint_period is 0
         found = newest_checkpoint(tmp_path / name).checkpoint
-        assert found.time == node.worker.eruption.time
+        assert found.time == node.worker.session.time
         assert found.scene.vents[0].name == 'north'
     state = node.status_now('recorder')
     assert (state['state'], state['level']) == ('off', 0)
@@ -258,7 +258,7 @@ def test_end_time_can_be_changed(start):
     assert node.set(end_time=0.0)['success']
     node.status_now('simulation', lambda status: status['state'] == 'running')
     node.run(0.5)
-    assert node.worker.eruption.time == pytest.approx(20.0)
+    assert node.worker.session.time == pytest.approx(20.0)
 
 
 def test_recording_parameters_can_be_changed(start, tmp_path):

@@ -22,8 +22,8 @@ from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_yaml, read_yaml
 from lava_ros.hindcast.case import load_case
 from lava_ros.maps.layer_files import layers_from_dict
-from lava_ros.ros import parameters
-from lava_ros.ros.arguments import start_ros
+from lava_ros.ros import node_parameters, parameters
+from lava_ros.ros.executor import start_ros
 from lava_ros.scene import constants_of, scene_from_yaml
 from lava_ros.scene.materials import default_lava
 from ros_domain import own_domain
@@ -379,7 +379,7 @@ def test_schema_and_node_agree_on_wrong_parameters(value):
             if type(value) is int and isinstance(spec.default, float):
                 continue
             try:
-                spec.setting(parameters.declare(node, (spec,))[spec.name])
+                spec.setting(node_parameters.declare(node, (spec,))[spec.name])
                 is_taken = True
             except LavaError:
                 is_taken = False

@@ -13,7 +13,8 @@ from lava_ros.ros.codec import float_image, header
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
-from ros.graph_publisher import cloud, info, wait_until
+from ros.graph_publisher import cloud, info
+from waiting import wait_until
 
 #: End of the run in simulated time [s], and simulated time per time of the clock [s/s].
 END, SCALE = 600.0, 50.0

@@ -18,13 +18,13 @@ import yaml
 
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.bag.recovery import recover
+from lava_ros.live.recorder import Recorder
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import outputs
 from lava_ros.ros.codec import message_class
-from lava_ros.ros.offline_bags import write_snapshots
 from lava_ros.ros.publishers import LayerPublishers
-from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.recording import SceneRecording
+from lava_ros.ros.snapshot_bags import write_snapshots
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
 from recording import growing, snapshot_at
 

@@ -44,7 +44,8 @@ RUNNERS = pytest.mark.parametrize('run', [run, run_as_ensemble])
 
 @RUNNERS
 def test_concurrent_members_equal_single_runs(device, run):
-    fluxes, ends = (1.0, 2.0, 3.0, 5.0, 8.0), {}
+    # more than run at once
+    fluxes, ends = (1.0, 3.0, 5.0, 8.0), {}
     run((task_of(flux, device, ends) for flux in fluxes), device)
     assert sorted(ends) == sorted(fluxes)
     for flux in fluxes:
@@ -56,7 +57,7 @@ def test_concurrent_members_equal_single_runs(device, run):
 
 @pytest.mark.parametrize(
     'name',
-    ['bare', *(pytest.param(name, marks=pytest.mark.nightly) for name in SETS)],
+    [pytest.param(name, marks=pytest.mark.nightly) for name in ('bare', *SETS)],
 )
 def test_different_members_are_bitwise_identical_to_single_runs(device, name, monkeypatch):
     if name != 'inertia':
@@ -96,7 +97,7 @@ def test_different_members_are_bitwise_identical_to_single_runs(device, name, mo
 
 def test_waiting_for_other_members_changes_nothing(device, monkeypatch):
     monkeypatch.setattr(batch_module, '_IDLE', 1.0)
-    fluxes, times = (10.0, 15.0, 20.0, 40.0, 60.0), np.linspace(0.5, 6.0, 12)
+    fluxes, times = (10.0, 20.0, 60.0), np.linspace(0.5, 6.0, 12)
 
     def begun(flux):
         knobs = {'spacing': 1.0, 'thickness': 0.4, 'deterministic': True, 'device': device}

@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 import pytest
-import warp as wp
 
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
@@ -18,11 +17,6 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.particles.state import FAR, State
 from lava_ros.verification.cases import spread_of_fixed_volume
 from solver import flat, incline, lattice, only, simulated
-
-#: A pit of 10 x 10 cells, 50 m deep.
-PIT = np.pad(np.zeros((10, 10)), 10, constant_values=50.0)
-
-THIN = Lava(viscosity=100.0, arrhenius=0.0)
 
 
 def scattered(effects, **options):
@@ -47,10 +41,11 @@ def wendland(distance, radius):
 @pytest.mark.parametrize(
     ('gradient', 'effects'),
     [
-        ('energy', only()),
-        ('balanced', only()),
         ('energy', only('green')),
-        ('energy', only('helmholtz')),
+        *(
+            pytest.param(*others, marks=pytest.mark.nightly)
+            for others in (('energy', only('helmholtz')), ('balanced', only()))
+        ),
     ],
 )
 def test_sums_in_parts_equal_whole_sums(monkeypatch, gradient, effects):
@@ -124,25 +119,27 @@ def checkered(lava, on, high=1400.0, low=1300.0, device='cpu', **knobs):
     return sample.velocity[middle, 0], sample.temperature[middle] > 1350.0
 
 
-@pytest.mark.parametrize('gradient', ['energy', 'difference', 'balanced'])
+ARRHENIUS = {'arrhenius': 0.03}
+
+CRYSTALS = {
+    'arrhenius': 0.0, 'crystals': 0.4, 'crystal_law': 'maron-pierce', 'liquidus': 1500.0,
+    'solidus': 1200.0,
+}
+
+
 @pytest.mark.parametrize(
-    ('on', 'constants'),
+    ('on', 'constants', 'gradient'),
     [
-        (('arrhenius',), {'arrhenius': 0.03}),
-        (('vft',), {'vft_a': -4.55, 'vft_b': 10000.0, 'vft_c': 300.0}),
-        (
-            ('arrhenius', 'crystals'),
-            {
-                'arrhenius': 0.0, 'crystals': 0.4, 'crystal_law': 'maron-pierce',
-                'liquidus': 1500.0, 'solidus': 1200.0,
-            },
-        ),
-        (('yielding',), {'arrhenius': 0.0, 'yield_strength': 500.0, 'yield_rate': 0.01}),
-        (('arrhenius', 'helmholtz'), {'arrhenius': 0.03}),
-        (('arrhenius', 'inertia'), {'arrhenius': 0.03}),
+        *(('arrhenius', ARRHENIUS, form) for form in ('energy', 'difference', 'balanced')),
+        ('vft', {'vft_a': -4.55, 'vft_b': 10000.0, 'vft_c': 300.0}, 'energy'),
+        ('arrhenius crystals', CRYSTALS, 'energy'),
+        ('yielding', {'arrhenius': 0.0, 'yield_strength': 500.0, 'yield_rate': 0.01}, 'energy'),
+        ('arrhenius helmholtz', ARRHENIUS, 'energy'),
+        ('arrhenius inertia', ARRHENIUS, 'energy'),
     ],
 )
 def test_columns_in_one_place_do_not_overtake_each_other(device, gradient, on, constants):
+    on = on.split()
     lava = Lava(**STIFF, **constants)
     speeds, is_hot = checkered(lava, on, gradient=gradient, device=device)
     alone = [checkered(lava, on, kelvin, kelvin, device)[0].mean() for kelvin in (1400.0, 1300.0)]
@@ -197,19 +194,6 @@ def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
     assert green == pytest.approx(local, rel=1e-4, abs=1e-5)
 
 
-def test_published_speed_is_not_that_of_a_sheet():
-    """Published: rho g h^6 grad S / mu^2; exact: rho g h^2 grad S / (3 mu)."""
-    published, corrected = (
-        sheet_velocity(
-            Lava(viscosity=1e4), 2.0, effects=only(), formulation=formulation, precision='float64'
-        )[0]
-        for formulation in ('as-published', 'corrected')
-    )
-    weight = 2500.0 * 9.81 * 0.1
-    assert corrected == pytest.approx(weight * 2.0**2 / 3e4, rel=2e-3)
-    assert published == pytest.approx(weight * 2.0**6 / 1e8, rel=1e-2)
-
-
 def test_published_velocity_is_the_printed_sum(device):
     """Equations 3.36, 3.40 and 3.44, summed over all pairs."""
     slope = 0.125
@@ -236,14 +220,9 @@ def test_published_velocity_is_the_printed_sum(device):
 
 
 def test_fixed_step_ignores_the_step_limits():
-    fixed, limited = (
-        spread_of_fixed_volume(
-            200, accuracy=Accuracy(fixed_step=step, integrator='euler'), growth=1.05
-        )
-        for step in (0.05, None)
-    )
-    assert 5.0 < fixed.steps * 0.05 < 60.0
-    assert limited.steps < 0.2 * fixed.steps
+    simulation, _ = scattered(only(), integrator='euler', fixed_step=1e4)
+    simulation.advance(2e4)
+    assert (simulation.steps, simulation.snapshot().steps.length) == (2, 1e4)
 
 
 @pytest.mark.parametrize('integrator', ['euler', 'rkl2'])
@@ -261,35 +240,6 @@ def test_steps_stay_within_their_limits(device, integrator):
         assert steps.length * speed <= 1.001 * reach
         if integrator == 'euler':
             assert steps.length <= 2.0 * simulation.radius**2 / (10.18 * diffusivity)
-
-
-def heads(simulation):
-    """Return u^2 / 2g - h, less the fall from the highest source, of each particle [m]."""
-    sample = simulation.sample()
-    terrain = simulation.scene.terrain
-    places = sample.position - 0.5 * np.add(terrain.extent[:2], terrain.extent[2:])
-    highest = np.full(len(places), -FAR)
-    for n, place in enumerate(places):
-        height = wp.full(1, -FAR, dtype=simulation.solver.state.real, device=simulation.device)
-        simulation.solver.terrain.raise_to(place[None], height)
-        highest[n] = height.numpy()[0]
-    fall = np.maximum(simulation.solver.state.top.numpy()[0] - highest, 0.0)
-    return (sample.velocity**2).sum(axis=1) / (2.0 * 9.81) - fall - sample.thickness
-
-
-@pytest.mark.parametrize('on', [(), ('helmholtz',), ('green',)])
-def test_lava_is_not_faster_than_free_fall(device, on):
-    """In a filled pit, the force balance alone gives 79 m/s at the wall, 7 m deep."""
-    simulation = simulated(
-        Terrain(PIT, 10.0), THIN, Vent((150.0, 150.0), 200.0, radius=10.0),
-        effects=only('steep', *on), device=device, refinement=0.5,
-    )
-    fastest = 0.0
-    for time in range(50, 201, 50):
-        simulation.advance(time)
-        assert heads(simulation).max() < 1e-3
-        fastest = max(fastest, np.hypot(*simulation.sample().velocity.T).max())
-    assert fastest > 5.0
 
 
 def test_free_fall_limit_does_not_change_slow_lava(device):
@@ -374,6 +324,7 @@ def test_many_stages_stay_stable(device, precision):
     assert np.linalg.norm(position - reference, axis=1).mean() < 0.03 * spread
 
 
+@pytest.mark.nightly
 def test_super_time_steps_are_cheaper_than_explicit_ones():
     euler = spread_of_fixed_volume(
         8000, accuracy=Accuracy(integrator='euler', diffusion_number=2.0, courant_number=0.5)

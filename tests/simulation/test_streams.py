@@ -107,14 +107,16 @@ def undisturbed(source: str, device: str) -> Flow:
     return run(source, 'none', 0.0, device, Effects(steep=True))
 
 
+KINDS = ('place', 'temperature', 'radius', 'name', 'distant vent', 'order', 'terrain', 'resumed')
+
+
 def streams() -> Iterator[Any]:
-    kinds = [
-        'place', 'temperature', 'radius', 'name', 'distant vent', 'order', 'terrain', 'resumed',
-    ]
+    """Return every kind of update for every source, most of them nightly."""
+    rates = [('discharge', rate) for rate in (10.0, 1.0, 0.1)]
     for source in SOURCES:
-        rates = [('discharge', rate) for rate in (0.1, 1.0, 10.0)]
-        for kind, rate in [*rates, *((kind, 1.0) for kind in kinds)]:
-            is_for_every_run = source == 'disc' or rate == 10.0
+        for kind, rate in (*rates, *((kind, 1.0) for kind in KINDS)):
+            some = ('discharge', 'place', 'distant vent', 'terrain')
+            is_for_every_run = source == 'several' and rate == 1.0 and kind in some
             yield pytest.param(
                 source, kind, rate, marks=() if is_for_every_run else pytest.mark.nightly
             )
@@ -150,7 +152,7 @@ def test_vent_that_reopens_often_does_not_emit_from_one_place(device: str) -> No
     assert simulation.budget().emitted == pytest.approx(duration)
 
 
-@pytest.mark.parametrize('kind', ['vents', 'terrain'])
+@pytest.mark.parametrize('kind', ['terrain', pytest.param('vents', marks=pytest.mark.nightly)])
 def test_updates_do_not_stop_slow_lava(kind: str, device: str) -> None:
     """A displacement below the resolution of float32 is kept across updates."""
     ground = Terrain(np.tile(-0.5 * np.arange(40.0), (3, 1)), 1000.0)

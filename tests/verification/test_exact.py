@@ -303,9 +303,3 @@ def test_levee_is_twice_as_wide_as_that_of_hulme():
     parabola = math.sqrt(2.0 * strength * near / (WEIGHT * math.cos(slope)))
     edge = ridge.thickness(np.array(ridge.half_width - near))
     assert edge == pytest.approx(parabola, rel=1e-3)
-
-
-def test_viscosity_laws_are_as_published():
-    assert exact.vft_viscosity(1000.0, -4.5, 6000.0, 400.0) == pytest.approx(10.0**5.5)
-    assert exact.crystal_factor(0.3, 0.6, 2.0) == pytest.approx(4.0)
-    assert exact.crystal_factor(0.3, 0.6, 2.5) == pytest.approx(2.0**2.5)

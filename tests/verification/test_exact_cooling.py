@@ -17,6 +17,7 @@ from lava_ros.verification.cases.case import GRAVITY
 from scripts import load_script
 
 FLUX, SLOPE, HOT, COLD = cooling.FLUX, cooling.SLOPE, cooling.HOT, cooling.COLD
+STRONG = replace(cooling.STIFFENING, **cooling.STRONG)
 SCRIPT = Path(__file__).parents[2] / 'docs/benchmarks/cooling_plane.py'
 TABLE = SCRIPT.with_suffix('.csv')
 reference = load_script(SCRIPT)
@@ -28,7 +29,7 @@ def sheet(lava, slope=SLOPE, length=100.0):
     )
 
 
-@pytest.mark.parametrize('lava', [cooling.STIFFENING, cooling.STRONG])
+@pytest.mark.parametrize('lava', [cooling.STIFFENING, STRONG])
 @pytest.mark.parametrize('degrees', [6.0, 20.0])
 def test_cooling_sheet_carries_its_flux_and_loses_its_heat(lava, degrees):
     slope = math.radians(degrees)

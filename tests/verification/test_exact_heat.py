@@ -54,18 +54,6 @@ def test_thick_column_loses_heat_as_at_constant_temperature():
     assert lost == pytest.approx(taken, rel=1e-3)
 
 
-def test_convecting_slab_limits():
-    def slab(conductivity, convection, time):
-        lava = replace(LAVA, conductivity=conductivity, convection=convection)
-        return exact.convecting_slab(lava, time, initial=1400.0, ambient=300.0, thickness=2.0)
-
-    assert slab(2.0, 50.0, 0.0) == pytest.approx(1400.0, abs=0.5)
-    mixed = 300.0 + 1100.0 * math.exp(-0.5 * 1e7 / (CAPACITY * 2.0))
-    assert slab(1000.0, 0.5, 1e7) == pytest.approx(mixed, rel=1e-3)
-    early = 1.0 - 2.0 * math.sqrt(2.0 / CAPACITY * 1e4 / math.pi) / 2.0
-    assert slab(2.0, 1e5, 1e4) == pytest.approx(300.0 + 1100.0 * early, rel=1e-4)
-
-
 def test_crystallizing_sheet_conserves_heat():
     lava = replace(LAVA, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0)
     sheet = partial(exact.crystallising_sheet, lava, initial=1423.0, ambient=300.0, thickness=2.0)

@@ -12,13 +12,11 @@ import re
 import numpy as np
 import pytest
 
-from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification import measure as measuring
-from lava_ros.verification.cases import CASES
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL
-from lava_ros.verification.measure import all_pairs, all_settings, measure, name_of, Setting
+from lava_ros.verification.measure import all_pairs, all_settings, Setting
 from lava_ros.verification.rows import as_plain, pareto_front, Point, points, read_csv, write_csv
 
 
@@ -59,22 +57,6 @@ def test_case_without_simulated_time_has_no_cost(fake_case, measured):
     assert pareto_front(points(rows)) == []
 
 
-def test_rows_of_a_case_are_yielded_before_the_next_case_runs(fake_case):
-    shares = []
-    one, two = fake_case('one'), fake_case('two')
-    cases = [(one, 'a'), (two, 'a'), (fake_case('two'), 'b')]
-    pairs = [(case, Setting(name, Accuracy())) for case, name in cases]
-    found = measure(
-        pairs, device='cpu', command='lava accuracy', repetitions=1,
-        on_progress=lambda _, share: shares.append(share),
-    )
-    assert {row.case for row in next(found)} == {'one'}
-    assert two.accuracies == []
-    assert [(row.case, row.setting) for row in next(found)] == [('two', name) for name in 'aabb']
-    assert next(found, None) is None
-    assert shares[0] == 0.0 and shares[-1] == 1.0 and sorted(shares) == shares
-
-
 def test_machine_name_has_cores_but_no_host():
     name = measuring.machine_name('cpu')
     assert re.search(r'\d+ cores? used of \d+$', name)
@@ -108,33 +90,6 @@ def test_every_setting_of_a_study_is_measured_once(study, cases):
     assert all(pairs.count((case, accuracy)) == 1 for accuracy in study() for case in cases)
 
 
-def test_settings_may_apply_to_some_cases():
-    assert set(measuring.EVEN_CASES) <= set(CASES)
-    assert all(set(item.cases or ()) <= set(CASES) for item in all_settings())
-    swept = {case.name for case, item in all_pairs() if not item.preset}
-    assert not swept & set(measuring.EVEN_CASES) and 'dam_break' in swept
-    paper = {case.name for case, item in all_pairs() if item.preset == 'as-published'}
-    assert paper == set(measuring.KNOB_CASES)
-
-
-def test_radius_of_the_paper_is_1_m():
-    """The fixed volume ends as a disc with a radius of 130 m."""
-    literal = measuring.paper_settings()['l = 1 m, as in table 3.1']
-    count = 8000.0 * literal.refinement**2
-    spacing = math.sqrt(math.pi * 130.0**2 / count)
-    assert literal.ratio * spacing == pytest.approx(1.0, rel=1e-3)
-    assert literal.fixed_step == PRESETS['as-published'].accuracy.fixed_step
-
-
-def test_name_of_a_setting_has_its_differences_from_the_default():
-    accuracy = Accuracy(
-        ratio=3.5, kernel='poly6', courant_number=0.25, gradient='difference', deterministic=True
-    )
-    assert name_of(accuracy) == (
-        'refinement 1, ratio 3.5, poly6, courant number 0.25, gradient difference, deterministic'
-    )
-
-
 def test_all_lateral_experiments_are_measured_at_the_default_preset():
     names = list(EXPERIMENTS)
     found = [item for case, item in all_pairs() if case.name == LATERAL]
@@ -161,13 +116,6 @@ def test_csv_round_trip(tmp_path, fake_case, measured):
         'case,setting,preset,quantity,error,measured,exact,unit,particles,steps,evaluations,'
         'simulated_s,wall_s,wall_s_per_simulated_hour,device,machine,command,repetitions,low,high'
     )
-
-
-@pytest.mark.parametrize('text', ['case,error\n', 'case,error\na,1\n'])
-def test_rejects_a_file_with_other_columns(tmp_path, text):
-    (tmp_path / 'a.csv').write_text(text)
-    with pytest.raises(LavaError, match='case,setting,preset'):
-        read_csv(tmp_path / 'a.csv')
 
 
 def test_json_has_null_for_nan(row):

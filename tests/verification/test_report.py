@@ -7,6 +7,7 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 import pytest
 
@@ -23,7 +24,7 @@ report = load_script(Path(__file__).parents[2] / 'docs/accuracy_report.py')
 markdown, studies = report.markdown, report.studies
 
 
-def test_report_names_presets_and_the_front(fake_case, measured):
+def test_report_names_presets_and_the_front(fake_case, measured, row):
     tried = [
         Setting('coarse', Accuracy(refinement=0.5)),
         Setting('chosen', Accuracy(refinement=1.0), preset='standard'),
@@ -33,21 +34,11 @@ def test_report_names_presets_and_the_front(fake_case, measured):
                  '![', 'cpu.csv'):
         assert part in text
     assert text.endswith('|\n')
-
-
-def test_setting_without_a_result_is_named_but_not_on_the_front(row):
+    # a setting without a result is not on the front
     text = markdown([row(setting='broken', error=math.nan), row()], {}, stem='cpu')
-    assert '| broken | none |' in text
-    assert '| **a** | 1 % |' in text
-
-
-def test_table_of_presets_omits_cases_without_presets(row):
-    text = markdown([row(preset='draft'), row(case='other')], {}, stem='cpu')
-    assert text.split('## fixed_volume')[0].count('other') == 0
-    assert '## Presets' not in markdown([row(case='other')], {}, stem='cpu')
-
-
-def test_presets_are_in_order_of_cost(row):
+    assert '| broken | none |' in text and '| **a** | 1 % |' in text
+    assert '## Presets' not in text
+    # in the order of cost
     rows = [row(setting=name, preset=name) for name in ('fine', '', 'draft')]
     assert presets_of(points(rows)) == ['draft', 'fine']
 
@@ -66,10 +57,9 @@ def table(rows, title):
     return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines]
 
 
-@pytest.fixture
-def converging(row):
-    """Return rows whose errors fall as the spacing and as its square."""
-    return [
+def test_convergence_has_the_order_at_every_doubling(row):
+    """Errors fall as the spacing and as its square."""
+    rows = [
         row(
             setting=name_of(accuracy), quantity=quantity,
             particles=round(8000 * accuracy.refinement**2),
@@ -78,23 +68,18 @@ def converging(row):
         for accuracy in measure.convergence()
         for quantity, order in (('radius', 1), ('profile', 2))
     ]
-
-
-def test_convergence_has_the_order_at_every_doubling(converging):
-    head, first, *others, last = table(converging, 'Convergence')
+    head, first, *others, last = table(rows, 'Convergence')
     assert head == ['particles', 'radius', 'order', 'profile', 'order', 'a run took']
     assert first[:5] == ['2,000', '2 %', '', '4 %', '']
-    assert len(others) == 6
-    assert others[1][:2] == ['8,000', '1 %']
+    assert len(others) == 6 and others[1][:2] == ['8,000', '1 %']
     for line in others:
         assert [float(line[2]), float(line[4])] == pytest.approx([1.0, 2.0], abs=0.02)
     assert last == ['least squares', '', '1.00', '', '2.00', '']
 
 
-@pytest.fixture
-def stepped(row):
-    """Return rows with 400 evaluations of Euler, and 100 of the others at half the error."""
-    return [
+def test_super_time_stepping_is_compared_with_euler(row):
+    """Euler takes 400 evaluations; the others take 100 and err half as much."""
+    rows = [
         row(
             setting=name_of(accuracy), quantity=quantity,
             evaluations=400 if accuracy.integrator == 'euler' else 100,
@@ -104,29 +89,21 @@ def stepped(row):
         if accuracy.refinement == STEPPED[0]
         for quantity, error in (('radius', 0.01), ('profile', 0.0201))
     ]
-
-
-def test_super_time_stepping_is_compared_with_euler(stepped):
-    head, euler, *others = table(stepped, 'Super-time-stepping')
+    head, euler, *others = table(rows, 'Super-time-stepping')
     column = {name: index for index, name in enumerate(head)}
     assert euler[column['integrator']] == 'Euler'
     assert euler[column["Euler's over these"]] == ''
     assert [line[column['Courant number']] for line in others] == ['0.5', '0.75', '1']
-    for line in others:
-        assert line[column["Euler's over these"]] == '4.0'
-        assert line[column["larger than Euler's"]] == 'none'
-    worse = [
-        replace(item, error=0.03) if (item.quantity, item.error) == ('profile', 0.0201) else item
-        for item in stepped
-    ]
+    assert {line[column["Euler's over these"]] for line in others} == {'4.0'}
+    assert {line[column["larger than Euler's"]] for line in others} == {'none'}
+    worse = [replace(item, error=0.03) if item.error == 0.0201 else item for item in rows]
     _, _, *others = table(worse, 'Super-time-stepping')
     assert {line[column["larger than Euler's"]] for line in others} == {'profile'}
 
 
-@pytest.fixture
-def corrected(row):
-    """Return rows from the paper's settings to the default, each with half the error."""
-    return [
+def test_corrections_lead_from_the_paper_to_the_default(row):
+    """Each correction halves the errors."""
+    rows = [
         row(
             setting=name_of(accuracy), preset={0: 'as-published', 7: 'standard'}.get(index, ''),
             quantity=quantity, error=scale * 0.5**index, wall_s_per_simulated_hour=100.0 - index,
@@ -134,21 +111,18 @@ def corrected(row):
         for index, accuracy in enumerate(measure.paper_settings().values())
         for quantity, scale in (('radius', 0.1), ('scatter', 1.28))
     ]
-
-
-def test_corrections_lead_from_the_paper_to_the_default(corrected, row):
     title = "From the paper's settings to ours"
-    head, *lines = table(corrected, title)
+    head, *lines = table(rows, title)
     assert head[:3] == ['setting', 'radius', 'scatter']
     assert [line[0] for line in lines] == list(measure.paper_settings())
     assert (lines[0][2], lines[-1][2]) == ('128 %', '1 %')
-    text = '\n'.join(section(corrected, title))
+    text = '\n'.join(section(rows, title))
     assert 'is standard: its largest error is 1 %, in 93 s instead of 100 s' in text
     assert 'is 128 % (scatter), so the ratio of the errors is 0.0078.' in text
     expensive = row(setting='expensive', error=1e-6, wall_s_per_simulated_hour=101.0)
     cheap = row(setting='cheap', error=1e-5, wall_s_per_simulated_hour=99.0)
-    assert section([*corrected, expensive], title) == section(corrected, title)
-    assert 'is cheap: its' in '\n'.join(section([*corrected, expensive, cheap], title))
+    assert section([*rows, expensive], title) == section(rows, title)
+    assert 'is cheap: its' in '\n'.join(section([*rows, expensive, cheap], title))
 
 
 def test_gradient_forms_are_compared_by_case(row):
@@ -159,12 +133,10 @@ def test_gradient_forms_are_compared_by_case(row):
         for accuracy, error in zip(forms.values(), (0.02, 0.001, 0.5), strict=False)
         for quantity in ('speed', 'flatness')
     ]
-    count = len(forms)
-    errors = ['2 %', '0.1 %', '50 %'][:count]
     head, *lines = table(rows, 'Gradient forms')
     assert head == ['case', 'quantity', *forms]
-    assert ['A pond', 'flatness', *errors] in lines
-    assert ['A pond', 'a run took', *(['1 s'] * count)] in lines
+    assert ['A pond', 'flatness', *['2 %', '0.1 %', '50 %'][: len(forms)]] in lines
+    assert ['A pond', 'a run took', *(['1 s'] * len(forms))] in lines
     assert len(lines) == 6
     assert len(table(rows[:-2], 'Gradient forms')) == 1 + 3
     assert section(rows[:2], 'Gradient forms') is None
@@ -188,7 +160,6 @@ def test_lateral_stress_is_compared_by_form_and_radius(row):
     assert lines[2] == ['response at 4 h', '10', '', '2.5 %']
     assert [line[1] for line in lines] == ['1', '2', '10'] * 3
     assert lines[6] == ['time per particle and evaluation', '1', '2,500 ns', '5,000 ns']
-    assert section([row()], 'Lateral stress') is None
     # the section parses the names of the experiments
     rows = [row(case='lateral', setting=name) for name in EXPERIMENTS]
     head, *lines = table(rows, 'Lateral stress')
@@ -207,38 +178,22 @@ def test_chart_is_not_blank(tmp_path, count, fake_case, measured):
     assert (picture[..., :3].min(axis=2) < 0.5).mean() > 0.005
 
 
-@pytest.fixture
-def panels(monkeypatch):
-    """Return a function that draws rows and returns the axes."""
-    from matplotlib.figure import Figure
-
+def test_chart_omits_what_is_not_known(tmp_path, row, monkeypatch):
+    """It has no case without a cost, and a preset with a NaN at its known error."""
     drawn = []
-    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure))
-
-    def axes(rows, path):
-        draw(rows, {}, path)
-        return drawn[-1].axes
-
-    return axes
-
-
-def test_chart_omits_cases_without_cost(tmp_path, row, panels):
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure.axes))
     still = row(case='lateral', wall_s_per_simulated_hour=math.nan)
-    assert len(panels([row(), still], tmp_path / 'a.png')) == 1
-    assert len(panels([still], tmp_path / 'a.png')) == 0
-
-
-def test_chart_shows_a_preset_with_nan_at_its_known_error(tmp_path, row, panels):
+    preset = row(setting='p', preset='as-published', error=2.5)
     rows = [
-        row(setting='p', preset='as-published', error=2.5),
-        row(setting='p', preset='as-published', quantity='edge', error=math.nan),
-        row(setting='good'),
+        preset, replace(preset, quantity='edge', error=math.nan), row(setting='good'),
         row(setting='euler', error=math.nan),
     ]
-    (axes,) = panels(rows, tmp_path / 'a.png')
-    others, preset = (item.get_offsets() for item in axes.collections)
+    for given in ([still], [*rows, still]):
+        draw(given, {}, tmp_path / 'a.png')
+    assert [len(axes) for axes in drawn] == [0, 1]
+    others, named = (item.get_offsets() for item in drawn[1][0].collections)
     assert [place[1] for place in others] == [0.01]
-    assert [place[1] for place in preset] == [2.5]
+    assert [place[1] for place in named] == [2.5]
 
 
 def test_unwritable_chart_is_an_error_that_names_the_file(tmp_path, row):

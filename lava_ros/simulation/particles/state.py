@@ -74,6 +74,8 @@ ARRAYS = {
     'top': Array('real', 1),
     'share': Array('real'),
     'age': Array('real', is_carried=True),
+    'velocity': Array('vec2', is_carried=True),
+    'slope': Array('vec2'),
     'remainder': Array('vec2', is_carried=True),
     'surface': Array('vec2'),
     'flow': Array('vec3'),
@@ -115,6 +117,9 @@ class State:
         remainder: Only in float32: rounding error of each particle's position [m]. Without it slow
             lava far from the centre would never move.
         age: Only if an effect needs it: time since each particle was emitted [s].
+        velocity: Only if an effect needs it: velocity of each particle in the middle of the latest
+            step [m/s].
+        slope: Only if an effect needs it: gradient of the surface at each ordered particle.
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
             of each particle; absent with the Euler integrator.
         drift: Displacement one stage ago [m] and velocity at the start of the step [m/s]; absent
@@ -162,21 +167,20 @@ class State:
         forget_failure(device)
         self.real = REAL[accuracy.precision]
         self.effects = effects
-        # with inertia a step has one stage: effects/inertia.py
-        self.is_staged = accuracy.integrator == 'rkl2' and 'inertia' not in effects
+        self.has_velocity = effects.any('needs_velocity')
+        self.is_staged = accuracy.integrator == 'rkl2' and not self.has_velocity
         self.has_remainder = accuracy.precision == 'float32'
         self.is_deterministic = accuracy.deterministic
         # a step of fixed length is not limited
         self.is_guarded = accuracy.fixed_step is None
-        self.has_velocity = 'inertia' in effects
         self.has_mean = effects.any('stiffens')
         self.has_age = effects.any('needs_age')
         # particles that have frozen or merged into another have no volume and are dropped
         self.has_empty = effects.any('removes_particles')
         # without a pass after the motion, the motion itself assigns the particles to cells
         self.bins_in_motion = not self.has_empty
-        # with inertia the pairwise energy gradient conserves momentum, which a bore needs
-        self.has_surface = accuracy.gradient != 'energy' and 'inertia' not in effects
+        # the pairwise energy gradient conserves momentum, which a bore needs
+        self.has_surface = accuracy.gradient != 'energy' and not self.has_velocity
         self.device = device
         self.launches = Launches(device)
         self._allocate(capacity)
@@ -192,6 +196,8 @@ class State:
         """Specifications of all arrays of this state, by name: its own and its effects'."""
         is_needed = {
             'age': self.has_age,
+            'velocity': self.has_velocity,
+            'slope': self.effects.any('needs_drop'),
             'remainder': self.has_remainder,
             'surface': self.has_surface,
             'base': self.is_staged,
@@ -313,6 +319,7 @@ class State:
         """Names of the arrays that particles carry from step to step, each with a twin."""
         names = ['remainder'] if self.has_remainder else []
         names += [name for name, array in self.effects.arrays.items() if array.is_carried]
+        names += ['velocity'] if self.has_velocity else []
         return names + (['age'] if self.has_age else [])
 
     @property

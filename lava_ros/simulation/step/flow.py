@@ -39,7 +39,6 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import LATERAL_DRAG, law_type, speed_function, viscosity_function
 from lava_ros.simulation.backend.compiled import (
     FEW_THREADS,
@@ -136,11 +135,12 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     store = store4(real)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     _, x_k1 = bessel(real)
+    # each form of the lateral stress has its own limit of stability
     green, helmholtz = 'green' in effects, 'helmholtz' in effects
-    steep = load_effect('steep').factor(real) if 'steep' in effects else None
-    along = load_effect('steep').along(real) if 'steep' in effects else None
+    steep, along = effects.function('factor', real), effects.function('along', real)
     speed = speed_function(wp, real, law_type(real), effects)
-    has_age = effects.any('needs_age')
+    has_age, has_velocity = effects.any('needs_age'), effects.any('needs_velocity')
+    is_lateral, has_drop = effects.any('is_lateral'), effects.any('needs_drop')
     raised = raise_to(real)
     fallen, bend_at = fall_function(real), terrain_functions(real).bend_at
 
@@ -154,13 +154,13 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         weight = m.constants.weight
         if wp.static(speed is None):
             mobility = weight * height * height / (real(3.0) * viscosity(m.law, temperature))
-            if wp.static('steep' in effects):
+            if wp.static(steep is not None):
                 mobility *= steep(ground)
             largest = mobility
         else:
             depth = height
             fall = wp.length(surface)
-            if wp.static('steep' in effects):
+            if wp.static(along is not None):
                 layer = along(height, surface, ground)
                 depth = layer[0]
                 fall = layer[1]
@@ -172,17 +172,17 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             largest = response[1]
         velocity = -mobility * surface
         bounded = velocity
-        if wp.static('inertia' not in effects):
+        if wp.static(not has_velocity):
             bounded = fallen(velocity, height, place, m)
-        if wp.static(not (green or helmholtz)):
+        if wp.static(not is_lateral):
             # lateral stress uses it as the driving force, and the mean is limited
             velocity = bounded
         if fills_flow:
             m.flow[i] = vec3(height, velocity[0], velocity[1])
-        if wp.static('viscous_heating' in effects):
+        if wp.static(has_drop):
             m.slope[i] = surface
         rate = largest * height * m.constants.stiffness
-        if wp.static(green or helmholtz):
+        if wp.static(is_lateral):
             # lateral stress divides the response by 1 + q^2 / k^2; with W^ <= 1 no wave then
             # decays faster than D / (l^2 / stiffness + 1 / k^2), k^2 = LATERAL_DRAG / h^2
             stressed = height
@@ -192,7 +192,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             radius = m.constants.radius
             thick = stressed * stressed / (radius * radius)
             thick *= real(wp.static(stiffness / LATERAL_DRAG))
-            if wp.static(helmholtz and 'steep' in effects):
+            if wp.static(helmholtz and steep is not None):
                 # in proportion to the increase of the drag, which divides it (effects/helmholtz)
                 thick *= steep(ground)
             reduced = rate / (real(1.0) + thick)
@@ -208,8 +208,8 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             rate = reduced
         # lava flows to the bottom of a hollow, and would overshoot it as on level ground
         rate += largest * bend * m.constants.share
-        if wp.static('inertia' in effects):
-            # the balance of momentum (effects/inertia.py) needs the slope, and has its own limits
+        if wp.static(has_velocity):
+            # the balance of momentum needs the slope, and has its own limits
             m.flow[i] = vec3(height, surface.x, surface.y)
         else:
             raised(m.rates, DIFFUSION, rate)

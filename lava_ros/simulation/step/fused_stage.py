@@ -84,10 +84,10 @@ def _kernel(real: Any, function: Any) -> Any:
 def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     """Return True if the motion chooses its stage; ``sums_up``: it sums before it moves.
 
-    With inertia the stage must be known before the forces of the motion are computed.
+    With momentum the stage must be known before the forces of the motion are computed.
     """
     is_worth_it = state.is_short or (state.device.is_cuda and sums_up)
-    return is_worth_it and 'inertia' not in state.effects
+    return is_worth_it and not state.has_velocity
 
 
 def choice_within_motion(state: State, pace: Any, vents: VentSet) -> StageChoice:

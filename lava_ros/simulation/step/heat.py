@@ -14,34 +14,12 @@ evaluated at the age ((sqrt(t0) + sqrt(t1)) / 2)^2, the midpoint in sqrt(t), whi
 """
 
 from functools import lru_cache
-import math
 from typing import Any
 
 import warp as wp
 
 from lava_ros.effects import drop_superseded, Effects
-from lava_ros.effects.laws import heat_loss, heat_type
-from lava_ros.scene import Scene
-
-#: Minimum number of steps in which lava solidifies: a column solidifies at the end of a step, on
-#: average half a step late, and advances too far by as much.
-_FREEZING_STEPS = 16
-
-#: Minimum excess over the solidus [K]: cooler lava solidifies at its vent.
-_MIN_ABOVE_SOLIDUS = 10.0
-
-
-def freezing_step(scene: Scene, thickness: float) -> float:
-    """Return the longest step that resolves how lava of a thickness [m] solidifies [s]."""
-    lava = scene.lava
-    soonest, loss_at = math.inf, heat_loss(scene)
-    for vent in scene.vents:
-        loss = loss_at(vent.temperature)
-        if loss > 0.0 and vent.temperature > lava.solidus:
-            above = max(vent.temperature - lava.solidus, _MIN_ABOVE_SOLIDUS)
-            capacity = lava.density * lava.specific_heat * thickness
-            soonest = min(soonest, capacity * above / loss)
-    return soonest / _FREEZING_STEPS
+from lava_ros.effects.laws import column_type, heat_type
 
 
 @lru_cache
@@ -51,11 +29,14 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     Its arguments: the constants, thickness [m], temperature [K], age at the start of the step [s],
     drop of the surface under the column along its way [m], its speed [m/s], and the step [s].
     """
-    constants_type, modules = heat_type(real), effects.having('terms')
+    constants_type, column_struct = heat_type(real), column_type(real)
+    modules = effects.having('terms')
     names = drop_superseded(modules)
     if not names:
         return None
-    balance, *others = (modules[name].terms(wp, real, constants_type) for name in names)
+    balance, *others = (
+        modules[name].terms(wp, real, constants_type, column_struct) for name in names
+    )
     for other in others:
         balance = _sum(real, balance, other)
 
@@ -74,9 +55,7 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     ) -> real:
         return relaxation(temperature, rate, source, step)
 
-    relaxed = plain
-    for module in effects.having('relaxed').values():
-        relaxed = module.relaxed(wp, real, constants_type, relaxation)
+    relaxed = effects.function('relaxed', wp, real, constants_type, relaxation) or plain
 
     @wp.func
     def mean_age(age: real, span: real) -> real:
@@ -91,11 +70,17 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     ) -> real:
         if step <= real(0.0):
             return temperature
-        rate = drop / step
         half = real(0.5) * step
-        start = balance(constants, thickness, temperature, mean_age(age, half), rate, speed)
-        middle = relaxed(constants, temperature, start[0], start[1], half)
-        half_way = balance(constants, thickness, middle, mean_age(age, step), rate, speed)
+        column = column_struct()
+        column.thickness = thickness
+        column.temperature = temperature
+        column.age = mean_age(age, half)
+        column.drop = drop / step
+        column.speed = speed
+        start = balance(constants, column)
+        column.temperature = relaxed(constants, temperature, start[0], start[1], half)
+        column.age = mean_age(age, step)
+        half_way = balance(constants, column)
         return relaxed(constants, temperature, half_way[0], half_way[1], step)
 
     return temperature_after
@@ -105,12 +90,7 @@ def _sum(real: Any, first: Any, second: Any) -> Any:
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def both(
-        constants: heat_type(real), thickness: real, temperature: real, age: real, drop: real,
-        speed: real,
-    ) -> vec2:
-        return first(constants, thickness, temperature, age, drop, speed) + second(
-            constants, thickness, temperature, age, drop, speed
-        )
+    def both(constants: heat_type(real), column: column_type(real)) -> vec2:
+        return first(constants, column) + second(constants, column)
 
     return both

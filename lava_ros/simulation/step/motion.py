@@ -88,7 +88,7 @@ def motion_function(
     """
     vec2 = wp.types.vector(2, real)
     # differences and lateral stress push lava up slopes that its own surface slope does not
-    guarded = _guard_function(real, has_surface or 'green' in effects or 'helmholtz' in effects)
+    guarded = _guard_function(real, has_surface or effects.any('is_lateral'))
     place = bin_function(real, False)
     load, store = compiled.load4(real), compiled.store4(real)
     load_pair, store_pair = compiled.load2(real), compiled.store2(real)
@@ -98,9 +98,9 @@ def motion_function(
     temperature_after = temperature_function(real, effects)
     heats = temperature_after is not None
     note = note_function(real, False)
-    has_age = effects.any('needs_age')
-    has_mean = effects.any('stiffens')
-    falls = 'viscous_heating' in effects
+    has_age, has_mean = effects.any('needs_age'), effects.any('stiffens')
+    has_velocity, has_speed = effects.any('needs_velocity'), effects.any('needs_speed')
+    falls, freezes = effects.any('needs_drop'), effects.any('freezes')
 
     @wp.func
     def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
@@ -131,7 +131,7 @@ def motion_function(
                 start = vec2(d[2], d[3])
         if wp.static(is_guarded):
             head = real(0.0)
-            if wp.static('inertia' in effects):
+            if wp.static(has_velocity):
                 head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * m.constants.gravity)
             way = guarded(m, x, y, vec2(dx, dy), f[0], head)
             dx = way[0]
@@ -154,19 +154,19 @@ def motion_function(
                 drop = real(0.0)
                 if wp.static(falls):
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
-                    if wp.static('inertia' not in effects):
+                    if wp.static(not has_velocity):
                         # the actual drop of the ground, however steep it is where the step begins
                         ground = gradient_at(m.ground, p[0], p[1])
                         drop += wp.dot(ground, vec2(dx, dy))
                         drop += height_at(m.ground, x, y)
                         drop -= height_at(m.ground, x + dx, y + dy)
                 speed = real(0.0)
-                if wp.static(effects.any('needs_speed')):
+                if wp.static(has_speed):
                     speed = wp.sqrt(dx * dx + dy * dy) / step
                 temperature = temperature_after(
                     m.heat, f[0], temperature, time_out, drop, speed, step
                 )
-        if wp.static('solidification' in effects):  # noqa: SIM102, the static test decides
+        if wp.static(freezes):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1
         if wp.static(real is wp.float32):

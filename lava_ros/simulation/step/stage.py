@@ -14,7 +14,7 @@ from lava_ros.simulation.particles.motion_arguments import flow_constants
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step import motion, timestep
-from lava_ros.simulation.step.effects import device_part
+from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.flow import compute_flow, flow_kernels, publish_velocity
 from lava_ros.simulation.step.fused_stage import (
     choice_within_motion,
@@ -56,8 +56,17 @@ class Stage:
         self._flow_kernels = partial(
             flow_kernels, state.real, accuracy.kernel, accuracy.ratio, gradient, state.effects
         )
-        # the pass that computes the velocity also moves the particles
-        self._moves_at_once = 'green' in state.effects and accuracy.formulation != 'as-published'
+        self._is_published = accuracy.formulation == 'as-published'
+        parts = {
+            hook: tuple(device_parts(state.effects, hook).values())
+            for hook in ('compute_velocity', 'accelerate', 'move_particles')
+        }
+        self._velocities, self._accelerations = parts['compute_velocity'], parts['accelerate']
+        # such a pass computes the velocity and also moves the particles
+        self._moves_at_once = bool(parts['move_particles']) and not self._is_published
+        self._motion = (
+            parts['move_particles'][0] if self._moves_at_once else motion.move_particles
+        )
 
     def take(
         self, scene: Scene, vents: VentSet, *, look: Callable[[], None] | None = None
@@ -73,11 +82,9 @@ class Stage:
         self.compute_flow(fills_flow=is_needed)
         if look is not None:
             look()
-        if 'inertia' in self._effects:
-            device_part('inertia').synchronize(state, self._arguments(), self._accuracy)
         if not self._moves_at_once:
-            # before the choice of the step, which depends on the speed under lateral stress
-            self._spread_velocity()
+            # before the choice of the step, which depends on the speed
+            self._complete_velocity()
         pace, way = self._pace_of(scene, vents), self._arguments()
         choice = choice_within_motion(state, pace, vents)
         if not is_within_the_motion(state, sums_up=self._moves_at_once):
@@ -101,37 +108,30 @@ class Stage:
         state = self._state
         kernels = self._flow_kernels(
             state.lanes, state.parts, state.is_short, state.is_wide,
-            self._accuracy.formulation != 'as-published',
+            not self._is_published,
         )
         compute_flow(state, self._arguments(), kernels, fills_flow=fills_flow)
 
     def compute_velocity(self) -> None:
         """Compute thickness and velocity of the ordered particles."""
         self.compute_flow()
-        if 'inertia' in self._effects:
-            device_part('inertia').synchronize(self._state, self._arguments(), self._accuracy)
-        self._spread_velocity()
+        self._complete_velocity()
 
-    def _spread_velocity(self) -> None:
-        """Apply lateral stress to the local velocities."""
-        if self._accuracy.formulation == 'as-published':
+    def _complete_velocity(self) -> None:
+        """Let effects replace the local velocities: by lateral stress or momentum."""
+        if self._is_published:
             publish_velocity(self._state, self._arguments(), self._viscosity)
-        elif 'green' in self._effects:
-            device_part('green').spread_velocity(self._state, self._arguments())
-        elif 'helmholtz' in self._effects:
-            device_part('helmholtz').solve_velocity(self._state, self._arguments(), self._accuracy)
+            return
+        for compute_velocity in self._velocities:
+            compute_velocity(self._state, self._arguments(), self._accuracy)
 
     def _move(self, way: Any, choice: StageChoice) -> None:
-        """Move the particles, after lateral stress where that is one sum; end the step."""
-        state, neighbors = self._state, self._neighbors
-        if self._moves_at_once:
-            device_part('green').move_particles(state, neighbors, way, choice)
-        else:
-            if 'inertia' in self._effects:
-                device_part('inertia').accelerate(state, way, self._accuracy)
-            motion.move_particles(state, neighbors, way, choice)
+        """Move the particles, and end the step."""
+        for accelerate in self._accelerations:
+            accelerate(self._state, way, self._accuracy)
+        self._motion(self._state, self._neighbors, way, choice)
         for effect in self._after_step.values():
-            effect.apply(state, way)
+            effect.apply(self._state, way)
 
     def _arguments(self) -> Any:
         return self._neighbors.motion_arguments(self._state)

@@ -11,7 +11,6 @@ kernels is one stage, so the host needs neither.
 """
 
 from functools import lru_cache
-import math
 from typing import Any
 
 import warp as wp
@@ -21,7 +20,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.particles import state as at
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.step.heat import freezing_step
+from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.vents import VentSet
 
 #: Limits of a step, indexed by ``State.counts[LIMIT]``.
@@ -197,26 +196,22 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
 def choice_of(state: State) -> Any:
     """Return the device function of ``choice_function`` for the particles of a state."""
     return choice_function(
-        state.real, state.is_staged, state.has_velocity, 'solidification' in state.effects
+        state.real, state.is_staged, state.has_velocity, state.effects.any('freezes')
     )
 
 
 def longest_step(
     scene: Scene, accuracy: Accuracy, effects: Effects, vents: VentSet, reach: float
 ) -> float:
-    """Return the longest step [s] that the user, the vents and solidification allow.
+    """Return the longest step [s] that the user, the vents and the effects allow.
 
     ``reach`` is the maximum displacement in a step [m].
     """
     assert accuracy.thickness is not None
     longest = min(accuracy.longest_step, vents.longest_step(accuracy.thickness))
-    if 'solidification' in effects:
-        longest = min(longest, freezing_step(scene, accuracy.thickness))
-    if 'inertia' in effects:
-        # lava has the velocity of its vent when it is emitted
-        fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
-        longest = min(longest, reach / max(fastest, 1e-9))
-    return longest
+    limits = device_parts(effects, 'step_limit').values()
+    steps: list[float] = [limit(scene, accuracy, reach) for limit in limits]
+    return min([longest, *steps])
 
 
 def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from lava_ros.effects import EFFECTS, Effects
+from lava_ros.effects import compatible, drop_superseded, EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Particles, Simulation
@@ -47,18 +47,14 @@ _NUMBERS = {key: value for one in EFFECTS.values() for key, value in one.benchma
 _AROUND = {key: _NUMBERS.pop(key) for one in EFFECTS.values() for key in one.environment}
 LAVA = Lava(viscosity=1e5, liquidus=1500.0, **_NUMBERS)
 
-#: Effects that cannot be combined with the rest: another form of an effect, or of the motion.
-APART = ('arrhenius', 'cooling', 'cover', 'helmholtz', 'inertia')
-
 
 def effect_sets() -> dict[str, Effects]:
     """Return the measured sets of effects, by name: none, each alone, and combinations."""
-    off = dict.fromkeys(EFFECTS, False)
-    sets = {'bare': Effects(**off)}
-    sets |= {name: Effects(**{**off, name: True}) for name in EFFECTS}
-    everything = {name: name not in APART for name in EFFECTS}
-    sets['everything with green'] = Effects(**everything)
-    sets['everything with inertia'] = Effects(**{**everything, 'green': False, 'inertia': True})
+    sets = {'bare': compatible(()), **{name: compatible([name]) for name in EFFECTS}}
+    for motion in ('green', 'inertia'):
+        # a partial crust excludes a whole one
+        names = sorted(EFFECTS, key=lambda name: (name != motion, name == 'cover'))
+        sets[f'everything with {motion}'] = compatible(drop_superseded(names))
     return sets
 
 

@@ -3,6 +3,7 @@
 
 """Cases that run the solver where an exact solution is known."""
 
+from lava_ros.effects import EFFECTS
 from lava_ros.verification.cases import confined, cooling, heat, inertia, rheology, sheets, slopes
 from lava_ros.verification.cases.case import Case, Measurement, Run
 from lava_ros.verification.cases.spreading import CASES as SPREADING
@@ -17,7 +18,7 @@ EFFECT_CASES = frozenset(
     case.name for case in (*heat.CASES, *cooling.CASES, *rheology.CASES, *inertia.CASES)
 )
 
-#: Every case by its name, from the simplest.
+#: Every case whose effects exist, by its name, from the simplest.
 CASES: dict[str, Case] = {
     case.name: case
     for cases in (
@@ -25,6 +26,7 @@ CASES: dict[str, Case] = {
         slopes.CASES, inertia.CASES,
     )
     for case in cases
+    if EFFECTS.keys() >= set(case.effects)
 }
 
 #: The titles of the cases by name, as headings.

@@ -12,7 +12,7 @@ from typing import Any, SupportsFloat
 
 import numpy as np
 
-from lava_ros.effects import Effects
+from lava_ros.effects import compatible, EFFECTS, Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -30,8 +30,13 @@ GRAVITY = 9.81
 #: Thickness threshold of the front, for flows about 1 m thick [m].
 FRONT = 0.1
 
-FLAT = Effects(arrhenius=False, cooling=False, steep=False)
-SLOPING = Effects(arrhenius=False, cooling=False, steep=True)
+
+def only(*names: str) -> Effects:
+    """Return the named effects, as far as they exist, without all others."""
+    return compatible(name for name in EFFECTS if name in names)
+
+
+FLAT, SLOPING = only(), only('steep')
 
 #: Smallest x, smallest y, largest x, largest y [m].
 Window = tuple[float, float, float, float]
@@ -83,13 +88,14 @@ class Case:
     """A flow whose exact solution is known, with the reference of the solution.
 
     ``measure`` runs the case at an accuracy on a Warp device. The spacing is the case's own over
-    ``accuracy.refinement``.
+    ``accuracy.refinement``. ``effects`` are those that it switches on.
     """
 
     name: str
     title: str
     source: str
     measure: Callable[[Accuracy, str], Run]
+    effects: tuple[str, ...] = ()
 
     def run(self, accuracy: Accuracy, device: str) -> Run:
         """Run the case, and set its name in the result."""

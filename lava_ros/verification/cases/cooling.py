@@ -14,7 +14,7 @@ from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases import case
-from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, SLOPING
+from lava_ros.verification.cases.case import FRONT, GRAVITY
 
 #: Lava whose viscosity is 20 times as large after cooling by 100 K.
 STIFFENING = Lava(
@@ -22,11 +22,11 @@ STIFFENING = Lava(
     convection=50.0, reference_temperature=1360.0,
 )
 
-#: That lava with a yield strength of 0.3 times its basal stress, increasing as it cools.
-STRONG = replace(STIFFENING, yield_strength=700.0, yield_rate=0.01)
+#: Yield strength of 0.3 times its basal stress, which rises as it cools.
+STRONG = {'yield_strength': 700.0, 'yield_rate': 0.01}
 
 #: Effects in addition to flow down the slope of the ground.
-COOLING = replace(FLAT, arrhenius=True, cooling=True)
+COOLING = case.only('arrhenius', 'cooling')
 
 #: Temperatures of vents and of the air [K], and the slope [rad].
 HOT, COLD, SLOPE = 1360.0, 300.0, math.radians(6.0)
@@ -91,7 +91,8 @@ def _steady(
     particles = Particles(
         np.column_stack([x, y]), section * WIDTH / len(x), solution.temperature(x + REACH)
     )
-    effects = replace(SLOPING, arrhenius=True, cooling=True, yielding=lava.yield_strength > 0.0)
+    names = ['yielding'] * (lava.yield_strength > 0.0)
+    effects = case.only('steep', 'arrhenius', 'cooling', *names)
     return _fissure(
         lava, effects, accuracy, device, length=LENGTH + 50.0, thickness=mean, particles=particles
     )
@@ -105,7 +106,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
     runs = []
     first, last, half = 10.0, 80.0, 40.0
     edges = np.arange(first, last + 0.5 * BAND, BAND)
-    for name, lava in (('Newtonian', STIFFENING), ('Bingham', STRONG)):
+    for name, lava in (('Newtonian', STIFFENING), ('Bingham', replace(STIFFENING, **STRONG))):
         solution = exact.CoolingSheet(
             lava, flux=FLUX, slope=SLOPE, length=LENGTH + REACH, initial=HOT, ambient=COLD,
             gravity=GRAVITY,
@@ -177,9 +178,9 @@ def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
 
 CASES = (
     case.Case('cooling_sheet', 'steady sheet that stiffens as it cools', 'heat balance',
-              _run_sheet),
+              _run_sheet, ('steep', 'arrhenius', 'cooling', 'yielding')),
     case.Case('cooling_front', 'sheet that stiffens as it cools, on its way', 'finite volumes',
-              _run_front),
+              _run_front, ('arrhenius', 'cooling')),
     case.Case('cooling_plane', 'point source that stiffens as it cools', 'finite volumes',
-              _run_plane),
+              _run_plane, ('arrhenius', 'cooling')),
 )

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 import math
+from typing import Any
 
 import numpy as np
 
@@ -61,8 +62,9 @@ STAND_INS = (700.0, 600.0)
 
 
 def _sheet(
-    name: str, title: str, source: str, solution: Callable[..., float], lava: Lava,
-    hours: Sequence[float] = HOURS, is_of_loss: bool = True, **switched: bool,
+    name: str, title: str, source: str, solution: Callable[..., float],
+    constants: dict[str, Any], effects: tuple[str, ...], hours: Sequence[float] = HOURS,
+    is_of_loss: bool = True,
 ) -> case.Case:
     """Return the case of temperatures in the middle of a sheet at rest.
 
@@ -70,8 +72,9 @@ def _sheet(
     """
 
     def measure(accuracy: Accuracy, device: str) -> case.Run:
+        lava = replace(STILL, **constants)
         trial = case.layer(
-            lava, replace(FLAT, **switched), replace(accuracy, longest_step=600.0), device,
+            lava, case.only(*effects), replace(accuracy, longest_step=600.0), device,
             thickness=THICKNESS, spacing=4.0, side=80.0, temperature=HOT,
         )
         for hour in hours:
@@ -82,7 +85,7 @@ def _sheet(
             trial.compare(f'temperature after {hour:g} h', found, expected, 'K', scale)
         return trial.run()
 
-    return case.Case(name, title, source, measure)
+    return case.Case(name, title, source, measure, effects)
 
 
 def _run_viscous(accuracy: Accuracy, device: str) -> case.Run:
@@ -257,26 +260,29 @@ def _run_oil(accuracy: Accuracy, device: str) -> case.Run:
 
 CASES = (
     _sheet('radiating_sheet', 'sheet that cools by radiation', 'Stefan-Boltzmann law',
-           partial(exact.radiating_sheet, ambient=COLD), replace(STILL, emissivity=0.9),
-           (1.0, 10.0, 24.0), False, cooling=True),
+           partial(exact.radiating_sheet, ambient=COLD), {'emissivity': 0.9}, ('cooling',),
+           (1.0, 10.0, 24.0), False),
     _sheet('ground', 'sheet that warms the ground', 'Carslaw & Jaeger 1959',
-           partial(exact.column_on_ground, ground=COLD), replace(STILL, ground_conductivity=2.0),
-           ground=True),
+           partial(exact.column_on_ground, ground=COLD), {'ground_conductivity': 2.0},
+           ('ground',)),
     _sheet('crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959',
            partial(exact.convecting_slab, ambient=COLD),
-           replace(STILL, convection=50.0, conductivity=2.0, crust=True), crust=True),
+           {'convection': 50.0, 'conductivity': 2.0, 'crust': True}, ('crust',)),
     # 16 kW/m2 at first: solid after two days
     _sheet('latent_heat', 'sheet that crystallises', 'enthalpy balance',
            partial(exact.crystallising_sheet, ambient=COLD),
-           replace(STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0),
-           cooling=True, latent_heat=True),
-    case.Case('viscous_heating', 'lava that warms as it descends', 'energy balance', _run_viscous),
-    case.Case('conduction', 'step of temperature', 'error function', _run_conduction),
+           {'convection': 50.0, 'latent_heat': 3.5e5, 'liquidus': 1400.0, 'solidus': 1250.0},
+           ('cooling', 'latent_heat')),
+    case.Case('viscous_heating', 'lava that warms as it descends', 'energy balance', _run_viscous,
+              ('viscous_heating', 'steep')),
+    case.Case('conduction', 'step of temperature', 'error function', _run_conduction,
+              ('conduction',)),
     case.Case('cooling_current', 'steady current that cools as it spreads',
-              'heat balance; Garel et al. 2012', _run_current),
+              'heat balance; Garel et al. 2012', _run_current, ('cooling',)),
     case.Case(
-        'freezing_lens', 'lava at rest that freezes from its rim', 'Newton cooling', _run_freezing
+        'freezing_lens', 'lava at rest that freezes from its rim', 'Newton cooling', _run_freezing,
+        ('cooling', 'solidification'),
     ),
     case.Case('silicone_oil', 'hot silicone oil that spreads and cools on a plate',
-              'heat balance, constants of Garel et al. 2012', _run_oil),
+              'heat balance, constants of Garel et al. 2012', _run_oil, ('cooling',)),
 )

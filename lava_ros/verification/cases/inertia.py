@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 
-from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
@@ -18,7 +17,7 @@ from lava_ros.verification.cases.case import GRAVITY
 from lava_ros.verification.cases.confined import ground_at
 
 #: Momentum and drag alone.
-INERTIAL = Effects(arrhenius=False, cooling=False, steep=False, inertia=True)
+INERTIAL = case.only('inertia')
 
 #: Lava with negligible drag.
 THIN = Lava(density=2600.0, viscosity=1e-6, arrhenius=0.0, emissivity=0.0, convection=0.0)
@@ -230,8 +229,12 @@ def _run_thacker(accuracy: Accuracy, device: str) -> case.Run:
 
 
 CASES = (
-    case.Case('inertial_sheet', 'sheet released on a slope', 'exponential', _run_sheet),
-    case.Case('ritter', 'dam break onto a dry bed, with inertia', 'Ritter 1892', _run_ritter),
-    case.Case('stoker', 'dam break onto a wet bed, with inertia', 'Stoker 1957', _run_stoker),
-    case.Case('thacker', 'oscillation in a paraboloid', 'Thacker 1981', _run_thacker),
+    case.Case('inertial_sheet', 'sheet released on a slope', 'exponential', _run_sheet,
+              ('inertia', 'steep')),
+    case.Case('ritter', 'dam break onto a dry bed, with inertia', 'Ritter 1892', _run_ritter,
+              ('inertia',)),
+    case.Case('stoker', 'dam break onto a wet bed, with inertia', 'Stoker 1957', _run_stoker,
+              ('inertia',)),
+    case.Case('thacker', 'oscillation in a paraboloid', 'Thacker 1981', _run_thacker,
+              ('inertia',)),
 )

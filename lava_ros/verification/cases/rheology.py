@@ -200,11 +200,14 @@ def _run_laws(accuracy: Accuracy, device: str) -> case.Run:
 
 CASES = (
     case.Case('herschel_bulkley', 'sheets of Bingham, power-law and Herschel-Bulkley lava',
-              'Herschel & Bulkley 1926', _run_sheets),
+              'Herschel & Bulkley 1926', _run_sheets, ('steep', 'yielding', 'power_law')),
     case.Case('critical_thickness', 'sheets at the critical thickness', 'Hulme 1974',
-              _run_critical),
+              _run_critical, ('steep', 'yielding')),
     case.Case('material_laws', 'viscosity and strength at several temperatures',
-              'Giordano et al. 2008; Roscoe 1952; Maron & Pierce 1956', _run_laws),
-    case.Case('bingham_dome', 'dome left by a fixed volume', 'Nye 1952; Blake 1990', _run_dome),
-    case.Case('ridge', 'ridge left by a strip on a slope', 'after Hulme 1974', _run_ridge),
+              'Giordano et al. 2008; Roscoe 1952; Maron & Pierce 1956', _run_laws,
+              ('steep', 'yielding', 'vft', 'crystals')),
+    case.Case('bingham_dome', 'dome left by a fixed volume', 'Nye 1952; Blake 1990', _run_dome,
+              ('yielding',)),
+    case.Case('ridge', 'ridge left by a strip on a slope', 'after Hulme 1974', _run_ridge,
+              ('steep', 'yielding')),
 )

@@ -199,8 +199,10 @@ def _run_lateral(form: str, radius: float, accuracy: Accuracy, device: str) -> c
 
 
 CASES = (
-    case.Case('sheet', 'uniform sheet on slopes', 'Nusselt 1916; Jeffreys 1925', _run_sheet),
-    case.Case('green', 'lateral stress under a driving term sin(q x)', 'Stokes flow', _run_green),
+    case.Case('sheet', 'uniform sheet on slopes', 'Nusselt 1916; Jeffreys 1925', _run_sheet,
+              ('steep',)),
+    case.Case('green', 'lateral stress under a driving term sin(q x)', 'Stokes flow', _run_green,
+              ('green',)),
 )
 
 #: Every form of the lateral stress at every kernel radius, from the smallest, by description.

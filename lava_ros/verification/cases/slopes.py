@@ -227,9 +227,11 @@ def _run_smith(accuracy: Accuracy, device: str) -> case.Run:
 
 CASES = (
     case.Case('slope_fixed_area', 'fixed area down a slope', 'Huppert 1982 (Nature)',
-              _run_fixed_area),
-    case.Case('slope_flux', 'constant flux down a slope', 'Huppert 1982 (Nature)', _run_flux),
-    case.Case('lister', 'point source on a slope', 'Lister 1992', _run_lister),
-    case.Case('smith', 'steady point source on a slope', 'Smith 1973', _run_smith),
-    case.Case('look_ahead', 'forecast of arrival times', 'Huppert 1982 (Nature)', _run_ahead),
+              _run_fixed_area, ('steep',)),
+    case.Case('slope_flux', 'constant flux down a slope', 'Huppert 1982 (Nature)', _run_flux,
+              ('steep',)),
+    case.Case('lister', 'point source on a slope', 'Lister 1992', _run_lister, ('steep',)),
+    case.Case('smith', 'steady point source on a slope', 'Smith 1973', _run_smith, ('steep',)),
+    case.Case('look_ahead', 'forecast of arrival times', 'Huppert 1982 (Nature)', _run_ahead,
+              ('steep',)),
 )

@@ -25,7 +25,7 @@ BEHIND = 2.0
 START, LENGTH, RATE = 1000, 600, 10
 
 #: Program that warns of a clock that stands still after one second.
-IMPATIENT = 'from lava_ros.ros import diagnostics\ndiagnostics.PATIENCE = 1.0\n'
+IMPATIENT = 'from lava_ros.live import clock\nclock.PATIENCE = 1.0\n'
 
 CONFIG = """
 layers:

@@ -12,11 +12,12 @@ import time
 import numpy as np
 import pytest
 
-from lava_ros.ros import worker_status
+from lava_ros.live import worker_status
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.snapshot import PendingSnapshot
 from lava_ros.simulation.particles.state import State
-from ros.graph_publisher import PATIENCE, vents
+from ros.graph_publisher import vents
+from waiting import PATIENCE
 
 GRIDS = ('height', 'temperature', 'hazard')
 ERROR = 2
@@ -121,9 +122,9 @@ def recover(node):
 
 
 def check_advance(node):
-    before, now = node.worker.eruption.time, node.now
+    before, now = node.worker.session.time, node.now
     node.run(2.0)
-    assert node.worker.eruption.time > before
+    assert node.worker.session.time > before
     grid = node.wait_for_topic('height', lambda grid: grid['stamp_ns'] > now * 1e9)
     assert grid['wet'] > 0 and grid['min'] == 0
     assert float(node.status_now('simulation')['volume_error']) < 1e-5

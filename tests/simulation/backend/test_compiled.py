@@ -21,7 +21,6 @@ from lava_ros.simulation.backend.batched_launches import BLOCK
 from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.particles import neighbors
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.step import flow
 from lava_ros.simulation.step import stage as stages
 from lava_ros.simulation.step.fused_stage import BOUNDS
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
@@ -265,15 +264,6 @@ def test_sums_are_efficient_on_sm80_and_with_shared_particles(compiled, arch, la
         check_local(code)
         check_arithmetic(code)
         assert bool(opcodes(code.text)['shfl.sync.bfly.b32']) == (lanes > 1)
-
-
-@pytest.mark.nightly
-def test_sums_of_the_balanced_gradient_are_efficient(compiled):
-    effects = effect_sets()['everything with green']
-    for code in compiled(flow.flow_kernels(wp.float32, 'wendland', 3.0, 'balanced', effects)):
-        check_sum(code)
-        check_local(code)
-        check_arithmetic(code)
 
 
 @pytest.mark.nightly

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 import warp as wp
 
-from lava_ros.ros.session import failure_text
+from lava_ros.live.session import failure_text
 from lava_ros.scene import Lava, Vent
 from lava_ros.simulation.particles.state import SPARE
 from solver import incline, only, simulated

@@ -23,7 +23,7 @@ from lava_ros.simulation.step import motion
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
 #: Sets of effects that together use every kernel that is launched in parts.
-SETS = ('green', 'helmholtz', 'inertia', 'solidification', 'everything with green')
+SETS = ('helmholtz', 'inertia', 'everything with green')
 
 #: Program that launches with helper threads, in its own process and in a fork.
 ENDS = """

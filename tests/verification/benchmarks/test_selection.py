@@ -71,6 +71,7 @@ def test_full_set_has_every_effect_of_the_material(item):
     }
 
 
+@pytest.mark.nightly
 def test_comparison_forces_each_effect_that_is_off(monkeypatch):
     item = replace(SCENES['fast'], duration=20.0)
     asked = []
@@ -111,37 +112,6 @@ def test_spacing_grows_to_limit_the_number_of_particles():
     assert choice.accuracy_with(item, 'draft', 10**9) == free
 
 
-def test_copies_rotate_and_mirror_the_scene_on_tiles():
-    scene = SCENES['fissure'].scene
-    scene = replace(scene, vents=(replace(scene.vents[0], discharge=((0.0, 2.0), (9.0, 0.0))),))
-    wide = choice.copies(scene, 5, shift=0.1)
-    terrain = scene.terrain
-    rows, columns = terrain.elevation.shape
-    known = np.isfinite(wide.terrain.elevation)
-    assert known.sum() >= 5 * rows * columns
-    # tiles are side by side
-    tiles = wide.terrain.elevation.shape[1] // (columns + choice.GAP)
-    middle = np.reshape(terrain.extent, (2, 2)).mean(axis=0)
-    signs = choice.directions(5)
-    assert len(set(signs[:4])) == 4 and signs[4] == signs[0] == (1, 1)
-    for number, vent in enumerate(wide.vents):
-        row, column = np.array(divmod(number, tiles)) * (rows + choice.GAP, columns + choice.GAP)
-        x, y = signs[number]
-        tile = wide.terrain.elevation[row : row + rows, column : column + columns]
-        assert (tile == terrain.elevation[::y, ::x]).all()
-        border = wide.terrain.elevation[row : row + rows, column + columns :][:, : choice.GAP]
-        assert np.isnan(border).all()
-        offset = (np.array([column, row]) + 0.1 * number) * terrain.resolution
-        for place, original in zip(
-            (vent.position, vent.end), (scene.vents[0].position, scene.vents[0].end), strict=True
-        ):
-            there = (np.array(place) - offset - middle) * (x, y) + middle
-            assert there == pytest.approx(np.array(original))
-        assert [time for time, _ in vent.series] == [0.0, 9.0]
-        assert vent.series[0][1] == pytest.approx(2.0 * (1.0 + choice.GAIN * number))
-    assert number == 4
-
-
 def test_copies_run_together_as_alone():
     item = SCENES['plain']
     accuracy = choice.accuracy_with(item, 'draft', 1000)
@@ -160,17 +130,6 @@ def test_copies_run_together_as_alone():
     assert cells.sum() > 200 * choice.PARTS**2
     # rotated copies are rotated back
     assert all(choice.jaccard(one, cells) > 0.97 for one in both.cells)
-
-
-def test_refined_map_is_interpolated_between_cells():
-    row, column = np.indices((3, 4))
-    values = choice.refined(2.0 * row + 3.0 * column)
-    y, x = (
-        np.clip((np.arange(choice.PARTS * count) + 0.5) / choice.PARTS - 0.5, 0.0, count - 1.0)
-        for count in (3, 4)
-    )
-    assert values == pytest.approx(2.0 * y[:, None] + 3.0 * x)
-    assert choice.refined(np.full((1, 1), 7.0)) == pytest.approx(np.full((choice.PARTS,) * 2, 7.0))
 
 
 def test_area_is_that_of_most_runs():

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from lava_ros.cli import main as cli
-from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.verification.benchmarks import steps
@@ -54,12 +53,6 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def test_failed_start_reports_the_error_of_the_process(monkeypatch):
-    monkeypatch.setattr(steps, '_FIRST', 'raise RuntimeError("no such {device}")')
-    with pytest.raises(LavaError, match='no such thing'):
-        steps._starts('thing', 1)
-
-
 def test_command_writes_csv_json_and_text(tmp_path, capsys, monkeypatch, brief):
     output, text = tmp_path / 'steps.csv', tmp_path / 'steps.json'
     words = 'bench steps --device cpu --repetitions 2 --particles 100 400'
@@ -84,6 +77,7 @@ def test_committed_rows_have_unit_machine_command_and_range():
             assert float(row['low']) <= float(row['value']) <= float(row['high'])
 
 
+@pytest.mark.nightly
 def test_finer_presets_have_more_particles_and_smaller_errors(device):
     x = np.arange(40) * 5.0
     scene = Scene(

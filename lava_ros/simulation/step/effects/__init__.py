@@ -8,11 +8,18 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
-from lava_ros.effects import load
+from lava_ros.effects import Effects, load
 
 
 @lru_cache
-def device_part(name: str) -> Any:
-    """Return the module with the device part of an effect: of this folder, or its declaration."""
+def _module(name: str) -> Any:
     path = f'{__name__}.{name}'
     return load(name) if find_spec(path) is None else import_module(path)
+
+
+def device_parts(effects: Effects, hook: str) -> dict[str, Any]:
+    """Return what the effects that are on define by a name, such as ``AfterStep``, by effect.
+
+    An effect without a module in this folder may define it in its declaration.
+    """
+    return {name: getattr(part, hook) for name in effects if hasattr(part := _module(name), hook)}

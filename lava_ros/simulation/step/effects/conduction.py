@@ -30,7 +30,6 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import heat_type
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
@@ -60,8 +59,7 @@ def _kernels(
     slope = smoothing_kernel(kernel_name, real, ratio).slope
     _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
-    latent = 'latent_heat' in effects
-    warmed = load_effect('latent_heat').warmed(wp, real, heat_type(real)) if latent else None
+    warmed = effects.function('warmed', wp, real, heat_type(real))
 
     @quick_kernel
     def wait(thread: int, m: arguments_type(real), rate: wp.float64):
@@ -123,7 +121,7 @@ def _kernels(
                         rise += weight * (m.warmth[j] - own)
             rise *= step * factor
             now = m.particle[i]
-            if wp.static(latent):
+            if wp.static(warmed is not None):
                 m.particle[i] = vec4(now[0], now[1], now[2], warmed(m.heat, own, rise))
             else:
                 m.particle[i] = vec4(now[0], now[1], now[2], own + rise)

@@ -26,6 +26,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects.laws import LATERAL_DRAG
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     load1,
     load4,
@@ -295,7 +296,7 @@ def move_particles(
     neighbors.is_binned = state.bins_in_motion
 
 
-def spread_velocity(state: State, way: Any) -> None:
+def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
     """Replace the local velocity in ``state.flow`` by the Green's function's.
 
     ``source`` and ``area`` of the state must be filled; the kernel radius cuts the function off.

@@ -25,7 +25,6 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
@@ -144,7 +143,7 @@ def _kernels(
     lanes: int,
     parts: int,
     is_wide: bool,
-    is_steep: bool,
+    steep: Any,
 ) -> tuple[Any, Any, Any]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -156,7 +155,6 @@ def _kernels(
     load, store, total = load4(real), store4(real), sum_over(real, lanes)
     fallen = fall_function(real)
     gradient_at, raised = terrain_functions(real).gradient_at, raise_to(real)
-    steep = load_effect('steep').factor(real) if is_steep else None
     sums_around = _sums_function(real, kernel, parts)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
@@ -170,7 +168,7 @@ def _kernels(
             store(m.layer, i, vec4(p[0], p[1], p[2] / f[0], f[0]))
             m.solution[i] = vec2(f[1], f[2])
             m.correction[i] = vec2()
-            if wp.static(is_steep):
+            if wp.static(steep is not None):
                 # the drag of the sweeps is LATERAL_DRAG divided by this
                 drags = f[0] * steep(gradient_at(m.ground, p[0], p[1]))
                 m.flow[i] = vec3(drags, f[1], f[2])
@@ -248,7 +246,7 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
     return weights
 
 
-def solve_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
+def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
     """Replace the local velocity in ``state.flow`` by the solution of the balance.
 
     It raises ``state.rates`` to the limit of that velocity. Up to ``THICKEST`` times the expected
@@ -257,7 +255,7 @@ def solve_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
     assert accuracy.spacing is not None and accuracy.thickness is not None
     start, sweep, finish = _kernels(
         state.real, accuracy.kernel, accuracy.ratio, state.lanes, state.parts, state.is_wide,
-        'steep' in state.effects,
+        state.effects.function('factor', state.real),
     )
     launch_over(state, start, [way], least=MIN_MOVES)
     current, following = state.solution, state.next_solution

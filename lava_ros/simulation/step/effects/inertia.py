@@ -34,13 +34,14 @@ Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.
 """
 
 from functools import lru_cache
+import math
 from typing import Any
 
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
+from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
@@ -74,8 +75,8 @@ def _drag_function(real: Any, effects: Effects) -> Any:
     vec2 = wp.types.vector(2, real)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     speed = speed_function(wp, real, law_type(real), effects)
-    along = load_effect('steep').along(real) if 'steep' in effects else None
-    up = load_effect('steep').along(real, climbs=True) if 'steep' in effects else None
+    along = effects.function('along', real)
+    up = effects.function('along', real, climbs=True)
 
     @wp.func
     def slowed(
@@ -92,7 +93,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         if pace == real(0.0) or fall == real(0.0):
             return velocity
         layer = vec2(height, real(1.0))
-        if wp.static('steep' in effects):
+        if wp.static(along is not None):
             layer = along(height, velocity / pace, ground)
             if wp.dot(velocity, ground) > real(0.0):
                 layer = up(height, velocity / pace, ground)
@@ -129,7 +130,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     is_newtonian = speed_function(wp, real, law_type(real), effects) is None
     slowed = _drag_function(real, effects)
-    steep, heats = 'steep' in effects, 'viscous_heating' in effects
+    steep, heats = effects.function('along', real) is not None, effects.any('needs_drop')
 
     @wp.func
     def of_sum(e: real) -> real:
@@ -248,7 +249,13 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     return synchronize, accelerate, adopt
 
 
-def synchronize(state: State, way: Any, accuracy: Accuracy) -> None:
+def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
+    """Return the step [s] in which lava with the velocity of its vent moves by ``reach`` [m]."""
+    fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
+    return reach / max(fastest, 1e-9)
+
+
+def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
     """Turn the slopes in ``state.flow`` into velocities at the particles' time.
 
     It stores the accelerations in ``state.kick`` and raises ``state.rates``.

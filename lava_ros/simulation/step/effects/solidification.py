@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from lava_ros.effects.laws import heat_loss
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
@@ -48,6 +49,27 @@ _MIN_WIDTH_RATIO = 0.65
 
 #: Unit of the solidified lava's thickness [m]; the maximum thickness is 2^63 units.
 _PART = 2.0**-44
+
+#: Minimum number of steps in which lava solidifies: a column solidifies at the end of a step, on
+#: average half a step late, and advances too far by as much.
+_FREEZING_STEPS = 16
+
+#: Minimum excess over the solidus [K]: cooler lava solidifies at its vent.
+_MIN_ABOVE_SOLIDUS = 10.0
+
+
+def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
+    """Return the longest step that resolves how lava from the vents solidifies [s]."""
+    assert accuracy.thickness is not None
+    lava = scene.lava
+    soonest, loss_at = math.inf, heat_loss(scene)
+    for vent in scene.vents:
+        loss = loss_at(vent.temperature)
+        if loss > 0.0 and vent.temperature > lava.solidus:
+            above = max(vent.temperature - lava.solidus, _MIN_ABOVE_SOLIDUS)
+            capacity = lava.density * lava.specific_heat * accuracy.thickness
+            soonest = min(soonest, capacity * above / loss)
+    return soonest / _FREEZING_STEPS
 
 
 @lru_cache

@@ -1,0 +1,172 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Replay of a bag in a ROS graph: the recorded bytes with the recorded QoS, and /clock."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+import signal
+import time
+
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+
+from lava_ros import validation
+from lava_ros.bag import replay
+from lava_ros.bag.reader import BagReader
+from lava_ros.bag.replay import StopRequest
+from lava_ros.errors import LavaError
+from lava_ros.ros.codec import message_class, time_message
+from lava_ros.ros.executor import start_ros
+from lava_ros.ros.qos import ros_profile
+
+CLOCK_TOPIC = '/clock'
+
+#: Topics that all namespaces of a graph share.
+SHARED_TOPICS = frozenset(
+    (CLOCK_TOPIC, '/diagnostics', '/parameter_events', '/rosout', '/tf', '/tf_static')
+)
+
+#: Time between steps without a clock [s], short enough for a progress bar.
+QUIET_TICK = 0.1
+
+#: Maximum wait at the end until reliable subscribers have received everything [s].
+ACKNOWLEDGE_TIMEOUT = 2.0
+
+
+def play(
+    bag: BagReader,
+    *,
+    clock: bool = True,
+    wait_for_subscribers: float = 0.0,
+    rate: float = 1.0,
+    loop: bool = False,
+    start_offset: float = 0.0,
+    on_step: Callable[[replay.Step], None] = lambda step: None,
+    ros_arguments: Sequence[str] = (),
+) -> int:
+    """Replay a bag in this process until it ends or SIGINT or SIGTERM arrives.
+
+    Call it in the main thread; it makes a ROS context of its own. Topics whose message type is not
+    installed are left out with a warning.
+
+    Args:
+        bag: The bag.
+        clock: Whether to publish /clock, in place of a recorded one.
+        wait_for_subscribers: Maximum wait for a subscriber on every topic [s].
+        rate: Bag time per wall time [s/s].
+        loop: Whether to start again at the end, without limit.
+        start_offset: Bag time of the start after the bag's first message [s].
+        on_step: Called after every message and clock tick.
+        ros_arguments: ROS arguments, beginning with ``--ros-args``: a namespace, remapped topics.
+
+    Returns:
+        The number of messages published.
+
+    Raises:
+        LavaError: If an argument is out of range or not valid in ROS, no topic is left, or the bag
+            is empty or damaged.
+    """
+    patience = validation.number(
+        'wait_for_subscribers', wait_for_subscribers, at_least=0.0, unit='s'
+    )
+    stop = StopRequest()
+    tick = replay.TICK if clock else QUIET_TICK
+    with _set_on_signals(stop):
+        context = Context()
+        start_ros(ros_arguments, context=context)
+        node = Node('lava_player', context=context, start_parameter_services=False)
+        try:
+            player = _Player(node, bag, clock=clock)
+            player.wait_for_subscribers(patience, stop)
+            dues = replay.schedule(bag, rate=rate, loop=loop, start_offset=start_offset)
+            steps = replay.pace(dues, rate=rate, now=time.monotonic, wait=stop.wait, tick=tick)
+            for step in steps:
+                player.publish(step)
+                on_step(step)
+            if not stop.is_set():
+                player.wait_until_acknowledged()
+        finally:
+            node.destroy_node()
+            context.try_shutdown()
+        return player.published
+
+
+class _Player:
+    """Publishers for the topics of a bag; ``published`` counts messages."""
+
+    def __init__(self, node: Node, bag: BagReader, *, clock: bool) -> None:
+        self.published = 0
+        self._logger = node.get_logger()
+        self._clock = node.create_publisher(Clock, CLOCK_TOPIC, 1) if clock else None
+        self._publishers: dict[str, Publisher] = {}
+        for topic in bag.topics.values():
+            if topic.name == CLOCK_TOPIC and clock:
+                self._logger.warning('the recorded /clock is left out')
+                continue
+            try:
+                kind = message_class(topic.message_type)
+            except LavaError as error:
+                self._logger.warning(f'{topic.name} is left out: {error}')
+                continue
+            name = _name_from(topic.name, bag, node.get_namespace())
+            self._publishers[topic.name] = node.create_publisher(
+                kind, name, ros_profile(topic.qos)
+            )
+        if not self._publishers:
+            raise LavaError('bag', str(bag.path), 'a topic whose message type is installed')
+
+    def wait_for_subscribers(self, timeout: float, stop: StopRequest) -> None:
+        """Wait up to ``timeout`` [s] for a subscriber on every topic."""
+        deadline = time.monotonic() + timeout
+        while timeout > 0.0 and not stop.is_set():
+            publishers = self._publishers.items()
+            missing = [name for name, item in publishers if item.get_subscription_count() == 0]
+            if not missing:
+                return
+            if time.monotonic() >= deadline:
+                self._logger.warning(f'no subscriber on {", ".join(missing)}')
+                return
+            stop.wait(0.02)
+
+    def publish(self, step: replay.Step) -> None:
+        """Publish the clock and the message of a step."""
+        if self._clock is not None:
+            self._clock.publish(Clock(clock=time_message(step.clock_ns)))
+        if step.message is not None and step.message.topic in self._publishers:
+            self._publishers[step.message.topic].publish(step.message.data)
+            self.published += 1
+
+    def wait_until_acknowledged(self) -> None:
+        """Wait up to ``ACKNOWLEDGE_TIMEOUT`` until reliable subscribers have everything."""
+        deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT
+        for name, publisher in self._publishers.items():
+            seconds = max(deadline - time.monotonic(), 0.0)
+            if not publisher.wait_for_all_acked(Duration(nanoseconds=round(seconds * 1e9))):
+                self._logger.warning(f'a subscriber of {name} has not received every message')
+
+
+def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
+    """Return the name of a bag's topic in a namespace, relative if it is in that of the node."""
+    # topics outside of the namespace of the recorded node keep their names
+    if namespace == '/' or topic in SHARED_TOPICS:
+        return topic
+    recorded = bag.custom_data.get('namespace', '/')
+    return topic.removeprefix(f'{recorded.rstrip("/")}/')
+
+
+@contextmanager
+def _set_on_signals(stop: StopRequest) -> Iterator[None]:
+    """Request a stop on SIGINT and SIGTERM, and restore the handlers afterwards."""
+    previous = {
+        number: signal.signal(number, lambda *_: stop.set())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Commands for the simulation thread: their queue, and methods that are commands."""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial, wraps
+import queue
+import threading
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+
+from lava_ros.errors import LavaError
+
+ParametersT = ParamSpec('ParametersT')
+ResultT = TypeVar('ResultT')
+
+#: Maximum number of waiting commands; a kind of which only the newest waits counts once.
+MAX_WAITING = 1000
+
+
+class Command(NamedTuple):
+    """An action for the thread, and the future of its result.
+
+    The command replaces a waiting one of the same ``kind``, such as ``vents``, unless it is empty.
+    """
+
+    action: Callable[[], Any]
+    future: 'Future[Any]'
+    kind: str
+
+
+class CommandQueue:
+    """A bounded queue of commands from any thread for one thread.
+
+    A command replaces a waiting one of the same kind, whose future is cancelled. So a flood of
+    messages that each replace all of their kind costs one command per round.
+    """
+
+    def __init__(self, limit: int = MAX_WAITING) -> None:
+        """Initialize an empty queue."""
+        self._limit = limit
+        # keys: the kind, or a unique object for a command without a kind
+        self._waiting: dict[object, Command] = {}
+        self._closed: LavaError | None = None
+        self._changed = threading.Condition()
+
+    def __len__(self) -> int:
+        """Return the number of waiting commands."""
+        return len(self._waiting)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of the waiting commands, each once, oldest first."""
+        with self._changed:
+            return tuple(dict.fromkeys(item.kind or 'command' for item in self._waiting.values()))
+
+    def submit(self, action: Callable[[], ResultT], kind: str = '') -> 'Future[ResultT]':
+        """Add an action as a command, and return the future of its result."""
+        future: Future[ResultT] = Future()
+        self.put(Command(action, future, kind))
+        return future
+
+    def put(self, command: Command) -> None:
+        """Add a command, replacing one of its kind; refuse it if the queue is full or closed."""
+        with self._changed:
+            former = self._waiting.pop(command.kind, None)
+            refusal = self._closed
+            if not command.kind and len(self._waiting) >= self._limit:
+                waiting = f'{self._limit} waiting'
+                refusal = LavaError('commands', waiting, 'fewer at a time; try again later')
+            if refusal is None:
+                self._waiting[command.kind or object()] = command
+                self._changed.notify()
+        # Outside the lock, because callbacks of futures may put another command.
+        if former is not None:
+            former.future.cancel()
+        if refusal is not None:
+            finish(command.future, refusal)
+
+    def get(self, timeout: float | None = None) -> Command:
+        """Remove and return the oldest command, waiting up to ``timeout`` [s], None: for ever.
+
+        Raises:
+            queue.Empty: If no command arrives in time, or the queue is closed.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
+            if not self._waiting:
+                raise queue.Empty
+            return self._waiting.pop(next(iter(self._waiting)))
+
+    def close(self, reason: LavaError) -> None:
+        """Refuse waiting and later commands for a reason."""
+        with self._changed:
+            self._closed = reason
+            commands = list(self._waiting.values())
+            self._waiting.clear()
+            self._changed.notify()
+        for command in commands:
+            finish(command.future, reason)
+
+
+def finish(future: 'Future[Any]', error: Exception | None = None, *, result: Any = None) -> None:
+    """Set the result or the error of a future, unless it has been cancelled."""
+    if future.set_running_or_notify_cancel():
+        if error is None:
+            future.set_result(result)
+        else:
+            future.set_exception(error)
+
+
+def command(
+    kind: str = '',
+) -> Callable[
+    [Callable[Concatenate[Any, ParametersT], ResultT]],
+    Callable[Concatenate[Any, ParametersT], 'Future[ResultT]'],
+]:
+    """Make a method a command: a call puts it into the queue, and returns a future.
+
+    ``kind`` is that of ``Command``.
+    """
+
+    def decorate(
+        method: Callable[Concatenate[Any, ParametersT], ResultT],
+    ) -> Callable[Concatenate[Any, ParametersT], 'Future[ResultT]']:
+        @wraps(method)
+        def put(
+            self: Any, /, *args: ParametersT.args, **options: ParametersT.kwargs
+        ) -> 'Future[ResultT]':
+            future: Future[ResultT] = self.commands.submit(
+                partial(method, self, *args, **options), kind
+            )
+            return future
+
+        return put
+
+    return decorate

@@ -1,0 +1,358 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Repeated forecasts of the live simulation in a separate process."""
+
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from contextlib import suppress
+from dataclasses import dataclass, replace
+import math
+import multiprocessing
+import os
+from pathlib import Path
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+import lava_ros
+from lava_ros.errors import LavaError
+from lava_ros.forecast.pool import interrupts_withheld
+from lava_ros.live.ensemble_forecasts import (
+    EnsembleForecasts,
+    ForecastRules,
+    ForecastStatus,
+    ForecastT,
+    StampedForecast,
+)
+from lava_ros.live.session import Fork
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState
+from lava_ros.maps.forecast import Forecast
+
+#: Minimum wall time between the starts of two forecasts [s].
+MIN_PERIOD = 1.0
+
+#: Minimum wall time between two copies of the state, as a multiple of the time that a copy takes:
+#: the thread of the live simulation makes the copies.
+FORK_REST = 20.0
+
+#: Maximum lag of the live simulation behind the clock at which forecasts still get more time [s]:
+#: above the lag of normal slices and steps, below the lag at which time is lost.
+MAX_LAG_INCREASE = 0.5
+
+#: Wall time between two checks of the live simulation [s].
+_WATCH_TIME = 0.1
+
+#: Minimum fraction of a device's time for forecasts, by kind of device. Two busy processes get
+#: half of a GPU each, so the live simulation loses half of this fraction. On a CPU, forecasts have
+#: a low priority and slow the simulation only by their use of caches and memory.
+MIN_DUTY_CYCLES = {'cpu': 0.25, 'cuda': 0.1}
+
+#: Increase of the fraction per second [1/s] while the live simulation keeps up.
+DUTY_CYCLE_RATE = 0.1
+
+#: First and maximum wall time before the retry after a failure [s]; each failure doubles it.
+_RETRY_TIMES = (2.0, 60.0)
+
+#: Maximum wait for the process to end before it is killed [s].
+_END_TIMEOUT = 2.0
+
+
+class DutyCycle:
+    """The fraction of time for forecasts: minimal while the simulation falls behind."""
+
+    def __init__(self) -> None:
+        """Initialize to the whole time."""
+        self._share = 1.0
+        self._noted = math.inf
+
+    def note(self, is_behind: bool, now: float) -> None:
+        """Record whether the simulation is behind its clock at wall time ``now`` [s]."""
+        increase = DUTY_CYCLE_RATE * max(0.0, now - self._noted)
+        self._share = 0.0 if is_behind else min(1.0, self._share + increase)
+        self._noted = now
+
+    def share(self, most: float, device: str) -> float:
+        """Return the current fraction on a device, at most ``most``."""
+        least = MIN_DUTY_CYCLES[device.partition(':')[0]]
+        return min(max(round(self._share, 1), least), most)
+
+
+class ForecastProcess:
+    """A child process that runs ``lava_ros.forecast.process`` and ends with its parent.
+
+    Messages are pickled, which is safe because no other process has an end of the connection.
+    """
+
+    def __init__(self) -> None:
+        """Start the process."""
+        package = str(Path(lava_ros.__file__).resolve().parents[1])
+        paths = [package, *filter(None, [os.environ.get('PYTHONPATH')])]
+        self._connection, other_end = multiprocessing.Pipe()
+        # the node handles Ctrl+C in a terminal and then closes the connection
+        with other_end, interrupts_withheld():
+            self._child = subprocess.Popen(
+                [sys.executable, '-m', 'lava_ros.forecast.process', str(other_end.fileno())],
+                stdin=subprocess.DEVNULL,
+                # compilers and drivers may write to stdout
+                stdout=sys.__stderr__,
+                env=os.environ | {'PYTHONPATH': os.pathsep.join(paths)},
+                pass_fds=[other_end.fileno()],
+            )
+
+    @property
+    def pid(self) -> int:
+        """Process ID."""
+        return self._child.pid
+
+    def request(self, name: str, **values: Any) -> None:
+        """Send a request; raise OSError if the process has ended."""
+        self._connection.send((name, values))
+
+    def reply(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
+        """Return the name and the values of the next reply, None if none arrives in time.
+
+        Raises:
+            ChildProcessError: If the process has ended.
+        """
+        try:
+            if not self._connection.poll(timeout):
+                return None
+            name, values = self._connection.recv()
+            return name, values
+        except (EOFError, OSError) as error:
+            status = self._exit_status()
+            reason = 'or no longer answers' if status is None else f'exit status {status}'
+            if status is not None and status < 0:
+                reason = f'killed by signal {-status}'
+            text = f'the process of the forecasts has ended ({reason})'
+            raise ChildProcessError(text) from error
+
+    def end(self) -> None:
+        """End the process, in the middle of a step if necessary."""
+        self._connection.close()
+        if self._exit_status() is None:
+            self._child.kill()
+            self._child.wait()
+
+    def _exit_status(self) -> int | None:
+        """Wait for the end of the process; return None if it does not end in time."""
+        with suppress(subprocess.TimeoutExpired):
+            return self._child.wait(_END_TIMEOUT)
+        return None
+
+
+@dataclass(eq=False)
+class Forecaster:
+    """Repeatedly computes a forecast from the newest state, in a separate process.
+
+    When the scene or the effects change, a forecast in progress is dropped and a new one starts. A
+    state at rest is forked only once. While the live simulation falls behind its clock, the
+    process may use a smaller fraction of the time. If ensembles are enabled, the next one starts
+    from a fork as soon as the previous one is complete.
+
+    ``rules`` returns the current settings. ``on_change`` is called in the thread when ``latest``,
+    the newest forecast, or the scene has changed. ``status`` is the status of the forecasts.
+    """
+
+    worker: SimulationWorker
+    rules: Callable[[], ForecastRules]
+    on_change: Callable[[], None] = lambda: None
+    make_process: Callable[[], ForecastProcess] = ForecastProcess
+
+    def __post_init__(self) -> None:
+        """Prepare the thread; ``start`` runs it."""
+        self.ensembles = EnsembleForecasts()
+        self._process: ForecastProcess | None = None
+        self.latest: StampedForecast[Forecast] | None = None
+        self.status = ForecastStatus()
+        self._duty_cycle = DutyCycle()
+        self.is_wanted = False
+        self._failures = self._number = self._reported = 0
+        self._forked: tuple[int, float] | None = None
+        self._changes: int | None = None
+        # the fork from which the forecast in progress started
+        self._current_fork: Fork | None = None
+        self._due = self._due_after_change = 0.0
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
+
+    def age(self, forecast: StampedForecast[ForecastT] | None) -> float:
+        """Return the simulated time since the start of a forecast or ensemble [s], 0 for None."""
+        snapshot = self.worker.latest
+        if forecast is None or snapshot is None:
+            return 0.0
+        return max(0.0, snapshot.time - forecast.shown.time)
+
+    def staleness(self, forecast: StampedForecast[ForecastT] | None) -> str:
+        """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
+        if forecast is None:
+            return 'there is none yet'
+        if self.worker.session.changes != forecast.changes:
+            return 'the scene or the effects have changed'
+        if self.worker.status.state is WorkerState.FAILED:
+            return 'the simulation has failed'
+        age, most = self.age(forecast), self.rules().max_age
+        return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def want(self, is_wanted: bool) -> None:
+        """Start or stop making forecasts."""
+        self.is_wanted = is_wanted
+
+    def stop(self, timeout: float | None = None) -> bool:
+        """End the thread and the process; return True if both ended within ``timeout`` [s]."""
+        self._stopping.set()
+        if self._thread.ident is not None:
+            self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            self._report_changes()
+            try:
+                self._step()
+            except (LavaError, OSError, ValueError) as error:
+                self._fail(str(error))
+        self._end_process()
+
+    def _step(self) -> None:
+        """Begin a forecast that is due, forward outlines, and process one reply."""
+        self._cancel_outdated()
+        is_another = self.worker.session.changes != self._changes
+        due = self._due_after_change if is_another else self._due
+        is_due = self.is_wanted and time.monotonic() >= due
+        if is_due and self._process is None:
+            # starting takes a while, so start before there is a state to forecast from
+            self._process = self.make_process()
+            if self.rules().members:
+                self._process.request('prepare')
+        if is_due and self._current_fork is None and self._is_something_new():
+            self._begin()
+        if self._process is None:
+            self._stopping.wait(_WATCH_TIME)
+            return
+        rules = self.rules()
+        self.ensembles.send(
+            self._process.request, changes=self.worker.session.changes, time_scale=rules.time_scale
+        )
+        if self._current_fork is not None and self._renew_share(rules):
+            self._process.request('share', share=self.status.share)
+        reply = self._process.reply(_WATCH_TIME)
+        if reply is not None:
+            name, values = reply
+            self._handle_reply(name, **values)
+
+    def _report_changes(self) -> None:
+        if self.worker.session.changes != self._reported:
+            self._reported = self.worker.session.changes
+            self.on_change()
+
+    def _is_something_new(self) -> bool:
+        snapshot = self.worker.latest
+        if snapshot is None or self.worker.status.state is WorkerState.FAILED:
+            return False
+        state = (self.worker.session.changes, snapshot.time)
+        has_members = self.rules().members > 0
+        return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
+
+    def _cancel_outdated(self) -> None:
+        changes = self.worker.session.changes
+        is_outdated = not self.is_wanted or changes != self._changes
+        if is_outdated and (self._current_fork is not None or self.ensembles.is_busy):
+            if self._process is not None:
+                self._process.request('cancel')
+            self._report_changes()
+            self._cancel('the scene has changed' if self.is_wanted else 'the node is not active')
+
+    def _cancel(self, reason: str) -> None:
+        # a state that has been dropped may be forked again
+        self._current_fork = self._forked = None
+        self.ensembles.cancel(reason)
+        self._put_status(progress=None)
+
+    def _fail(self, reason: str) -> None:
+        self._end_process()
+        self._cancel(reason)
+        self._put_status(error=reason)
+        rest = min(_RETRY_TIMES[0] * 2.0**self._failures, _RETRY_TIMES[1])
+        self._failures += 1
+        self._due = self._due_after_change = time.monotonic() + rest
+
+    def _end_process(self) -> None:
+        if self._process is not None:
+            self._process.end()
+            self._process = None
+
+    def _begin(self) -> None:
+        """Fork the simulation and request a forecast from the copy."""
+        assert self._process is not None
+        rules, begun = self.rules(), time.monotonic()
+        fork = self._fork()
+        if fork is None:
+            return
+        self._number += 1
+        self._renew_share(rules)
+        self._put_status(progress=0.0)
+        self._current_fork = fork
+        # the next fork must differ from this state
+        self._forked = fork.changes, fork.checkpoint.time
+        self._changes = fork.changes
+        # a changed scene has no forecast at all, so it need not wait for MIN_PERIOD
+        self._due_after_change = begun + FORK_REST * fork.wall_time
+        self._due = max(begun + MIN_PERIOD, self._due_after_change)
+        self._process.request('share', share=self.status.share)
+        self._process.request(
+            'fork',
+            number=self._number,
+            checkpoint=fork.checkpoint,
+            horizon=rules.horizon,
+            threshold=rules.threshold,
+            device=self.worker.status.device or None,
+            max_particles=rules.max_particles,
+            is_first=self.latest is None or self.latest.changes != fork.changes,
+            ensemble=self.ensembles.request(fork, self._number, rules),
+        )
+
+    def _fork(self) -> Fork | None:
+        future = self.worker.fork()
+        while not (self._stopping.is_set() or future.cancelled()):
+            with suppress(FutureTimeoutError, CancelledError):
+                return future.result(_WATCH_TIME)
+        return None
+
+    def _handle_reply(self, name: str, **values: Any) -> None:
+        if self.ensembles.handle_reply(name, **values):
+            self.on_change()
+        fork = self._current_fork
+        if fork is None or values.pop('number', None) != self._number:
+            return
+        if name == 'refused':
+            raise LavaError('forecast', values['reason'], 'a flow that can be simulated ahead')
+        if name == 'forecast':
+            self._current_fork = None
+            forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
+            self._failures = 0
+            self.latest = StampedForecast(forecast, round(fork.clock * 1e9), fork.changes)
+            self._put_status(progress=None, count=self.status.count + 1, error='')
+            self.on_change()
+        elif name == 'progress':
+            self._put_status(progress=values['progress'])
+
+    def _renew_share(self, rules: ForecastRules) -> bool:
+        """Adapt the fraction of time to the live simulation's lag; return True if it changed."""
+        worker, former = self.worker.status, self.status.share
+        is_running = worker.state is WorkerState.RUNNING
+        self._duty_cycle.note(is_running and worker.lag > MAX_LAG_INCREASE, time.monotonic())
+        self._put_status(share=self._duty_cycle.share(rules.share, worker.device))
+        return self.status.share != former
+
+    def _put_status(self, **changes: Any) -> None:
+        self.status = replace(self.status, **changes)

@@ -1,0 +1,216 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recording of the node's messages in a bag, with the bytes as they were published."""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain, count
+import os
+from pathlib import Path
+import time
+from typing import Any
+
+from lava_ros.bag import BagWriter, QosProfile
+from lava_ros.errors import LavaError
+
+
+@dataclass
+class RecorderStatus:
+    """Status of the recorder: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
+
+    ``directory`` is the bag, empty before the first; ``files`` and ``messages`` are its numbers of
+    files and messages. ``error`` is the error that stopped the last recording, empty without one.
+    """
+
+    state: str = 'off'
+    directory: str = ''
+    files: int = 0
+    messages: int = 0
+    error: str = ''
+
+
+class Recorder:
+    """Records bags, one at a time.
+
+    ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
+    cannot be written is closed and reported in ``status``; the node continues without it.
+    """
+
+    def __init__(self) -> None:
+        """Initialize without a bag."""
+        self._place = Path()
+        self._limits: dict[str, Any] = {}
+        self._writer: BagWriter | None = None
+        self.status = RecorderStatus()
+
+    @property
+    def size(self) -> int:
+        """Size of the open bag [bytes], 0 without one."""
+        return self._writer.size if self._writer is not None else 0
+
+    @property
+    def is_armed(self) -> bool:
+        """True if a bag is chosen and not yet open."""
+        return self.status.state == 'armed'
+
+    @property
+    def is_recording(self) -> bool:
+        """True if a bag is open."""
+        return self._writer is not None
+
+    def arm(self, directory: Path, *, max_size: int = 0, max_duration: float = 0.0) -> None:
+        """Choose the bag to record to.
+
+        A new file starts at ``max_size`` [bytes] and ``max_duration`` [s]; 0: no limit.
+
+        Raises:
+            LavaError: If a bag is being recorded, or ``directory`` exists or is not writable.
+        """
+        if self.is_armed or self.is_recording:
+            raise LavaError('record', self.status.directory, 'one recording at a time')
+        self._place = _new_place(directory)
+        self._limits = {'max_size': max_size, 'max_duration': max_duration}
+        self.status = RecorderStatus('armed', str(directory))
+
+    def begin(self, custom_data: Mapping[str, str]) -> None:
+        """Open the chosen bag; ``custom_data`` is its description."""
+        status = self.status
+        status.state = 'off'
+        try:
+            if Path(status.directory).resolve() != self._place:
+                raise OSError('a link has come into its path')
+            self._writer = BagWriter(self._place, custom_data=custom_data, **self._limits)
+            status.state, status.files = 'recording', 1
+        except (OSError, LavaError) as error:
+            status.error = f'cannot record to {status.directory}: {error}'
+
+    def describe(self, custom_data: Mapping[str, str]) -> None:
+        """Replace the description of the recording if a bag is open."""
+        if self._writer is not None:
+            self._writer.set_custom_data(custom_data)
+
+    def write(
+        self, topic: str, message_type: str, data: bytes, stamp_ns: int, *, qos: QosProfile
+    ) -> None:
+        """Write a message if a bag is open."""
+        self._attempt(lambda bag: bag.write(topic, message_type, data, stamp_ns, qos=qos))
+
+    def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
+        """Write an attachment if a bag is open, and flush the bag."""
+        self._attempt(lambda bag: bag.attach(name, media_type, data, stamp_ns))
+        self.flush()
+
+    def flush(self) -> None:
+        """Flush the bag, so that its data survives the end of the process."""
+        self._attempt(lambda bag: bag.flush())
+
+    def _attempt(self, action: Callable[[BagWriter], None]) -> None:
+        """Run ``action`` on the bag if one is open; an error ends the recording."""
+        writer, status = self._writer, self.status
+        if writer is None:
+            return
+        try:
+            action(writer)
+            status.files, status.messages = writer.file_count, writer.message_count
+        except (OSError, LavaError) as error:
+            self.stop()
+            status.error = f'recording to {status.directory} stopped: {error}'
+
+    def stop(self) -> None:
+        """Finish the bag if one is open."""
+        writer, self._writer = self._writer, None
+        self.status.state = 'off'
+        try:
+            if writer is not None:
+                writer.close()
+        except OSError as error:
+            self.status.error = f'cannot finish {self.status.directory}: {error}'
+
+
+def _new_place(directory: Path) -> Path:
+    """Return the resolved path of a new bag; raise LavaError if it cannot be created."""
+    name = str(directory)
+    try:
+        place = directory.resolve()
+        if directory.exists() or directory.is_symlink():
+            raise LavaError('bag_directory', name, 'a folder that does not exist yet')
+        parent = next(path for path in directory.absolute().parents if path.exists())
+        is_usable = parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)
+    except (OSError, RuntimeError) as error:
+        raise LavaError('bag_directory', name, f'a path ({error})') from error
+    if not is_usable:
+        raise LavaError('bag_directory', name, f'a new folder: {parent} cannot be written to')
+    return place
+
+
+#: Default full name of the node.
+DEFAULT_NODE = '/lava'
+
+
+def _unused(path: Path) -> Path:
+    """Return the path, or add the first number, starting at 2, with which it does not exist."""
+    names = chain([path.name], (f'{path.name}_{number}' for number in count(2)))
+    # A folder that may not be read seems empty: opening the bag then raises the reason.
+    return next(new for new in map(path.with_name, names) if not os.path.exists(new))
+
+
+class BagFolder:
+    """Converts names of bags to paths.
+
+    The bag that the user names at the start may be anywhere. A name that is set while the node
+    runs may come from any node in the graph: that bag must be inside the root after resolving
+    symbolic links and ``..``.
+    """
+
+    def __init__(
+        self, root: str, given: str, *, node: str = DEFAULT_NODE, since: float = 0.0
+    ) -> None:
+        """Initialize from the parameters at the start.
+
+        Args:
+            root: Folder of the bags; empty: that of ``given``, else ``bags``.
+            given: Bag that the user has named, else empty. A number is added to it if an earlier
+                process has written to it at or after ``since``.
+            node: Full name of the node. Unless it is the default, it is part of the names of its
+                bags, because nodes may share a folder.
+            since: Unix time [s] at or after which bags count as written; 0: none do.
+        """
+        self._given = given
+        self._since = since
+        self._suffix = '' if node == DEFAULT_NODE else node.replace('/', '_')
+        self._root = Path(root) if root else Path(given).parent if given else Path('bags')
+
+    def written(self) -> list[Path]:
+        """List the bags in the root or next to ``given`` written since ``since``, newest first."""
+        if not self._since:
+            return []
+        folders = {self._root, Path(self._given).parent} if self._given else {self._root}
+        times: dict[Path, float] = {}
+        for folder in folders:
+            with suppress(OSError):
+                for file in folder.glob('*/*.mcap'):
+                    changed = file.stat().st_mtime
+                    times[file.parent] = max(changed, times.get(file.parent, 0.0))
+        recent = [path for path in times if times[path] >= self._since]
+        return sorted(recent, key=lambda path: times[path], reverse=True)
+
+    def path(self, name: str) -> Path:
+        """Return the path of a bag; an empty name becomes the current time.
+
+        Raises:
+            LavaError: If the path is outside the root.
+        """
+        if not name:
+            return _unused(self._root / (time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix))
+        if name == self._given:
+            path = Path(name)
+            return _unused(path) if path in self.written() else path
+        try:
+            root, path = self._root.resolve(), Path(name).resolve()
+        except (OSError, RuntimeError, ValueError) as error:
+            raise LavaError('bag_directory', name, f'a path ({error})') from error
+        if root not in path.parents:
+            raise LavaError('bag_directory', name, f'a new folder inside {root} (bag_root)')
+        return Path(name)

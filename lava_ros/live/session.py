@@ -1,0 +1,366 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Session of a simulation: the current scene, which messages change."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, replace
+from itertools import count
+import math
+import threading
+from typing import Any, NamedTuple, TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import constants_of, Scene, Terrain, Vent
+from lava_ros.scene.events import TerrainEvent
+from lava_ros.scene.vents import are_alike, schedule
+from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.resolution import Resolution
+from lava_ros.simulation.selection import Decision
+
+if TYPE_CHECKING:
+    # the solver loads Warp: done in the worker's thread, not at import
+    from lava_ros.simulation import Simulation, Snapshot
+
+
+#: Maximum change of an elevation that counts as noise of a sensor [m].
+ELEVATION_NOISE = 0.1
+
+
+class SimulationError(Exception):
+    """The simulation cannot continue; the message contains the reason and a remedy."""
+
+
+class Origin(NamedTuple):
+    """The checkpoint from which a simulation was resumed.
+
+    ``bag`` contains it, ``time`` is its simulated time [s], ``stamp_ns`` its ROS time [ns].
+    """
+
+    bag: str
+    time: float
+    stamp_ns: int
+
+
+class Fork(NamedTuple):
+    """A copy of the state, from which another simulation can start.
+
+    ``changes`` is ``SimulationSession.changes`` at the copy, ``clock`` the time of the clock that
+    simulated time follows [s], and ``wall_time`` the wall time of the copying [s].
+    """
+
+    checkpoint: Checkpoint
+    changes: int
+    clock: float
+    wall_time: float
+
+
+class SimulationSession:
+    """A scene that changes while it is simulated.
+
+    A refused change or request raises LavaError and leaves scene and simulation unchanged.
+
+    Attributes:
+        simulation: The simulation, None without a terrain or after a failure.
+        scene: Current scene, None without a terrain.
+        schedule: Its vents with their discharges over the whole run, including earlier vents.
+        origin: Checkpoint from which the simulation was resumed, None if it started at time 0.
+        latest: Newest snapshot, None before the first; it stays after a failure.
+        effects: Table of effects (``effect_table``), empty without a simulation.
+        resolution: Expected resolution of the flow, None without a simulation.
+        changes: Number of changes that make a forecast invalid: starts, changes of effects, and
+            changes of vents or terrain beyond the noise of a sensor (``are_alike``,
+            ``ELEVATION_NOISE``).
+        starts: Number of simulations started or resumed.
+    """
+
+    def __init__(
+        self,
+        make_simulation: Callable[[Scene], 'Simulation'],
+        *,
+        constants: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Initialize without a terrain; ``constants`` apply until a scene replaces them."""
+        self._make_simulation = make_simulation
+        self._constants = constants or constants_of(None)
+        self._is_changed = False
+        self._numbers, self._latest_number = count(), -1
+        self._taking = threading.Lock()
+        self.simulation: Simulation | None = None
+        self.scene: Scene | None = None
+        self.schedule: tuple[Vent, ...] = ()
+        self.origin: Origin | None = None
+        self.latest: Snapshot | None = None
+        self.effects: Mapping[str, str] = {}
+        self._counted: tuple[Scene | None, Effects | None] = None, None
+        self.resolution: Resolution | None = None
+        self._measured: tuple[Snapshot | None, Resolution | None] = None, None
+        # terrain and events before the first event, for a reset
+        self._before_events: tuple[Terrain, tuple[TerrainEvent, ...]] | None = None
+        self.changes = self.starts = 0
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s], 0 without a simulation."""
+        return self.simulation.time if self.simulation is not None else 0.0
+
+    @property
+    def device(self) -> str:
+        """Name of the device, empty without a simulation."""
+        # another thread may remove the simulation at any time
+        simulation = self.simulation
+        return simulation.device if simulation is not None else ''
+
+    @property
+    def measured_resolution(self) -> Resolution | None:
+        """Resolution of the newest snapshot; the expected resolution while its flow is small."""
+        simulation, latest = self.simulation, self.latest
+        if simulation is None or latest is None:
+            return self.resolution
+        if self._measured[0] is not latest:
+            self._measured = latest, measure_resolution(latest, simulation.accuracy)
+        return self._measured[1] or self.resolution
+
+    def start(self, scene: Scene) -> None:
+        """Start a scene at time 0 in place of the current simulation."""
+        self.resume_with(self._make_simulation(scene), scene)
+
+    def resume_with(
+        self,
+        simulation: 'Simulation',
+        scene: Scene,
+        origin: Origin | None = None,
+        before: tuple[Vent, ...] = (),
+    ) -> None:
+        """Replace the current simulation by one of ``scene``, which may be at any time.
+
+        ``before`` contains the vents up to that time if they differ from those of the scene; it
+        determines the volume emitted so far.
+        """
+        self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
+        self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
+        self.origin = origin
+        self._before_events = None
+        self.starts += 1
+        self._note_change()
+
+    def checkpoint(self) -> Checkpoint:
+        """Copy the state to a checkpoint."""
+        if self.simulation is None:
+            raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
+        return self.simulation.checkpoint()
+
+    def begin(self, terrain: Terrain, vents: tuple[Vent, ...]) -> None:
+        """Start at time 0 on the first terrain."""
+        self.start(Scene(terrain, vents=vents, **self._constants))
+
+    def advance(self, until: float, *, wall_limit: float, max_particles: int) -> float:
+        """Simulate up to ``until`` [s] for at most ``wall_limit`` [s].
+
+        Returns:
+            The time reached [s].
+
+        Raises:
+            SimulationError: If there are more than ``max_particles``; ``latest`` contains them.
+        """
+        assert self.simulation is not None
+        before = self.simulation.time
+        reviews = self.simulation.review_count
+        reached = self.simulation.advance(until, wall_limit=wall_limit)
+        self._is_changed |= reached > before
+        self._follow_events()
+        if self.simulation.review_count != reviews:
+            # an effect may have been switched on
+            self._note_change(is_noise=True)
+        particles = self.simulation.particle_count
+        if particles > max_particles:
+            self.renew_snapshot()
+            raise SimulationError(
+                f'{particles} particles, expected at most {max_particles} (max_particles); '
+                'a larger spacing needs fewer'
+            )
+        return reached
+
+    def _follow_events(self) -> None:
+        assert self.simulation is not None and self.scene is not None
+        current = self.simulation.scene
+        if len(current.events) < len(self.scene.events):
+            self._before_events = self._before_events or (self.scene.terrain, self.scene.events)
+            self.scene = replace(self.scene, terrain=current.terrain, events=current.events)
+            self._note_change()
+
+    def set_terrain(self, terrain: Terrain) -> bool:
+        """Replace the terrain under the flow; return True if it differs from the current one."""
+        assert self.scene is not None
+        # publishers often repeat their terrain: an identical terrain changes nothing
+        if _is_same(terrain, self.scene.terrain):
+            return False
+        scene = replace(self.scene, terrain=terrain)
+        if self.simulation is not None:
+            self.simulation.set_terrain(terrain)
+        self.scene = scene
+        if self._before_events is not None:
+            self._before_events = terrain, self._before_events[1]
+        if self.simulation is not None:
+            self._note_change(is_noise=self._is_like_counted(scene))
+        return True
+
+    def set_vents(self, vents: tuple[Vent, ...]) -> None:
+        """Replace all vents.
+
+        The first vents of a simulation without lava restart it, because its resolution depends on
+        them.
+        """
+        assert self.scene is not None
+        scene = replace(self.scene, vents=vents)
+        # publishers often repeat their vents: identical vents change nothing
+        if scene.vents == self.scene.vents:
+            return
+        if self.simulation is None:
+            self.schedule, self.scene = vents, scene
+        elif vents and not self.scene.vents and self._is_without_lava():
+            self.start(scene)
+        else:
+            self.simulation.set_vents(vents)
+            self.schedule = schedule(self.schedule, vents, self.simulation.time)
+            self.scene = scene
+            self._note_change(is_noise=self._is_like_counted(scene))
+
+    def set_constants(self, constants: Mapping[str, Any]) -> None:
+        """Replace lava and surroundings at the next start."""
+        self._constants = constants
+        if self.scene is not None:
+            self.scene = replace(self.scene, **constants)
+
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
+        """Choose the effects again for ``horizon`` [s], with some forced on or off."""
+        if self.simulation is not None:
+            self.simulation.set_effects(forced, horizon=horizon)
+            self._note_change()
+
+    def reset(self) -> None:
+        """Start the scene again at time 0, also after a failure."""
+        if self.scene is None:
+            raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
+        scene = self.scene
+        if self._before_events is not None:
+            terrain, events = self._before_events
+            scene = replace(scene, terrain=terrain, events=events)
+        self.start(scene)
+
+    def fail(self) -> None:
+        """Drop the simulation after a failure; scene and last snapshot stay."""
+        self.simulation = None
+        self.changes += 1
+
+    def renew_snapshot(self) -> bool:
+        """Update ``latest``; return True if it changed.
+
+        Raises:
+            SimulationError: If the flow is not valid; ``latest`` is then unchanged.
+        """
+        if self.simulation is None or not self._is_changed:
+            return False
+        self._take(self.simulation.snapshot(), next(self._numbers))
+        self._is_changed = False
+        return True
+
+    def begin_snapshot(self) -> Callable[[], None] | None:
+        """Begin an update of ``latest``.
+
+        Returns:
+            A function that completes the update in any thread and raises the same errors as
+            ``renew_snapshot``; None if nothing has changed.
+        """
+        if self.simulation is None or not self._is_changed:
+            return None
+        number, pending = next(self._numbers), self.simulation.begin_snapshot()
+        self._is_changed = False
+        return lambda: self._take(pending.result(), number)
+
+    def _take(self, snapshot: 'Snapshot', number: int) -> None:
+        flaw = snapshot.flaw()
+        if flaw:
+            raise SimulationError(f'the flow has become unusable: {flaw}')
+        with self._taking:
+            # a snapshot that was begun later may have been completed earlier
+            if number > self._latest_number:
+                self.latest, self._latest_number = snapshot, number
+
+    def _note_change(self, *, is_noise: bool = False) -> None:
+        """Note a change of the simulation; noise of a sensor is not counted in ``changes``."""
+        assert self.simulation is not None and self.scene is not None
+        effects = self.simulation.effects
+        self.resolution = self.simulation.resolution
+        self.effects = effect_table(effects, self.simulation.decisions())
+        self._is_changed = True
+        if not is_noise or effects != self._counted[1]:
+            self.changes += 1
+            self._counted = self.scene, effects
+
+    def _is_like_counted(self, scene: Scene) -> bool:
+        """Return True if a scene differs from the last counted one only by sensor noise."""
+        counted = self._counted[0]
+        return counted is not None and (
+            are_alike(scene.vents, counted.vents)
+            and _is_same(scene.terrain, counted.terrain, within=ELEVATION_NOISE)
+        )
+
+    def _is_without_lava(self) -> bool:
+        self.renew_snapshot()
+        return self.latest is not None and self.latest.budget.emitted == 0.0
+
+
+def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
+    """Return True if two terrains have the same cells, and elevations within ``within`` [m]."""
+    names = ('shape', 'resolution', 'origin', 'epsg', 'wkt', 'offset')
+    return (
+        all(getattr(one, name) == getattr(other, name) for name in names)
+        and np.allclose(one.elevation, other.elevation, rtol=0.0, atol=within, equal_nan=True)
+    )
+
+
+def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
+    """Return the state of each effect with the reason, such as ``on: slope = 0.82 > 0.12``."""
+    decided = {item.name: item for item in decisions}
+    return {
+        name: f'{"on" if is_on else "off"}: {_reason(name, effects, decided.get(name))}'
+        for name, is_on in asdict(effects).items()
+    }
+
+
+def is_on(text: str) -> bool:
+    """Return True if a text of the table is that of an active effect."""
+    return text.startswith('on:')
+
+
+def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
+    if decision is None:
+        return 'forced' if name in effects else 'never chosen, only forced'
+    is_needed = decision.value > decision.effect.threshold
+    is_switched_on = not math.isnan(decision.since)
+    if name in effects and not (is_needed or is_switched_on or decision.is_forced):
+        return f'{decision.reason}, but an effect stays on during a run'
+    return decision.reason
+
+
+#: Part of Warp's message if a device has no memory left.
+_NO_MEMORY = 'Failed to allocate'
+
+
+def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
+    """Describe why the simulation has failed, and the remedy if one is known."""
+    if isinstance(error, SimulationError):
+        return str(error)
+    if isinstance(error, MemoryError) or _NO_MEMORY in str(error):
+        held = ''
+        if latest is not None:
+            rows, columns = latest.terrain.shape
+            held = f' with {latest.particle_count} particles on {columns} x {rows} cells'
+        reason = str(error) or type(error).__name__
+        return f'out of memory{held}: {reason}; a larger spacing or a coarser terrain needs less'
+    return f'{type(error).__name__}: {error}'

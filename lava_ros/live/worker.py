@@ -1,0 +1,449 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The simulation thread, which executes commands and makes snapshots."""
+
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from dataclasses import dataclass, replace
+import queue
+import threading
+import time
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.errors import LavaError
+from lava_ros.live.clock import FollowedClock, MAX_LAG
+from lava_ros.live.commands import Command, command, CommandQueue, finish
+from lava_ros.live.session import failure_text, Fork, Origin, SimulationSession
+from lava_ros.live.worker_status import SpeedMeter, WorkerState, WorkerStatus
+from lava_ros.scene import check_vents, Scene, Terrain, Vent
+
+if TYPE_CHECKING:
+    # Importing the solver loads Warp, so only the thread imports it.
+    from lava_ros.simulation import Simulation, Snapshot
+
+#: Default of the maximum number of particles.
+MAX_PARTICLES = 20_000_000
+
+#: Wall time of a slice of simulation [s]. A command waits at most for a slice and a time step.
+SLICE_WALL_TIME = 0.1
+
+#: Wall time between two slices if the simulation keeps up [s].
+IDLE_WALL_TIME = 0.1
+
+#: Minimum wall time between two rounds of commands [s].
+ROUND_WALL_TIME = 0.02
+
+#: Lag at or below which simulated time has reached the clock [s].
+ROUNDING = 1e-3
+
+#: Maximum wall time for which a restarted simulation catches up before it is shown [s].
+MAX_CATCH_UP = 5.0
+
+#: Error of a command after ``stop``.
+_STOPPED = LavaError('simulation', 'stopped', 'one that runs')
+
+
+@dataclass(eq=False)
+class SimulationWorker:
+    """Runs a simulation that follows a clock, in a separate thread.
+
+    Simulated time advances by ``time_scale`` times the steps of the clock, up to ``MAX_LAG`` each.
+    A simulation that cannot keep up lags by at most ``MAX_LAG``; time beyond that is lost.
+
+    A ``command`` returns immediately with a future. A refused one sets a LavaError in its future
+    and changes nothing. A command that replaces all of its kind (vents, terrain, a parameter)
+    cancels the future of a waiting one. Any other exception stops the simulation: the state is
+    FAILED, the last snapshot remains, and ``reset`` starts again.
+
+    ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` returns
+    the time to follow [s]. ``constants`` are the lava and its surroundings until a scene defines
+    them, ``end_time`` is the simulated end time [s]. ``on_snapshot`` is called when ``latest`` has
+    changed, in any thread. Other threads only read ``session``.
+    """
+
+    make_simulation: Callable[[Scene], 'Simulation']
+    clock: Callable[[], float]
+    constants: Mapping[str, Any] | None = None
+    time_scale: float = 1.0
+    end_time: float | None = None
+    paused: bool = False
+    max_particles: int = MAX_PARTICLES
+    on_snapshot: Callable[[], None] = lambda: None
+
+    def __post_init__(self) -> None:
+        """Prepare the thread; ``start`` runs it."""
+        self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
+        self._is_snapshot_requested = False
+        self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
+        self._finishing: Future[None] | None = None
+        self._clock = FollowedClock(self.clock)
+        self._target = 0.0
+        self._step_target: float | None = None
+        self._speed = SpeedMeter()
+        self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
+        self.session = SimulationSession(self._make, constants=self.constants)
+        self._error = ''
+        self._is_stopping = False
+        self.commands = CommandQueue()
+        self._last_round = 0.0
+        # the current task with its begin, and the duration of the last slice
+        self._task, self._slice = ('', 0.0), 0.0
+        self._thread = threading.Thread(target=self._run, name='lava simulation', daemon=True)
+
+    @property
+    def latest(self) -> 'Snapshot | None':
+        """The newest snapshot, None before the first."""
+        return self.session.latest
+
+    @property
+    def status(self) -> WorkerStatus:
+        """The current status of the worker."""
+        task, begun = self._task
+        so_far = time.monotonic() - begun if task else 0.0
+        return replace(
+            self._status,
+            current_task=task,
+            task_duration=max(so_far, self._status.task_duration),
+            waiting=self.commands.kinds,
+        )
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self, timeout: float | None = None) -> bool:
+        """End the thread after its current slice; return True if it ended within ``timeout`` [s].
+
+        Waiting and later commands are refused.
+        """
+        self._is_stopping = True
+        self.commands.close(_STOPPED)
+        if self._thread.ident is not None:
+            self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    @command()
+    def set_scene(self, scene: Scene) -> None:
+        """Replace the simulation by one of ``scene`` at time 0."""
+        self.session.start(scene)
+
+    @command()
+    def resume_with(
+        self,
+        make_simulation: Callable[[], 'Simulation'],
+        scene: Scene,
+        origin: Origin | None = None,
+        before: tuple[Vent, ...] = (),
+        *,
+        reached: float = 0.0,
+    ) -> None:
+        """Continue with another simulation of a scene (see ``SimulationSession.resume_with``).
+
+        Before its first snapshot, simulate up to the time ``reached`` [s].
+        """
+        self._status = replace(self._status, state=WorkerState.STARTING)
+        self.session.resume_with(make_simulation(), scene, origin, before)
+        reached = min(reached, self.end_time or reached)
+        end = time.monotonic() + MAX_CATCH_UP
+        while self.session.time < reached and time.monotonic() < end and not self._is_stopping:
+            self._advance_session(reached)
+
+    @command('checkpoint')
+    def checkpoint(self) -> bytes:
+        """Serialise the state for a later resume; the future fails without a simulation."""
+        return self.session.checkpoint().to_bytes()
+
+    @command('fork')
+    def fork(self) -> Fork:
+        """Copy the state for another simulation; the future fails without a simulation."""
+        begun = time.monotonic()
+        checkpoint = self.session.checkpoint()
+        return Fork(checkpoint, self.session.changes, self.clock(), time.monotonic() - begun)
+
+    @command('terrain')
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Replace the terrain under the flow; the first terrain starts the simulation."""
+        if self.session.scene is not None:
+            if self.session.set_terrain(terrain):
+                self._show()
+            return
+        vents, future = self._waiting_vents or ((), None)
+        error: LavaError | None = None
+        try:
+            vents = check_vents(vents, terrain)
+        except LavaError as refused:
+            vents, error = (), refused
+        self.session.begin(terrain, vents)
+        self._waiting_vents = None
+        if future is not None:
+            finish(future, error)
+
+    def set_vents(self, vents: Iterable[Vent]) -> 'Future[None]':
+        """Replace all vents; before there is a terrain, the newest ones wait for it."""
+        vents = tuple(vents)
+        future: Future[None] = Future()
+
+        def set_or_wait() -> None:
+            if self.session.scene is not None:
+                self.session.set_vents(vents)
+                return
+            if self._waiting_vents is not None:
+                self._waiting_vents[1].cancel()
+            self._waiting_vents = vents, future
+
+        self.commands.put(Command(set_or_wait, future, 'vents'))
+        return future
+
+    @command()
+    def add_vent(self, vent: Vent) -> None:
+        """Add a vent; refused before there is a terrain."""
+        scene = self.session.scene
+        if scene is None:
+            raise LavaError('vent', vent.position, 'a terrain before the first single vent')
+        self.session.set_vents((*scene.vents, vent))
+
+    @command('constants')
+    def set_constants(self, constants: Mapping[str, Any]) -> None:
+        """Replace the lava properties, effective at the next start or reset."""
+        self.session.set_constants(constants)
+
+    @command('effects')
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
+        """Choose the effects again, with some forced on or off, for a horizon [s].
+
+        The thread then compiles new kernels; the last snapshot remains until that is done.
+        """
+        self.session.set_effects(forced, horizon=horizon)
+        self._show()
+
+    def set(self, name: str, value: float | None) -> 'Future[None]':
+        """Change the attribute ``time_scale``, ``end_time`` or ``max_particles``."""
+
+        def set_attribute() -> None:
+            if name == 'time_scale':
+                # keep the lag in seconds of the clock
+                lag = (self._target - self.session.time) / self.time_scale
+                self._target = self.session.time + lag * float(value or 0.0)
+            setattr(self, name, value)
+
+        return self.commands.submit(set_attribute, name)
+
+    @command('pause')
+    def pause(self, paused: bool) -> None:
+        """Hold simulated time, also in the middle of a step, or let it continue."""
+        if paused and not self.paused:
+            self._give_up(self.session.time)
+        self.paused = paused
+        self._step_target = None
+
+    @command('reset')
+    def reset(self) -> None:
+        """Restart the scene at time 0, also after a failure; a pause remains."""
+        self.session.reset()
+
+    @command('step')
+    def step(self, duration: float) -> None:
+        """Advance a paused simulation by a duration [s]."""
+        if self.session.simulation is None or not self.paused:
+            raise LavaError('step', self._status.state.value, 'a paused simulation')
+        self._step_target = self.session.time + duration
+
+    def request_snapshot(self) -> None:
+        """Request an update of ``latest``; a separate thread completes it."""
+        if not self._is_snapshot_requested:
+            self._is_snapshot_requested = True
+            self._begin_snapshot()
+
+    def _run(self) -> None:
+        while not self._is_stopping:
+            self._run_commands()
+            if not self._is_stopping:
+                self._guard(self._advance)
+                self._guard(self._update_status)
+        self._status = replace(self._status, state=WorkerState.STOPPED, speed=0.0)
+        if self._waiting_vents is not None:
+            finish(self._waiting_vents[1], _STOPPED)
+        self._finisher.shutdown()
+        # Free the device memory even if the worker is still referenced.
+        self.session.fail()
+
+    def _run_commands(self) -> None:
+        time.sleep(max(0.0, self._last_round + ROUND_WALL_TIME - time.monotonic()))
+        is_behind = self._target > self.session.time
+        wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
+        with suppress(queue.Empty):
+            first = self.commands.get(wait)
+            self._last_round = time.monotonic()
+            self._execute(first)
+            # Later commands wait for the next round, so that simulated time always advances.
+            for _ in range(len(self.commands)):
+                if self._is_stopping:
+                    return
+                self._execute(self.commands.get(0.0))
+
+    def _execute(self, command: Command) -> None:
+        future, starts = command.future, self.session.starts
+        self._task = command.kind or 'a command', time.monotonic()
+        try:
+            result = command.action()
+            if self.session.starts != starts:
+                self._note_start()
+        except Exception as error:
+            if not isinstance(error, LavaError):
+                self._fail(error)
+            finish(future, error)
+        else:
+            # vents that wait for a terrain are not complete yet
+            if self._waiting_vents is None or self._waiting_vents[1] is not future:
+                finish(future, result=result)
+        self._task = '', 0.0
+        self._guard(self._update_status)
+
+    def _guard(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except Exception as error:
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        self._error = failure_text(error, self.session.latest)
+        self.session.fail()
+        self._step_target = None
+        self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
+
+    def _advance(self) -> None:
+        if not self._is_moving():
+            return
+        before = self.session.time
+        if self._step_target is not None:
+            self._target = self._step_target
+        else:
+            self._target += self._clock.elapse() * self.time_scale
+            self._give_up(before + MAX_LAG * self.time_scale)
+        if self.end_time is not None:
+            self._target = min(self._target, self.end_time)
+        self._slice = 0.0
+        if self._target > before:
+            begun = time.monotonic()
+            self._task = 'a step', begun
+            try:
+                reached = self._advance_session(self._target)
+            finally:
+                self._task, self._slice = ('', 0.0), time.monotonic() - begun
+            self._speed.note(reached)
+        if self._step_target is not None and self.session.time >= self._target:
+            self._step_target = None
+
+    def _advance_session(self, until: float) -> float:
+        """Simulate a slice, and return the time reached [s]."""
+        return self.session.advance(
+            until, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
+        )
+
+    def _give_up(self, until: float) -> None:
+        """Limit the target to a simulated time [s], and count the rest as lost time."""
+        self._clock.lost += max(0.0, self._target - until) / self.time_scale
+        self._target = min(self._target, until)
+
+    def _is_moving(self) -> bool:
+        if self.session.simulation is None or self._is_finished():
+            return False
+        return not self.paused or self._step_target is not None
+
+    def _is_finished(self) -> bool:
+        return self.end_time is not None and self.session.time >= self.end_time
+
+    def _update_status(self) -> None:
+        old = self._status.state
+        if self._error:
+            state = WorkerState.FAILED
+        elif self.session.simulation is None:
+            state = WorkerState.WAITING
+        elif self._is_finished():
+            state = WorkerState.FINISHED
+        elif self.paused:
+            state = WorkerState.PAUSED
+        else:
+            state = WorkerState.RUNNING
+        if state is WorkerState.RUNNING and old is not WorkerState.RUNNING:
+            self._follow_from_here()
+        if state is not WorkerState.RUNNING and self._step_target is None:
+            self._speed.clear()
+        # At rest, update the snapshot before the status reports the state.
+        is_new = not self._is_moving() and self._is_snapshot_new()
+        # Exclude the newest step of the clock from the lag.
+        lag = (self._target - self.session.time) / self.time_scale - self._clock.step
+        self._status = WorkerStatus(
+            state=state,
+            error=self._error,
+            speed=self._speed.value,
+            mean_speed=self._speed.mean,
+            is_behind=state is WorkerState.RUNNING and lag > ROUNDING,
+            device=self.session.device,
+            lag=max(0.0, lag),
+            lost=self._clock.lost,
+            jump=self._clock.jump,
+            jumps=self._clock.jumps,
+            task_duration=self._slice if self._is_moving() else 0.0,
+        )
+        if is_new:
+            self.on_snapshot()
+
+    def _follow_from_here(self) -> None:
+        self._clock.start()
+        self._target = self.session.time
+        self._speed.clear()
+        self._speed.note(self._target)
+
+    def _show(self) -> None:
+        if self._is_snapshot_new():
+            self.on_snapshot()
+
+    def _is_snapshot_new(self) -> bool:
+        """Update ``latest`` now; return True if it may have changed."""
+        finishing, self._finishing = self._finishing, None
+        if finishing is not None:
+            wait([finishing])
+        return self.session.renew_snapshot() or finishing is not None
+
+    @command('snapshot')
+    def _begin_snapshot(self) -> None:
+        finishing = self._finishing
+        if finishing is not None and not finishing.done():
+            finishing.add_done_callback(lambda _: self._begin_snapshot())
+            return
+        self._is_snapshot_requested = False
+        # Maps are due when the clock has advanced, so simulate to its current time first.
+        self._guard(self._advance)
+        rest = self.session.begin_snapshot()
+        if rest is not None:
+            simulation = self.session.simulation
+            self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
+
+    def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
+        """Complete a snapshot; an error is a failure of its simulation."""
+        try:
+            rest()
+        except Exception as error:
+            self._fail_in_thread(error, simulation)
+        else:
+            self.on_snapshot()
+
+    @command('failure')
+    def _fail_in_thread(self, error: Exception, simulation: 'Simulation | None') -> None:
+        if self.session.simulation is simulation:
+            self._fail(error)
+
+    def _make(self, scene: Scene) -> 'Simulation':
+        self._status = replace(self._status, state=WorkerState.STARTING)
+        return self.make_simulation(scene)
+
+    def _note_start(self) -> None:
+        self._error = ''
+        self._step_target = None
+        self._speed = SpeedMeter()
+        self._clock = FollowedClock(self.clock)
+        self._follow_from_here()
+        self._show()

@@ -1,0 +1,435 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node between configuration and cleanup: worker, topics, services and bag."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+import time
+from typing import Any, TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from lava_ros.errors import LavaError
+from lava_ros.live.checkpoint_recording import CheckpointRecording
+from lava_ros.live.clock import ClockWatch
+from lava_ros.live.recorder import BagFolder, Recorder
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.live.worker_status import WorkerState
+from lava_ros.maps.layer_files import find_config
+from lava_ros.ros import codec, diagnostics, qos
+from lava_ros.ros.executor import EntityRegistry, now_ns
+from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
+from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
+from lava_ros.ros.publishers import (
+    LayerPublishers,
+    publish_and_record,
+    published_layers,
+    ScenePublisher,
+)
+from lava_ros.ros.recording import SceneRecording
+from lava_ros.ros.services import Allowance, create_services
+from lava_ros.ros.startup_inputs import SimulationFactory, StartupInputs
+from lava_ros.ros.subscribers import InputSubscribers
+from lava_ros.simulation.output.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from lava_ros.simulation import Simulation
+
+#: Maximum wait for the simulation thread when closing [s]. It may be in a time step, or compiling.
+STOP_TIMEOUT = 4.0
+
+#: Maximum wait for the last checkpoint of a bag [s]. The simulation thread may be compiling.
+CHECKPOINT_TIMEOUT = 2.0
+
+#: Period of the diagnostics [s].
+HEARTBEAT = 1.0
+
+
+class NodeRuntime:
+    """A configured node: it receives ``inputs`` and, while ``is_active``, simulates and publishes.
+
+    ``worker`` has the simulation. ``failure`` is the error that prevents the node from resuming a
+    bag and ends it, None without.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        values: Callable[[], Mapping[str, Any]],
+        startup: StartupInputs,
+        *,
+        entities: EntityRegistry,
+    ) -> None:
+        """Create publishers, subscriptions and services, and load ``startup`` with time held.
+
+        ``values`` returns the node's parameters.
+
+        Raises:
+            LavaError: If a file cannot be used.
+        """
+        self._node = node
+        self._settings = settings
+        self.failure: BaseException | None = None
+        self._bag_folder = BagFolder(
+            settings.bag_root,
+            settings.bag_directory,
+            node=node.get_fully_qualified_name(),
+            since=settings.resume_since,
+        )
+        names = ['msg_config', 'forecast_config'][: 2 if settings.forecast_horizon else 1]
+        configs = {name: find_config(getattr(settings, name), field=name) for name in names}
+        features = load_places(settings.places)
+        layers = published_layers(*configs.values(), settings=settings)
+        self.is_active = self._is_paused = False
+        self._is_recording_wanted = settings.record or startup.was_recording
+        self._clock_watch = ClockWatch()
+        self._log = diagnostics.NodeLog(node.get_logger())
+        self._recorder = Recorder()
+        self._recording = SceneRecording(
+            node,
+            self._recorder,
+            frame_id=settings.frame_id,
+            configs={name: path.read_text(encoding='utf-8') for name, path in configs.items()},
+            parameters=values,
+        )
+        self._entities = entities
+        snapshot_ready = entities.create('guard_condition', self._publish)
+        factory = SimulationFactory()
+        self.worker = SimulationWorker(
+            lambda scene: factory.make(scene, self._settings),
+            clock=lambda: now_ns(node) * 1e-9,
+            constants=settings.constants,
+            time_scale=settings.time_scale,
+            end_time=settings.end_time,
+            max_particles=settings.max_particles,
+            paused=True,
+            on_snapshot=snapshot_ready.trigger,
+        )
+        self._checkpoints = CheckpointRecording(self._recorder, self.worker.checkpoint)
+        self._saved_bytes = 0
+        self._layers = LayerPublishers[Snapshot](
+            entities,
+            [layer for layer in layers if not layer.is_forecast],
+            self._recorder,
+            frame_id=settings.frame_id,
+        )
+        self._forecasts = ForecastTopics(
+            entities,
+            [layer for layer in layers if layer.is_forecast],
+            self._recorder,
+            worker=self.worker,
+            settings=lambda: self._settings,
+            choice=lambda: factory.choice,
+            features=features,
+        )
+        self._places = PlaceTopic(
+            entities, self._recorder, features, frame_id=settings.frame_id
+        )
+        for rate in sorted(self._layers.rates | self._forecasts.rates):
+            entities.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
+        self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
+        self._diagnostics = entities.create(
+            'publisher', DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+        )
+        # The heartbeat must not stop with a simulated clock.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        entities.create('timer', HEARTBEAT, self._publish_diagnostics, clock=steady)
+        self.inputs = InputSubscribers(
+            entities,
+            self.worker,
+            settings=lambda: self._settings,
+            steady=steady,
+            observe=self._forecasts.observe if settings.ensemble_members else None,
+            recorder=self._recorder,
+            is_own=self._scene.is_own,
+        )
+        self._allowance = Allowance(self.inputs.refuse)
+        create_services(
+            self, entities, worker=self.worker, inputs=self.inputs, allowance=self._allowance
+        )
+        self._begin(startup)
+        # Start the threads last, so that an error above leaves none running.
+        self.worker.start()
+        self._forecasts.start()
+
+    @property
+    def step_length(self) -> float:
+        """Simulated duration of the service ``step`` [s]."""
+        return self._settings.time_scale
+
+    def activate(self) -> None:
+        """Let simulated time advance, and publish.
+
+        Raises:
+            LavaError: If the simulation has failed, or the bag cannot be created.
+        """
+        status = self.worker.status
+        if status.state is WorkerState.FAILED:
+            raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
+        is_busy = self._recorder.is_recording or self._recorder.is_armed
+        if self._is_recording_wanted and not is_busy:
+            self._arm_recorder()
+        # Only once: a recording that ~/record or a full disk has ended must not stop the maps.
+        self._is_recording_wanted = False
+        self.is_active = True
+        self.worker.pause(self._is_paused)
+        self._forecasts.activate(True)
+        self._publish(repeat=True)
+
+    def deactivate(self) -> None:
+        """Hold simulated time and publish no layers; inputs and diagnostics continue."""
+        self.is_active = False
+        self._forecasts.activate(False)
+        self.worker.pause(True)
+
+    def close(self) -> None:
+        """Finish the bag, end the worker and leave the graph."""
+        self.is_active = False
+        try:
+            self._close_bag()
+            if self.worker.latest is not None:
+                self._log.volumes(self.worker.latest)
+        finally:
+            self._forecasts.stop()
+            self.worker.stop(STOP_TIMEOUT)
+            self._entities.destroy()
+
+    def check(self, settings: Settings) -> None:
+        """Check settings before they are used.
+
+        Raises:
+            LavaError: If the bag cannot be written there, or effects change too often.
+        """
+        # an unchanged name that has become invalid since does not block other settings
+        if settings.bag_directory != self._settings.bag_directory:
+            self._bag_folder.path(settings.bag_directory)
+        if _effect_settings(settings) != _effect_settings(self._settings):
+            self._allowance.take('effects')
+
+    def apply(self, new: Settings) -> None:
+        """Use new settings, immediately or, for preset, spacing and lava, at the next start."""
+        old, self._settings = self._settings, new
+        command = self.inputs.command
+        for name in ('time_scale', 'max_particles', 'end_time'):
+            value = getattr(new, name)
+            if value != getattr(old, name):
+                command(name, self.worker.set(name, value))
+        if _effect_settings(new) != _effect_settings(old):
+            command('effects', self.worker.set_effects(new.forced, horizon=new.horizon))
+        if new.constants != old.constants:
+            command('lava', self.worker.set_constants(new.constants))
+        before, after = (
+            {'preset': item.preset, 'spacing': item.spacing, **constant_values(item.constants)}
+            for item in (old, new)
+        )
+        if later := [name for name in after if after[name] != before[name]]:
+            self._node.get_logger().info(
+                f'{", ".join(later)}: the new value is used from the next start or reset on'
+            )
+
+    def pause(self, paused: bool) -> 'Future[None]':
+        """Hold simulated time, or let it continue as soon as the node is active."""
+        self._is_paused = paused
+        return self.worker.pause(paused or not self.is_active)
+
+    def start_recording(self) -> str:
+        """Start a bag, and return its name and when it starts.
+
+        Raises:
+            LavaError: If the bag cannot be written.
+        """
+        self._arm_recorder()
+        self._publish(repeat=True)
+        self._check_recorder()
+        return self._recorder.status.directory + ' at the first map' * self._recorder.is_armed
+
+    def stop_recording(self) -> str:
+        """Finish the bag and return its name, empty without a bag.
+
+        Raises:
+            LavaError: If the bag could not be written.
+        """
+        self._is_recording_wanted = False
+        self._close_bag()
+        self._check_recorder()
+        return self._recorder.status.directory
+
+    def _check_recorder(self) -> None:
+        status = self._recorder.status
+        if status.error:
+            expected = f'a bag that can be written ({status.error})'
+            raise LavaError('recorder', status.state, expected)
+
+    def save(self) -> str:
+        """Write the current maps and a checkpoint to a bag and return its name.
+
+        The bag is the one being recorded, otherwise a new one.
+
+        Raises:
+            LavaError: If the bag or the checkpoint cannot be written, there is nothing to save, or
+                ``max_saved_bytes`` have been saved.
+        """
+        if self.worker.latest is None:
+            raise LavaError('save', 'no simulation yet', 'a terrain')
+        maximum = self._settings.max_saved_bytes
+        if self._saved_bytes >= maximum:
+            expected = f'less than {maximum} (max_saved_bytes)'
+            error = LavaError('save', f'{self._saved_bytes} bytes saved so far', expected)
+            self._allowance.refuse('save', error)
+        is_own, before = not self._recorder.is_recording, self._recorder.size
+        if is_own:
+            self.start_recording()
+        else:
+            self._publish(repeat=True)
+        # the user asked for a checkpoint, so write one even if checkpoint_period is 0
+        reason = self._checkpoints.finish(
+            CHECKPOINT_PERIOD, now_ns(self._node), timeout=CHECKPOINT_TIMEOUT
+        )
+        self._recorder.flush()
+        self._saved_bytes += max(0, self._recorder.size - before)
+        directory = self._recorder.status.directory
+        if is_own:
+            self.stop_recording()
+        self._check_recorder()
+        if reason:
+            raise LavaError('save', reason, f'a checkpoint with the maps in {directory}')
+        return directory
+
+    def _begin(self, startup: StartupInputs) -> None:
+        checkpoint, command = startup.checkpoint, self.inputs.command
+        if checkpoint is not None:
+
+            def resume() -> 'Simulation':
+                # the solver loads Warp: done in the worker's thread, not at import
+                from lava_ros.simulation import Simulation
+
+                return Simulation.resume(checkpoint, device=self._settings.device)
+
+            future = self.worker.resume_with(
+                resume, checkpoint.scene, startup.origin, startup.before, reached=startup.reached
+            )
+            future.add_done_callback(self._note_failure)
+        elif startup.scene is not None:
+            command('scene', self.worker.set_scene(startup.scene))
+        elif startup.terrain is not None:
+            command('terrain_file', self.worker.set_terrain(startup.terrain))
+        else:
+            self._node.get_logger().info(self.inputs.wanted)
+
+    def _note_failure(self, future: 'Future[None]') -> None:
+        # a new simulation in its place would look like the resumed eruption
+        if not future.cancelled():
+            self.failure = future.exception()
+
+    def _mark_due(self, rate: float) -> None:
+        if not self.is_active:
+            return
+        self._layers.mark_due(rate)
+        self._forecasts.mark_due(rate)
+        self.worker.request_snapshot()
+        if self._is_at_rest():
+            self._publish()
+
+    def _publish(self, *, repeat: bool = False) -> None:
+        """Publish the layers that are due and have changed; at rest, also those not due."""
+        snapshot, scene = self.worker.latest, self.worker.session.scene
+        self._log.scene(self.worker.session, snapshot)
+        if snapshot is None or not self.is_active:
+            return
+        stamp_ns = now_ns(self._node)
+        if scene is not None:
+            self._recording.write(self.worker.session, snapshot, stamp_ns)
+            is_heard = self.inputs.came_from_topic(scene.terrain)
+            self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
+        self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
+        self._forecasts.publish(repeat=repeat)
+        if repeat:
+            self._publish_places(repeat=True)
+        self._recorder.flush()
+        self._log.recorder(self._recorder)
+
+    def _publish_places(self, *, repeat: bool = False) -> None:
+        snapshot = self._layers.shown
+        if snapshot is not None and self.is_active:
+            self._places.publish(
+                snapshot,
+                *self._forecasts.valid,
+                stamp_ns=self._layers.shown_stamp_ns,
+                recorded_ns=now_ns(self._node),
+                repeat=repeat,
+            )
+
+    def _is_at_rest(self) -> bool:
+        return self.worker.status.state is not WorkerState.RUNNING
+
+    def _publish_diagnostics(self) -> None:
+        worker = self.worker.status
+        if self._is_at_rest():
+            # Publish the last maps before the status that reports the end.
+            self._publish()
+        snapshot = self._layers.shown
+        stamp_ns = now_ns(self._node)
+        if self.is_active:
+            self._layers.publish_heartbeats(stamp_ns)
+        self._publish_places()
+        is_simulated = self._node.get_clock().ros_time_is_active
+        clock = self._clock_watch.look(
+            stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
+        )
+        resolution = self.worker.session.resolution
+        self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
+        message = DiagnosticArray(
+            header=codec.header('', stamp_ns),
+            status=[
+                diagnostics.simulation_status(
+                    worker,
+                    snapshot,
+                    is_active=self.is_active,
+                    frame_stamp_ns=self._layers.shown_stamp_ns,
+                    resolution=self.worker.session.measured_resolution,
+                    clock=clock,
+                ),
+                diagnostics.effects_status(self.worker.session.effects),
+                self.inputs.log.status(),
+                diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
+                *self._forecasts.statuses(),
+                *self._places.statuses(),
+            ],
+        )
+        diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
+        publish_and_record(
+            self._diagnostics, message, self._recorder, stamp_ns, profile=qos.DIAGNOSTICS
+        )
+        self._recorder.flush()
+        period = self._settings.checkpoint_period
+        changes = self.worker.session.changes
+        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=changes))
+        self._log.recorder(self._recorder)
+
+    def _arm_recorder(self) -> None:
+        new = self._settings
+        directory = self._bag_folder.path(new.bag_directory)
+        self._recorder.arm(
+            directory, max_size=new.bag_max_size, max_duration=new.bag_max_duration
+        )
+
+    def _close_bag(self) -> None:
+        period, stamp_ns = self._settings.checkpoint_period, now_ns(self._node)
+        self._report_checkpoint(
+            self._checkpoints.finish(period, stamp_ns, timeout=CHECKPOINT_TIMEOUT)
+        )
+        self._recorder.stop()
+        self._log.recorder(self._recorder)
+
+    def _report_checkpoint(self, reason: str) -> None:
+        if reason:
+            self._node.get_logger().warning(f'no checkpoint: {reason}')
+
+
+def _effect_settings(settings: Settings) -> tuple[Mapping[str, bool], float]:
+    return settings.forced, settings.horizon

@@ -1,0 +1,316 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Initial scene, terrain or checkpoint of a node, and the simulation of it.
+
+If forecasts have a deadline, it determines the accuracy of the simulation.
+"""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+import math
+from pathlib import Path
+import time
+from typing import Any, TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+
+from lava_ros.bag import BagReader
+from lava_ros.bag.checkpoints import newest_checkpoint
+from lava_ros.errors import LavaError
+from lava_ros.files.yaml import parse_yaml
+from lava_ros.live.recorder import BagFolder
+from lava_ros.live.session import Origin
+from lava_ros.maps.onset import recorded_onset
+from lava_ros.ros import codec, node_parameters, parameters
+from lava_ros.ros.parameters import constant_values, Settings
+from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
+from lava_ros.scene.terrain_files import load_terrain, terrain_path
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.presets import preset_accuracy, PRESETS
+from lava_ros.simulation.resolution import resolved_accuracy
+
+if TYPE_CHECKING:
+    from lava_ros.simulation import Simulation
+
+
+@dataclass(frozen=True)
+class StartupInputs:
+    """Initial inputs of a node; without any, it waits for the topics.
+
+    Attributes:
+        scene: Initial scene; with a checkpoint, its scene.
+        terrain: Terrain without a scene.
+        checkpoint: Checkpoint to resume from.
+        origin: Origin of the checkpoint.
+        before: Vents up to the checkpoint with their discharges, as its bag describes them.
+        onset: Date of simulated time 0 in its bag, empty without one.
+        is_restart: Whether a killed node is restarted. Its checkpoint takes precedence over
+            parameters.
+        reached: Newest simulated time that the killed node has published [s], 0 if unknown.
+        was_recording: Whether the killed node was recording its bag.
+    """
+
+    scene: Scene | None = None
+    terrain: Terrain | None = None
+    checkpoint: Checkpoint | None = None
+    origin: Origin | None = None
+    before: tuple[Vent, ...] = ()
+    onset: str = ''
+    is_restart: bool = False
+    reached: float = 0.0
+    was_recording: bool = False
+
+
+def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInputs:
+    """Declare the parameters of the sources, and load the files that they name.
+
+    Args:
+        node: Node that has the parameters.
+        may_restart: Whether to look for a bag by ``resume_since`` first.
+
+    Raises:
+        LavaError: If a file or a bag is not usable, or both a scene and a bag to resume are given.
+    """
+    values = node_parameters.declare(node, parameters.SOURCES)
+    restarted = _restarted(node) if may_restart else None
+    if restarted is not None:
+        return restarted
+    if values['resume']:
+        for name in ('scene', 'terrain_file'):
+            if values[name]:
+                expected = 'no value with resume: the checkpoint contains it'
+                raise LavaError(name, values[name], expected)
+        return _resumed(node, values['resume'])
+    name = values['terrain_file']
+    terrain = load_terrain(terrain_path(name)) if name else None
+    if not values['scene']:
+        return StartupInputs(terrain=terrain)
+    return StartupInputs(scene=scene_from_yaml(values['scene'], terrain=terrain))
+
+
+def _restarted(node: Node) -> StartupInputs | None:
+    """Load the newest bag that ``resume_since`` allows to resume; None without such a bag."""
+    names = ('resume_since', 'bag_root', 'bag_directory')
+    specs = tuple(spec for spec in parameters.PARAMETERS if spec.name in names)
+    values = node_parameters.declare(node, specs)
+    folder = BagFolder(
+        values['bag_root'], values['bag_directory'], since=float(values['resume_since'])
+    )
+    for bag in folder.written():
+        try:
+            reader = BagReader(bag)
+            # other nodes may record into the same folder
+            if node.resolve_topic_name('terrain') in reader.topics:
+                return replace(
+                    _resumed(node, str(bag)),
+                    is_restart=True,
+                    reached=_reached(reader),
+                    was_recording=reader.recovered,
+                )
+        except LavaError as error:
+            node.get_logger().warning(f'cannot resume {bag}: {error}')
+    return None
+
+
+def _reached(bag: BagReader) -> float:
+    """Return the simulated time [s] of the newest diagnostics in a bag, 0 without any."""
+    topic = '/diagnostics'
+    for item in bag.newest({topic}, (bag.end_ns or 0) + 1):
+        message = codec.decode(item.data, DiagnosticArray, topic, max_bytes=len(item.data))
+        values = {pair.key: pair.value for status in message.status for pair in status.values}
+        with suppress(KeyError, ValueError):
+            return float(values['simulated_time_s'])
+    return 0.0
+
+
+def _resumed(node: Node, bag: str) -> StartupInputs:
+    found = newest_checkpoint(bag)
+    for error in found.refused:
+        node.get_logger().warning(f'a newer checkpoint cannot be used: {error}')
+    checkpoint = found.checkpoint
+    node.get_logger().info(
+        f'resuming at {checkpoint.time:.3f} s simulated with {checkpoint.particle_count} '
+        f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
+    )
+    origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
+    description = BagReader(bag).custom_data
+    onset = recorded_onset(description)
+    return StartupInputs(
+        scene=checkpoint.scene, checkpoint=checkpoint, origin=origin,
+        before=_vents_of(description, checkpoint.scene.terrain), onset=onset.text if onset else '',
+    )
+
+
+def _vents_of(description: Mapping[str, str], terrain: Terrain) -> tuple[Vent, ...]:
+    try:
+        scene = parse_yaml('scene', description.get('scene', ''))
+        listed = scene['vents'] if isinstance(scene, Mapping) else []
+        return vents_from_list(listed, terrain)
+    except (LavaError, KeyError):
+        return ()
+
+
+def overrides_from_checkpoint(
+    checkpoint: Checkpoint,
+    values: Mapping[str, Any],
+    defaults: Mapping[str, Any],
+    *,
+    is_restart: bool = False,
+) -> dict[str, Any]:
+    """Return the parameters that a checkpoint sets in place of their defaults, by name.
+
+    Args:
+        checkpoint: The checkpoint.
+        values: Parameters as given.
+        defaults: Their defaults.
+        is_restart: Whether a killed node is restarted. The checkpoint then takes precedence,
+            because parameters may have been changed while the node ran.
+
+    Raises:
+        LavaError: If a given parameter contradicts the checkpoint, except in a restart.
+    """
+    result = {}
+    for name, stored in _checkpoint_parameters(checkpoint).items():
+        if _is_same(values[name], stored):
+            continue
+        if not is_restart and not _is_same(values[name], defaults[name]):
+            expected = f'{stored!r} as in the checkpoint, or no value with resume'
+            raise LavaError(name, values[name], expected)
+        result[name] = stored
+    return result
+
+
+def _checkpoint_parameters(checkpoint: Checkpoint) -> dict[str, Any]:
+    """Return the parameters with which the simulation of a checkpoint was made, by name."""
+    forced = checkpoint.forced or {}
+    # in ROS, an empty list of strings is a list with one empty string
+    result: dict[str, Any] = {
+        'effects_on': [name for name in forced if forced[name]] or [''],
+        'effects_off': [name for name in forced if not forced[name]] or [''],
+        'horizon': checkpoint.horizon / 3600.0,
+        **constant_values(constants_of(checkpoint.scene)),
+    }
+    accuracy, scene = checkpoint.accuracy, checkpoint.scene
+    for name, preset in PRESETS.items():
+        own = replace(preset.accuracy, spacing=accuracy.spacing, thickness=accuracy.thickness)
+        if own == accuracy:
+            automatic = resolved_accuracy(preset.accuracy, scene, horizon=checkpoint.horizon)
+            result['preset'] = name
+            result['spacing'] = 0.0 if automatic.spacing == accuracy.spacing else accuracy.spacing
+    return result
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-12)
+    if isinstance(one, list | tuple) or isinstance(other, list | tuple):
+        return {*(one or ()), ''} == {*(other or ()), ''}
+    return bool(one == other)
+
+
+@dataclass(frozen=True)
+class DeadlineChoice:
+    """Choice of accuracy and members for a deadline.
+
+    Attributes:
+        reason: Reason of the choice, for the diagnostics.
+        is_met: Whether forecasts are expected to meet the deadline.
+        spacing: Distance between particles [m], None for that of the parameters.
+        members: Maximum number of members of an ensemble, None for ``ensemble_members``.
+        wall_time: Expected wall time of a forecast with its ensemble [s].
+        error: Expected fraction of the inundated area that is wrong because of the spacing.
+        sampling_error: Expected standard error of a probability of one half, 0 without members.
+        spent: Wall time of the choice [s].
+    """
+
+    reason: str
+    is_met: bool
+    spacing: float | None = None
+    members: int | None = None
+    wall_time: float = 0.0
+    error: float = 0.0
+    sampling_error: float = 0.0
+    spent: float = 0.0
+
+
+class SimulationFactory:
+    """Makes simulations of scenes. Called in the worker's thread; any thread may read ``choice``.
+
+    ``choice`` is the choice at the last start, None without a deadline or a vent.
+    """
+
+    def __init__(self) -> None:
+        """Initialize without a choice."""
+        self.choice: DeadlineChoice | None = None
+
+    def make(self, scene: Scene, settings: Settings) -> 'Simulation':
+        """Make a simulation at time 0.
+
+        Raises:
+            LavaError: If the settings do not fit the scene.
+        """
+        # the solver loads Warp: done in the worker's thread, not at import
+        from lava_ros.simulation import Simulation
+
+        return Simulation(
+            scene,
+            accuracy=self.accuracy(scene, settings),
+            device=settings.device,
+            effects=settings.forced,
+            horizon=settings.horizon,
+        )
+
+    def accuracy(self, scene: Scene, settings: Settings) -> Accuracy:
+        """Return the accuracy of a simulation of a scene."""
+        self.choice = None
+        if settings.deadline and scene.vents:
+            begun = time.monotonic()
+            try:
+                return self._afford(scene, settings, begun)
+            except LavaError as error:
+                # a late forecast is better than none
+                reason = f'preset {settings.preset}, as without a deadline: {error}'
+                self.choice = DeadlineChoice(reason, False, spent=time.monotonic() - begun)
+        return preset_accuracy(settings.preset, spacing=settings.spacing)
+
+    def _afford(self, scene: Scene, settings: Settings, begun: float) -> Accuracy:
+        # this loads Warp, too
+        from lava_ros.forecast.planning import plan_within, sampling_error
+
+        asked = settings.ensemble_members
+        how = partial(
+            plan_within,
+            scene,
+            within=settings.deadline,
+            horizon=settings.forecast_horizon,
+            device=settings.device,
+        )
+        try:
+            # while the members run, forecasts take half of the time
+            plan = how(members=1 + 2 * asked)
+        except LavaError:
+            if not asked:
+                raise
+            # too many even at the coarsest spacing: plan the number with the smallest error
+            plan = how(members=None)
+        members = min(asked, max(plan.members - 1, 0) // 2)
+        self.choice = DeadlineChoice(
+            f'spacing {plan.spacing:.3g} m'
+            + (f' and {members} of {asked} members' if asked else '')
+            + f': {plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
+            f'{settings.deadline:g} s, from {plan.pilots} pilot runs'
+            + ('; more time would not help' if plan.is_finest else ''),
+            is_met=True,
+            spacing=plan.spacing,
+            members=members,
+            wall_time=plan.wall_time,
+            error=plan.error,
+            sampling_error=sampling_error(members),
+            spent=time.monotonic() - begun,
+        )
+        return preset_accuracy(plan.preset, spacing=plan.spacing)

@@ -1,0 +1,280 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Subscriptions to the input topics: messages are checked, counted and made commands."""
+
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+import threading
+import time
+import traceback
+from typing import Any
+from weakref import WeakValueDictionary
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from rclpy.clock import Clock
+from sensor_msgs.msg import Image, PointCloud2
+
+from lava_ros.bag import QosProfile
+from lava_ros.errors import LavaError
+from lava_ros.forecast.assimilation import Mask
+from lava_ros.live.recorder import Recorder
+from lava_ros.live.worker import SimulationWorker
+from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
+from lava_ros.ros import codec, diagnostics, inputs, qos
+from lava_ros.ros.codec import decode
+from lava_ros.ros.executor import EntityRegistry, now_ns
+from lava_ros.ros.parameters import Settings
+from lava_ros.scene import Terrain
+
+#: Interval between checks for a complete pair of ``terrain`` and ``terrain_info`` [s].
+PAIRING_PERIOD = 0.1
+
+#: Maximum difference between the clocks of two machines [s].
+CLOCK_TOLERANCE = 1.0
+
+#: Time after which an unchanged error of a topic is logged again [s].
+LOG_INTERVAL = 60.0
+
+_OUTLINE = 'observed_outline'
+
+
+class InputLog:
+    """Counts accepted and refused messages by topic. All methods are thread-safe."""
+
+    def __init__(self) -> None:
+        """Initialize all counts to zero."""
+        self._lock = threading.Lock()
+        self._accepted = self._superseded = self._arrived = 0
+        self._rejected: Counter[str] = Counter()
+        # by topic: number of the newest message with a result, and whether it was refused
+        self._newest: dict[str, tuple[int, bool]] = {}
+        self._last_error = ''
+        self._logged: dict[str, tuple[str, float]] = {}
+
+    def arrive(self) -> int:
+        """Return a number for a message whose result may come after that of a newer message."""
+        with self._lock:
+            self._arrived += 1
+            return self._arrived
+
+    def accept(self, topic: str, number: int | None = None) -> None:
+        """Count an accepted message: the newest, or the one with a number."""
+        with self._lock:
+            self._accepted += 1
+            self._judge(topic, number, is_bad=False)
+            self._logged.pop(topic, None)
+
+    def supersede(self, topic: str, number: int | None = None) -> None:
+        """Record a valid message that a newer one replaced before the simulation used it.
+
+        The newer message may be from another topic: point clouds and images are both terrain.
+        """
+        with self._lock:
+            self._superseded += 1
+            self._judge(topic, number, is_bad=False)
+
+    def forgive(self, topic: str) -> None:
+        """Reduce the topic's error to a warning, because no later message would clear it."""
+        with self._lock:
+            self._newest[topic] = self._newest[topic][0], False
+
+    def reject(self, topic: str, error: LavaError, number: int | None = None) -> bool:
+        """Count a refused message (the newest, or ``number``); return True if it is to be logged.
+
+        An unchanged error of a topic is logged once per ``LOG_INTERVAL``.
+        """
+        with self._lock:
+            self._rejected[topic] += 1
+            self._judge(topic, number, is_bad=True)
+            self._last_error = f'{topic}: {error}'
+            now, text = time.monotonic(), str(error)
+            last_text, last_time = self._logged.get(topic, ('', 0.0))
+            if text == last_text and now - last_time < LOG_INTERVAL:
+                return False
+            self._logged[topic] = (text, now)
+            return True
+
+    def _judge(self, topic: str, number: int | None, *, is_bad: bool) -> None:
+        if number is None:
+            self._arrived += 1
+            number = self._arrived
+        if number >= self._newest.get(topic, (0, False))[0]:
+            self._newest[topic] = number, is_bad
+
+    def status(self) -> DiagnosticStatus:
+        """Return ERROR if a topic's newest message was refused, WARN if an earlier one was."""
+        with self._lock:
+            rejected, last_error = self._rejected.total(), self._last_error
+            level, message = diagnostics.OK, 'all taken'
+            if any(is_bad for _, is_bad in self._newest.values()):
+                level, message = diagnostics.ERROR, f'refused {last_error}'
+            elif rejected:
+                level, message = diagnostics.WARN, f'{rejected} refused so far'
+            values = {
+                'accepted': self._accepted,
+                'rejected': rejected,
+                'superseded': self._superseded,
+                'last_error': last_error,
+                **{f'rejected.{topic}': count for topic, count in self._rejected.items()},
+            }
+        return diagnostics.status('inputs', level, message, values)
+
+
+@dataclass(eq=False)
+class InputSubscribers:
+    """Subscribes to the inputs; a refused message is logged and counted, and changes nothing.
+
+    ``settings`` returns the current settings; ``steady`` is a clock that advances independently of
+    ``/clock``. ``observe`` receives a mask of observed lava and its ROS time [s]; without it there
+    is no subscription to outlines. ``recorder`` records the outlines. ``is_own`` returns True if a
+    serialised message on a topic comes from this node. ``log`` counts accepted and refused
+    messages; ``wanted`` is the log text while there is no terrain.
+    """
+
+    entities: EntityRegistry
+    worker: SimulationWorker
+    settings: Callable[[], Settings]
+    steady: Clock
+    observe: Callable[[Mask, float], 'Future[None]'] | None = None
+    recorder: Recorder | None = None
+    is_own: Callable[[str, bytes], bool] = lambda topic, data: False
+
+    def __post_init__(self) -> None:
+        """Subscribe to the input topics."""
+        self.log = InputLog()
+        self._logger = self.entities.node.get_logger()
+        self._heard: WeakValueDictionary[int, Terrain] = WeakValueDictionary()
+        self._pairing = inputs.TerrainPairing()
+        self._clicks = 0
+        terrains: dict[str, tuple[Any, Callable[[Any], None]]] = {
+            'terrain': (Image, self._on_terrain),
+            'terrain_info': (MapMetaData, self._on_terrain_info),
+            'terrain_cloud': (
+                PointCloud2, partial(self._on_ground, 'terrain_cloud', inputs.terrain_from_cloud)
+            ),
+        }
+        # no topic without grid_map_msgs
+        with suppress(LavaError):
+            take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
+            terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
+        self.wanted = f'waiting for terrain on {", ".join(terrains)}'
+        commands: dict[str, tuple[Any, Callable[[Any], None]]] = {
+            'vents': (PointCloud2, self._on_vents),
+        }
+        if self.settings().clicked_point_enabled:
+            commands['clicked_point'] = PointStamped, self._on_clicked_point
+        if self.observe is not None:
+            commands[_OUTLINE] = OccupancyGrid, self._on_outline
+        # a transient-local subscription does not receive from a volatile publisher
+        is_latched = self.settings().terrain_subscribe_transient_local
+        ground = qos.LATCHED if is_latched else QosProfile(depth=1)
+        for topics, profile in ((terrains, ground), (commands, qos.COMMANDS)):
+            for topic, (kind, callback) in topics.items():
+                guarded = partial(self._take, topic, kind, callback)
+                self.entities.create(
+                    'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
+                )
+        self.entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
+
+    def command(self, topic: str, future: 'Future[None]') -> None:
+        """Report the result of a worker command, in the worker's thread."""
+        number = self.log.arrive()
+
+        def report(done: 'Future[None]') -> None:
+            error = None if done.cancelled() else done.exception()
+            if isinstance(error, LavaError):
+                self._reject(topic, error, number)
+            elif done.cancelled():
+                self.log.supersede(topic, number)
+            elif error is None:
+                self.log.accept(topic, number)
+
+        future.add_done_callback(report)
+
+    def refuse(self, topic: str, error: LavaError) -> None:
+        """Report a refused input as a warning, because no later input would end an error."""
+        self._reject(topic, error)
+        self.log.forgive(topic)
+
+    def came_from_topic(self, terrain: Terrain) -> bool:
+        """Return True if a terrain was received on ``terrain`` and ``terrain_info``."""
+        return id(terrain) in self._heard
+
+    def report_callback(self, error: Exception) -> None:
+        """Report an error that the middleware itself raised in a callback."""
+        reason = f'{type(error).__name__}: {error}'
+        self.refuse('message', LavaError('message', reason, 'one that ROS can take'))
+
+    def _reject(self, topic: str, error: LavaError, number: int | None = None) -> None:
+        if self.log.reject(topic, error, number):
+            self._logger.error(f'{topic} refused: {error}')
+
+    def _take(self, topic: str, kind: Any, callback: Callable[[Any], None], data: bytes) -> None:
+        """Deserialise a message and pass it to ``callback``; report all errors."""
+        if self.is_own(topic, data):
+            return
+        try:
+            callback(decode(data, kind, topic, max_bytes=self.settings().max_input_bytes))
+        except LavaError as error:
+            self._reject(topic, error)
+        except Exception as error:
+            self._logger.error(traceback.format_exc())
+            reason = f'{type(error).__name__}: {error}'
+            self._reject(topic, LavaError(topic, reason, 'a message that can be read'))
+
+    def _on_terrain(self, image: Image) -> None:
+        inputs.check_image(image, self.settings())
+        self._pairing.add(image, time.monotonic())
+        self._poll_pairing()
+
+    def _on_terrain_info(self, info: MapMetaData) -> None:
+        inputs.check_info(info, self.settings())
+        self.log.accept('terrain_info')
+        self._pairing.add(info, time.monotonic())
+        self._poll_pairing()
+
+    def _poll_pairing(self) -> None:
+        try:
+            pair = self._pairing.poll(time.monotonic())
+            if pair is not None:
+                terrain = inputs.terrain_from_image(*pair, self.settings())
+                self._heard[id(terrain)] = terrain
+                self.command('terrain', self.worker.set_terrain(terrain))
+        except LavaError as error:
+            self._reject('terrain', error)
+
+    def _on_ground(self, topic: str, read: Callable[..., Terrain], message: Any) -> None:
+        self.command(topic, self.worker.set_terrain(read(message, self.settings())))
+
+    def _on_vents(self, cloud: PointCloud2) -> None:
+        vents = inputs.vents_from_cloud(cloud, self.settings())
+        self.command('vents', self.worker.set_vents(vents))
+
+    def _on_clicked_point(self, point: PointStamped) -> None:
+        settings, scene = self.settings(), self.worker.session.scene
+        if scene is not None and len(scene.vents) >= settings.max_vents:
+            expected = f'at most {settings.max_vents} (max_vents)'
+            raise LavaError('clicked_point', 'one more vent', expected)
+        self._clicks += 1
+        vent = inputs.vent_from_point(point, settings, name=f'click {self._clicks}')
+        self.command('clicked_point', self.worker.add_vent(vent))
+
+    def _on_outline(self, grid: OccupancyGrid) -> None:
+        mask = inputs.mask_from_grid(grid, self.settings(), name=_OUTLINE)
+        stamp_ns = codec.nanoseconds(grid.header.stamp)
+        moment_ns = now_ns(self.entities.node)
+        if not 0 < stamp_ns <= moment_ns + CLOCK_TOLERANCE * 1e9:
+            expected = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
+            raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
+        assert self.observe is not None
+        self.command(_OUTLINE, self.observe(mask, 1e-9 * stamp_ns))
+        if self.recorder is not None and self.recorder.is_recording:
+            topic, data = self.entities.node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
+            self.recorder.write(topic, OCCUPANCY_GRID, data, moment_ns, qos=qos.COMMANDS)

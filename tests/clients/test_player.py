@@ -1,0 +1,231 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Replay of a bag into a graph."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+import os
+from pathlib import Path
+import signal
+import threading
+import time
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message, serialize_message
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
+from lava_ros.bag.qos import INFINITE_NS
+from lava_ros.bag.schemas import MessageSchema
+from lava_ros.clients.player import play
+from lava_ros.errors import LavaError
+from lava_ros.ros.codec import message_class
+from lava_ros.ros.qos import ros_profile
+from ros_domain import own_domain
+from waiting import PATIENCE, wait_until
+
+SECOND = 1_000_000_000
+TEXT = 'std_msgs/msg/String'
+
+Written = dict[str, list[bytes]]
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> tuple[BagReader, Written]:
+    """A bag of two seconds: /map latched at 0 s and 1 s, /text ten times a second."""
+    written: Written = {'/map': [], '/text': []}
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        for tenth in range(21):
+            stamp = 50 * SECOND + tenth * SECOND // 10
+            text = serialize_message(String(data=f'{tenth} ' + 'lava ' * 1000))
+            if tenth % 10 == 0 and tenth < 20:
+                written['/map'].append(text)
+                writer.write('/map', TEXT, text, stamp, qos=LATCHED)
+            written['/text'].append(text)
+            writer.write('/text', TEXT, text, stamp, qos=QosProfile(depth=100))
+    return BagReader(tmp_path / 'bag'), written
+
+
+class Listener:
+    """Stores the bytes of received messages by topic, in a separate thread."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.raw: Written = {'/map': [], '/text': []}
+        self.clock: list[int] = []
+        latched = QoSProfile(
+            depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL,
+            reliability=ReliabilityPolicy.RELIABLE,
+        )
+        node.create_subscription(String, '/map', self.raw['/map'].append, latched, raw=True)
+        node.create_subscription(String, '/text', self.raw['/text'].append, 100, raw=True)
+        node.create_subscription(Clock, '/clock', self._on_clock, 1000)
+
+    def _on_clock(self, message: Clock) -> None:
+        self.clock.append(message.clock.sec * SECOND + message.clock.nanosec)
+
+    def counts(self) -> dict[str, int]:
+        return {name: len(each) for name, each in self.raw.items()}
+
+    def back(self) -> list[int]:
+        """Return the times of the clock that are earlier than the previous one."""
+        return [b for a, b in pairwise(self.clock) if b < a]
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    context = Context()
+    context.init(domain_id=own_domain())
+    node = Node('listener', context=context)
+    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    result = Listener(node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    yield result
+    executor.shutdown()
+    thread.join(PATIENCE)
+    node.destroy_node()
+    context.shutdown()
+
+
+def same_bytes(received: list[bytes], written: list[bytes]) -> bool:
+    """Return True if messages are equal except for DDS's zero padding to four bytes."""
+    return len(received) == len(written) and all(
+        got == sent + bytes(-len(sent) % 4) or got == sent
+        for got, sent in zip(received, written, strict=True)
+    )
+
+
+def test_subscribers_get_the_recorded_bytes(
+    bag: tuple[BagReader, Written], listener: Listener
+) -> None:
+    reader, written = bag
+    begin = time.monotonic()
+    assert play(reader, rate=2, wait_for_subscribers=PATIENCE) == 23
+    took = time.monotonic() - begin
+    assert took > 1.0
+    wait_until(lambda: listener.clock and listener.clock[-1] == 52 * SECOND)
+    # topics are delivered independently of one another
+    wait_until(lambda: listener.counts() == {name: len(each) for name, each in written.items()})
+    assert same_bytes(listener.raw['/map'], written['/map'])
+    assert same_bytes(listener.raw['/text'], written['/text'])
+    assert deserialize_message(listener.raw['/text'][3], String).data.startswith('3 lava')
+    assert listener.clock == sorted(listener.clock)
+    assert listener.clock[0] >= 50 * SECOND
+    # also between messages; the player does not wait for a subscriber of the clock
+    assert {stamp for stamp in listener.clock if stamp % (SECOND // 10)}
+    # at 100 Hz, and with each of 23 messages
+    assert len(listener.clock) < 150 * took
+
+
+def test_offset_delivers_the_latched_map_first(
+    bag: tuple[BagReader, Written], listener: Listener
+) -> None:
+    reader, written = bag
+    play(reader, start_offset=1.55, wait_for_subscribers=PATIENCE, clock=False)
+    wait_until(lambda: listener.counts() == {'/map': 1, '/text': 5})
+    assert same_bytes(listener.raw['/map'], written['/map'][-1:])
+    assert same_bytes(listener.raw['/text'], written['/text'][16:])
+    assert listener.clock == []
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_a_loop(
+    bag: tuple[BagReader, Written], listener: Listener, number: signal.Signals
+) -> None:
+    handler = signal.getsignal(number)
+
+    def interrupt() -> None:
+        wait_until(lambda: listener.back() and len(listener.raw['/text']) >= 50)
+        os.kill(os.getpid(), number)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    assert play(bag[0], loop=True, rate=50, wait_for_subscribers=PATIENCE) >= 50
+    thread.join(PATIENCE)
+    # /clock keeps only the newest time: any number of times at the start of a loop may be lost
+    assert listener.back()
+    assert {50 * SECOND <= time_ns <= 52 * SECOND for time_ns in listener.clock} == {True}
+    assert signal.getsignal(number) is handler
+
+
+def test_topic_of_an_unknown_type_is_skipped(
+    tmp_path: Path, listener: Listener, capfd: pytest.CaptureFixture[str]
+) -> None:
+    text = serialize_message(String(data='hot'))
+    unknown = MessageSchema('gone_msgs/msg/Gone', 'uint8 x\n', 'RIHS01_0')
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        writer.write('/gone', unknown.name, text, 0, qos=LATCHED, schema=unknown)
+        writer.write('/map', TEXT, text, 0, qos=LATCHED)
+    assert play(BagReader(tmp_path / 'bag')) == 1
+    assert '/gone is left out: message_type is' in capfd.readouterr().err
+
+
+def test_qos_is_that_of_the_recording() -> None:
+    profile = ros_profile(QosProfile('keep_last', 3, 'best_effort', 'transient_local', 5 * SECOND))
+    assert profile.depth == 3
+    assert profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert profile.deadline.nanoseconds == 5 * SECOND
+    assert profile.lifespan == QoSProfile(depth=1).lifespan
+    unknown = ros_profile(QosProfile(reliability='unknown', deadline=INFINITE_NS))
+    assert unknown.reliability == ReliabilityPolicy.RELIABLE
+
+
+@pytest.mark.parametrize('name', ['os/msg/path', 'std_msgs/msg/Gone', '../msg/x', 'String'])
+def test_rejects_a_name_that_is_not_a_message_type(name: str) -> None:
+    with pytest.raises(LavaError, match='message_type'):
+        message_class(name)
+
+
+#: Namespace of a recorded node and arguments of a replay: names of the replayed topics.
+NAMES = [
+    ('/', [], {'/hazard': '/hazard'}),
+    ('/', ['__ns:=/etna'], {'/hazard': '/etna/hazard', '/lava/events': '/etna/lava/events'}),
+    ('/', ['__ns:=/etna'], {'/diagnostics': '/diagnostics', '/tf_static': '/tf_static'}),
+    ('/', ['__ns:=/etna', 'hazard:=/map'], {'/hazard': '/map', '/height': '/etna/height'}),
+    ('/', ['/hazard:=/map'], {'/hazard': '/map'}),
+    ('/etna', [], {'/etna/hazard': '/etna/hazard'}),
+    ('/etna', ['__ns:=/hekla'], {'/etna/hazard': '/hekla/hazard', '/map': '/map'}),
+    # of ros2 bag record
+    (None, ['__ns:=/etna'], {'/hazard': '/etna/hazard', '/etna/hazard': '/etna/etna/hazard'}),
+]
+
+
+@pytest.mark.parametrize(('recorded', 'rules', 'names'), NAMES)
+def test_replay_resolves_names_like_the_node(
+    tmp_path: Path,
+    listener: Listener,
+    recorded: str | None,
+    rules: list[str],
+    names: dict[str, str],
+) -> None:
+    data = {} if recorded is None else {'namespace': recorded}
+    with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
+        for topic in names:
+            text = serialize_message(String(data=topic))
+            writer.write(topic, TEXT, text, 0, qos=LATCHED)
+    received: dict[str, list[str]] = {name: [] for name in names.values()}
+    for name, texts in received.items():
+        listener.node.create_subscription(
+            String, name, lambda message, texts=texts: texts.append(message.data), 10
+        )
+    words = ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
+    play(BagReader(tmp_path / 'bag'), wait_for_subscribers=PATIENCE, ros_arguments=words)
+    expected = {name: [topic] for topic, name in names.items()}
+    wait_until(lambda: received == expected, lambda: f'{received} is not {expected}')
+
+
+@pytest.mark.parametrize('words', [['-r', 'x'], ['--nope'], ['-r', '__ns:=no slash']])
+def test_rejects_invalid_ros_arguments(bag: tuple[BagReader, Written], words: list[str]) -> None:
+    with pytest.raises(LavaError) as raised:
+        play(bag[0], ros_arguments=['--ros-args', *words])
+    assert raised.value.field in ('--ros-args', '-r')
+    assert raised.value.value == words[-1]
