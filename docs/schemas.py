@@ -32,7 +32,8 @@ from lava_ros.scene import (
 )
 from lava_ros.scene.materials import materials
 from lava_ros.scene.scene import ENVIRONMENT, SCENE_KEYS
-from lava_ros.scene.terrain_files import MIN_EPSG, RESOLUTION_CHECK, TERRAIN_OPTIONS
+from lava_ros.scene.terrain import MIN_EPSG
+from lava_ros.scene.terrain_files import RESOLUTION_CHECK, TERRAIN_OPTIONS
 from lava_ros.scene.vents import RATE_CHECK, VENT_CHECKS
 
 FOLDER = Path(__file__).parents[1] / 'schemas'

@@ -21,6 +21,20 @@ def lava(*words: object) -> tuple[int, str, str]:
     return status, out.getvalue(), err.getvalue()
 
 
+def done(*words: object) -> str:
+    """Return the output of a command that must succeed."""
+    status, out, err = lava(*words)
+    assert status == 0, err
+    return out
+
+
+def refused(*words: object) -> str:
+    """Return the error message of a command with unusable input, its only output."""
+    status, out, err = lava(*words)
+    assert (status, out) == (2, ''), out + err
+    return err
+
+
 def parser_of(command: str) -> argparse.ArgumentParser:
     """Return the parser of a command."""
     for action in command_line_parser()._actions:

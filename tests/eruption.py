@@ -59,9 +59,10 @@ def write_case(folder: Path, *, hours: float = 3.0, yaml: str = '') -> Path:
 
 def write_case_in_degrees(folder: Path, *, hours: float = 3.0) -> tuple[Path, tuple[float, float]]:
     """Write the case as GeoTIFFs in degrees; return its folder, and the vent as (x, y)."""
-    import rasterio
     from rasterio.transform import from_bounds, from_origin
     from rasterio.warp import reproject, transform, transform_bounds
+
+    from geodata import write_raster
 
     # lava that its coarse cells resolve
     folder = write_case(folder, hours=hours, yaml='lava: {viscosity: 1.0e+5}\n')
@@ -78,11 +79,10 @@ def write_case_in_degrees(folder: Path, *, hours: float = 3.0) -> tuple[Path, tu
             src_transform=from_origin(CORNER[0], north, CELL, CELL), dst_transform=there,
             dst_nodata=-9999.0,
         )
-        with rasterio.open(
-            folder / f'{name}.tif', 'w', driver='GTiff', width=columns, height=rows, count=1,
-            dtype='float32', crs='EPSG:4326', transform=there, nodata=-9999.0,
-        ) as file:
-            file.write(warped.astype('float32'), 1)
+        write_raster(
+            folder / f'{name}.tif', warped.astype('float32'), crs='EPSG:4326', transform=there,
+            nodata=-9999.0,
+        )
         (folder / f'{name}.asc').unlink()
     (x,), (y,) = transform('EPSG:32633', 'EPSG:4326', [VENT[0]], [VENT[1]])
     (folder / 'vent.csv').write_text(f'x,y\n{x},{y}\n', encoding='utf-8')

@@ -21,7 +21,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
 
-from cli.calls import done
+from command_line import done
 from eruption import CELL, CORNER, SHAPE, VENT, write_case
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.forecast_run import ForecastRun

@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, MAX_EXPECTED_LENGTH, MAX_FIELD_LENGTH, MAX_VALUE_LENGTH
+from lava_ros.errors import (
+    LavaError,
+    MAX_EXPECTED_LENGTH,
+    MAX_FIELD_LENGTH,
+    MAX_VALUE_LENGTH,
+    refusing,
+)
+from lava_ros.scene.uncertainty import Displacement, Roughness
 
 
 def test_error_names_field_value_and_expectation():
@@ -73,3 +80,35 @@ def test_keys_names_unknown_and_missing_keys():
         validation.keys('vent', {'b': 1.0}, allowed=['a', 'b'], required=['a'])
     with pytest.raises(LavaError, match='vent is 3'):
         validation.keys('vent', 3, allowed=['a'])
+
+
+def test_refusing_turns_exceptions_of_some_kinds_into_lava_errors():
+    with (
+        pytest.raises(LavaError, match='^x is 1, expected a file .no such bit.$') as caught,
+        refusing('x', 1, 'a file', ValueError, OSError),
+    ):
+        raise OSError('no such bit')
+    assert isinstance(caught.value.__cause__, OSError)
+    with (
+        pytest.raises(LavaError, match='expected a file .KeyError.$'),
+        refusing('x', 1, 'a file'),
+    ):
+        raise KeyError
+    for error in (LavaError('y', 2, 'less'), MemoryError(), TypeError()):
+        with pytest.raises(type(error)) as other, refusing('x', 1, 'a file', ValueError):
+            raise error
+        assert other.value is error
+
+
+def test_build_names_the_key_of_a_bad_field():
+    data = {'deviation': 2, 'correlation': '50'}
+    assert validation.build(Roughness, 'ground', data) == Roughness(2.0, 50.0)
+    with pytest.raises(LavaError, match='^ground.deviation is -1, expected a finite number above'):
+        validation.build(Roughness, 'ground', {**data, 'deviation': -1})
+    with pytest.raises(LavaError, match='^ground.correlation is missing'):
+        validation.build(Roughness, 'ground', {'deviation': 2})
+    with pytest.raises(LavaError, match='^ground.height is 5, expected no such key'):
+        validation.build(Roughness, 'ground', {**data, 'height': 5})
+    # an error about all fields together
+    with pytest.raises(LavaError, match='^place is .0.0, 0.0., expected either deviation'):
+        validation.build(Displacement, 'place', {})

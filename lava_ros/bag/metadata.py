@@ -13,6 +13,7 @@ import zlib
 import yaml
 
 from lava_ros.bag.qos import QosProfile
+from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files.yaml import parse_yaml, read_yaml
 from lava_ros.validation import whole
@@ -41,13 +42,16 @@ _NEVER = 2**63 - 1
 
 @dataclass
 class TopicRecord:
-    """A topic of a bag: ``qos`` is the profile its publisher offered, the hash is RIHS01."""
+    """A topic of a bag: ``qos`` is the profile its publisher offered.
+
+    ``latest`` is the newest message and its stamp [ns], if the next file has to repeat it.
+    """
 
     name: str
-    message_type: str
+    schema: MessageSchema
     qos: QosProfile
-    type_hash: str
     message_count: int = 0
+    latest: tuple[bytes, int] | None = None
 
 
 @dataclass
@@ -77,10 +81,10 @@ def describe(
             {
                 'topic_metadata': {
                     'name': item.name,
-                    'type': item.message_type,
+                    'type': item.schema.name,
                     'serialization_format': 'cdr',
                     'offered_qos_profiles': [item.qos.to_dict()],
-                    'type_description_hash': item.type_hash,
+                    'type_description_hash': item.schema.type_hash,
                 },
                 'message_count': item.message_count,
             }

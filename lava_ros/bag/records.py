@@ -203,7 +203,8 @@ def _records(data: bytes) -> Iterator[McapRecord]:
 
 def unpacked(chunk: Chunk) -> bytes:
     """Return the uncompressed records of a chunk; errors as in ``parse``."""
-    size, data = chunk.uncompressed_size, chunk.data
+    size = chunk.uncompressed_size
+    data: bytes = chunk.data
     check_size(size, MAX_CHUNK_SIZE)
     # one byte more than the stated size is enough to detect that there is more
     if chunk.compression == 'lz4':

@@ -5,7 +5,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import os
 from pathlib import Path
 import secrets
@@ -79,16 +79,6 @@ class _Directory:
         return os.open(name, flags | os.O_NOFOLLOW, 0o666, dir_fd=self._number)
 
 
-@dataclass
-class _Topic:
-    """A topic; its record counts the messages in all files."""
-
-    record: TopicRecord
-    schema: MessageSchema
-    # newest message and its stamp, if the next file has to repeat it
-    latest: tuple[bytes, int] | None = None
-
-
 class _File:
     """A self-contained MCAP file: definitions, QoS, description, index and counts.
 
@@ -125,13 +115,11 @@ class _File:
         """Bytes written so far, without those of the current chunk."""
         return self._stream.tell()
 
-    def write(self, topic: _Topic, data: bytes, log_time: int, publish_time: int) -> None:
+    def write(self, topic: TopicRecord, data: bytes, log_time: int, publish_time: int) -> None:
         """Append a message that is played back at the log time [ns]."""
-        name = topic.record.name
-        channel_id, counted = self._channels.get(name) or self._register(topic)
-        sequence = topic.record.message_count
-        self._mcap.add_message(channel_id, log_time, data, publish_time, sequence)
-        for item in (counted, topic.record, self.record):
+        channel_id, counted = self._channels.get(topic.name) or self._register(topic)
+        self._mcap.add_message(channel_id, log_time, data, publish_time, topic.message_count)
+        for item in (counted, topic, self.record):
             item.message_count += 1
         if self.record.start_ns is None:
             self.record.start_ns = log_time
@@ -176,19 +164,19 @@ class _File:
             self._mcap.finish()
             self._directory.check(self._stream)
 
-    def _register(self, topic: _Topic) -> tuple[int, TopicRecord]:
-        record, schema = topic.record, topic.schema
-        kind = record.message_type
+    def _register(self, topic: TopicRecord) -> tuple[int, TopicRecord]:
+        schema = topic.schema
+        kind = schema.name
         if kind not in self._schema_ids:
             text = schema.text.encode()
             self._schema_ids[kind] = self._mcap.register_schema(kind, schema.encoding, text)
         known = {
-            'offered_qos_profiles': profiles_to_yaml([record.qos]),
+            'offered_qos_profiles': profiles_to_yaml([topic.qos]),
             'topic_type_hash': schema.type_hash,
         }
-        number = self._mcap.register_channel(record.name, 'cdr', self._schema_ids[kind], known)
-        self._channels[record.name] = number, replace(record, message_count=0)
-        return self._channels[record.name]
+        number = self._mcap.register_channel(topic.name, 'cdr', self._schema_ids[kind], known)
+        self._channels[topic.name] = number, replace(topic, message_count=0, latest=None)
+        return self._channels[topic.name]
 
     def _describe(self, custom_data: Mapping[str, str]) -> None:
         topics = (topic for _, topic in self._channels.values())
@@ -241,7 +229,7 @@ class BagWriter:
             raise LavaError('bag', str(directory), expected)
         with refusing('bag', str(directory), 'a directory that can be created', OSError):
             self._directory = _Directory(self.directory)
-        self._topics: dict[str, _Topic] = {}
+        self._topics: dict[str, TopicRecord] = {}
         self._records: list[FileRecord] = []
         self._last_stamp_ns: int | None = None
         self._end_ns = self._repeated_size = self._finished_size = 0
@@ -312,8 +300,12 @@ class BagWriter:
             raise LavaError('stamp_ns', stamp_ns, 'a ROS time in nanoseconds, at least 0')
         if len(data) < _CDR_HEADER_SIZE:
             raise LavaError('data', data, 'a message serialised to CDR')
-        item = self._topics.get(topic) or _topic(topic, message_type, qos, schema)
-        first = (item.record.message_type, item.record.qos)
+        if topic not in self._topics and (not topic.startswith('/') or topic.endswith('/')):
+            raise LavaError('topic', topic, 'an absolute topic name such as /lava/height')
+        item = self._topics.get(topic) or TopicRecord(
+            topic, schema or message_schema(message_type), qos
+        )
+        first = (item.schema.name, item.qos)
         if first != (message_type, qos):
             expected = f'the type and QoS of its first message: {first[0]}, {first[1]}'
             raise LavaError(f'message on {topic}', (message_type, qos), expected)
@@ -381,8 +373,7 @@ class BagWriter:
         try:
             if self._file is not None:
                 self._file.finish(self._custom_data)
-            topics = (item.record for item in self._topics.values())
-            data = bag_metadata.describe(self._records, topics, self._custom_data)
+            data = bag_metadata.describe(self._records, self._topics.values(), self._custom_data)
             text = bag_metadata.to_text({bag_metadata.ROOT: data})
             self._directory.put(bag_metadata.FILE_NAME, text)
         finally:
@@ -414,15 +405,6 @@ class BagWriter:
             return True
         minimum = max(self._max_size, 2 * self._repeated_size)
         return bool(self._max_size) and file.size >= minimum
-
-
-def _topic(
-    name: str, message_type: str, qos: QosProfile, schema: MessageSchema | None
-) -> _Topic:
-    if not name.startswith('/') or name.endswith('/'):
-        raise LavaError('topic', name, 'an absolute topic name such as /lava/height')
-    schema = schema or message_schema(message_type)
-    return _Topic(TopicRecord(name, message_type, qos, schema.type_hash), schema)
 
 
 def _texts(custom_data: Mapping[str, str]) -> dict[str, str]:

@@ -107,9 +107,10 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.forecast.sampling import draw_members, Susceptibility
     from lava_ros.forecast.store import Store
     from lava_ros.hindcast.probabilistic_score import mapped_on, score_probability
-    from lava_ros.maps.gis import place_of, Provenance, require_formats, usual_formats
+    from lava_ros.maps.gis import Provenance, require_formats, usual_formats
     from lava_ros.pages.comparison import compare_ensembles
     from lava_ros.scene.on_terrain import read_raster_on
+    from lava_ros.scene.projection import coordinate_system
     from lava_ros.scene.uncertainty import uncertainty_to_dict
 
     if (args.observed is None) != (args.observed_at is None):
@@ -119,7 +120,7 @@ def ensemble(args: argparse.Namespace) -> int:
     plan, case = _planned(args)
     barriers = _barriers(args, plan)
     scene, output = plan.scene, Path(args.output)
-    crs = place_of(scene.terrain).crs
+    crs = coordinate_system(scene.terrain.epsg, scene.terrain.wkt)
     require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:

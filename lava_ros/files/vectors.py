@@ -108,15 +108,26 @@ def read_vectors(field: str, path: Path) -> list[Item]:
     """
     require('pyogrio', field, str(path))
     known, contents = _content(field, path)
-    expected = f'a file of {known.name} that GDAL can read'
-    with refusing(field, str(path), expected), warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter('always')
-        result = [item for data in contents for item in _read(known, data, path)]
-    # a message of GDAL has the path in memory; it warns that the file has no suffix
-    texts = {re.sub(r"/vsi[^\s']+", path.name, str(item.message)) for item in told} - {''}
+        try:
+            result = [item for data in contents for item in _read(known, data, path)]
+        except LavaError:
+            raise
+        # the errors of pyogrio have no common class
+        except Exception as error:
+            expected = f'a file of {known.name} that GDAL can read ({_message(error, path)})'
+            raise LavaError(field, str(path), expected) from error
+    # GDAL warns that a file in memory has no suffix
+    texts = {_message(item.message, path) for item in told} - {''}
     for text in sorted(text for text in texts if 'file extension' not in text):
         _LOG.warning(f'{path}: {text}')
     return result
+
+
+def _message(message: object, path: Path) -> str:
+    """Return a message of GDAL with the name of the file instead of its path in memory."""
+    return re.sub(r"/vsi[^\s']+", path.name, str(message))
 
 
 def _read(known: Format, data: bytes, path: Path) -> list[Item]:

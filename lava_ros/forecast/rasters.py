@@ -15,6 +15,7 @@ from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS
 from lava_ros.scene.on_terrain import read_polygons_on, read_raster_on
+from lava_ros.scene.projection import coordinate_system
 
 
 def observed_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
@@ -62,7 +63,7 @@ def write_atlas(
     Raises:
         LavaError: If a file cannot be written, or a library for a format is missing.
     """
-    place = gis.place_of(plan.scene.terrain)
+    terrain = plan.scene.terrain
     tags = {
         'members': str(maps.members),
         'effective_members': repr(maps.effective_members),
@@ -74,18 +75,18 @@ def write_atlas(
     layers = {
         'inundation_probability': maps.probability,
         'expected_peak_thickness': maps.thickness,
-        'elevation': plan.scene.terrain.elevation,
+        'elevation': terrain.elevation,
     }
-    shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
+    shapes = {'inundation_probability': gis.probabilities(maps.probability, terrain)}
     for fraction, values in maps.arrival.items():
         name = f'arrival_time_p{round(100 * fraction)}'
-        layers[name], shapes[name] = values, gis.isochrones(values, place, origin.onset)
+        layers[name], shapes[name] = values, gis.isochrones(values, terrain, origin.onset)
     written = []
     for name, values in layers.items():
         # the style belongs to its GeoTIFF
-        written += gis.write_map(folder / f'{name}.tif', name, values, place, origin, tags)[:1]
+        written += gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)[:1]
     if formats is None:
-        formats = gis.usual_formats(place.crs)
+        formats = gis.usual_formats(coordinate_system(terrain.epsg, terrain.wkt))
     title = f'lava flow, {maps.members} members'
-    shared = gis.write_formats(folder, formats, shapes, layers, place, title, origin.onset)
+    shared = gis.write_formats(folder, formats, shapes, layers, terrain, title, origin.onset)
     return [*written, *shared]

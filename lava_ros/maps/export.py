@@ -22,8 +22,9 @@ from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
 from lava_ros.maps.onset import Onset, recorded_onset
 from lava_ros.maps.plot import time_note
-from lava_ros.scene import Vent
+from lava_ros.scene import Terrain, Vent
 from lava_ros.scene.projection import coordinate_system, system_name
+from lava_ros.scene.terrain import check_epsg
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import inundated_cells, raise_peak
 
@@ -110,8 +111,7 @@ def export_bag(
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
-    crs = coordinate_system(placement.epsg, placement.wkt)
-    gis.require_formats(formats, target, crs)
+    gis.require_formats(formats, target, coordinate_system(placement.epsg, placement.wkt))
     with refusing('output', str(target), 'a folder to write to', OSError):
         target.mkdir(parents=True, exist_ok=True)
         if any(target.iterdir()):
@@ -124,8 +124,8 @@ def export_bag(
         newest[name], tags = made
         if 'tif' in formats:
             tags = {'bag': Path(path).name, **tags}
-            position = _position(frame, placement.offset, crs)
-            files = gis.write_map(target / file_name, name, made[0], position, origin, tags)
+            terrain = _terrain_of(frame, placement)
+            files = gis.write_grid(target / file_name, name, made[0], terrain, origin, tags)
             # the style file is not listed
             written.append(files[0])
 
@@ -157,12 +157,12 @@ def export_bag(
         if name in maps and history.frame is not None:
             write(name, history.frame, _history_map(name, history), f'{name}.tif')
     if newest:
-        position = _position(last, placement.offset, crs)
-        layers = _shapes(last, history, newest, position, origin.onset)
+        terrain = _terrain_of(last, placement)
+        layers = _shapes(last, history, newest, terrain, origin.onset)
         layers |= gis.vents(_vents(recording.scene), placement.offset)
         title = f'lava flow of {Path(path).name}'
         written += gis.write_formats(
-            target, formats, layers, newest, position, title, origin.onset
+            target, formats, layers, newest, terrain, title, origin.onset
         )
     if not written:
         have = sorted({layer.source for layer in recording.layers.values()})
@@ -186,8 +186,7 @@ def placement_of(
     terrain = scene.get('terrain')
     terrain = terrain if isinstance(terrain, Mapping) else {}
     known, wkt = terrain.get('epsg'), terrain.get('wkt')
-    if known is not None and (isinstance(known, bool) or not isinstance(known, int)):
-        raise LavaError("the bag's terrain.epsg", known, 'an EPSG code such as 32633')
+    check_epsg("the bag's terrain.epsg", known)
     own = validation.pair("the bag's terrain.offset", terrain.get('offset', (0.0, 0.0)))
     if wkt is not None and not isinstance(wkt, str):
         raise LavaError("the bag's terrain.wkt", wkt, 'the definition of a coordinate system')
@@ -230,9 +229,11 @@ def provenance_of(recording: Recording) -> gis.Provenance:
     )
 
 
-def _position(frame: Frame, offset: tuple[float, float], crs: Any) -> gis.Place:
-    corner = (offset[0] + frame.origin[0], offset[1] + frame.origin[1])
-    return gis.Place(corner, frame.resolution, crs)
+def _terrain_of(frame: Frame, placement: Placement) -> Terrain:
+    return Terrain(
+        frame.elevation, frame.resolution, frame.origin, placement.epsg, placement.offset,
+        wkt=placement.wkt,
+    )
 
 
 def _layer_map(name: str, frame: Frame, onset: Onset | None) -> _Made:
@@ -272,7 +273,7 @@ def _history_map(name: str, history: Arrival) -> _Made:
 
 
 def _shapes(
-    frame: Frame, history: Arrival, newest: Mapping[str, np.ndarray], position: gis.Place,
+    frame: Frame, history: Arrival, newest: Mapping[str, np.ndarray], terrain: Terrain,
     onset: Onset | None,
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the outline and the isochrones as layers of features.
@@ -285,9 +286,9 @@ def _shapes(
         cells = inundated_cells(history.times)
     if cells is None:
         cells, name = frame.standing, 'standing lava'
-    layers = {'outline': gis.area(cells, position, shows=name, from_m=COVERED)}
+    layers = {'outline': gis.area(cells, terrain, shows=name, from_m=COVERED)}
     if 'arrival' in newest:
-        layers['isochrones'] = gis.isochrones(newest['arrival'], position, onset)
+        layers['isochrones'] = gis.isochrones(newest['arrival'], terrain, onset)
     return layers
 
 

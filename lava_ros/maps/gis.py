@@ -23,6 +23,7 @@ from lava_ros.maps.onset import Onset
 from lava_ros.maps.plot import duration, isochrone_times
 from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain, Vent
+from lava_ros.scene.on_terrain import affine_of
 from lava_ros.scene.projection import coordinate_system
 
 #: Probabilities of contours [%].
@@ -62,34 +63,11 @@ class Provenance:
         }
 
 
-@dataclass(frozen=True)
-class Place:
-    """Position of the cells of a map.
-
-    ``corner`` is easting and northing [m] of the lower-left corner of cell [0, 0], ``resolution``
-    the side of a cell [m], and ``crs`` a result of ``coordinate_system``.
-    """
-
-    corner: tuple[float, float]
-    resolution: float
-    crs: Any
-
-
-def place_of(terrain: Terrain) -> Place:
-    """Return the position of the cells of a terrain.
-
-    Raises:
-        LavaError: If GDAL does not support its coordinate system.
-    """
-    corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
-    return Place(corner, terrain.resolution, coordinate_system(terrain.epsg, terrain.wkt))
-
-
-def write_map(
+def write_grid(
     path: Path,
     name: str,
     values: np.ndarray,
-    place: Place,
+    terrain: Terrain,
     origin: Provenance,
     tags: Mapping[str, str] | None = None,
 ) -> list[Path]:
@@ -99,7 +77,7 @@ def write_map(
         path: The GeoTIFF.
         name: Key of the map in ``RASTER_LAYERS``, and description of its band.
         values: The map, NaN without data, shape [rows, columns]; row 0 is the southernmost.
-        place: Position of the cells.
+        terrain: Terrain with these cells.
         origin: Origin of the map.
         tags: Further tags by name.
 
@@ -107,16 +85,16 @@ def write_map(
         The paths of the files.
 
     Raises:
-        LavaError: If the name is unknown, or a file cannot be written.
+        LavaError: If the name is unknown, a file cannot be written, rasterio is missing, or GDAL
+            does not support the coordinate system.
     """
+    require('rasterio', 'GeoTIFF', str(path))
     from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
-    from rasterio.transform import from_origin
 
     layer = RASTER_LAYERS[validation.choice('name', name, tuple(RASTER_LAYERS))]
     cells = layer.stored(values)
     rows, columns = cells.shape
-    side, (east, south) = place.resolution, place.corner
     # GDAL raises no error if the disk is full, so it writes into memory
     with (
         refusing('output', str(path), 'a file to write', OSError, RasterioError),
@@ -128,8 +106,8 @@ def write_map(
             height=rows,
             count=1,
             dtype=cells.dtype.name,
-            crs=place.crs,
-            transform=from_origin(east, south + rows * side, side, side),
+            crs=coordinate_system(terrain.epsg, terrain.wkt),
+            transform=affine_of(terrain),
             nodata=NODATA,
             compress='deflate',
             predictor=2 if layer.is_whole else 3,
@@ -150,24 +128,7 @@ def write_map(
     return [path, write_style(path, name, values)]
 
 
-def write_grid(
-    path: Path,
-    name: str,
-    values: np.ndarray,
-    terrain: Terrain,
-    origin: Provenance,
-    tags: Mapping[str, str] | None = None,
-) -> list[Path]:
-    """Write values on the cells of a terrain with ``write_map``.
-
-    Raises:
-        LavaError: Also if rasterio is missing, or GDAL does not support the coordinate system.
-    """
-    require('rasterio', 'GeoTIFF', str(path))
-    return write_map(path, name, values, place_of(terrain), origin, tags)
-
-
-def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
+def area(cells: np.ndarray, terrain: Terrain, **properties: Any) -> list[dict[str, Any]]:
     """Return cells as a list of one GeoJSON feature in map coordinates; empty without cells.
 
     ``cells`` is bool, shape [rows, columns], row 0 the southernmost. The feature has
@@ -178,7 +139,7 @@ def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, A
 
     if not cells.any():
         return []
-    side, (east, north) = place.resolution, place.corner
+    side, (east, north) = terrain.resolution, terrain.corner
     found = shapes(
         cells.astype(np.uint8), cells, transform=Affine(side, 0.0, east, 0.0, side, north)
     )
@@ -188,7 +149,7 @@ def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, A
 
 
 def isochrones(
-    times: np.ndarray, place: Place, onset: Onset | None = None
+    times: np.ndarray, terrain: Terrain, onset: Onset | None = None
 ) -> list[dict[str, Any]]:
     """Return GeoJSON features of the area inundated by each of several round times.
 
@@ -203,7 +164,7 @@ def isochrones(
         feature
         for end in map(float, ends)
         for feature in area(
-            known <= end, place, time_s=end, time=duration(end),
+            known <= end, terrain, time_s=end, time=duration(end),
             **({} if onset is None else {'date_utc': onset.utc(end)}),
         )
     ]
@@ -233,12 +194,12 @@ def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[
     return layers
 
 
-def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
+def probabilities(percent: np.ndarray, terrain: Terrain) -> list[dict[str, Any]]:
     """Return features of the areas at or above each of ``PROBABILITIES``; NaN is unknown."""
     return [
         feature
         for least in PROBABILITIES
-        for feature in area(np.nan_to_num(percent) >= least, place, probability_percent=least)
+        for feature in area(np.nan_to_num(percent) >= least, terrain, probability_percent=least)
     ]
 
 
@@ -269,7 +230,7 @@ def write_formats(
     formats: Collection[str],
     layers: Mapping[str, Sequence[Mapping[str, Any]]],
     maps: Mapping[str, np.ndarray],
-    place: Place,
+    terrain: Terrain,
     title: str,
     onset: Onset | None = None,
 ) -> list[Path]:
@@ -278,29 +239,34 @@ def write_formats(
     Formats of ``vectors.WRITTEN`` contain ``layers``, lists of features by name; ``nc`` contains
     ``maps``, the argument of ``write_netcdf``. Other formats are ignored.
     """
-    require_formats(formats, folder, place.crs)
+    crs = coordinate_system(terrain.epsg, terrain.wkt)
+    require_formats(formats, folder, crs)
     written = []
     for name in formats:
         if name not in vectors.WRITTEN:
             continue
-        features, crs = layers, place.crs.to_wkt() if place.crs else None
+        features, system = layers, crs.to_wkt() if crs else None
         if _in_degrees(name):
-            features = {key: _geographic(items, place) for key, items in layers.items()}
-            crs = 'EPSG:4326'
-        written += vectors.write_vectors(folder, name, features, crs, stem='lava')
+            features = {
+                key: _geographic(items, crs, terrain.corner) for key, items in layers.items()
+            }
+            system = 'EPSG:4326'
+        written += vectors.write_vectors(folder, name, features, system, stem='lava')
     if 'nc' in formats:
         written.append(folder / 'maps.nc')
-        write_netcdf(written[-1], maps, place, title, onset)
+        write_netcdf(written[-1], maps, terrain, title, onset)
     return written
 
 
-def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dict[str, Any]]:
+def _geographic(
+    features: Sequence[Mapping[str, Any]], crs: Any, corner: tuple[float, float]
+) -> list[dict[str, Any]]:
     from rasterio.warp import transform_geom
 
     geometries = [item['geometry'] for item in features]
     expected = 'easting and northing that have a longitude and latitude'
-    with refusing('the corner of the map', place.corner, expected):
-        geometries = transform_geom(place.crs, 'EPSG:4326', geometries, precision=7)
+    with refusing('the corner of the map', corner, expected):
+        geometries = transform_geom(crs, 'EPSG:4326', geometries, precision=7)
     return [
         {**item, 'geometry': geometry}
         for item, geometry in zip(features, geometries, strict=True)
@@ -308,7 +274,7 @@ def _geographic(features: Sequence[Mapping[str, Any]], place: Place) -> list[dic
 
 
 def write_netcdf(
-    path: Path, maps: Mapping[str, np.ndarray], place: Place, title: str,
+    path: Path, maps: Mapping[str, np.ndarray], terrain: Terrain, title: str,
     onset: Onset | None = None,
 ) -> None:
     """Write maps to a NetCDF file that follows the CF conventions.
@@ -326,15 +292,15 @@ def write_netcdf(
         }
         _describe(file, attributes)
         shape = next(iter(maps.values())).shape
-        for name, start, count in zip('xy', place.corner, shape[::-1], strict=True):
+        for name, start, count in zip('xy', terrain.corner, shape[::-1], strict=True):
             file.createDimension(name, count)
             axis = file.createVariable(name, 'd', (name,))
-            axis[:] = start + (np.arange(count) + 0.5) * place.resolution
+            axis[:] = start + (np.arange(count) + 0.5) * terrain.resolution
             known = {'units': 'm', 'standard_name': f'projection_{name}_coordinate'}
             _describe(axis, {**known, 'axis': name.upper()})
         where = {}
-        if place.crs is not None:
-            wkt = place.crs.to_wkt()
+        if (crs := coordinate_system(terrain.epsg, terrain.wkt)) is not None:
+            wkt = crs.to_wkt()
             _describe(file.createVariable('crs', 'i', ()), {'crs_wkt': wkt, 'spatial_ref': wkt})
             where = {'grid_mapping': 'crs'}
         for name, values in maps.items():

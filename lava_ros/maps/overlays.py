@@ -214,6 +214,6 @@ def _surrounds(feature: Feature, window: Sequence[float]) -> bool:
     """Return True if the middle of a window lies in an area."""
     from matplotlib.path import Path
 
-    middle = 0.5 * np.add(window[:2], window[2:])
-    around = [Path(ring).contains_point(middle) for ring in feature.rings]
+    x, y = (0.5 * np.add(window[:2], window[2:])).tolist()
+    around = [Path(ring).contains_point((x, y)) for ring in feature.rings]
     return feature.kind == 'Polygon' and sum(around) % 2 == 1

@@ -28,21 +28,6 @@ if TYPE_CHECKING:
 #: Measure of a kind of place, and its unit.
 _MEASURES = {'line': ('length', 'm'), 'area': ('area', 'm2')}
 
-#: Columns of the table; JSON has those of the kind of place.
-COLUMNS = (
-    'name', 'kind', 'off_map_percent', 'probability_percent',
-    *(f'arrival_p{100 * fraction:.0f}_s' for fraction in QUANTILES),
-    'front_distance_m',
-    *(
-        name
-        for measure, unit in _MEASURES.values()
-        for name in (
-            f'{measure}_{unit}',
-            *(f'inundated_{measure}_p{100 * fraction:.0f}_{unit}' for fraction in QUANTILES),
-        )
-    ),
-)
-
 
 @dataclass(frozen=True)
 class PlaceArrival:
@@ -108,6 +93,16 @@ class PlaceArrival:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
+
+
+_UNKNOWN = dict.fromkeys(QUANTILES)
+
+#: Columns of the table, those of all kinds of places; JSON has those of the kind of a place.
+COLUMNS = tuple(dict.fromkeys(
+    name
+    for kind in _MEASURES
+    for name in PlaceArrival('', kind, 0.0, None, _UNKNOWN, None, 0.0, _UNKNOWN).record()
+))
 
 
 def arrivals(

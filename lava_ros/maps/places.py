@@ -102,11 +102,10 @@ def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
     """
     names: list[str] = []
     kinds, segments, parts = [], [], list[_Part]()
-    origin = np.add(terrain.origin, terrain.offset)
     for (where, kind), group in groupby(features, key=lambda item: (item.where, item.kind)):
         members = [feature.on(terrain) for feature in group]
         rings = [
-            [(ring - origin) / terrain.resolution for ring in feature.rings]
+            [(ring - terrain.corner) / terrain.resolution for ring in feature.rings]
             for feature in members
         ]
         found = [_part(kind, item, terrain.shape) for item in rings]

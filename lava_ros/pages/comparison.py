@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.files import write_output
-from lava_ros.maps.gis import place_of, Provenance, write_map
+from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.sheet import draw_sheet
 from lava_ros.pages.arrivals import table_of
@@ -58,7 +58,7 @@ def compare_ensembles(
     likely = [np.nan_to_num(run.panels['inundation_probability'].values) for run in runs]
     terrain = runs[1].terrain
     change = np.where(terrain.has_data, likely[1] - likely[0], np.nan)
-    files = write_map(output / f'{CHANGE}.tif', CHANGE, change, place_of(terrain), origin)[:1]
+    files = write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)[:1]
     cell = terrain.resolution**2
     areas = {
         f'at least {least} %': {

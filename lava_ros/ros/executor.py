@@ -3,8 +3,7 @@
 
 """Start of rclpy with checked arguments, execution of callbacks, and entities of a node."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 import os
 import re
 import time
@@ -55,11 +54,14 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
         number = int(domain) if domain.isdecimal() else domain
         # Fast DDS terminates the process if a domain has no port
         validation.whole('ROS_DOMAIN_ID', number, at_least=0, at_most=MAX_DOMAIN)
+    # rcl also logs an error that it raises
+    set_logger_level('rcl', LoggingSeverity.FATAL)
     try:
-        with _rcl_is_quiet():
-            rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO, **options)
+        rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO, **options)
     except RuntimeError as error:
         raise _refusal(error) from None
+    finally:
+        set_logger_level('rcl', LoggingSeverity.UNSET)
 
 
 def check_words(args: Sequence[str]) -> None:
@@ -75,16 +77,6 @@ def check_words(args: Sequence[str]) -> None:
     if rest:
         expected = '--ros-args and its arguments (lava node --help)'
         raise LavaError('an argument', rest[0], expected)
-
-
-@contextmanager
-def _rcl_is_quiet() -> Iterator[None]:
-    """Suppress rcl's log of an error that it also raises."""
-    set_logger_level('rcl', LoggingSeverity.FATAL)
-    try:
-        yield
-    finally:
-        set_logger_level('rcl', LoggingSeverity.UNSET)
 
 
 def _refusal(error: RuntimeError) -> LavaError:

@@ -212,28 +212,25 @@ class LavaNode(LifecycleNode):
         self._values = node_parameters.declare(self, specs)
         for text in node_parameters.without_effect(self, self._typed):
             self.get_logger().warning(text)
+        changed = {}
         if startup.checkpoint is not None:
             defaults = {spec.name: spec.default for spec in specs}
-            self._change(
-                overrides_from_checkpoint(
-                    startup.checkpoint, self._values, defaults, is_restart=startup.is_restart
-                )
+            changed = overrides_from_checkpoint(
+                startup.checkpoint, self._values, defaults, is_restart=startup.is_restart
             )
             if startup.onset and not self._values['onset']:
-                self._change({'onset': startup.onset})
+                changed['onset'] = startup.onset
         elif previous is not None:
             # the scene file may have changed: update the parameters that the user has not set
             old = parameters.constant_values(previous)
-            self._change({
+            changed = {
                 name: value
                 for name, value in parameters.constant_values(constants).items()
                 if self._values[name] == old[name] != value
-            })
+            }
+        node_parameters.put(self, changed)
+        self._values |= changed
         return parameters.settings_from(self._values)
-
-    def _change(self, values: Mapping[str, Any]) -> None:
-        node_parameters.put(self, values)
-        self._values |= values
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
         try:

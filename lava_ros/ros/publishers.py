@@ -240,26 +240,22 @@ class ScenePublisher:
         messages = self._messages.update(scene, time, stamp_ns)
         for topic in self._drawn.keys() & messages.keys():
             self._drawn[topic].publish(codec.serialise(messages[topic]))
-        own = self._publishers.keys() & messages.keys()
-        if own and is_heard:
-            self._take_back()
-            return
-        for topic in own:
-            data = codec.serialise(messages[topic])
-            self._sent[topic] = sha256(data).digest()
-            self._publishers[topic].publish(data)
-
-    def is_own(self, topic: str, data: bytes) -> bool:
-        """Return True if a message is the one published here."""
-        return topic in self._sent and sha256(data).digest() == self._sent[topic]
-
-    def _take_back(self) -> None:
-        """Replace the latched publishers so that late subscribers get only the newer terrain."""
-        if self._sent:
-            self._sent = {}
+        changed = self._publishers.keys() & messages.keys()
+        if not is_heard:
+            for topic in changed:
+                data = codec.serialise(messages[topic])
+                self._sent[topic] = sha256(data).digest()
+                self._publishers[topic].publish(data)
+        elif changed and self._sent:
+            # late subscribers to new latched publishers get only the newer terrain
             for publisher in self._publishers.values():
                 self._entities.drop(publisher)
+            self._sent = {}
             self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
+
+    def is_echo(self, topic: str, data: bytes) -> bool:
+        """Return True if a message is the one published here, which comes back."""
+        return topic in self._sent and sha256(data).digest() == self._sent[topic]
 
     def _create(self, **kinds: Any) -> dict[str, Any]:
         latched = qos.ros_profile(qos.LATCHED)

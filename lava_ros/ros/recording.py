@@ -68,7 +68,8 @@ class SceneRecording:
             scene, snapshot.time, stamp_ns, ground=snapshot.terrain
         )
         for topic, message in messages.items():
-            self._write(topic, message, stamp_ns)
+            name, kind = self.node.resolve_topic_name(topic), codec.type_name(type(message))
+            recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)
         if 'terrain' in messages:
             self._written_ns, self._written_size = stamp_ns, self.recorder.size
 
@@ -92,10 +93,6 @@ class SceneRecording:
             entry = {'stamp_ns': stamp_ns, 'time': snapshot.time, 'effects': changed}
             self._history.append(entry)
         return bool(changed)
-
-    def _write(self, topic: str, message: Any, stamp_ns: int) -> None:
-        name, kind = self.node.resolve_topic_name(topic), codec.type_name(type(message))
-        self.recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)
 
     def _description(self, scene: Scene, session: SimulationSession) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}

@@ -146,7 +146,7 @@ class NodeRuntime:
             steady=steady,
             observe=self._forecasts.observe if settings.ensemble_members else None,
             recorder=self._recorder,
-            is_own=self._scene.is_own,
+            is_echo=self._scene.is_echo,
         )
         self._allowance = Allowance(self.inputs.refuse)
         create_services(
@@ -205,10 +205,11 @@ class NodeRuntime:
         Raises:
             LavaError: If the bag cannot be written there, or effects change too often.
         """
+        old = self._settings
         # an unchanged name that has become invalid since does not block other settings
-        if settings.bag_directory != self._settings.bag_directory:
+        if settings.bag_directory != old.bag_directory:
             self._bag_folder.path(settings.bag_directory)
-        if _effect_settings(settings) != _effect_settings(self._settings):
+        if (settings.forced, settings.horizon) != (old.forced, old.horizon):
             self._allowance.take('effects')
 
     def apply(self, new: Settings) -> None:
@@ -219,7 +220,7 @@ class NodeRuntime:
             value = getattr(new, name)
             if value != getattr(old, name):
                 command(name, self.worker.set(name, value))
-        if _effect_settings(new) != _effect_settings(old):
+        if (new.forced, new.horizon) != (old.forced, old.horizon):
             command('effects', self.worker.set_effects(new.forced, horizon=new.horizon))
         if new.constants != old.constants:
             command('lava', self.worker.set_constants(new.constants))
@@ -429,7 +430,3 @@ class NodeRuntime:
     def _report_checkpoint(self, reason: str) -> None:
         if reason:
             self._node.get_logger().warning(f'no checkpoint: {reason}')
-
-
-def _effect_settings(settings: Settings) -> tuple[Mapping[str, bool], float]:
-    return settings.forced, settings.horizon

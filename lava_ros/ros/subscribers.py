@@ -133,8 +133,8 @@ class InputSubscribers:
 
     ``settings`` returns the current settings; ``steady`` is a clock that advances independently of
     ``/clock``. ``observe`` receives a mask of observed lava and its ROS time [s]; without it there
-    is no subscription to outlines. ``recorder`` records the outlines. ``is_own`` returns True if a
-    serialised message on a topic comes from this node. ``log`` counts accepted and refused
+    is no subscription to outlines. ``recorder`` records the outlines. ``is_echo`` returns True for
+    a serialised message on a topic that comes from this node. ``log`` counts accepted and refused
     messages; ``wanted`` is the log text while there is no terrain.
     """
 
@@ -144,7 +144,7 @@ class InputSubscribers:
     steady: Clock
     observe: Callable[[Mask, float], 'Future[None]'] | None = None
     recorder: Recorder | None = None
-    is_own: Callable[[str, bytes], bool] = lambda topic, data: False
+    is_echo: Callable[[str, bytes], bool] = lambda topic, data: False
 
     def __post_init__(self) -> None:
         """Subscribe to the input topics."""
@@ -218,7 +218,7 @@ class InputSubscribers:
 
     def _take(self, topic: str, kind: Any, callback: Callable[[Any], None], data: bytes) -> None:
         """Deserialise a message and pass it to ``callback``; report all errors."""
-        if self.is_own(topic, data):
+        if self.is_echo(topic, data):
             return
         try:
             callback(decode(data, kind, topic, max_bytes=self.settings().max_input_bytes))

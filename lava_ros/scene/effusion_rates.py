@@ -139,13 +139,13 @@ def read_effusion_rates(
         else:
             read.append(_Row(where, when[0], when[-1], value, error))
     result = []
-    for row in _intervals(str(path), read, columns, amount, options.gaps):
-        rate = (row.value or 0.0) * factor
+    for item in _intervals(str(path), read, columns, amount, options.gaps):
+        rate = (item.value or 0.0) * factor
         if not 0.0 <= rate <= MAX_DISCHARGE:
-            label = f'{row.where}, {columns[amount].header}'
+            label = f'{item.where}, {columns[amount].header}'
             raise LavaError(label, rate, f'0 to {MAX_DISCHARGE:g} m3/s')
-        result.append(Interval(row.start, row.end, rate, row.error and row.error * factor))
-    if not any(item.discharge > 0.0 for item in result):
+        result.append(Interval(item.start, item.end, rate, item.error and item.error * factor))
+    if not any(interval.discharge > 0.0 for interval in result):
         raise LavaError(str(path), 'a table without lava', 'an effusion rate above 0 at some time')
     kind = 'cumulative volumes' if amount == 'cumulative_volume' else (
         'rates of instants, linear between them' if times == ['time'] else 'mean rates'
@@ -153,7 +153,7 @@ def read_effusion_rates(
     origin = f', time 0 is {clock.origin.isoformat()}' if clock.origin else ''
     _LOG.info(
         f'{path}: {len(result)} intervals of {kind}, {result[0].start:g} to {result[-1].end:g} s, '
-        f'{sum(item.volume for item in result):.3g} m3 in all{origin}'
+        f'{sum(interval.volume for interval in result):.3g} m3 in all{origin}'
     )
     return tuple(result)
 

@@ -116,8 +116,7 @@ def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
     """Raise LavaError, which names ``field``, for a terrain on a grid other than the ground's."""
     shown, expected = (
         '{} x {} cells of {:.9g} m from easting {:.9g}, northing {:.9g}'.format(
-            *one.shape, one.resolution, one.origin[0] + one.offset[0],
-            one.origin[1] + one.offset[1],
+            *one.shape, one.resolution, *one.corner
         )
         for one in (terrain, ground)
     )

@@ -44,13 +44,6 @@ NODATA_ADVICE = (
 )
 
 
-def without_value(elevation: np.ndarray, value: float) -> np.ndarray:
-    """Return the elevation with NaN in place of one stored value."""
-    # a value beyond float32 is infinite, both here and in the array
-    with np.errstate(over='ignore'):
-        return np.where(elevation == np.float32(value), np.float32(np.nan), elevation)
-
-
 def check_missing(
     field: str, elevation: np.ndarray, cell: float, *, unit: float = 1.0, advice: str = ''
 ) -> None:

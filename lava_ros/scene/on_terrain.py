@@ -61,7 +61,12 @@ def resampled(
     from rasterio.warp import reproject, Resampling
 
     check_placed(place, path, field=field)
-    target_crs = _coordinates(terrain, crs, path, field)
+    own = coordinate_system(terrain.epsg, terrain.wkt)
+    if own is None and crs:
+        expected = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
+        raise LavaError(field, str(path), expected)
+    # neither has a system: any gives the same result
+    target_crs = own or coordinate_system(32631)
     result = np.full(terrain.shape, np.nan)
     with refusing(field, str(path), 'a raster that GDAL can put on the terrain'):
         reproject(
@@ -70,7 +75,7 @@ def resampled(
             src_transform=place,
             src_crs=horizontal(crs) if crs else target_crs,
             src_nodata=np.nan,
-            dst_transform=_grid(terrain),
+            dst_transform=affine_of(terrain),
             dst_crs=target_crs,
             dst_nodata=np.nan,
             resampling=Resampling[method],
@@ -105,24 +110,14 @@ def read_polygons_on(terrain: Terrain, path: str | Path, *, field: str) -> np.nd
     ]
     if not areas:
         raise LavaError(field, str(path), 'a file with at least one area')
-    marked = rasterize(areas, terrain.shape, transform=_grid(terrain), dtype=np.uint8)
+    marked = rasterize(areas, terrain.shape, transform=affine_of(terrain), dtype=np.uint8)
     return np.flipud(marked) > 0
 
 
-def _grid(terrain: Terrain) -> Any:
+def affine_of(terrain: Terrain) -> Any:
     """Return the affine transformation of a terrain with row 0 in the north."""
     from rasterio.transform import from_origin
 
     cell = terrain.resolution
-    west, south = np.add(terrain.origin, terrain.offset)
+    west, south = terrain.corner
     return from_origin(west, south + terrain.shape[0] * cell, cell, cell)
-
-
-def _coordinates(terrain: Terrain, crs: Any, path: str | Path, field: str) -> Any:
-    """Return the terrain's coordinate system; without one, any system in metres."""
-    own = coordinate_system(terrain.epsg, terrain.wkt)
-    if own is None and crs:
-        expected = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
-        raise LavaError(field, str(path), expected)
-    # neither has a system: any gives the same result
-    return own or coordinate_system(32631)

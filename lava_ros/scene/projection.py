@@ -43,8 +43,8 @@ class Raster:
     """A grid read from a file: cells may be in degrees and not square; row 0 is in the south.
 
     ``corner`` is the lower-left corner in the coordinates of the file; ``offset`` is None unless
-    the file has one. ``is_metric`` is True if the format defines coordinates in metres. ``wkt``
-    and ``barriers`` are those of ``Terrain``.
+    the file has one; its coordinates are then in metres. ``wkt`` and ``barriers`` are those of
+    ``Terrain``.
     """
 
     elevation: np.ndarray
@@ -54,7 +54,6 @@ class Raster:
     epsg: int | None = None
     offset: tuple[float, float] | None = None
     wkt: str | None = None
-    is_metric: bool = False
     source: str = ''
     barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
 
@@ -155,7 +154,7 @@ def to_square_metric_cells(raster: Raster, resolution: float | None) -> Raster:
         most = RESOLUTION_RANGE[1]
         validation.number(f'terrain file {name}', getattr(raster, name), above=0.0, at_most=most)
     validation.pair('terrain file corner', raster.corner, most=MAX_COORDINATE)
-    if raster.is_metric or not raster.is_placed:
+    if raster.offset is not None or not raster.is_placed:
         if min(raster.dx, raster.dy) < SMALLEST_CELL:
             expected = 'metres; an ESRI grid in degrees needs its coordinate system: epsg 4326'
             raise LavaError('terrain file cell size', raster.dx, expected)

@@ -163,8 +163,10 @@ def with_barrier(terrain: Terrain, barrier: Barrier, *, is_told: bool = True) ->
     """
     rows, columns = terrain.shape
     cell = terrain.resolution
-    x = terrain.origin[0] + terrain.offset[0] + (np.arange(columns) + 0.5) * cell
-    y = terrain.origin[1] + terrain.offset[1] + (np.arange(rows) + 0.5) * cell
+    x, y = (
+        start + (np.arange(count) + 0.5) * cell
+        for start, count in zip(terrain.corner, (columns, rows), strict=True)
+    )
     crest = barrier.crest_on(cell)
     half = 0.5 * crest
     reach = half + barrier.height / barrier.slope

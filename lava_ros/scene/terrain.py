@@ -21,6 +21,9 @@ RESOLUTION_RANGE = (1e-4, 1e5)
 #: Maximum absolute elevation [m]; that of Mars is 22 km.
 MAX_ELEVATION = 1e5
 
+#: Minimum EPSG code.
+MIN_EPSG = 1024
+
 #: Maximum length of the WKT of a coordinate system [characters].
 MAX_WKT = 100_000
 
@@ -87,12 +90,7 @@ class Terrain:
         for name in ('origin', 'offset'):
             place = validation.pair(f'terrain.{name}', getattr(self, name), most=MAX_COORDINATE)
             put(self, name, place)
-        if self.epsg is not None and (
-            isinstance(self.epsg, bool)
-            or not isinstance(self.epsg, int)
-            or not 1024 <= self.epsg < 2**31
-        ):
-            raise LavaError('terrain.epsg', self.epsg, 'an EPSG code such as 32633, or None')
+        check_epsg('terrain.epsg', self.epsg)
         put(self, 'barriers', crest_lines('terrain.barriers', self.barriers))
         if self.wkt is not None and not (
             isinstance(self.wkt, str) and 0 < len(self.wkt) <= MAX_WKT
@@ -122,6 +120,11 @@ class Terrain:
         """Map position [m] of the centre, the origin of the solver's particle positions."""
         x0, y0, x1, y1 = self.extent
         return (0.5 * (x0 + x1), 0.5 * (y0 + y1))
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """Easting and northing [m] of the lower-left corner of cell [0, 0]."""
+        return (self.origin[0] + self.offset[0], self.origin[1] + self.offset[1])
 
     @cached_property
     def has_data(self) -> np.ndarray:
@@ -171,6 +174,13 @@ class Terrain:
     def to_map(self, easting: float, northing: float) -> tuple[float, float]:
         """Convert projected coordinates [m] to map coordinates [m]."""
         return (easting - self.offset[0], northing - self.offset[1])
+
+
+def check_epsg(field: str, code: object) -> None:
+    """Raise LavaError, which names ``field``, for neither an EPSG code nor None."""
+    is_code = isinstance(code, int) and not isinstance(code, bool) and MIN_EPSG <= code < 2**31
+    if code is not None and not is_code:
+        raise LavaError(field, code, 'an EPSG code such as 32633, or None')
 
 
 def crest_lines(field: str, lines: object) -> tuple[tuple[tuple[float, float], ...], ...]:

@@ -24,7 +24,7 @@ from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import is_installed, require
 from lava_ros.files.rasters import open_raster
 from lava_ros.files.yaml import parse_json
-from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE, without_value
+from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE
 from lava_ros.scene.projection import (
     coordinate_system,
     crop,
@@ -36,7 +36,7 @@ from lava_ros.scene.projection import (
     vertical_unit,
     with_epsg,
 )
-from lava_ros.scene.terrain import crest_lines, MAX_SIDE_CELLS, Terrain
+from lava_ros.scene.terrain import check_epsg, crest_lines, MAX_SIDE_CELLS, Terrain
 
 _LOG = logging.getLogger(__name__)
 
@@ -62,9 +62,6 @@ MAX_PRJ = 1 << 16
 #: Demonstration terrain of the package.
 DEMO = Path(__file__).with_name('st_helens.npz')
 
-#: Maximum EPSG code in a file, far above those in use.
-MAX_EPSG = 999_999
-
 #: GeoTIFF tag or .npz key of the barrier crests, as JSON.
 _BARRIERS = 'lava_ros_barriers'
 
@@ -74,9 +71,6 @@ NPZ_KEYS = (
 
 #: Options of ``load_terrain`` that a scene file may give.
 TERRAIN_OPTIONS = ('epsg', 'resolution', 'offset', 'window', 'fill_holes', 'nodata')
-
-#: Minimum EPSG code.
-MIN_EPSG = 1024
 
 #: Check of the side of a cell.
 RESOLUTION_CHECK = partial(validation.number, above=0.0, unit='m')
@@ -138,9 +132,7 @@ def load_terrain(
     path = Path(path)
     if not os.path.isfile(path):
         raise LavaError('terrain file', str(path), 'a file that exists')
-    is_code = isinstance(epsg, int) and not isinstance(epsg, bool) and epsg >= MIN_EPSG
-    if epsg is not None and not is_code:
-        raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
+    check_epsg('terrain.epsg', epsg)
     if resolution is not None:
         resolution = RESOLUTION_CHECK('terrain.resolution', resolution)
     if offset is not None:
@@ -187,8 +179,7 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
     data = {name: item.tolist() for name, item in data.items()}
     cell = validation.number('resolution', data['resolution'], above=0.0, unit='m')
     epsg = data.get('epsg')
-    if epsg is not None:
-        epsg = validation.whole('epsg', epsg, at_least=1, at_most=MAX_EPSG)
+    check_epsg('epsg', epsg)
     offset, origin = (
         validation.pair(name, data.get(name, (0.0, 0.0))) for name in ('offset', 'origin')
     )
@@ -199,7 +190,6 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
         corner=(origin[0] + offset[0], origin[1] + offset[1]),
         epsg=epsg,
         offset=offset,
-        is_metric=True,
         source=str(data.get('source', '')),
         barriers=_barriers(data, epsg, path),
         wkt=str(data['wkt']) if 'wkt' in data else None,
@@ -270,10 +260,12 @@ def _with_missing(
 ) -> np.ndarray:
     """Replace ``nodata`` by NaN; without it, raise LavaError for a likely undeclared value."""
     if isinstance(nodata, float):
-        found = without_value(elevation, nodata)
-        if np.array_equal(found, elevation, equal_nan=True):
+        # a value beyond float32 is infinite, both here and in the array
+        with np.errstate(over='ignore'):
+            is_missing = elevation == np.float32(nodata)
+        if not is_missing.any():
             _LOG.warning(f'{path.name}: no cell has the value {nodata:g} that nodata declares')
-        return found
+        return np.where(is_missing, np.float32(np.nan), elevation)
     if nodata is None:
         field = f'elevation of {path.name}'
         check_missing(field, elevation, cell, unit=unit, advice=NODATA_ADVICE)

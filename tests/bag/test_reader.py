@@ -36,7 +36,6 @@ def write_foreign(path: Path, stamps: list[int], **options: object) -> None:
 
 
 def test_reads_what_was_written(bag: Bag) -> None:
-    """Topics, QoS, custom data, times and messages are equal."""
     directory, written = bag
     reader = BagReader(directory)
     assert messages_of(reader) == written
@@ -57,7 +56,6 @@ def test_reads_what_was_written(bag: Bag) -> None:
 
 
 def test_selects_messages_by_topic_and_time(bag: Bag) -> None:
-    """The start is inclusive, the end of ``newest`` exclusive; the results are in order."""
     directory, written = bag
     reader = BagReader(directory)
     start = 104 * SECOND
@@ -74,7 +72,6 @@ def test_selects_messages_by_topic_and_time(bag: Bag) -> None:
 
 
 def test_reads_the_complete_chunks_of_a_truncated_file(bag: Bag, tmp_path: Path) -> None:
-    """Truncation at any byte leaves exactly the chunks before it."""
     directory, written = bag
     path = directory / 'eruption_0.mcap'
     data = path.read_bytes()
@@ -93,19 +90,15 @@ def test_reads_the_complete_chunks_of_a_truncated_file(bag: Bag, tmp_path: Path)
         assert messages_of(reader) == written[: 6 * whole], place
 
 
-@pytest.mark.parametrize(
-    'options',
-    [
-        {},
-        {'chunk_size': 20},
-        {'compression': CompressionType.LZ4, 'chunk_size': 40},
-        {'compression': CompressionType.NONE, 'index_types': IndexType.NONE},
-        {'use_chunking': False},
-        {'use_statistics': False},
-    ],
-)
+@pytest.mark.parametrize('options', [
+    {},
+    {'chunk_size': 20},
+    {'compression': CompressionType.LZ4, 'chunk_size': 40},
+    {'compression': CompressionType.NONE, 'index_types': IndexType.NONE},
+    {'use_chunking': False},
+    {'use_statistics': False},
+])
 def test_sorts_messages_by_log_time(tmp_path: Path, options: dict[str, object]) -> None:
-    """This is true for every layout of a foreign file."""
     stamps = [5, 3, 9, 1, 7, 7, 2]
     write_foreign(tmp_path / 'a.mcap', stamps, **options)
     reader = BagReader(tmp_path / 'a.mcap')
@@ -120,7 +113,6 @@ def test_sorts_messages_by_log_time(tmp_path: Path, options: dict[str, object]) 
 
 
 def test_reads_a_split_bag_without_metadata(tmp_path: Path) -> None:
-    """The numbers in the names set the order of the files."""
     for index, name in enumerate(['b_0.mcap', 'b_2.mcap', 'b_10.mcap']):
         write_foreign(tmp_path / name, [10 * index, 10 * index + 1])
     reader = BagReader(tmp_path)
@@ -131,7 +123,6 @@ def test_reads_a_split_bag_without_metadata(tmp_path: Path) -> None:
 
 
 def test_reads_a_bag_of_the_rosbags_library(tmp_path: Path) -> None:
-    """Messages and custom data are equal."""
     store = get_typestore(Stores.ROS2_JAZZY)
     with RosbagsWriter(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.set_custom_data('who', 'rosbags')
@@ -145,29 +136,29 @@ def test_reads_a_bag_of_the_rosbags_library(tmp_path: Path) -> None:
 
 
 def test_memory_is_bounded_by_chunks(tmp_path: Path) -> None:
-    """Reading 200 MB of messages, finished or truncated, takes a few chunks of memory."""
+    """Reading 80 MB of messages, finished or truncated, takes a few chunks of memory."""
     block = bytes([0, 1, 0, 0]) + bytes(1_000_000)
-    (path,) = small_bag(tmp_path / 'bag', *((stamp, block) for stamp in range(200))).files
+    (path,) = small_bag(tmp_path / 'bag', *((stamp, block) for stamp in range(80))).files
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(path.read_bytes()[:-100])
     for item in (path, cut):
         tracemalloc.start()
-        assert sum(1 for _ in BagReader(item).messages()) == 200
+        assert sum(1 for _ in BagReader(item).messages()) == 80
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert peak < 40e6
 
 
 def test_refuses_a_chunk_beyond_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The chunk is not decompressed."""
     monkeypatch.setattr('lava_ros.bag.records.MAX_CHUNK_SIZE', 4000)
     with pytest.raises(LavaError, match='bytes at once, more than 4000'):
         list(small_bag(tmp_path / 'bag', (0, bytes(5000))).messages())
 
 
-@pytest.mark.parametrize('compression', ['lz4', 'zstd'])
-@pytest.mark.parametrize('claimed', [1000, 2**22, 2**40])
-@pytest.mark.parametrize('count', [1, 12])
+@pytest.mark.parametrize(('compression', 'claimed', 'count'), [
+    ('lz4', 1000, 1), ('zstd', 2**40, 1), ('zstd', 1000, 12), ('lz4', 2**22, 1),
+    ('lz4', 2**22, 12), ('zstd', 2**22, 12),
+])
 def test_decompression_bombs_do_not_exceed_the_memory_limit(
     tmp_path: Path, compression: str, claimed: int, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,28 +188,24 @@ def test_decompression_bombs_do_not_exceed_the_memory_limit(
     assert peak < 6 * 2**22
 
 
-@pytest.mark.parametrize(
-    ('name', 'data', 'message'),
-    [
-        ('gone', None, 'a bag directory or an .mcap file that exists'),
-        ('bag/a', b'', 'this one has none'),
-        ('bag', b'', 'this one is empty'),
-        ('bag', b'SQLite format 3', 'does not start like one'),
-        ('bag/metadata.yaml', b'{', 'metadata that rosbag2 wrote'),
-        ('bag/metadata.yaml', b'a: 1', 'metadata that rosbag2 wrote'),
-        ('bag/metadata.yaml', b'%storage_identifier: sqlite3}', 'mcap; `ros2 bag convert`'),
-        ('bag/metadata.yaml', b'%storage_identifier: mcap, compression_mode: FILE}', '^comp'),
-        (
-            'bag/metadata.yaml',
-            b'%storage_identifier: mcap, relative_file_paths: [gone_0.mcap]}',
-            'an MCAP file that exists',
-        ),
-    ],
-)
+@pytest.mark.parametrize(('name', 'data', 'message'), [
+    ('gone', None, 'a bag directory or an .mcap file that exists'),
+    ('bag/a', b'', 'this one has none'),
+    ('bag', b'', 'this one is empty'),
+    ('bag', b'SQLite format 3', 'does not start like one'),
+    ('bag/metadata.yaml', b'{', 'metadata that rosbag2 wrote'),
+    ('bag/metadata.yaml', b'a: 1', 'metadata that rosbag2 wrote'),
+    ('bag/metadata.yaml', b'%storage_identifier: sqlite3}', 'mcap; `ros2 bag convert`'),
+    ('bag/metadata.yaml', b'%storage_identifier: mcap, compression_mode: FILE}', '^comp'),
+    (
+        'bag/metadata.yaml',
+        b'%storage_identifier: mcap, relative_file_paths: [gone_0.mcap]}',
+        'an MCAP file that exists',
+    ),
+])
 def test_raises_for_a_path_that_is_not_a_bag(
     tmp_path: Path, name: str, data: bytes | None, message: str
 ) -> None:
-    """The path or its metadata is missing, empty, damaged or in another format."""
     (tmp_path / name).parent.mkdir(exist_ok=True)
     if data is not None:
         (tmp_path / name).write_bytes(data.replace(b'%', b'rosbag2_bagfile_information: {'))

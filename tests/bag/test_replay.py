@@ -47,7 +47,6 @@ def steps(
 
 @pytest.mark.parametrize('rate', [0.5, 1.0, 4.0])
 def test_schedule_divides_times_by_the_rate(bag: Bag, rate: float) -> None:
-    """Without an offset every message is due once."""
     directory, written = bag
     dues = list(schedule(BagReader(directory), rate=rate))
     assert [(due.message.topic, due.message.data) for due in dues] == [
@@ -59,7 +58,6 @@ def test_schedule_divides_times_by_the_rate(bag: Bag, rate: float) -> None:
 
 
 def test_schedule_with_an_offset_begins_with_latched_messages(bag: Bag) -> None:
-    """The newest earlier message of a latched topic is due first; volatile ones are skipped."""
     directory, written = bag
     first, *rest = schedule(BagReader(directory), start_offset=3.25)
     assert (first.message.topic, first.message.stamp_ns) == ('/hazard', 103 * SECOND)
@@ -73,7 +71,6 @@ def test_schedule_with_an_offset_begins_with_latched_messages(bag: Bag) -> None:
 
 
 def test_loop_repeats_after_a_pause(bag: Bag, tmp_path: Path) -> None:
-    """The period is the duration of the bag plus the pause, also of a bag with one message."""
     dues = list(islice(schedule(BagReader(bag[0]), rate=2.0, loop=True, start_offset=9.0), 15))
     rounds = [[due for due in dues if due.round == index] for index in range(3)]
     assert [len(item) for item in rounds] == [4, 4, 4]
@@ -85,20 +82,16 @@ def test_loop_repeats_after_a_pause(bag: Bag, tmp_path: Path) -> None:
     assert [due.at for due in dues] == [0.0, LOOP_PAUSE, 2 * LOOP_PAUSE]
 
 
-@pytest.mark.parametrize(
-    ('options', 'field'),
-    [
-        ({'rate': 0.0}, 'rate'),
-        ({'rate': -1.0}, 'rate'),
-        ({'rate': float('nan')}, 'rate'),
-        ({'start_offset': -0.1}, 'start_offset'),
-        ({'start_offset': 9.6}, 'start_offset'),
-    ],
-)
+@pytest.mark.parametrize(('options', 'field'), [
+    ({'rate': 0.0}, 'rate'),
+    ({'rate': -1.0}, 'rate'),
+    ({'rate': float('nan')}, 'rate'),
+    ({'start_offset': -0.1}, 'start_offset'),
+    ({'start_offset': 9.6}, 'start_offset'),
+])
 def test_schedule_raises_for_invalid_arguments(
     bag: Bag, options: dict[str, float], field: str, tmp_path: Path
 ) -> None:
-    """The call raises, not the first step; an empty bag is refused too."""
     with pytest.raises(LavaError) as caught:
         schedule(BagReader(bag[0]), **options)
     assert caught.value.field == field
@@ -109,7 +102,6 @@ def test_schedule_raises_for_invalid_arguments(
 @pytest.mark.parametrize('delay', [0.0, 0.003, 0.3])
 @pytest.mark.parametrize('rate', [0.5, 8.0])
 def test_the_clock_ticks_and_never_goes_back(bag: Bag, delay: float, rate: float) -> None:
-    """Ticks follow the rate at up to 100 Hz and never pass the next message."""
     dues = schedule(BagReader(bag[0]), rate=rate, start_offset=0.25)
     taken = steps(dues, FakeClock(delay), rate=rate, tick=0.01)
     clocks = [step.clock_ns for _, step in taken]
@@ -125,7 +117,6 @@ def test_the_clock_ticks_and_never_goes_back(bag: Bag, delay: float, rate: float
 
 
 def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
-    """In the pause of a loop it stays at the end of the bag."""
     dues = islice(schedule(BagReader(bag[0]), loop=True, start_offset=9.0), 8)
     taken = steps(dues, FakeClock(), tick=0.01)
     pause = [step for time, step in taken if 0.52 < time < 1.48]
@@ -161,6 +152,5 @@ def test_stop_may_be_requested_at_any_line_of_a_wait() -> None:
 
 
 def test_stop_ends_a_loop(bag: Bag) -> None:
-    """The replay ends immediately."""
     taken = steps(schedule(BagReader(bag[0]), loop=True), FakeClock(stop_at=30.2), tick=0.01)
     assert taken[-1][0] == pytest.approx(30.2, abs=0.02)

@@ -83,7 +83,6 @@ def test_definitions_are_complete_and_hashes_correct(name: str) -> None:
 
 
 def test_finds_dependencies_among_installed_definitions(share: Path) -> None:
-    """A sourced workspace takes precedence; a missing definition or hash raises."""
     define(share, 'a_msgs', 'Leaf', 'uint8 value\n')
     define(share, 'b_msgs', 'Other', 'a_msgs/Leaf leaf\n')
     text = '# Missing type\nuint8 LIMIT=3\nstring<=5 name "x # y"\nwstring<=2[<=4] words\n'
@@ -105,7 +104,6 @@ def test_finds_dependencies_among_installed_definitions(share: Path) -> None:
     'name', ['OccupancyGrid', 'nav_msgs/OccupancyGrid', '../msg/x', 'a/srv/B']
 )
 def test_raises_for_a_name_that_is_not_a_message_type(name: str) -> None:
-    """Only full names of message types are looked up."""
     with pytest.raises(LavaError, match='a name such as nav_msgs/msg/OccupancyGrid'):
         message_schema(name)
 
@@ -125,7 +123,6 @@ WRITTEN = """
 
 
 def test_reads_writes_and_merges_qos_profiles() -> None:
-    """Policies are words, before metadata version 9 numbers; a merged offer suits all."""
     (item,) = yaml.safe_load(profiles_to_yaml([LATCHED]))
     (expected,) = yaml.safe_load(WRITTEN)
     assert list(item.items()) == list(expected.items())
@@ -151,7 +148,6 @@ NOT_PROFILES += [profiles_to_yaml([LATCHED]).replace('sec: 9223372036', 'sec: x'
 
 @pytest.mark.parametrize('text', NOT_PROFILES)
 def test_raises_for_an_invalid_qos_profile(text: str) -> None:
-    """An invalid list and a policy that rmw does not have raise."""
     with pytest.raises(LavaError, match='offered_qos_profiles'):
         profiles_from_yaml(text)
     with pytest.raises(LavaError, match=r'qos\.durability is .latched., expected one of'):
@@ -193,7 +189,6 @@ def test_reads_a_grid_with_any_frame_name_and_byte_order() -> None:
 
 
 def test_raises_for_a_truncated_grid() -> None:
-    """Truncation at any byte raises, and so does a wrong number of cells."""
     whole = message()
     # serialisation pads the end to four bytes
     for length in range(len(whole.data) - 3):

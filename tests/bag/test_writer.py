@@ -28,7 +28,6 @@ from lava_ros.errors import LavaError
 
 
 def test_rosbags_reads_what_was_written(bag: Bag) -> None:
-    """Messages, times, QoS, hashes and counts are equal; the schema in the file suffices."""
     directory, written = bag
     with AnyReader([directory]) as reader:
         read = [(conn.topic, time, bytes(data)) for conn, time, data in reader.messages()]
@@ -53,7 +52,6 @@ def test_rosbags_reads_what_was_written(bag: Bag) -> None:
 
 
 def test_the_file_has_summary_index_statistics_and_both_records(bag: Bag) -> None:
-    """The MCAP library finds everything that rosbag2 and the mcap tool use."""
     directory, written = bag
     path = directory / 'eruption_0.mcap'
     with path.open('rb') as stream:
@@ -87,7 +85,6 @@ def test_the_file_has_summary_index_statistics_and_both_records(bag: Bag) -> Non
 
 
 def test_metadata_yaml_has_the_format_of_rosbag2(bag: Bag) -> None:
-    """Keys, their order and values are those of version 9 in Jazzy."""
     directory, _ = bag
     document = yaml.safe_load((directory / 'metadata.yaml').read_text())
     assert list(document) == ['rosbag2_bagfile_information']
@@ -136,7 +133,6 @@ def test_log_time_never_decreases(tmp_path: Path, make_grid: MakeGrid) -> None:
 
 
 def test_refuses_an_existing_directory(tmp_path: Path) -> None:
-    """Nothing is overwritten, and an invalid limit creates no directory."""
     (tmp_path / 'kept').write_text('mine')
     with pytest.raises(LavaError, match='choose another name'):
         BagWriter(tmp_path, custom_data={})
@@ -149,7 +145,6 @@ def test_refuses_an_existing_directory(tmp_path: Path) -> None:
 
 
 def test_finishes_the_bag_once_also_after_an_error(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """Messages before the error are kept; a second close does nothing."""
     BagWriter(tmp_path / 'empty', custom_data={}).close()
     with Reader(tmp_path / 'empty') as reader:
         assert (reader.message_count, list(reader.messages())) == (0, [])
@@ -167,24 +162,20 @@ def test_finishes_the_bag_once_also_after_an_error(tmp_path: Path, make_grid: Ma
         writer.flush()
 
 
-@pytest.mark.parametrize(
-    ('change', 'field'),
-    [
-        ({'topic': 'hazard'}, 'topic'),
-        ({'topic': '/'}, 'topic'),
-        ({'message_type': 'OccupancyGrid'}, 'message_type'),
-        ({'message_type': 'gone_msgs/msg/Gone'}, 'message_type'),
-        ({'data': b''}, 'data'),
-        ({'stamp_ns': -1}, 'stamp_ns'),
-        ({'stamp_ns': 1.5}, 'stamp_ns'),
-        ({'topic': '/known', 'message_type': 'std_msgs/msg/Empty'}, 'message on /known'),
-        ({'topic': '/known', 'qos': QosProfile()}, 'message on /known'),
-    ],
-)
+@pytest.mark.parametrize(('change', 'field'), [
+    ({'topic': 'hazard'}, 'topic'),
+    ({'topic': '/'}, 'topic'),
+    ({'message_type': 'OccupancyGrid'}, 'message_type'),
+    ({'message_type': 'gone_msgs/msg/Gone'}, 'message_type'),
+    ({'data': b''}, 'data'),
+    ({'stamp_ns': -1}, 'stamp_ns'),
+    ({'stamp_ns': 1.5}, 'stamp_ns'),
+    ({'topic': '/known', 'message_type': 'std_msgs/msg/Empty'}, 'message on /known'),
+    ({'topic': '/known', 'qos': QosProfile()}, 'message on /known'),
+])
 def test_write_raises_for_invalid_arguments(
     tmp_path: Path, make_grid: MakeGrid, change: dict[str, object], field: str
 ) -> None:
-    """The error names the argument, and the bag is unchanged."""
     good = {'topic': '/hazard', 'message_type': GRID, 'data': make_grid(0), 'stamp_ns': 0}
     good['qos'] = LATCHED
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
@@ -198,7 +189,6 @@ def test_write_raises_for_invalid_arguments(
 
 
 def test_custom_data_can_change(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A flush writes the newest description to the file, closing writes it to metadata.yaml."""
     with pytest.raises(LavaError, match=r"custom_data\['rate'\] is 3"):
         BagWriter(tmp_path / 'bag', custom_data={'rate': 3})  # type: ignore[dict-item]
     with BagWriter(tmp_path / 'bag', custom_data={'a': '1'}) as writer:
@@ -275,7 +265,6 @@ def split(tmp_path: Path, make_grid: MakeGrid) -> Bag:
 
 
 def test_splits_a_bag_by_duration(split: Bag) -> None:
-    """metadata.yaml lists each file; a replay in the second begins with latched messages."""
     directory, written = split
     reader = BagReader(directory)
     assert [item.name for item in reader.files] == ['bag_0.mcap', 'bag_1.mcap', 'bag_2.mcap']
@@ -305,7 +294,6 @@ def test_splits_a_bag_by_duration(split: Bag) -> None:
 
 
 def test_rosbags_reads_a_split_bag(split: Bag, tmp_path: Path) -> None:
-    """It finds every message in the whole bag and in each single file."""
     directory, written = split
     with AnyReader([directory]) as reader:
         assert reader.message_count == len(written) + 2
@@ -331,7 +319,6 @@ def test_rosbags_reads_a_split_bag(split: Bag, tmp_path: Path) -> None:
 
 
 def test_splits_a_bag_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A file that has reached the size ends after its frame; 0 sets no limit."""
     record(tmp_path / 'one', make_grid, max_size=0, max_duration=0.0)
     assert [item.name for item in BagReader(tmp_path / 'one').files] == ['one_0.mcap']
     written = record(tmp_path / 'bag', make_grid, frames=40, max_size=30_000)
@@ -349,7 +336,6 @@ def test_splits_a_bag_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
 
 
 def test_large_latched_messages_do_not_fill_the_disk(tmp_path: Path, make_grid: MakeGrid) -> None:
-    """A terrain larger than the maximum size is not repeated for each frame."""
     noise = b''.join(make_grid(seed) for seed in range(40))
     with BagWriter(tmp_path / 'bag', custom_data={}, max_size=10_000) as writer:
         writer.write('/terrain', GRID, noise, 0, qos=LATCHED)
@@ -395,7 +381,6 @@ def test_recovered_bag_has_the_same_files_and_messages(split: Bag, tmp_path: Pat
 def test_killed_writer_leaves_every_flushed_message(
     killed_bag: Callable[..., tuple[Path, int]], size: int, limits: dict[str, float], files: int
 ) -> None:
-    """After SIGKILL all finished files and the flushed part of the last one are readable."""
     topics = ['/height', '/hazard']
     directory, flushed = killed_bag(220, size=size, topics=topics, **limits)
     assert not (directory / 'metadata.yaml').exists()
@@ -415,7 +400,6 @@ def test_killed_writer_leaves_every_flushed_message(
 def test_error_between_two_files_keeps_the_finished_ones(
     tmp_path: Path, make_grid: MakeGrid
 ) -> None:
-    """If the next file cannot be opened, the bag can still be closed and is complete."""
     writer = BagWriter(tmp_path / 'bag', custom_data={}, max_duration=1.0)
     writer.write('/hazard', GRID, make_grid(0), 0, qos=LATCHED)
     (tmp_path / 'bag' / 'bag_1.mcap').mkdir()
@@ -431,7 +415,6 @@ def test_error_between_two_files_keeps_the_finished_ones(
 def test_check_reports_a_directory_that_is_moved_during_the_check(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The error names the directory, not the file that was moved with it."""
     directory, stat, asked = _Directory(tmp_path / 'bag'), os.stat, list[Path]()
 
     def moved_then(path: Path, **options: Any) -> os.stat_result:

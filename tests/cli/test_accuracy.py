@@ -5,16 +5,17 @@
 
 import csv
 from dataclasses import replace
+from functools import partial
 import json
 import math
 from pathlib import Path
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import pytest
 
-from cli.calls import done, refused
-from command_line import lava
+from command_line import done, lava, refused
 from lava_ros.cli.effects import step_costs
 from lava_ros.effects import EFFECTS
 from lava_ros.simulation.accuracy import Accuracy
@@ -49,10 +50,23 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+def measured(case: str, *errors: float) -> Run:
+    """Return a run with the quantities q and r, which have relative errors."""
+    quantities = tuple(
+        Measurement(name, 1.0 + error, 1.0, 'm') for name, error in zip('qr', errors, strict=True)
+    )
+    return Run(case, quantities, 10, 2, 4, 60.0, 0.5)
+
+
 @pytest.fixture
 def one_setting(monkeypatch):
+    """Measure one setting, and replace the runs of all cases by known errors."""
     coarse = [measure.Setting('coarse', Accuracy(refinement=0.25), 'draft')]
     monkeypatch.setattr(measure, 'all_settings', lambda quick: coarse)
+    for name, case in measure.CASES.items():
+        run = partial(measured, name, 0.01, 0.02)
+        known = replace(case, measure=lambda accuracy, device, run=run: run())
+        monkeypatch.setitem(measure.CASES, name, known)
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -60,6 +74,7 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.nightly
 def test_accuracy_writes_its_report_without_optional_packages(tmp_path):
     words = ['accuracy', '--quick', '--case', 'fixed_volume', '--device', 'cpu']
     places = ['--output', str(tmp_path / 'a/b'), '--json', str(tmp_path / 'a.json')]
@@ -91,12 +106,8 @@ def test_accuracy_replaces_only_the_rows_of_named_cases(tmp_path, one_setting, m
 
 
 def test_interrupted_accuracy_keeps_finished_cases(tmp_path, one_setting, monkeypatch):
-    second = cases.CASES['dam_break']
-
-    def stop(accuracy, device):
-        raise KeyboardInterrupt
-
-    monkeypatch.setitem(measure.CASES, 'dam_break', replace(second, measure=stop))
+    stopped = replace(cases.CASES['dam_break'], measure=Mock(side_effect=KeyboardInterrupt))
+    monkeypatch.setitem(measure.CASES, 'dam_break', stopped)
     words = ['--quick', '--device', 'cpu', '--output', tmp_path]
     words += ['--case', 'fixed_volume', '--case', 'dam_break']
     assert lava('accuracy', *words)[0] == 130
@@ -119,10 +130,8 @@ def test_verify_reports_a_case_with_its_bounds(tmp_path):
 
 
 def test_verify_shows_progress_before_a_case_runs(monkeypatch):
-    def run(accuracy: object, device: str) -> Run:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
+    stopped = Case('fake', 'a fake', 'nobody', Mock(side_effect=KeyboardInterrupt))
+    monkeypatch.setattr(cases, 'CASES', {'fake': stopped})
     status, _, printed = lava('verify', '--device', 'cpu')
     assert (status, printed) == (130, '  0 %  1 of 1: a fake\n')
 
@@ -137,12 +146,8 @@ def test_verify_shows_progress_before_a_case_runs(monkeypatch):
     ((0.001, 0.02), ('--json', '-'), 1),
 ])
 def test_verify_fails_when_an_error_exceeds_its_bound(errors, words, status, monkeypatch):
-    def run(accuracy: object, device: str) -> Run:
-        first, second = errors
-        measured = Measurement('q', 1 + first, 1.0, 'm'), Measurement('r', 1 + second, 1.0, 'm')
-        return Run('fake', measured, 10, 2, 4, 60.0, 0.5)
-
-    monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
+    known = Case('fake', 'a fake', 'nobody', lambda *_: measured('fake', *errors))
+    monkeypatch.setattr(cases, 'CASES', {'fake': known})
     limits = (0.02, 0.01)  # draft, other presets
     monkeypatch.setattr(bounds, 'BOUNDS', {'fake': {'q': limits, 'r': limits}})
     ended, out, _ = lava('verify', '--device', 'cpu', *words)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import rasterio
 
-from cli.calls import done, refused
-from command_line import lava
+from command_line import done, lava, refused
 from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_case_in_degrees
 from lava_ros.bag import BagReader
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
+from lava_ros.hindcast.run import LONGEST_STEP
 from lava_ros.maps.frames import Recording
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
@@ -37,7 +37,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     names = ('case', 'material', 'preset')
     assert [data[name] for name in names] == ['valley', 'etna_basalt', 'draft']
     score = data['score']
-    assert score['jaccard'] > 0.3
+    assert score['precision'] > 0.9 and score['recall'] > 0.2
     assert data['volume']['error'] < 1e-5
     assert data['simulated_s'] == pytest.approx(3600.0)
     assert data['lava']['viscosity'] == 2e4
@@ -83,30 +83,14 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert len(list(BagReader(out / 'bag').messages(['/height']))) == 3
     times = [frame.time for frame in Recording(out / 'bag').frames()]
     dues = (1200, 2400, 3600)
-    assert all(0.0 <= time - due <= 60.0 for time, due in zip(times, dues, strict=True))
+    late = np.subtract(times, dues)
+    assert late.min() >= 0.0 and late.max() <= LONGEST_STEP
     frame = Recording(out / 'bag').frame_at()
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
     assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
 
 
-def test_the_number_of_maps_does_not_change_the_result(tmp_path):
-    case = write_case(tmp_path / 'valley', hours=1, yaml=LAVA)
-    words = ['hindcast', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
-    results, arrivals, frames = [], [], []
-    for maps in (1, 4, 7, 24):
-        out = tmp_path / str(maps)
-        done(*words, '--maps', maps, '-o', out)
-        data = json.loads((out / 'hindcast.json').read_text())
-        results.append({name: data[name] for name in ('score', 'steps', 'evaluations')})
-        with rasterio.open(out / 'arrival.tif') as file:
-            arrivals.append(file.read(1))
-        frames.append(len(list(Recording(out / 'bag').frames())))
-    assert results == results[:1] * 4
-    assert results[0]['score']['jaccard'] > 0.3
-    for arrival in arrivals:
-        np.testing.assert_array_equal(arrival, arrivals[0])
-    assert frames == [1, 4, 7, 24]
 
 
 def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
@@ -124,24 +108,17 @@ def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     assert not (tmp_path / 'out/.unfinished').exists()
 
 
-@pytest.mark.parametrize('command', ['hindcast', 'calibrate'])
-def test_refuses_unusable_cases(command, tmp_path):
+def test_refuses_unusable_cases_and_folders_of_others(tmp_path):
     case, out = write_case(tmp_path / 'valley'), tmp_path / 'out'
-    output = refused(command, case, '-o', out, '--json', tmp_path / 'none/a.json')
-    assert output.startswith(f'lava {command}: --json is ')
+    out.mkdir()
+    (out / 'thesis.txt').write_text('mine')
+    assert 'new, empty or of a hindcast' in refused('hindcast', case, '-o', out)
     (case / 'vent.csv').unlink()
-    output = refused(command, case, '-o', out)
-    assert output.startswith(f'lava {command}: case is') and output.count('\n') == 1
-    assert 'also holds vent.csv' in output
-    assert not out.exists()
-
-
-def test_hindcast_does_not_touch_other_folders(tmp_path):
-    case = write_case(tmp_path / 'valley')
-    (tmp_path / 'out').mkdir()
-    (tmp_path / 'out/thesis.txt').write_text('mine')
-    assert 'new, empty or of a hindcast' in refused('hindcast', case, '-o', tmp_path / 'out')
-    assert [path.name for path in (tmp_path / 'out').iterdir()] == ['thesis.txt']
+    for command in ('hindcast', 'calibrate'):
+        output = refused(command, case, '-o', tmp_path / 'new')
+        assert output.startswith(f'lava {command}: case is') and output.count('\n') == 1
+        assert 'also holds vent.csv' in output and not (tmp_path / 'new').exists()
+    assert [path.name for path in out.iterdir()] == ['thesis.txt']
 
 
 def test_calibration_reports_near_best_sets(valley, tmp_path):
@@ -206,17 +183,12 @@ def test_barrier_raises_the_elevation_along_a_line(tmp_path):
 
 
 def test_barriers_of_a_file_have_their_own_heights(tmp_path):
-    case = write_case(tmp_path / 'valley')
-    lines = tmp_path / 'lines.csv'
-    x, y = VENT
+    case, lines, (x, y) = write_case(tmp_path / 'valley'), tmp_path / 'lines.csv', VENT
     lines.write_text(f'x,y,x_end,y_end,height\n{x - 100},{y},{x + 100},{y},10\n'
                      f'{x},{y - 100},{x},{y + 100},\n')
-    output = done('barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines,
-                '--height', '4')
-    assert 'raised by up to 10.0 m' in output
-    assert 'height is missing' in refused(
-        'barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines
-    )
+    words = ['barrier', case / 'elevation.asc', '-o', tmp_path / 'new.tif', '--lines', lines]
+    assert 'raised by up to 10.0 m' in done(*words, '--height', '4')
+    assert 'height is missing' in refused(*words)
 
 
 @pytest.mark.parametrize(('words', 'named'), [

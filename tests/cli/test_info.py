@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from cli.calls import done, refused
+from command_line import done, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
 from lava_ros.simulation.output.budget import VolumeBudget

@@ -3,7 +3,6 @@
 
 """`lava`: parser, output and exit status."""
 
-import json
 import math
 import os
 from pathlib import Path
@@ -15,8 +14,7 @@ import sys
 import numpy as np
 import pytest
 
-from cli.calls import done, refused
-from command_line import lava
+from command_line import done, lava, refused
 import lava_ros
 from lava_ros.cli import main as cli
 from lava_ros.cli import options, plot, scene_options
@@ -39,51 +37,34 @@ TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
 @pytest.mark.parametrize(('line', 'named'), [
     ('plot none -o a.png', 'bag is'),
     ('info none', 'bag is'),
-    ('export none -o out', 'bag is'),
-    ('animate none -o a.gif', 'bag is'),
-    ('report none -o a.html', 'bag is'),
     # YAML's message of several lines becomes one
     ('effects file', "scene is 'file', expected"),
     ('feed --terrain none', 'none'),
-    ('feed --scene none', 'none'),
     ('demo --duration -1', '--duration is'),
     ('demo --max-speed 0', '--max-speed is'),
     ('demo --domain 500', '--domain is'),
     ('demo --forecast --members 1', '--members is 1'),
     ('demo --forecast --max-speed 0', '--max-speed is 0'),
-    ('demo --forecast --domain 500', '--domain is 500'),
     ('demo --forecast --json missing/out.json', '--json is'),
     ('demo --forecast --scene file', 'no --scene together with --forecast'),
     ('demo --members 8', 'no --members without --forecast'),
     ('accuracy --case none', '--case is'),
-    ('accuracy --device cuda:77', '--device is'),
     ('accuracy --repetitions 0', '--repetitions is'),
     ('accuracy --output file/folder', '--output is'),
-    ('accuracy --json none/a.json', '--json is'),
-    ('verify --preset perfect', '--preset is'),
     ('verify --preset as-published', '--preset is'),
     ('verify --case sheet none', '--case is'),
     ('verify --device tpu', '--device is'),
-    ('verify --json /nowhere/at/all/a.json', '--json is'),
-    ('bench effects --device cuda:77', '--device is'),
     ('bench effects --repetitions 0', '--repetitions is'),
-    ('bench effects --output none/a.csv', '--output is'),
     ('bench effects --json .', '--json is'),
     ('bench steps --device cpu --particles 400 3', '--particles is'),
-    ('watch nothing.mcap', 'nothing.mcap'),
     ('watch --port 70000', '--port is 70000'),
     ('watch bag --namespace /etna', 'no --namespace together with a bag'),
     ('watch --namespace "/no good"', '--namespace is'),
     # all commands parse times alike
     ('demo --duration "1 hour"', TIME),
-    ('effects --horizon "1 hour"', TIME),
     ('plan --within 9s --horizon "1 hour"', TIME),
     ('plot bag -o a.png --time "1 hour"', TIME),
-    ('export bag -o out --at "1 hour"', TIME),
-    ('animate bag -o a.gif --seconds "1 hour"', TIME),
     ('replay bag --start-offset "1 hour"', TIME),
-    ('replay bag --wait-for-subscribers "1 hour"', TIME),
-    ('accuracy --longest "1 hour"', TIME),
 ])
 def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -163,45 +144,19 @@ def island(tmp_path):
     return str(tmp_path / 'a.npz')
 
 
-def test_vents_from_a_file(island, tmp_path):
-    crs = {'type': 'name', 'properties': {'name': 'EPSG:32740'}}
-    line = [[365_300, 7_650_400], [365_300, 7_650_500], [365_600, 7_650_500]]
-    shapes = [
-        {'type': 'Feature', 'properties': {'name': 'bent', 'discharge': 8},
-         'geometry': {'type': 'LineString', 'coordinates': line}},
-        {'type': 'Feature', 'properties': {},
-         'geometry': {'type': 'Point', 'coordinates': line[2]}},
+def test_vents_of_a_file_open_and_close(island, tmp_path):
+    rows = (('', ''), ('60', ''), ('', '90'), ('60', '90'))
+    lines = [f'{365_300 + 50 * n},7650400,9,{start},{end}' for n, (start, end) in enumerate(rows)]
+    lines += ['365600,7650500,,,']
+    (tmp_path / 'vents.csv').write_text('\n'.join(['x,y,q,start_s,end_s', *lines]))
+    words = ('--terrain', island, '--vents', str(tmp_path / 'vents.csv'))
+    *vents, usual = scene_of(*words).vents
+    assert [vent.series for vent in vents] == [
+        ((-math.inf, 9.0),), ((60.0, 9.0),), ((0.0, 9.0), (90.0, 0.0)), ((60.0, 9.0), (90.0, 0.0)),
     ]
-    path = tmp_path / 'vents.geojson'
-    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': shapes, 'crs': crs}))
-    words = ('--terrain', island, '--vents', str(path))
-    first, second, point = scene_of(*words).vents
-    assert (first.name, first.discharge, second.discharge) == ('bent', 2.0, 6.0)
-    np.testing.assert_allclose([first.position, first.end], [[300, 400], [300, 500]], atol=1e-3)
-    np.testing.assert_allclose(second.end, point.position)
-    assert (point.end, point.discharge) == (None, 50.0)
-    for more, named in (
-        (('--discharge', '5'), '--effusion-rate is 5.0, expected no --effusion-rate, since'),
-        (('--vent', '365300,7650400'), 'no --vent together with --vents'),
-    ):
-        with pytest.raises(LavaError, match=named):
-            scene_of(*words, *more)
-    path.write_text('{"type": "Point", "coordinates": [10.0, 20.0]}')
-    with pytest.raises(LavaError, match=r'a vent of .* .vent 0. is .*a place on the terrain'):
-        scene_of(*words)
-
-
-@pytest.mark.parametrize(('start', 'end', 'series'), [
-    ('', '', ((-math.inf, 9.0),)),
-    ('60', '', ((60.0, 9.0),)),
-    ('', '90', ((0.0, 9.0), (90.0, 0.0))),
-    ('60', '90', ((60.0, 9.0), (90.0, 0.0))),
-])
-def test_vents_of_a_file_open_and_close(start, end, series, island, tmp_path):
-    text = f'x,y,q,start_s,end_s\n365300,7650400,9,{start},{end}\n'
-    (tmp_path / 'vents.csv').write_text(text)
-    (vent,) = scene_of('--terrain', island, '--vents', str(tmp_path / 'vents.csv')).vents
-    assert vent.series == series
+    assert (usual.position, usual.discharge) == ((600.0, 500.0), 50.0)
+    with pytest.raises(LavaError, match='no --vent together with --vents'):
+        scene_of(*words, '--vent', '365300,7650400')
 
 
 def test_effusion_rates_of_a_table_are_divided_among_vents(island, tmp_path):
@@ -219,14 +174,7 @@ def test_effusion_rates_of_a_table_are_divided_among_vents(island, tmp_path):
             scene_of('--terrain', island, '--vents', str(tmp_path / 'vents.csv'), *rate)
     (summit,) = scene_of(*words).vents
     assert summit.discharge == ((0.0, 30.0), (86400.0, 0.0))
-    for more, sentence in (
-        (('--effusion-rate', '7', '--gaps', 'zero'), '--gaps is .zero., expected no --gaps with'),
-        (('--gaps', 'none'), "argument --gaps: invalid choice: 'none'"),
-        (('--porosity', '2'), 'porosity is 2.0, expected at least 0 and below 1'),
-        (('--eruption-start', 'now'), "start is 'now', expected a date such as 2021-09-19"),
-        (('--effusion-rate', 'nowhere.csv'), '--effusion-rate is .nowhere.csv., expected a file'),
-    ):
-        assert re.search(sentence, refused('effects', *words, *more))
+    assert '--gaps is' in refused('effects', *words, '--effusion-rate', '7', '--gaps', 'zero')
 
 
 @pytest.mark.parametrize(
@@ -248,7 +196,6 @@ def test_options_set_vent_discharge_and_material(place, island, caplog):
 @pytest.mark.parametrize(('words', 'sentence'), [
     (('--vent', '-155.2,19.4'), "--vent is '-155.2,19.4', expected"),
     (('--vent', '1,2,3'), "--vent is '1,2,3', expected longitude,latitude"),
-    (('--vent', 'nan,1'), "--vent is 'nan,1', expected longitude,latitude"),
     (('--vent', '364000,7650400'), 'a place on the terrain, which covers easting 365000 to'),
     (('--discharge', '-3'), 'discharge is -3.0, expected a finite number at least 0'),
     (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
@@ -283,7 +230,6 @@ def test_help_lists_every_command():
     (('replay',), 'lava replay: the following arguments are required: bag; '),
     (('replay', 'b', '--rate', 'x'), "lava replay: argument --rate: invalid float value: 'x'"),
     (('replay', 'bag', '--rte', '2'), 'lava: unrecognized arguments: --rte 2'),
-    (('info', 'a', 'b'), 'lava: unrecognized arguments: b; '),
     (('info', 'a', '\x1b[31m'), 'lava: unrecognized arguments: \\x1b[31m; '),
     (('info', '\udcff'), "lava: an argument is '\\udcff', expected text in UTF-8; "),
     (('demo', '--preset', 'none'), "lava demo: argument --preset: invalid choice: 'none'"),
@@ -340,9 +286,7 @@ def test_constants_of_the_parser_equal_those_of_the_package(declared, known):
 
 
 @pytest.mark.parametrize(('line', 'words'), [
-    ('lava do', {'doctor'}),
-    ('lava replay --ra', {'--rate'}),
-    ('lava demo --preset dr', {'draft'}),
+    ('lava do', {'doctor'}), ('lava demo --preset dr', {'draft'}),
     ('lava effects et', {'etna.yaml'}),
 ])
 def test_shell_completes_commands_options_choices_and_files(line, words, tmp_path):

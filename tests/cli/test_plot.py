@@ -10,6 +10,7 @@ import re
 import shutil
 import sys
 from typing import Any
+from unittest.mock import Mock
 
 from matplotlib.image import imread
 import numpy as np
@@ -19,9 +20,8 @@ import rasterio
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.warp import transform
 
-from cli.calls import done, refused
-from cli.inputs import ensemble_words, write_outline, write_scene
-from command_line import lava
+from cli.conftest import ensemble_words, write_ensemble_scene, write_outline
+from command_line import done, lava, refused
 from lava_ros.maps.export import MAPS
 from lava_ros.scene import Terrain
 from recording import GRIDS, record, TERRAIN
@@ -30,7 +30,6 @@ from recording import GRIDS, record, TERRAIN
 def plot(folder: Path, *words: object) -> dict[str, Any]:
     """Draw a page, and return its JSON description."""
     done('plot', *words, '-o', folder / 'map.png', '--json', folder / 'output.json')
-    assert imread(folder / 'map.png').shape[2] == 4
     return json.loads((folder / 'output.json').read_text())
 
 
@@ -44,7 +43,7 @@ def bag(tmp_path_factory):
 def ensemble(tmp_path_factory):
     """Run four members on the terrain of the bag."""
     folder = tmp_path_factory.mktemp('ensemble')
-    write_scene(folder, 3.0, {'position': {'deviation': 5.0}})
+    write_ensemble_scene(folder, 3.0, {'position': {'deviation': 5.0}})
     done(*ensemble_words(folder, 4))
     return folder / 'members'
 
@@ -52,12 +51,11 @@ def ensemble(tmp_path_factory):
 @pytest.fixture
 def outline(tmp_path):
     """Write an observed outline that overlaps both flows."""
-    ring = [[499_950, 4_180_070], [500_060, 4_180_070], [500_060, 4_180_120],
-            [499_950, 4_180_120], [499_950, 4_180_070]]
-    return str(write_outline(tmp_path / 'outline.geojson', ring))
+    corners = (499_950, 4_180_070), (500_060, 4_180_120)
+    return write_outline(tmp_path / 'outline.geojson', *corners)
 
 
-def test_plot_describes_a_bag(bag, tmp_path):
+def test_plot_describes_a_bag(bag, tmp_path, undrawn):
     output = plot(tmp_path, bag)
     assert output['title'] == 'Lava flow after 13 min'
     assert output['maps'] == ['Lava thickness', 'Temperature', 'Hazard index']
@@ -78,9 +76,14 @@ def test_plot_describes_a_bag(bag, tmp_path):
     assert output['notes']['date'] == '2026-11-23'
 
 
-def test_plot_describes_and_scores_an_ensemble(ensemble, tmp_path, outline):
+def test_plot_describes_and_scores_an_ensemble(ensemble, tmp_path, outline, undrawn):
     output = plot(tmp_path, ensemble)
-    assert len(output['maps']) == 4 and output['title'] == 'Lava within 3 min, 4 runs'
+    assert output['title'] == 'Lava within 3 min, 4 runs'
+    assert output['maps'][1:] == [
+        'Early arrival (1 run in 10)', 'Median arrival (1 run in 2)', 'Late arrival (9 runs in 10)'
+    ]
+    assert 'radiation' in output['notes']['processes included']
+    assert output['notes']['runs'].startswith('4; a probability of 50 % is known to 25 percentage')
     assert output['notes']['elevation'] == 'a slope of tests, maps in cells of 5 m'
     assert output['notes']['uncertain'] == 'position' and output['scores'] == {}
     output = plot(tmp_path, ensemble, '--layers', 'inundation_probability', '--observed', outline)
@@ -108,7 +111,7 @@ def test_ensemble_adds_a_format_when_run_again(ensemble, monkeypatch):
     assert found['crs'] == 'EPSG:32633' and 'time_s' in found['fields']
 
 
-def test_plot_compares_runs_by_folder(bag, ensemble, tmp_path):
+def test_plot_compares_runs_by_folder(bag, ensemble, tmp_path, undrawn):
     other = record(tmp_path / 'other' / 'flow', times=(200.0, 400.0))
     output = plot(tmp_path, bag, other)
     assert output['maps'] == [f'{path.parent.name}/flow: Lava thickness' for path in (bag, other)]
@@ -140,16 +143,12 @@ def test_plot_draws_overlays_and_counts_those_off_the_map(bag, tmp_path, caplog,
 @pytest.mark.parametrize(('words', 'named'), [
     (('--layers', 'inundation_probability'), 'one of thickness, temperature, hazard'),
     (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
-    (('--observed', 'none.geojson'), '--observed is'),
     (('--time', '9h'), 'time is'),
     (('--extent', '5', '1', '4', '2'), '--extent is .5 1 4 2., expected WEST SOUTH EAST'),
     (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent with'),
-    (('--extent', 'nan', '2', '3', '4'), '--extent is nan'),
     (('--scale', '1:0'), '--scale is .0., expected'),
     (('--scale', '1:20'), '--scale is .1:20., expected 1:[0-9]+ or smaller'),
-    (('--scale', 'large'), '--scale is'),
     (('--onset', '2006-07-14T22:00'), '--onset is .*offset from UTC'),
-    (('--onset', 'yesterday'), '--onset is'),
     (('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Etna'), '--timezone is'),
     (('--timezone', 'Europe/Rome'), '--timezone is .*together with --onset'),
     (('--logo', 'none.png'), '--logo is .none.png., expected a PNG or JPEG'),
@@ -159,7 +158,7 @@ def test_plot_refuses_unusable_options(bag, tmp_path, words, named):
     assert not (tmp_path / 'a.png').exists()
 
 
-def test_maps_older_than_the_requested_time_are_noted(bag, tmp_path, caplog):
+def test_maps_older_than_the_requested_time_are_noted(bag, tmp_path, caplog, undrawn):
     output = plot(tmp_path, bag, '--time', '550s')
     assert output['title'] == 'Lava flow after 7 min'
     note = 'maps at 7 min (400 s), the newest of the recording at or before 9 min (550 s)'
@@ -171,7 +170,7 @@ def test_maps_older_than_the_requested_time_are_noted(bag, tmp_path, caplog):
     assert 'time' not in plot(tmp_path, bag)['notes'] and 'the newest' not in caplog.text
 
 
-def test_onset_gives_dates_in_utc_and_local_time(ensemble, tmp_path):
+def test_onset_gives_dates_in_utc_and_local_time(ensemble, tmp_path, undrawn):
     onset = ('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Rome')
     bag = record(tmp_path / 'flow', config=GRIDS)
     notes = plot(tmp_path, bag, '--layers', 'arrival', '--time', '600', *onset)['notes']
@@ -182,7 +181,7 @@ def test_onset_gives_dates_in_utc_and_local_time(ensemble, tmp_path):
     assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
 
 
-def test_onset_of_a_bag_gives_dates(tmp_path, caplog):
+def test_onset_of_a_bag_gives_dates(tmp_path, caplog, undrawn):
     stated = {'onset': '2006-07-14T22:00:00Z'}
     bag = record(tmp_path / 'flow', config=GRIDS, custom_data=stated)
     zone = ('--timezone', 'Europe/Rome')
@@ -209,43 +208,33 @@ def test_onset_of_a_bag_gives_dates(tmp_path, caplog):
     assert "onset of the bag is 'in summer', expected a date" in caplog.text
 
 
-@pytest.mark.parametrize('command', ['plot', 'report'])
-def test_observed_lava_off_the_map_is_refused(command, bag, ensemble, tmp_path):
-    ring = [[0, 0], [100, 0], [100, 100], [0, 100], [0, 0]]
-    far = write_outline(tmp_path / 'far.geojson', ring)
-    page = tmp_path / {'plot': 'a.png', 'report': 'a.html'}[command]
-    for run in (ensemble, bag) if command == 'plot' else (ensemble,):
-        output = refused(command, run, '-o', page, '--observed', far)
+def test_observed_lava_off_the_map_is_refused(bag, ensemble, tmp_path):
+    far = write_outline(tmp_path / 'far.geojson', (0, 0), (100, 100))
+    for command, run, page in (
+        ('plot', ensemble, 'a.png'), ('plot', bag, 'a.png'), ('report', ensemble, 'a.html')
+    ):
+        output = refused(command, run, '-o', tmp_path / page, '--observed', far)
         assert re.search('--observed is .*far.geojson.*observed lava on the terrain', output)
-    assert not page.exists()
+        assert not (tmp_path / page).exists()
 
 
-def test_pages_use_plain_words(ensemble, tmp_path):
-    output = plot(tmp_path, ensemble)
-    assert output['maps'][1:] == [
-        'Early arrival (1 run in 10)', 'Median arrival (1 run in 2)', 'Late arrival (9 runs in 10)'
-    ]
-    assert 'physics' not in output['notes']
-    assert 'radiation' in output['notes']['processes included']
-    assert output['notes']['runs'].startswith('4; a probability of 50 % is known to 25 percentage')
-
-
-def test_extents_in_degrees_and_metres_agree(bag, tmp_path):
-    pictures = []
+def test_extents_in_degrees_and_metres_agree(bag, tmp_path, monkeypatch):
+    drawn = Mock()
+    monkeypatch.setattr('lava_ros.pages.pictures.draw_sheet', drawn)
     metres = (499_980.0, 4_180_050.0, 500_050.0, 4_180_100.0)
     x, y = transform('EPSG:32633', 'EPSG:4326', metres[::2], metres[1::2])
     for extent in (metres, (x[0], y[0], x[1], y[1])):
         plot(tmp_path, bag, '--layers', 'hazard', '--extent', *extent)
-        pictures.append(imread(tmp_path / 'map.png')[200:-200])
-    assert float((pictures[0] != pictures[1]).any(axis=-1).mean()) < 0.02
+    first, second = (call.kwargs['extent'] for call in drawn.mock_calls)
+    assert first == metres
+    np.testing.assert_allclose(second, metres, rtol=0.0, atol=0.5)
 
 
-@pytest.mark.parametrize(
-    'words',
-    [('--overlay', 'a.csv'), ('--scale', '1:2000'), ('--author', 'A'), ('--logo', 'a.png')],
-)
-def test_report_of_a_bag_refuses_page_options(bag, tmp_path, words):
-    assert f'{words[0]} is' in refused('report', bag, '-o', tmp_path / 'a.html', *words)
+def test_report_of_a_bag_refuses_page_options(bag, tmp_path):
+    for option, value in (
+        ('--overlay', 'a.csv'), ('--scale', '1:2000'), ('--author', 'A'), ('--logo', 'a.png')
+    ):
+        assert f'{option} is' in refused('report', bag, '-o', tmp_path / 'a.html', option, value)
     assert not (tmp_path / 'a.html').exists()
 
 
@@ -258,9 +247,7 @@ def test_refuses_an_unfinished_ensemble(ensemble, tmp_path):
 
 
 @pytest.mark.parametrize(('name', 'value', 'limits'), [
-    ('inundation_probability', 700.0, '0 to 100'), ('arrival_time_p50', -3.0, '0 to 180'),
-    ('arrival_time_p10', np.inf, '0 to 180'),
-    ('expected_peak_thickness', 4.3e6, '0 to 100000'),
+    ('inundation_probability', 700.0, '0 to 100'), ('arrival_time_p10', np.inf, '0 to 180'),
     ('elevation', 4.3e6, '-100000 to 100000'),
 ])
 def test_impossible_values_of_an_ensemble_are_refused(ensemble, tmp_path, name, value, limits):
@@ -274,7 +261,7 @@ def test_impossible_values_of_an_ensemble_are_refused(ensemble, tmp_path, name, 
         assert f'{name}.tif has {value:g}, expected {limits}' in output
 
 
-def test_reports_contain_maps_and_facts(bag, ensemble, tmp_path, outline):
+def test_reports_contain_maps_and_facts(bag, ensemble, tmp_path, outline, undrawn):
     page = tmp_path / 'a.html'
     done('report', ensemble, '-o', page, '--observed', outline)
     text = page.read_text()
@@ -293,15 +280,6 @@ def test_export_lists_or_counts_its_files(bag, tmp_path):
         f'14 files written to {tmp_path / "all"}\n'
     )
     assert len(list((tmp_path / 'all').glob('*.tif'))) == 14
-
-
-def test_export_without_coordinate_system_suggests_options(tmp_path):
-    bag = record(tmp_path / 'bag', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))
-    words = ['--epsg', '32633', '--offset', '500000', '4180000']
-    status, _, output = lava('export', bag, '-o', tmp_path / 'a')
-    assert status == 0 and '--epsg and --offset set one' in output
-    status, _, output = lava('export', bag, '-o', tmp_path / 'b', *words)
-    assert (status, output) == (0, '')
 
 
 def test_info_has_the_simulated_time_and_volumes(bag):

@@ -3,22 +3,17 @@
 
 """A node that feeds a node, and callbacks that fail or are interrupted."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 import signal
-from typing import Any
 from unittest.mock import Mock
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from nav_msgs.msg import MapMetaData
 import numpy as np
 import pytest
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
-from sensor_msgs.msg import Image, PointCloud2
 
-from lava_ros.bag.decoding import cloud_columns
 from lava_ros.clients.feed import SceneFeed
 from lava_ros.clients.watcher import Watcher
 from lava_ros.ros import inputs, qos
@@ -97,120 +92,91 @@ LATE = DiagnosticStatus(
 )
 
 
-class Graph:
-    """A feed, and a listener that joined before or after it."""
+class Feed(SceneFeed):
+    """A feed whose messages are kept."""
 
-    def __init__(self) -> None:
-        self._executor = SingleThreadedExecutor()
-        self.received: dict[str, list[Any]] = {'terrain': [], 'terrain_info': [], 'vents': []}
-
-    def add_feed(self, *events: TerrainEvent, has_vents: bool = True) -> None:
+    def __init__(self, *events, has_vents=True):
+        self.sent = {'terrain': [], 'terrain_info': [], 'vents': []}
         scene = Scene(TERRAIN, VENTS, lava=Lava(), events=events)
-        self._executor.add_node(SceneFeed(scene, has_vents=has_vents))
+        super().__init__(scene, has_vents=has_vents)
 
-    def add_listener(self) -> Any:
-        """Start a node that listens with the QoS of the lava node; return its diagnostics."""
-        node = rclpy.create_node('listener')
-        for name, kind, profile in (
-            ('terrain', Image, qos.LATCHED),
-            ('terrain_info', MapMetaData, qos.LATCHED),
-            ('vents', PointCloud2, qos.COMMANDS),
-        ):
-            node.create_subscription(
-                kind, name, self.received[name].append, qos.ros_profile(profile)
-            )
-        self._executor.add_node(node)
-        return node.create_publisher(
-            DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
-        )
+    def create_publisher(self, kind, topic, *arguments, **options):
+        publisher = super().create_publisher(kind, topic, *arguments, **options)
+        if topic in self.sent:
+            publisher.publish = self.sent[topic].append
+        return publisher
 
-    def close(self) -> None:
-        nodes = self._executor.get_nodes()
-        self._executor.shutdown()
-        for node in nodes:
-            node.destroy_node()
+    def receive(self, *statuses):
+        self._on_diagnostics(DiagnosticArray(status=statuses))
 
-    def discharge(self) -> float:
-        """Return the last received discharge of the first vent, NaN if there is none."""
-        if not self.received['vents']:
-            return np.nan
-        columns = cloud_columns(self.received['vents'][-1], 'vents', ('discharge',))
-        return float(columns['discharge'][0])
+    def run(self):
+        """Run the callbacks of all timers."""
+        for timer in self.timers:
+            timer.callback()
 
-    def spin_until(self, condition: Callable[[], bool]) -> None:
-        wait_until(lambda: self._executor.spin_once(timeout_sec=0.1) or condition())
+    def terrain(self, index):
+        pair = self.sent['terrain'][index], self.sent['terrain_info'][index]
+        return inputs.terrain_from_image(*pair, Settings())
 
 
 @pytest.fixture
-def graph() -> Iterator[Graph]:
+def make_feed():
+    """Return a function that makes a feed."""
     rclpy.init(args=[], domain_id=own_domain(), signal_handler_options=SignalHandlerOptions.NO)
-    graph = Graph()
-    yield graph
-    graph.close()
+    made = []
+
+    def make(*events, **options):
+        made.append(Feed(*events, **options))
+        return made[-1]
+
+    yield make
+    for feed in made:
+        feed.destroy_node()
     rclpy.shutdown()
 
 
-def test_late_subscriber_gets_terrain_and_vents(graph: Graph) -> None:
-    graph.add_feed()
-    graph.add_listener()
-    graph.spin_until(lambda: all(graph.received.values()))
-    rules = Settings()
-    terrain = inputs.terrain_from_image(
-        graph.received['terrain'][0], graph.received['terrain_info'][0], rules
-    )
+def test_vents_follow_simulated_time(make_feed):
+    feed = make_feed()
+    terrain = feed.terrain(0)
     np.testing.assert_array_equal(terrain.elevation, TERRAIN.elevation)
     assert (terrain.resolution, terrain.origin) == (2.5, (1.0, 2.0))
-    vents = inputs.vents_from_cloud(graph.received['vents'][0], rules)
+    feed.run()
+    feed.run()
+    (cloud,) = feed.sent['vents']
+    vents = inputs.vents_from_cloud(cloud, Settings())
     # a fissure is its two ends, with half the discharge each
     assert [vent.position for vent in vents] == [(2.0, 3.0), (3.0, 4.0), (8.0, 4.0)]
     assert [vent.discharge for vent in vents] == [10.0, 2.5, 2.5]
     assert vents[0].temperature == pytest.approx(VENTS[0].temperature, abs=1e-3)
+    feed.receive(LATE)
+    feed.run()
+    _, cloud = feed.sent['vents']
+    assert inputs.vents_from_cloud(cloud, Settings())[0].discharge == 4.0
 
 
-def test_discharge_follows_simulated_time(graph: Graph) -> None:
-    publisher = graph.add_listener()
-    graph.add_feed()
-    graph.spin_until(lambda: graph.discharge() == 10.0)
-    graph.spin_until(lambda: publisher.get_subscription_count() > 0)
-    publisher.publish(DiagnosticArray(status=[LATE]))
-    graph.spin_until(lambda: graph.discharge() == 4.0)
-    assert len(graph.received['vents']) == 2
-
-
-def test_terrain_event_follows_simulated_time(graph: Graph) -> None:
+def test_terrain_events_follow_simulated_time(make_feed):
     new = replace(TERRAIN, elevation=TERRAIN.elevation + 3.0)
-    publisher = graph.add_listener()
-    graph.add_feed(
+    feed = make_feed(
         TerrainEvent(3600.0, 'new ground', new), TerrainEvent(9000.0, 'old ground', TERRAIN),
         has_vents=False,
     )
-    graph.spin_until(lambda: len(graph.received['terrain']) == 1)
-    graph.spin_until(lambda: publisher.get_subscription_count() > 0)
-    publisher.publish(DiagnosticArray(status=[LATE]))
-    graph.spin_until(
-        lambda: len(graph.received['terrain']) == 2 and len(graph.received['terrain_info']) == 2
-    )
-    terrain = inputs.terrain_from_image(
-        graph.received['terrain'][1], graph.received['terrain_info'][1], Settings()
-    )
-    np.testing.assert_array_equal(terrain.elevation, new.elevation)
-    assert not graph.received['vents']
+    feed.run()
+    assert len(feed.sent['terrain']) == 1
+    feed.receive(LATE)
+    feed.run()
+    assert len(feed.sent['terrain']) == 2
+    np.testing.assert_array_equal(feed.terrain(1).elevation, new.elevation)
+    assert not feed.sent['vents']
 
 
-def test_feed_reports_each_rejection_of_the_node_once(
-    graph: Graph, capfd: pytest.CaptureFixture[str]
-) -> None:
-    publisher = graph.add_listener()
-    graph.add_feed()
-    graph.spin_until(lambda: publisher.get_subscription_count() > 0)
+def test_feed_reports_each_rejection_of_the_node_once(make_feed, capfd):
+    feed = make_feed()
     refusal = "refused terrain: terrain.data is '5 of 12 cells without data (NaN)'"
     good = DiagnosticStatus(name='lava: inputs', level=DiagnosticStatus.OK, message='all taken')
     bad = DiagnosticStatus(name='lava: inputs', level=DiagnosticStatus.ERROR, message=refusal)
     other = DiagnosticStatus(name='etna/lava: inputs', level=DiagnosticStatus.ERROR, message='no')
-    for statuses in ([good], [bad], [bad, other], [good], [bad], [LATE]):
-        publisher.publish(DiagnosticArray(status=statuses))
-    # by the vents of the new time, all earlier messages have been received
-    graph.spin_until(lambda: graph.discharge() == 4.0)
+    for statuses in ([good], [bad], [bad, other], [good], [bad]):
+        feed.receive(*statuses)
     errors = capfd.readouterr().err
     assert errors.count(f'lava: inputs: {refusal}') == 2
     assert '[ERROR]' in errors

@@ -1,11 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Maps of a node become frames, in a real graph."""
+"""Maps of a node become frames, and commands reach the node."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +17,7 @@ from lava_ros.clients import live_frames
 from lava_ros.clients.live_frames import LiveFrames
 from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
-from lava_ros.maps.layers import IMAGE, PROBABILITY
+from lava_ros.maps.layers import PROBABILITY
 from lava_ros.maps.plot import barriers_of
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.outputs import vent_markers
@@ -34,84 +32,63 @@ BARRIER = [(500_020.0, 4_180_050.0), (500_060.0, 4_180_070.0)]
 LAYERS = {item.source: item for item in watched_layers()}
 
 
-class FakeNode(Watcher):
-    """Publishes the messages of a node in /etna."""
+class Received(LiveFrames):
+    """Frames of a node in /etna whose messages a test delivers."""
 
-    def __init__(self) -> None:
-        super().__init__('fake_node', own_domain(), 'etna')
-        self._publishers: dict[str, Any] = {}
+    def __init__(self):
+        super().__init__('/etna', own_domain())
 
-    def publish(self, topic: str, message: Any) -> None:
-        """Publish a message once a subscriber exists; all but diagnostics are latched."""
-        if topic not in self._publishers:
-            profile = qos.DIAGNOSTICS if topic == '/diagnostics' else qos.LATCHED
-            self._publishers[topic] = self._node.create_publisher(
-                type(message), topic, qos.ros_profile(profile)
-            )
-        until(lambda: self._publishers[topic].get_subscription_count() > 0)
-        self._publishers[topic].publish(message)
+    def deliver(self, topic, message):
+        name = topic if topic.startswith('/') else f'/etna/{topic}'
+        (taker,) = [item for item in self._node.subscriptions if item.topic_name == name]
+        assert isinstance(message, taker.msg_type)
+        taker.callback(message)
 
-    def publish_ground(self, live: LiveFrames) -> None:
-        """Publish terrain and vents, and wait until all of it has arrived."""
-        image, info = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START).values()
-        self.publish('terrain', image)
-        self.publish('terrain_info', info)
+    def deliver_ground(self):
+        messages = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START)
         ground = replace(TERRAIN, barriers=[BARRIER])
         markers = vent_markers((VENT,), 0.0, ground, frame_id='map', stamp_ns=START)
-        self.publish('vents_markers', markers)
-        until(
-            lambda: live._elevation is not None and live._info is not None and live._scene,
-            live.poll,
-        )
+        for topic, message in {**messages, 'vents_markers': markers}.items():
+            self.deliver(topic, message)
 
-    def frame(self, second: int, *sources: str) -> None:
-        """Publish maps of a frame; each second is 100 s of simulated time."""
+    def deliver_maps(self, second, *sources):
+        """Deliver maps of a second; each second is 100 s of simulated time."""
         time_s, stamp = 100.0 * second, START + second * SECOND
         snapshot = snapshot_at(time_s, growing(time_s), TERRAIN)
         for source in sources:
             layer = LAYERS[source]
             message = outputs.layer_message(layer, snapshot, frame_id='map', stamp_ns=stamp)
-            self.publish(layer.topic, message)
+            self.deliver(layer.topic, message)
 
-    def status(self, second: float, simulated: float, name: str = 'etna/lava') -> None:
-        """Publish diagnostics with the simulated time of the frame of a second."""
-        snapshot = snapshot_at(simulated, growing(simulated), TERRAIN)
-        message = diagnostics_of(snapshot, START + int(second * SECOND))
-        message.status[0].name = f'{name}: simulation'
-        message.status[0].message = 'running'
-        self.publish('/diagnostics', message)
+    def deliver_status(self, second, simulated, name='etna/lava'):
+        self.deliver('/diagnostics', status_message(second, simulated, name))
 
 
-def until(condition: Callable[[], bool], poll: Callable[[], None] = lambda: None) -> None:
-    wait_until(lambda: poll() or condition())
+def status_message(second, simulated, name='etna/lava'):
+    """Return diagnostics with the simulated time of the frame of a second."""
+    snapshot = snapshot_at(simulated, growing(simulated), TERRAIN)
+    message = diagnostics_of(snapshot, START + int(second * SECOND))
+    message.status[0].name = f'{name}: simulation'
+    message.status[0].message = 'running'
+    return message
 
 
 @pytest.fixture
-def live() -> Iterator[LiveFrames]:
-    frames = LiveFrames('/etna', own_domain())
+def live():
+    frames = Received()
     yield frames
     frames.close()
 
 
-@pytest.fixture
-def node(live: LiveFrames) -> Iterator[FakeNode]:
-    result = FakeNode()
-    yield result
-    result.close()
-
-
-def test_maps_become_frames_of_their_time(live: LiveFrames, node: FakeNode) -> None:
+def test_maps_become_frames_of_their_time(live):
     """A map without diagnostics has a time between those of its neighbours."""
-    node.publish_ground(live)
-    node.frame(2, 'thickness', 'hazard')
-    until(lambda: len(live._waiting.get(START + 2 * SECOND, ())) == 2, live.poll)
-    node.status(2, 200.0)
-    until(lambda: live.times == [200.0], live.poll)
+    live.deliver_ground()
+    live.deliver_maps(2, 'thickness', 'hazard')
+    live.deliver_status(2, 200.0)
+    assert live.times == [200.0]
     for second in (3, 4):
-        node.frame(second, 'thickness')
-        until(lambda stamp=START + second * SECOND: stamp in live._waiting, live.poll)
-    node.status(4, 400.0)
-    until(lambda: len(live.times) == 3, live.poll)
+        live.deliver_maps(second, 'thickness')
+    live.deliver_status(4, 400.0)
     assert live.times == [200.0, 300.0, 400.0]
     assert len(live.frame(0).vents) == 1
     assert live.status == (Level.OK, 'etna/lava: running')
@@ -124,31 +101,33 @@ def test_maps_become_frames_of_their_time(live: LiveFrames, node: FakeNode) -> N
         assert np.isfinite(frame.layers['hazard'].values).sum() == 20
     assert (frame.time, frame.resolution, frame.origin) == (400.0, 5.0, (-50.0, 20.0))
     np.testing.assert_allclose(frame.vents, [VENT.position])
+    (vent,) = frame.scene['vents']
+    assert vent['name'].startswith('open: 10 m3/s')
+    np.testing.assert_allclose(vent['position'], VENT.position)
     (crest,) = barriers_of(frame)
     np.testing.assert_allclose(crest, np.subtract(BARRIER, TERRAIN.offset))
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation.astype(np.float32))
+    values = [KeyValue(key='x_m', value='20.0'), KeyValue(key='y_m', value='95.0')]
+    statuses = [DiagnosticStatus(name='hut', values=values), DiagnosticStatus(name='unplaced')]
+    live.deliver('place_arrivals', DiagnosticArray(status=statuses))
+    assert live.places == {'hut': (20.0, 95.0)}
     # a reset: frames of the previous run are dropped
-    node.status(5, 0.0)
-    until(lambda: live.times == [], live.poll)
+    live.deliver_status(5, 0.0)
+    assert live.times == []
 
 
-def test_probabilities_belong_to_later_frames(
-    live: LiveFrames, node: FakeNode, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_probabilities_belong_to_later_frames(live, monkeypatch):
     monkeypatch.setattr(live_frames, 'MAX_FRAMES', 4)
-    node.publish_ground(live)
+    live.deliver_ground()
     for second in range(1, 6):
         if second == 3:
             cells = np.full(TERRAIN.shape, 40, dtype=np.int8)
             cells[0] = -1
             info = codec.map_metadata(TERRAIN, START)
             grid = codec.occupancy_grid(cells, info, codec.header('map', START))
-            node.publish(LAYERS[PROBABILITY].topic, grid)
-            until(lambda: bool(live._forecasts), live.poll)
-        node.frame(second, 'thickness')
-        until(lambda stamp=START + second * SECOND: stamp in live._waiting, live.poll)
-        node.status(second, 100.0 * second)
-        until(lambda now=100.0 * second: now in live.times, live.poll)
+            live.deliver(LAYERS[PROBABILITY].topic, grid)
+        live.deliver_maps(second, 'thickness')
+        live.deliver_status(second, 100.0 * second)
     assert live.times == [100.0, 300.0, 500.0]
     assert PROBABILITY not in live.frame(0).layers
     values = live.frame(1).layers[PROBABILITY].values
@@ -156,91 +135,80 @@ def test_probabilities_belong_to_later_frames(
     assert (values[1:] == 40.0).all()
 
 
-def test_status_reports_each_fault(
-    live: LiveFrames, node: FakeNode, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_status_reports_each_fault(live, monkeypatch):
     assert live.status.level is Level.WARN
-    node.status(1, 100.0, name='other/lava')
-    until(lambda: bool(live._others), live.poll)
+    live.deliver_status(1, 100.0, name='other/lava')
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
     level, words = live.status
     assert level is Level.ERROR
     assert 'no node answers in namespace /etna of ROS domain' in words
     assert '(heard from other/lava)' in words
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
-    node.status(1, 100.0)
-    until(lambda: live.status.level is Level.OK, live.poll)
+    live.deliver_status(1, 100.0)
+    assert live.status.level is Level.OK
     with pytest.raises(LavaError, match='terrain'):
         live.frame(0)
     image = codec.float_image(TERRAIN.elevation, codec.header('map', START))
     image.step = 1
-    node.publish(LAYERS['thickness'].topic, image)
-    until(lambda: live.status.level is Level.ERROR, live.poll)
+    live.deliver(LAYERS['thickness'].topic, image)
+    assert live.status.level is Level.ERROR
     assert live.status.words.startswith('height_raw: height_raw.step is 1')
-    node.frame(2, 'thickness')
-    node.status(2, 200.0)
-    until(lambda: live.status.level is not Level.ERROR, live.poll)
+    live.deliver_maps(2, 'thickness')
+    live.deliver_status(2, 200.0)
+    assert live.status.level is not Level.ERROR
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
     assert 'the node has been silent for' in live.status.words
-    error = DiagnosticArray(status=[DiagnosticStatus(name='etna/lava: simulation', level=b'\2')])
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
-    node.publish('/diagnostics', error)
-    until(lambda: live.status == (Level.ERROR, 'etna/lava: '), live.poll)
+    error = DiagnosticArray(status=[DiagnosticStatus(name='etna/lava: simulation', level=b'\2')])
+    live.deliver('/diagnostics', error)
+    assert live.status == (Level.ERROR, 'etna/lava: ')
 
 
-def test_places_and_vents_have_names(live: LiveFrames, node: Any) -> None:
-    node.publish_ground(live)
-    values = [KeyValue(key='x_m', value='20.0'), KeyValue(key='y_m', value='95.0')]
-    statuses = [DiagnosticStatus(name='hut', values=values), DiagnosticStatus(name='unplaced')]
-    node.publish('place_arrivals', DiagnosticArray(status=statuses))
-    until(lambda: live.places == {'hut': (20.0, 95.0)}, live.poll)
-    (vent,) = live._scene['vents']
-    assert vent['name'].startswith('open: 10 m3/s')
-    np.testing.assert_allclose(vent['position'], VENT.position)
+class FakeNode(Watcher):
+    """A node in /etna with the service pause, clicks and diagnostics."""
 
+    def __init__(self):
+        super().__init__('fake_node', own_domain(), 'etna')
+        self.received = []
+        self._node.create_service(SetBool, 'lava/pause', self._pause)
+        self._node.create_subscription(PointStamped, 'clicked_point', self.received.append, 10)
+        self.diagnostics = self._node.create_publisher(
+            DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+        )
 
-def test_commands_reach_the_node(live: LiveFrames, node: Any) -> None:
-    live.command('reset')
-    assert live.answer == 'reset: no node answers'
-    heard: list[Any] = []
-
-    def pause(request: Any, response: Any) -> Any:
-        heard.append(request.data)
+    def _pause(self, request, response):
+        self.received.append(request.data)
         response.message = 'pausing'
         return response
 
-    node._node.create_service(SetBool, 'lava/pause', pause)
-    node._node.create_subscription(PointStamped, 'clicked_point', heard.append, 10)
-    node.status(1, 100.0)
 
-    def poll() -> None:
-        live.poll()
-        node.listen(0.0)
+def test_commands_reach_the_node_over_the_middleware(live):
+    live.command('reset')
+    assert live.answer == 'reset: no node answers'
+    node = FakeNode()
 
-    until(lambda: live.facts(0) == {'simulation': 'running'}, poll)
+    def wait(condition):
+        wait_until(lambda: live.poll() or node.listen(0.0) or condition())
 
-    def asked() -> bool:
+    wait(lambda: node.diagnostics.get_subscription_count() > 0)
+    node.diagnostics.publish(status_message(1, 100.0))
+    wait(lambda: live.facts(0) == {'simulation': 'running'})
+
+    def is_asked():
         if live.answer != 'pause: asked':
             live.command('pause')
-        return bool(heard)
+        return bool(node.received)
 
-    until(asked, poll)
-    assert heard == [True]
-    until(lambda: live.answer == 'pause: pausing', poll)
+    wait(is_asked)
+    wait(lambda: live.answer == 'pause: pausing')
     live.command('resume')
-    until(lambda: heard == [True, False], poll)
-    until(lambda: live._node.count_subscribers('/etna/clicked_point') > 0, poll)
+    wait(lambda: node.received == [True, False])
 
-    def clicked() -> bool:
+    def is_clicked():
         live.open_vent(10.0, 20.0)
-        return len(heard) > 2
+        return len(node.received) > 2
 
-    until(clicked, poll)
-    assert (heard[2].header.frame_id, heard[2].point.x, heard[2].point.y) == ('map', 10.0, 20.0)
-
-
-def test_subscriptions_have_the_types_of_the_layers(live: LiveFrames) -> None:
-    types = dict(live._node.get_topic_names_and_types())
-    for layer in LAYERS.values():
-        assert types[f'/etna/{layer.topic}'] == [layer.message]
-    assert LAYERS['arrived'].message == IMAGE
+    wait(is_clicked)
+    click = node.received[2]
+    assert (click.header.frame_id, click.point.x, click.point.y) == ('map', 10.0, 20.0)
+    node.close()

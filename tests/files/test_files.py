@@ -65,7 +65,6 @@ def bag(tmp_path):
 
 @pytest.mark.parametrize('name', READERS)
 def test_readers_reject_pipes_and_devices(name, tmp_path, alarm):
-    """Opening a pipe waits for a writer, and a device has no end."""
     os.mkfifo(tmp_path / name)
     with pytest.raises(LavaError):
         READERS[name](tmp_path / name)
@@ -111,7 +110,6 @@ def test_file_to_write_checks_the_path_without_a_change(tmp_path, caplog, alarm)
 
 
 def test_replaces_a_file_completely_or_not_at_all(tmp_path):
-    """Permissions and links to the file remain."""
     path = tmp_path / 'a.txt'
     path.write_text('old')
     path.chmod(0o600)
@@ -135,20 +133,6 @@ def test_does_not_write_through_links_at_old_temporary_names(bag, tmp_path):
         (tmp_path / 'new/metadata.yaml.partial').symlink_to(precious)
     assert precious.read_text() == 'precious'
     assert b'<html' in (tmp_path / 'run.html').read_bytes()
-
-
-@pytest.mark.parametrize(
-    ('command', 'option', 'name'),
-    [('report', '-o', 'a.html'), ('plot', '-o', 'a.png'), ('info', '--json', 'a.json')],
-)
-def test_logs_that_a_file_will_be_replaced(command, option, name, bag, tmp_path, monkeypatch):
-    monkeypatch.setattr('lava_ros.pages.pictures.draw_sheet', lambda *_, **__: None)
-    path = tmp_path / name
-    for exists in (False, True):
-        status, _, message = lava(command, bag, option, path)
-        assert status == 0
-        assert (f'{path} exists and will be replaced' in message) == exists
-        path.touch()
 
 
 def test_rejects_output_that_would_replace_its_input(bag, tmp_path):
@@ -261,20 +245,7 @@ def find(name: str, folder: str = 'msg_configs') -> Path:
     return share.find_file(name, folder, field='which', expected='a file')
 
 
-@pytest.mark.parametrize(
-    ('folder', 'name'),
-    [('msg_configs', 'default.yaml'), ('msg_configs', 'forecast.yaml'), ('examples', 'etna.yaml')],
-)
-def test_finds_files_of_the_user_before_those_of_the_package(tmp_path, monkeypatch, folder, name):
-    monkeypatch.chdir(tmp_path)
-    found = find(name, folder)
-    assert found.parent.name == folder and found.is_file()
-    (tmp_path / name).write_text('layers: {}')
-    assert find(name, folder) == Path(name)
-
-
 def test_error_lists_the_searched_places(tmp_path, monkeypatch):
-    """A path is not searched in the package."""
     monkeypatch.chdir(tmp_path)
     with pytest.raises(LavaError) as caught:
         find('nothing.yaml')
@@ -320,15 +291,10 @@ def test_reads_yaml_up_to_a_size(tmp_path, monkeypatch):
         ('a: ' + '[' * 5000 + ']' * 5000, '50 levels of lists and mappings in line 1, column 53'),
         ('- &a0 []\n' + ''.join(f'- &a{i + 1} [*a{i}]\n' for i in range(60)), '50 levels'),
         ('a: 1\nb: !!timestamp 2001-99-99', 'a value that is not of type timestamp in line 2, '),
-        ('!!timestamp x', 'not of type timestamp'),
         ('!!int x', 'not of type int'),
-        ('!!int ""', 'not of type int'),
-        ('!!bool x', 'not of type bool'),
-        ('!!float x', 'not of type float'),
         ('!!python/object/apply:os.getcwd []', 'python/object'),
         ('9' * 4301, 'a number of more than 100 characters in line 1, column 1'),
         ('0x' + 'f' * 60_000, 'a number of more than 100 characters'),
-        ('1:30' + ':30' * 1000, 'a number of more than 100 characters'),
         ('a: 1\nb: {c: 1, c: 2}', 'the key c twice in line 2, column 11'),
         ('? [a]\n: b', 'unhashable key'),
         ('a\0', 'unacceptable character'),
@@ -338,7 +304,6 @@ def test_reads_yaml_up_to_a_size(tmp_path, monkeypatch):
     ids=lambda item: item[:20],
 )
 def test_rejects_unsafe_or_invalid_yaml(text, reason):
-    """Each error is one line with the place and the reason."""
     with pytest.raises(LavaError) as caught:
         parse_yaml('scene', text)
     assert caught.value.field == 'scene'
@@ -347,37 +312,26 @@ def test_rejects_unsafe_or_invalid_yaml(text, reason):
     assert len(str(caught.value)) < 3 * MAX_VALUE_LENGTH
 
 
-@pytest.mark.parametrize(
-    ('text', 'field', 'typed', 'expected'),
-    [
-        ('discharge: 010', '.discharge', '010', '10, or text in quotes: YAML 1.1 reads it as 8'),
-        ('- {x: [1, 0512345]}', '[0].x[1]', '0512345', '512345, .* as 169189 .line 1, column 11'),
-        ('a: -0_7', '.a', '-0_7', '-7, or text'),
-        ('a: 00', '.a', '00', '0, or text'),
-        ('a: 0x1F', '.a', '0x1F', '31, or text in quotes'),
-        ('a: 0b11', '.a', '0b11', '3, or text in quotes'),
-        ('a: 1\nduration: 1:30', '.duration', '1:30', 'a number such as 90, .*line 2, column 11'),
-        ('a: 12:30.5', '.a', '12:30.5', 'a number such as 90'),
-        ('fill_holes: yes', '.fill_holes', 'yes', 'true, or text'),
-        ('name: NO', '.name', 'NO', 'false, or text'),
-        ('Off: 1', '', 'Off', 'false, or text'),
-        ('a: &x 010\nb: *x', '.a', '010', '10, or text'),
-    ],
-)
+@pytest.mark.parametrize(('text', 'field', 'typed', 'expected'), [
+    ('discharge: 010', '.discharge', '010', '10, or text in quotes: YAML 1.1 reads it as 8'),
+    ('- {x: [1, 0512345]}', '[0].x[1]', '0512345', '512345, .* as 169189 .line 1, column 11'),
+    ('a: 0x1F', '.a', '0x1F', '31, or text in quotes'),
+    ('a: 1\nduration: 1:30', '.duration', '1:30', 'a number such as 90, .*line 2, column 11'),
+    ('fill_holes: yes', '.fill_holes', 'yes', 'true, or text'),
+    ('Off: 1', '', 'Off', 'false, or text'),
+    ('a: &x 010\nb: *x', '.a', '010', '10, or text'),
+])
 def test_rejects_values_that_yaml_1_1_reads_differently(text, field, typed, expected):
     with pytest.raises(LavaError, match=expected) as caught:
         parse_yaml('scene', text)
     assert (caught.value.field, caught.value.value) == ('scene' + field, typed)
 
 
-@pytest.mark.parametrize(
-    ('text', 'value'),
-    [
-        ('"010"', '010'), ("'no'", 'no'), ('010.5', 10.5), ('08', '08'), ('1_000', 1000),
-        ('0', 0), ('0.5', 0.5), ('True', True), ('2021-09-19', '2021-09-19'), ('~', None),
-        ('2021-09-19T14:00:00Z', '2021-09-19T14:00:00Z'), ('!!int 010', 8),
-    ],
-)
+@pytest.mark.parametrize(('text', 'value'), [
+    ('"010"', '010'), ("'no'", 'no'), ('010.5', 10.5), ('08', '08'), ('1_000', 1000),
+    ('0', 0), ('0.5', 0.5), ('True', True), ('2021-09-19', '2021-09-19'), ('~', None),
+    ('2021-09-19T14:00:00Z', '2021-09-19T14:00:00Z'), ('!!int 010', 8),
+])
 def test_reads_quoted_text_decimals_and_dates_as_written(text, value):
     assert parse_yaml('scene', f'a: {text}') == {'a': value}
 
@@ -391,7 +345,6 @@ def test_error_names_an_unreadable_yaml_file(tmp_path, name):
 
 
 def test_no_other_module_reads_yaml():
-    """The loaders of PyYAML have no limits."""
     package = Path(yaml_files.__file__).parents[1]
     users = [path.name for path in package.rglob('*.py') if 'yaml.load(' in path.read_text()]
     assert users == ['yaml.py']

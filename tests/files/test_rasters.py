@@ -11,18 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
 from rasterio.shutil import copy
-from rasterio.transform import from_origin
 
+from geodata import write_raster
 from lava_ros.errors import LavaError
 from lava_ros.files.rasters import FORMATS, open_raster
 from lava_ros.scene.terrain_files import load_terrain
 
 #: Rows from the north; the elevations distinguish mirrored and shifted grids.
 GROUND = (1000.0 + np.add.outer(3.0 * np.arange(40.0), np.arange(30.0))).astype(np.float32)
-
-PLACE = from_origin(500_000.0, 4_180_000.0, 10.0, 10.0)
 
 #: Side of an SRTM tile of 3 arc seconds [cells], and its elevations.
 TILE = 1201
@@ -45,14 +42,8 @@ FILES: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-def write_ground(path: Path, crs: str = 'EPSG:32633', **options: Any) -> Path:
-    rows, columns = GROUND.shape
-    with rasterio.open(
-        path, 'w', driver='GTiff', count=1, dtype='float32', height=rows, width=columns,
-        crs=crs, transform=PLACE, **options,
-    ) as sink:
-        sink.write(GROUND, 1)
-    return path
+def write_ground(path: Path) -> Path:
+    return write_raster(path, GROUND)
 
 
 def write_format(folder: Path, name: str) -> Path:
@@ -62,12 +53,10 @@ def write_format(folder: Path, name: str) -> Path:
     if driver == 'SRTMHGT':
         path = folder / 'N37E015.hgt'
         step = 1.0 / (TILE - 1)
-        with rasterio.open(
-            path, 'w', driver=driver, count=1, dtype='int16', height=TILE, width=TILE,
-            crs='EPSG:4326', transform=from_origin(15 - step / 2, 38 + step / 2, step, step),
-        ) as sink:
-            sink.write(HEIGHTS, 1)
-        return path
+        return write_raster(
+            path, HEIGHTS, driver=driver, crs='EPSG:4326', cell=step,
+            north_west=(15.0 - step / 2, 38.0 + step / 2),
+        )
     source = write_ground(folder / 'source.tif')
     path = folder / f'ground{suffix}'
     if driver == 'GTiff':
@@ -94,10 +83,9 @@ def test_reads_format(tmp_path: Path, name: str) -> None:
         assert (terrain.resolution, terrain.offset) == (10.0, (500_000.0, 4_179_600.0))
 
 
-@pytest.mark.parametrize('fraction', [0.02, 0.3, 0.6, 0.99])
+@pytest.mark.parametrize('fraction', [0.3, 0.99])
 @pytest.mark.parametrize('name', FILES)
 def test_rejects_truncated_file(tmp_path: Path, name: str, fraction: float) -> None:
-    """A missing part is not ground at sea level."""
     path = write_format(tmp_path, name)
     whole = path.read_bytes()
     path.write_bytes(whole[: int(fraction * len(whole))])
@@ -114,12 +102,11 @@ def test_rejects_truncated_file(tmp_path: Path, name: str, fraction: float) -> N
     ('driver', 'name'), [('PNG', 'a.png'), ('ENVI', 'a.dat'), ('USGSDEM', 'a.dem')]
 )
 def test_rejects_other_formats_with_advice(tmp_path: Path, driver: str, name: str) -> None:
-    data = np.ones((1, TILE, TILE), np.uint8 if driver == 'PNG' else np.int16)
-    with rasterio.open(
-        tmp_path / name, 'w', driver=driver, count=1, dtype=data.dtype, height=TILE, width=TILE,
-        crs='EPSG:4326', transform=from_origin(15.0, 38.0, 1.0 / 1200.0, 1.0 / 1200.0),
-    ) as sink:
-        sink.write(data)
+    data = np.ones((TILE, TILE), np.uint8 if driver == 'PNG' else np.int16)
+    write_raster(
+        tmp_path / name, data, driver=driver, crs='EPSG:4326', cell=1.0 / (TILE - 1),
+        north_west=(15.0, 38.0),
+    )
     with pytest.raises(LavaError, match='gdal_translate turns other formats into GeoTIFF'):
         load_terrain(tmp_path / name)
 
@@ -186,6 +173,12 @@ VIRTUAL: dict[str, Callable[[Path], str]] = {
     'no file': lambda _: '<VRTDataset rasterXSize="30" rasterYSize="40"/>',
     'entities': lambda _: '<!DOCTYPE a [<!ENTITY b "c">]>' + virtual_raster('&b;'),
     'cut off': lambda _: virtual_raster('tile.tif')[:-20],
+    'service': lambda _: (
+        '<GDAL_WMS><Service name="WMS"><ServerUrl>http://127.0.0.1:{port}/x?</ServerUrl>'
+        '<Layers>a</Layers></Service><DataWindow><UpperLeftX>0</UpperLeftX>'
+        '<UpperLeftY>200</UpperLeftY><LowerRightX>200</LowerRightX><LowerRightY>0</LowerRightY>'
+        '<SizeX>20</SizeX><SizeY>20</SizeY></DataWindow><BandsCount>1</BandsCount></GDAL_WMS>'
+    ),
 }
 
 
@@ -194,16 +187,16 @@ def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
     with socket.create_server(('127.0.0.1', 0)) as server:
         server.settimeout(0.0)
         text = VIRTUAL[case](tmp_path).replace('{port}', str(server.getsockname()[1]))
-        (tmp_path / 'a.vrt').write_text(text)
-        with pytest.raises(LavaError):
-            load_terrain(tmp_path / 'a.vrt')
+        for name in ('a.vrt', 'a.asc') if case in ('address', 'service') else ('a.vrt',):
+            (tmp_path / name).write_text(text)
+            with pytest.raises(LavaError):
+                load_terrain(tmp_path / name)
         with pytest.raises(BlockingIOError):
             server.accept()
 
 
 @pytest.mark.parametrize('sidecar', ['ground.tif.msk', 'ground.tif.ovr'])
 def test_rejects_masks_and_overviews_other_than_geotiff(tmp_path: Path, sidecar: str) -> None:
-    """GDAL opens them with any driver, including drivers that open URLs."""
     path = write_format(tmp_path, 'GeoTIFF')
     (tmp_path / sidecar).write_text(virtual_raster('/vsicurl/http://127.0.0.1:9/a.tif'))
     with pytest.raises(LavaError, match='a mask or overviews in a GeoTIFF'):
@@ -219,10 +212,7 @@ def test_rejects_a_file_with_several_rasters(tmp_path: Path, name: str) -> None:
     if name == 'GeoPackage':
         copy(source, path, driver='GPKG', RASTER_TABLE='other', APPEND_SUBDATASET='YES')
     else:
-        with rasterio.open(source) as file:
-            profile = {**file.profile, 'count': 2}
-        with rasterio.open(source, 'w', **profile) as sink:
-            sink.write(np.stack((GROUND, GROUND)))
+        write_raster(source, np.stack((GROUND, GROUND)))
         copy(source, path, driver='netCDF', FORMAT='NC4')
     with pytest.raises(LavaError, match=r'a file with one raster, not \w+, \w+'):
         load_terrain(path)
@@ -234,20 +224,15 @@ def _write_text(path: Path, body: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ('body', 'message'),
-    [
-        ('1 2 3\n4 5 6\n7 8 9\n', 'number of values in a.asc is 9, expected 6'),
-        ('1 2 3\n4 5 6 7\n', 'number of values in a.asc is 7, expected 6'),
-        ('1 2 3\n4 5\n', 'number of values in a.asc is 5, expected 6'),
-        ('1,5 2 3\n4 5 6\n', "line 6, column 1 of a.asc is '1,5'"),
-        ('1 2 3\n4 1,500.0 6\n', "line 7, column 3 of a.asc is '1,500.0'"),
-        ('1;2;3\n4;5;6\n', "line 6, column 1 of a.asc is '1;2;3'"),
-        ('cellsize 20\n1 2 3\n4 5 6\n', "cellsize of a.asc is '20', expected only once"),
-        ('dx 20\n1 2 3\n4 5 6\n', "of a.asc is 'cellsize and dx', expected a line of"),
-        ('NODATA_value -9,5\n1 2 3\n4 5 6\n', "is '-9,5', expected a number or nan"),
-    ],
-)
+@pytest.mark.parametrize(('body', 'message'), [
+    ('1 2 3\n4 5 6\n7 8 9\n', 'number of values in a.asc is 9, expected 6'),
+    ('1 2 3\n4 5 6 7\n', 'number of values in a.asc is 7, expected 6'),
+    ('1 2 3\n4 5\n', 'number of values in a.asc is 5, expected 6'),
+    ('1;2;3\n4;5;6\n', "line 6, column 1 of a.asc is '1;2;3'"),
+    ('cellsize 20\n1 2 3\n4 5 6\n', "cellsize of a.asc is '20', expected only once"),
+    ('dx 20\n1 2 3\n4 5 6\n', "of a.asc is 'cellsize and dx', expected a line of"),
+    ('NODATA_value -9,5\n1 2 3\n4 5 6\n', "is '-9,5', expected a number or nan"),
+])
 def test_rejects_ambiguous_text_grid(tmp_path: Path, body: str, message: str) -> None:
     with pytest.raises(LavaError, match=message):
         load_terrain(_write_text(tmp_path / 'a.asc', body))
@@ -267,7 +252,6 @@ def test_rejects_a_binary_grid_without_a_header(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('name', ['ESRI ASCII grid', 'ESRI binary grid'])
 def test_rejects_a_header_without_position_or_cell_size(tmp_path: Path, name: str) -> None:
-    """GDAL assumes corners at 0 and sides of 1."""
     path = write_format(tmp_path, name)
     header = path if path.suffix == '.asc' else path.with_suffix('.hdr')
     whole = header.read_text()

@@ -136,18 +136,6 @@ def test_tally_refuses_repeated_and_misplaced_members() -> None:
     assert tally.count == 1
 
 
-def test_probability_converges_to_the_truth() -> None:
-    truth = exact_probability()
-    spread = np.sqrt((truth * (1.0 - truth)).mean())
-    counts, errors = (16, 64, 256, 1024), []
-    for count in counts:
-        found = [maps_of(discs(count, seed)).probability for seed in range(4)]
-        errors.append(np.sqrt(((np.stack(found) / 100.0 - truth) ** 2).mean()))
-        # the error of binomial sampling
-        assert errors[-1] < spread / np.sqrt(count)
-    assert np.polyfit(np.log(counts), np.log(errors), 1)[0] < -0.5
-
-
 def test_entropy_in_bits() -> None:
     bits = entropy(np.array([0.0, 1.0, 0.5, 0.25, 0.75, np.nan]))
     expected = [0.0, 0.0, 1.0, 0.811278, 0.811278, np.nan]

@@ -7,13 +7,14 @@ from dataclasses import replace
 import hashlib
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
 from rasterio.transform import Affine, from_origin
 
 from disc_flow import disc_plan, TERRAIN, VENT
+from geodata import write_raster
 from lava_ros.errors import LavaError
 from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.forecast.sampling import (
@@ -143,18 +144,10 @@ def test_fields_are_reproducible() -> None:
 GROUND = Terrain(np.zeros((6, 8)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))
 
 
-def write(path: Path, values: np.ndarray, **options: object) -> Path:
+def write(path: Path, values: np.ndarray, **options: Any) -> Path:
     """Write a raster of the terrain's extent, row 0 in the north."""
-    settings: dict[str, object] = {
-        'crs': 'EPSG:32633', 'transform': from_origin(500_000.0, 4_180_120.0, 20.0, 20.0),
-        'nodata': -1.0, 'count': 1, **options,
-    }
-    with rasterio.open(
-        path, 'w', driver='GTiff', width=values.shape[1], height=values.shape[0],
-        dtype='float32', **settings,
-    ) as file:
-        file.write(values.astype('float32'), 1)
-    return path
+    known = {'cell': 20.0, 'north_west': (500_000.0, 4_180_120.0), 'nodata': -1.0}
+    return write_raster(path, values.astype('float32'), **known | options)
 
 
 def test_cells_of_a_raster_fill_cells_of_the_terrain(tmp_path: Path) -> None:

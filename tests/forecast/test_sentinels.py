@@ -32,7 +32,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from slope_scenes import uncertain_scene
 
-COUNT = 34
+COUNT = 4
 
 
 def pulse(**options: Any) -> Plan:
@@ -62,10 +62,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ensemble, Plan]:
 
 
 def stopped(folder: Path) -> None:
-    """Run an ensemble that is interrupted after five members."""
+    """Run an ensemble that is interrupted after two members."""
     def runner(plan: Plan, members: Sequence[Member]) -> Generator[Footprint, None, None]:
         for number, footprint in enumerate(run_here(plan, members, device='cpu')):
-            if number == 5:
+            if number == 2:
                 raise KeyboardInterrupt
             yield footprint
 
@@ -77,7 +77,7 @@ def stopped(folder: Path) -> None:
 WAYS: dict[str, tuple[Callable[[Path], object], Any]] = {
     'two workers': (lambda folder: None, partial(run_in_processes, workers=2, device='cpu')),
     'interrupted': (stopped, None),
-    'extended': (lambda folder: run(folder, count=8), None),
+    'extended': (lambda folder: run(folder, count=2), None),
     'again': (run, None),
 }
 
@@ -97,7 +97,7 @@ def test_a_sentinel_switches_an_effect_on_for_all_members(
     assert (item.effect, item.member) == ('yielding', 0)
     assert item.number > item.threshold == 0.01 and 112.5 <= item.time_s < 160.0
     assert same(ensemble.maps, whole[0].maps) and plan.switched_on == whole[1].switched_on
-    assert ensemble.resumed == {'interrupted': 5, 'extended': 8, 'again': COUNT}.get(way, 0)
+    assert ensemble.resumed == {'interrupted': 2, 'extended': 2, 'again': COUNT}.get(way, 0)
 
 
 @pytest.mark.nightly
@@ -130,7 +130,7 @@ def test_members_without_a_folder_have_the_same_effects(whole: tuple[Ensemble, P
         assert not one.called
 
 
-def test_two_of_34_members_measure_three_times(
+def test_only_sentinels_measure(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     count, measure = 0, Simulation.measure_scales
@@ -142,7 +142,8 @@ def test_two_of_34_members_measure_three_times(
 
     monkeypatch.setattr(Simulation, 'measure_scales', counted)
     run(tmp_path)
-    assert count == 1 + 2 * len(REVIEWS) == 7
+    # member 0 at its first review, and again with yield strength
+    assert count == 1 + len(REVIEWS) == 4
     sentinels = list(filter(is_sentinel, range(10_000)))
     assert sentinels == list(range(0, 32 * MAX_SENTINELS, 32)) and MAX_SENTINELS == 8
 
@@ -207,7 +208,7 @@ def test_the_sentinel_with_the_lowest_index_decides(tmp_path: Path) -> None:
     for count in (1, 40):
         run_discs(tmp_path / f'{count}', Calling(), count)
         assert run_discs(tmp_path / f'{count}', Calling()).switched_on == plan.switched_on
-    for dies_after in range(0, 14):
+    for dies_after in (0, 1, 4, 7, 13):
         folder = tmp_path / f'stop{dies_after}'
         with pytest.raises(KeyboardInterrupt):
             run_discs(folder, Calling(dies_after))

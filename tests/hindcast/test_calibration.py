@@ -63,7 +63,6 @@ def trials() -> list[ParameterSample]:
 
 
 def test_search_finds_the_best_inside_the_ranges(trials: list[ParameterSample]) -> None:
-    """It starts from the usual values and ends near the best."""
     assert len(trials) == 80
     assert trials[0].values == pytest.approx(
         {'viscosity': 1e5, 'emissivity': 0.9, 'discharge': 1.0}
@@ -78,7 +77,6 @@ def test_search_finds_the_best_inside_the_ranges(trials: list[ParameterSample]) 
 
 
 def test_findings_distinguish_sensitive_unknowns(trials: list[ParameterSample]) -> None:
-    """Near-best runs agree only on the unknowns that affect the score."""
     found = {item.unknown.name: item for item in findings(UNKNOWNS, trials)}
     assert found['viscosity'].is_sensitive and found['emissivity'].is_sensitive
     assert not found['discharge'].is_sensitive and found['discharge'].spread > 0.6
@@ -89,10 +87,7 @@ def test_findings_distinguish_sensitive_unknowns(trials: list[ParameterSample]) 
     assert all(trial.jaccard >= near[0].jaccard - 0.03 for trial in near)
 
 
-def test_each_case_is_scored_with_the_constants_of_the_others(
-    trials: list[ParameterSample],
-) -> None:
-    """This score is below that of the best constants for the case itself."""
+def test_cases_are_scored_with_the_constants_of_others(trials: list[ParameterSample]) -> None:
     one, two = leave_one_out(trials)
     assert (one.case, two.case) == ('one', 'two')
     assert one.values['emissivity'] < 0.3 < two.values['emissivity']
@@ -104,7 +99,6 @@ def test_each_case_is_scored_with_the_constants_of_the_others(
 
 
 def test_search_is_repeatable_and_resumes(trials: list[ParameterSample], tmp_path: Path) -> None:
-    """Equal seeds give equal runs, and runs in a table are not repeated."""
     write_samples(tmp_path / 'runs.csv', UNKNOWNS, trials[:50])
     known = read_samples(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
     assert [trial.values for trial in known] == [trial.values for trial in trials[:50]]
@@ -126,7 +120,6 @@ def valley(tmp_path: Path) -> Case:
 
 
 def test_unknowns_have_the_published_ranges(valley: Case) -> None:
-    """Ranges given by the user take precedence over those of the material."""
     unknowns = {item.name: item for item in free_parameters_of(valley)}
     assert 'discharge' not in unknowns
     assert valley.material is not None
@@ -139,7 +132,6 @@ def test_unknowns_have_the_published_ranges(valley: Case) -> None:
 
 
 def test_changed_sets_only_the_unknowns(valley: Case, tmp_path: Path) -> None:
-    """A viscosity shifts the VFT law as a whole."""
     values = {'viscosity': 3e3, 'emissivity': 0.5, 'vent_temperature': 1340.0, 'discharge': 1.1}
     case = changed(valley, values)
     assert case.scene.lava.viscosity_at(1360.0) == pytest.approx(3e3)
@@ -158,7 +150,6 @@ def test_changed_sets_only_the_unknowns(valley: Case, tmp_path: Path) -> None:
 
 
 def test_raises_for_invalid_unknowns(valley: Case, tmp_path: Path) -> None:
-    """The name is not known, or the range is missing or not valid."""
     bare = load_case(tmp_path / 'valley', material='kedadry2023')
     for case, names, ranges, words in (
         (valley, ('colour',), {}, '--unknown'),

@@ -34,7 +34,6 @@ ETNA = Path(__file__).parents[3] / 'shared/data/etna2001'
 
 
 def test_reads_a_case_without_case_yaml(tmp_path: Path) -> None:
-    """Terrain, vent, discharge and footprint are those of the files."""
     case = load_case(write_case(tmp_path / 'valley'))
     assert case.name == case.title == 'valley'
     np.testing.assert_allclose(case.scene.terrain.elevation, elevation(), atol=1e-3)
@@ -52,7 +51,6 @@ def test_reads_a_case_without_case_yaml(tmp_path: Path) -> None:
 
 
 def test_case_yaml_replaces_the_defaults(tmp_path: Path) -> None:
-    """Material, constants, temperature, times and filter are those of case.yaml."""
     text = (
         'title: A valley\nsource: made up\nlava: {material: reunion_basalt, emissivity: 0.5}\n'
         'vent_temperature: 1400\nvent_radius: 25\nambient_temperature: 280\nstart: 1800\n'
@@ -76,20 +74,16 @@ def test_case_yaml_replaces_the_defaults(tmp_path: Path) -> None:
     assert kilauea.scene.lava.vft_c == 622.0
 
 
-@pytest.mark.parametrize(
-    ('given', 'onset'),
-    [
-        ('', None),
-        ('effusion_rate: {start: 2021-09-19T14:10:00Z}', '2021-09-19T14:10:00Z'),
-        ('effusion_rate: {start: 2021-09-19T14:10:00}', '2021-09-19T14:10:00Z'),
-        ('effusion_rate: {start: "2021-09-19T16:10:00+02:00"}', '2021-09-19T16:10:00+02:00'),
-        ('effusion_rate: {start: 2021-09-19T14:10:00Z}\nstart: 1800', '2021-09-19T14:40:00Z'),
-    ],
-)
+@pytest.mark.parametrize(('given', 'onset'), [
+    ('', None),
+    ('effusion_rate: {start: 2021-09-19T14:10:00Z}', '2021-09-19T14:10:00Z'),
+    ('effusion_rate: {start: 2021-09-19T14:10:00}', '2021-09-19T14:10:00Z'),
+    ('effusion_rate: {start: "2021-09-19T16:10:00+02:00"}', '2021-09-19T16:10:00+02:00'),
+    ('effusion_rate: {start: 2021-09-19T14:10:00Z}\nstart: 1800', '2021-09-19T14:40:00Z'),
+])
 def test_the_onset_is_the_date_of_simulated_time_0(
     given: str, onset: str | None, tmp_path: Path
 ) -> None:
-    """It is the date of the effusion rates plus the start of the simulation."""
     case = load_case(write_case(tmp_path / 'valley', yaml=given))
     assert (case.onset and case.onset.text) == onset
 
@@ -123,7 +117,6 @@ def test_warns_of_a_material_outside_lava(
 
 
 def test_open_vents_divide_the_discharge(tmp_path: Path) -> None:
-    """They divide all of it in the ratio of their shares."""
     folder = write_case(tmp_path / 'valley')
     x, y = VENT
     (folder / 'vent.csv').write_text(
@@ -143,7 +136,6 @@ def test_open_vents_divide_the_discharge(tmp_path: Path) -> None:
 
 
 def test_reads_events(tmp_path: Path) -> None:
-    """An event is a barrier or a new elevation, and applies to the previous terrain."""
     x, y = VENT
     text = (
         'events:\n'
@@ -233,7 +225,6 @@ def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path: Path) -> None:
 
 
 def test_reads_a_case_in_degrees(tmp_path: Path) -> None:
-    """Elevation, footprint and vents are in longitude and latitude."""
     folder, (x, y) = write_case_in_degrees(tmp_path / 'degrees')
     case = load_case(folder)
     assert case.scene.terrain.epsg == 32633
@@ -246,7 +237,6 @@ def test_reads_a_case_in_degrees(tmp_path: Path) -> None:
 
 
 def test_reads_a_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
-    """European spreadsheets write such tables."""
     folder = write_case(tmp_path / 'valley')
     table = 'start_s;end_s;discharge_m3_per_s\r\n0;5400;20,5\r\n5400;10800;9,5\r\n'
     (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8-sig')
@@ -254,7 +244,6 @@ def test_reads_a_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> Non
 
 
 def test_fills_holes_if_case_yaml_sets_fill_holes(tmp_path: Path) -> None:
-    """The warning of holes recommends this key."""
     folder = write_case(tmp_path / 'valley', yaml='fill_holes: true\n')
     write_grid(folder / 'elevation.asc', _holed())
     assert load_case(folder).scene.terrain.has_data.all()
@@ -293,16 +282,12 @@ WRONG: dict[str, tuple[Change, str]] = {
     'elevation upside down': (
         _grid('elevation', elevation()[::-1]), 'above all vents ... upside down',
     ),
-    'footprint upside down': (_grid('footprint', footprint()[::-1]), UPSIDE_DOWN),
     'both grids upside down': (
         _all(_grid('elevation', elevation()[::-1]), _grid('footprint', footprint()[::-1])),
         UPSIDE_DOWN,
     ),
     'discharge in litres': (
         _rates('0,5400,20000', '5400,10800,10000'), 'mean thickness ... too much ... m3/s',
-    ),
-    'discharge in thousands': (
-        _rates('0,5400,0.02', '5400,10800,0.01'), 'mean thickness ... too little ... m3/s',
     ),
     'times in hours': (
         _rates('0,1.5,20', '1.5,3,10'), 'mean thickness ... too little ... start_s',
@@ -333,12 +318,6 @@ WRONG: dict[str, tuple[Change, str]] = {
         _all(_as_areas, _yaml('epsg: 32633'), _changed('footprint.geojson', '[15', '[500315')),
         'footprint.geojson ... places of EPSG:4326 ... of a coordinate system',
     ),
-    'no areas': (
-        _all(_without('footprint.asc'), _text(
-            'footprint.geojson', '{"type": "FeatureCollection", "features": []}'
-        )),
-        'the footprint ... at least one point, line or area',
-    ),
     'footprint of thicknesses': (
         _grid('footprint', 3.5 * footprint()),
         'a cell of the footprint ... 3.5 ... 0 (not covered) and 1 (covered)',
@@ -355,27 +334,6 @@ WRONG: dict[str, tuple[Change, str]] = {
         _grid('elevation', 20.0 * (elevation() - 1000.0)),
         'median slope ... heights and cells both in metres',
     ),
-    'heights that do not exist on Earth': (
-        _grid('elevation', elevation() + 9000.0), 'a height of the elevation ... -450 to 9000 m',
-    ),
-    'text in a table': (
-        _changed(RATES, ',20', ',twenty'),
-        "effusion_rate.csv, line 2, discharge_m3_per_s ... 'twenty' ... a finite number",
-    ),
-    'a negative discharge': (
-        _changed(RATES, ',20', ',-20'), 'line 2, discharge_m3_per_s ... -20 ... at least 0',
-    ),
-    'a discharge that is not a number': (
-        _changed(RATES, ',20', ',nan'), "line 2, discharge_m3_per_s ... 'nan' ... finite",
-    ),
-    'intervals that overlap': (
-        _changed(RATES, '5400.0,10800.0', '3600.0,10800.0'),
-        'line 3, start_s ... 3600 ... at least 5400 s',
-    ),
-    'an interval that ends before it begins': (
-        _changed(RATES, '5400.0,10800.0', '5400.0,1800.0'),
-        'line 3, end_s ... 1800 ... after its start',
-    ),
     'other columns': (
         _changed(RATES, COLUMNS, 'day,to,q'),
         'first line ... day,to,q ... start, end and effusion_rate',
@@ -386,16 +344,10 @@ WRONG: dict[str, tuple[Change, str]] = {
     'a row that is too short': (
         _changed(RATES, '5400.0,10800.0,10', '5400.0,10'), 'line 3 ... 5400.0,10 ... 3 values',
     ),
-    'no rows': (_vents('x,y'), 'vent.csv ... 1 lines ... at least one row'),
-    'no discharge at all': (_rates('0,5400,0', '5400,10800,0'), 'without lava ... above 0'),
-    'half a fissure': (
-        _vents(f'x,y,x_end,y_end\n{X},{Y},{X},'), 'line 2, x_end and y_end ... both or neither',
-    ),
     'no vent open': (
         _vents(f'x,y,start_s\n{X},{Y},3600'), 'vents open at 0 s ... at least one row of vent.csv',
     ),
     'unknown material': (_yaml('material: obsidian'), 'lava.material ... obsidian ... one of'),
-    'unknown key': (_yaml('materiel: etna_basalt'), 'case.materiel ... no such key'),
     'unknown constant': (_yaml('lava: {colour: 3}'), 'case.lava.colour ... no such key'),
     'no YAML': (_yaml('{'), 'case.yaml ... a readable YAML file'),
     'end before start': (_yaml('end: -5'), 'case.end ... -5 ... above 0 s'),
@@ -410,7 +362,6 @@ WRONG: dict[str, tuple[Change, str]] = {
 
 @pytest.mark.parametrize('name', WRONG)
 def test_raises_for_invalid_input(name: str, tmp_path: Path) -> None:
-    """The error names the file or key, and the reason."""
     with pytest.raises(LavaError, match='a folder that exists'):
         load_case(tmp_path / 'valley')
     folder = write_case(tmp_path / 'valley')
@@ -423,7 +374,6 @@ def test_raises_for_invalid_input(name: str, tmp_path: Path) -> None:
 
 
 def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path: Path) -> None:
-    """The footprint is then off the elevation."""
     import rasterio
 
     folder = write_case(tmp_path / 'valley')

@@ -14,21 +14,30 @@ import pytest
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import COARSER, difference, estimate_error, ORDER
 from lava_ros.hindcast.replicates import Agreement
-from lava_ros.hindcast.run import Settings, simulate
+from lava_ros.hindcast.run import Result, Settings, simulate
 from lava_ros.hindcast.score import score_case
 
 MEASURED = Path(__file__).parents[2] / 'docs/benchmarks/expected_error_h100.csv'
 
 
-def test_error_of_the_spacing_is_that_of_a_pilot(valley: Case) -> None:
+SETTINGS = Settings('draft', device='cpu', maps=1)
+
+
+@pytest.fixture(scope='module')
+def result(valley: Case) -> Result:
+    """Simulate the case."""
+    return simulate(valley, SETTINGS)
+
+
+def test_error_of_the_spacing_is_that_of_a_pilot(valley: Case, result: Result) -> None:
     """A coarser run and the order of convergence give the error of the particle spacing."""
-    settings = Settings('draft', device='cpu', maps=1)
-    result = simulate(valley, settings)
-    found = estimate_error(valley, settings, result)
-    coarser = replace(settings, spacing=COARSER * result.accuracy.spacing)
+    found = estimate_error(valley, SETTINGS, result)
+    coarser = replace(SETTINGS, spacing=COARSER * result.accuracy.spacing)
     pilot = simulate(valley, coarser)
     apart = difference(pilot.snapshot.inundated, result.snapshot.inundated)
     assert 0.0 < apart < 1.0
+    nothing = np.zeros((3, 3), dtype=bool)
+    assert (difference(nothing, nothing), difference(nothing, ~nothing)) == (0.0, 1.0)
     assert found.particles == pytest.approx(apart / (COARSER**ORDER - 1.0))
     assert found.cells == result.resolution.cell_error > 0.0
     assert math.isnan(found.chance) and found.as_dict()['chance'] is None
@@ -36,17 +45,14 @@ def test_error_of_the_spacing_is_that_of_a_pilot(valley: Case) -> None:
     assert 'chance' not in found.text()
 
 
-def test_chance_is_the_expected_difference_of_two_runs(valley: Case) -> None:
-    """At a fork, each cell is inundated in two of four runs."""
-    settings = Settings('draft', device='cpu', maps=1)
-    result = simulate(valley, settings)
+def test_chance_is_the_expected_difference_of_two_runs(valley: Case, result: Result) -> None:
     covered = result.snapshot.inundated
     one = score_case(valley, result.snapshot.thickness, covered)
     fraction = covered * 1.0
     fork = np.argwhere(covered)[: int(covered.sum()) // 2]
     fraction[tuple(fork.T)] = 0.5
     forked = Agreement((one,) * 4, fraction, result.snapshot.thickness, one)
-    found = estimate_error(valley, settings, result, forked)
+    found = estimate_error(valley, SETTINGS, result, forked)
     # with two of four runs in a cell, two runs differ there with a probability of 2/3
     apart = 2.0 / 3.0 * len(fork)
     union = covered.sum() - len(fork) + len(fork) * 0.5 + 0.5 * apart
@@ -54,14 +60,7 @@ def test_chance_is_the_expected_difference_of_two_runs(valley: Case) -> None:
     assert found.total > found.chance
     assert 'chance' in found.text()
     agreed = Agreement((one,) * 4, covered * 1.0, result.snapshot.thickness, one)
-    assert estimate_error(valley, settings, result, agreed).chance == 0.0
-
-
-def test_footprints_without_lava_do_not_differ() -> None:
-    """Without any lava the difference is 0."""
-    nothing = np.zeros((3, 3), dtype=bool)
-    assert difference(nothing, nothing) == 0.0
-    assert difference(nothing, ~nothing) == 1.0
+    assert estimate_error(valley, SETTINGS, result, agreed).chance == 0.0
 
 
 @pytest.mark.parametrize('preset', ['draft', 'standard'])

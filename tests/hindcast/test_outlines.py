@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli.calls import done, refused
+from command_line import done, refused
 from eruption import footprint, LAVA, write_case, write_grid
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case

@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
-from lava_ros.hindcast.run import Run, Settings, simulate
+from lava_ros.hindcast.run import LONGEST_STEP, Run, Settings, simulate
 from lava_ros.hindcast.score import score_case
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
@@ -26,27 +27,43 @@ from lava_ros.simulation.resolution import resolution_of
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 
 
+def _snapshot(terrain: Terrain, thickness: np.ndarray, arrived: np.ndarray) -> Snapshot:
+    return Snapshot(
+        1.0, terrain, thickness.astype(np.float32), np.full(terrain.shape, np.nan, np.float32),
+        VolumeBudget(1.0, 1.0, 0.0, 0.0), 1, StepReport(1, 1, 1, 1.0, 'longest'),
+        arrived=arrived.astype(np.float32),
+    )
+
+
 def _finished(run: Run) -> Run:
     for _ in run.parts():
         pass
     return run
 
 
-def test_lava_flows_down_the_valley(valley: Case) -> None:
-    """It covers a part of the mapped flow field, and its volume is that of the case."""
-    run = Run(valley, SETTINGS)
-    parts = [(run.time, snapshot) for snapshot in run.parts()]
-    done, maps = [time for time, _ in parts], [item for _, item in parts if item is not None]
+@pytest.fixture(scope='module')
+def whole(
+    valley: Case, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Run, list[tuple[float, Snapshot | None]]]:
+    """Return a finished run with four maps, and its parts."""
+    run = Run(valley, SETTINGS, folder=tmp_path_factory.mktemp('whole'))
+    return run, [(run.time, snapshot) for snapshot in run.parts()]
+
+
+def test_lava_flows_down_the_valley(valley: Case, whole: Any) -> None:
+    run, parts = whole
+    done, maps = [part for part, _ in parts], [item for _, item in parts if item is not None]
     assert done == sorted(done)
     assert done[-1] == valley.duration
     # each map is at the end of the step in which it was due
     times = [item.time for item in maps]
     dues = (900, 1800, 2700, 3600)
-    assert all(0.0 <= time - due <= 60.0 for time, due in zip(times, dues, strict=True))
+    late = np.subtract(times, dues)
+    assert late.min() >= 0.0 and late.max() <= LONGEST_STEP
     assert times[-1] == valley.duration
     result = run.result()
     judged = score_case(valley, result.snapshot.thickness, result.snapshot.inundated)
-    assert judged.jaccard > 0.3
+    assert judged.precision > 0.9 and judged.recall > 0.2
     budget = result.snapshot.budget
     assert budget.emitted == pytest.approx(valley.volume)
     np.testing.assert_array_equal(
@@ -62,35 +79,34 @@ def test_lava_flows_down_the_valley(valley: Case) -> None:
     assert result.most_particles > 10
 
 
-def test_interrupted_run_resumes(valley: Case, tmp_path: Path) -> None:
-    """Its maps, peak and arrival are bitwise identical to those of an uninterrupted run."""
-    whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'whole'))
+def test_interrupted_run_resumes(valley: Case, whole: Any, tmp_path: Path) -> None:
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
     maps = (snapshot for snapshot in first.parts() if snapshot is not None)
     for _ in range(2):
         next(maps)
     second = Run(valley, SETTINGS, folder=tmp_path / 'parts')
     assert second.is_resumed and not first.is_resumed
-    one, other = whole.result(), _finished(second).result()
+    one, other = whole[0].result(), _finished(second).result()
     np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
     np.testing.assert_array_equal(one.peak, other.peak)
     np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
     kept = second.kept()
     assert len(kept) == SETTINGS.maps
-    for a, b in zip(whole.kept(), kept, strict=True):
+    for a, b in zip(whole[0].kept(), kept, strict=True):
         np.testing.assert_array_equal(a.thickness, b.thickness)
         assert a.budget == b.budget
 
 
-def test_finished_run_is_not_repeated(valley: Case, tmp_path: Path) -> None:
-    """Another case, other settings and a damaged run in the same folder raise."""
+def test_finished_run_is_not_repeated(valley: Case, whole: Any, tmp_path: Path) -> None:
+    """The number of maps does not change its result."""
     settings, folder = replace(SETTINGS, maps=1), tmp_path / 'kept'
-    whole = _finished(Run(valley, settings, folder=folder))
+    _finished(Run(valley, settings, folder=folder))
     again = Run(valley, settings, folder=folder)
     assert list(again.parts()) == []
-    np.testing.assert_array_equal(
-        again.result().snapshot.thickness, whole.result().snapshot.thickness
-    )
+    one, other = again.result().snapshot, whole[0].result().snapshot
+    np.testing.assert_array_equal(one.thickness, other.thickness)
+    np.testing.assert_array_equal(one.arrived, other.arrived)
+    assert one.steps == other.steps
     for case, other in (
         (valley.with_lava({'emissivity': 0.8}), settings),
         (valley, replace(settings, spacing=15.0)),
@@ -105,7 +121,6 @@ def test_finished_run_is_not_repeated(valley: Case, tmp_path: Path) -> None:
 
 
 def test_spacing_of_a_case_is_that_of_its_scene(valley: Case) -> None:
-    """The horizon is the duration of the case; cells are about as large as the spacing."""
     for preset in ('draft', 'standard', 'fine'):
         found = resolution_of(valley.scene, PRESETS[preset].accuracy, horizon=valley.duration)
         accuracy = Settings(preset).accuracy(valley)
@@ -116,21 +131,16 @@ def test_spacing_of_a_case_is_that_of_its_scene(valley: Case) -> None:
     assert Settings('fine', spacing=45.0).coarseness(valley) == 2
 
 
-def test_comparison_classifies_each_cell(valley: Case) -> None:
-    """A cell is a hit, a miss, a false alarm, neither, or unknown without an elevation."""
+def test_comparison_classifies_each_cell() -> None:
+    """A cell without an elevation is unknown unless it is mapped."""
     never, ground = np.nan, np.array([[0.0, 0.0, 0.0], [0.0, np.nan, np.nan]])
-    snapshot = replace(
-        simulate(valley, SETTINGS).snapshot,
-        terrain=Terrain(ground, 10.0),
-        arrived=np.array([[5.0, never, 7.0], [never, never, never]]),
-    )
+    arrived = np.array([[5.0, never, 7.0], [never, never, never]])
     footprint = np.array([[True, True, False], [False, False, True]])
-    codes = comparison(snapshot, footprint)
+    codes = comparison(_snapshot(Terrain(ground, 10.0), ground, arrived), footprint)
     assert codes.tolist() == [[HIT, MISS, FALSE_ALARM], [NEITHER, UNKNOWN, MISS]]
 
 
 def test_coarse_cells_are_area_weighted_means() -> None:
-    """They extend equally beyond all borders, and ignore cells without data."""
     elevation = np.arange(35.0).reshape(5, 7)
     elevation[0, 0] = np.nan
     elevation[3:, 5:] = np.nan
@@ -148,7 +158,6 @@ def test_coarse_cells_are_area_weighted_means() -> None:
 
 
 def test_coarse_cells_rotate_with_the_terrain() -> None:
-    """A rotated or mirrored terrain has the same coarse cells."""
     elevation = np.random.default_rng(3).normal(size=(19, 14))
     elevation[3, 4] = np.nan
     ground = Terrain(elevation, 10.0)
@@ -160,16 +169,12 @@ def test_coarse_cells_rotate_with_the_terrain() -> None:
 
 
 def test_refined_maps_keep_volume_and_cells_without_data() -> None:
-    """Each cell has the value of its coarse cell."""
     elevation = np.zeros((6, 4))
     elevation[5, 3] = np.nan
     ground = Terrain(elevation, 10.0)
     coarse = coarsened(ground, 2)
     thickness = np.arange(6.0, dtype=np.float32).reshape(3, 2)
-    snapshot = Snapshot(
-        1.0, coarse, thickness, np.full((3, 2), np.nan, np.float32),
-        VolumeBudget(1.0, 1.0, 0.0, 0.0), 1, StepReport(1, 1, 1, 1.0, 'longest'), thickness,
-    )
+    snapshot = replace(_snapshot(coarse, thickness, thickness), frozen=thickness, arrived=None)
     fine = refined(snapshot, ground, 2)
     assert fine.terrain is ground
     assert fine.frozen is not None
@@ -183,17 +188,13 @@ def test_refined_maps_keep_volume_and_cells_without_data() -> None:
 
 @pytest.mark.parametrize('shape', [(6, 8), (7, 9), (9, 6)])
 def test_refined_lava_stands_on_inundated_cells_and_keeps_its_volume(shape):
-    """This includes coarse cells whose border divides a cell."""
     ground = Terrain(np.zeros(shape), 10.0)
     coarse = coarsened(ground, 2)
     arrived = np.full(coarse.shape, np.nan, np.float32)
     arrived[1:3, 1:3] = 7.0
     thickness = np.where(np.isfinite(arrived), 3.0, 0.0).astype(np.float32)
     thickness[1, 1] = 1.0
-    snapshot = replace(
-        Snapshot(1.0, coarse, thickness, np.full_like(thickness, np.nan), None, 1, None),
-        arrived=arrived, frozen=thickness / 2.0,
-    )
+    snapshot = replace(_snapshot(coarse, thickness, arrived), frozen=thickness / 2.0)
     fine = refined(snapshot, ground, 2)
     assert not (fine.standing & ~fine.inundated).any() and fine.inundated.any()
     for name in ('thickness', 'frozen'):
@@ -220,7 +221,6 @@ def test_directions_are_all_different(valley: Case) -> None:
 
 
 def test_replicates_equal_single_runs(valley: Case) -> None:
-    """Their maps are bitwise identical, on the cells of the case."""
     settings = replace(SETTINGS, maps=1)
     done: list[float] = []
     results = run_replicates(valley, settings, 5, progress=done.append)
@@ -240,16 +240,14 @@ def test_replicates_equal_single_runs(valley: Case) -> None:
         assert result.accuracy == alone.accuracy
 
 
-@pytest.mark.parametrize(
-    ('quarters', 'mirror'),
-    [
-        (1, False),
-        pytest.param(2, False, marks=pytest.mark.nightly),
-        pytest.param(3, True, marks=pytest.mark.nightly),
-    ],
-)
+@pytest.mark.parametrize(('quarters', 'mirror', 'runs'), [
+    (1, False, 8),
+    pytest.param(1, False, 16, marks=pytest.mark.nightly),
+    pytest.param(2, False, 16, marks=pytest.mark.nightly),
+    pytest.param(3, True, 16, marks=pytest.mark.nightly),
+])
 def test_a_rotated_case_has_the_same_replicates(
-    valley: Case, device: str, quarters: int, mirror: bool
+    valley: Case, device: str, quarters: int, mirror: bool, runs: int
 ) -> None:
     """They are bitwise identical in another order, so their majority is the same."""
     settings = replace(SETTINGS, device=device, maps=1)
@@ -260,7 +258,7 @@ def test_a_rotated_case_has_the_same_replicates(
     case = replace(valley, scene=replace(valley.scene, vents=(vent,)))
     direction = Orientation(quarters, mirror)
     found, other = (
-        agreement(one, [item.snapshot for item in run_replicates(one, settings, 16)])
+        agreement(one, [item.snapshot for item in run_replicates(one, settings, runs)])
         for one in (case, direction.rotate(case))
     )
     one, another = (sorted(item.jaccard for item in of.scores) for of in (found, other))
@@ -270,7 +268,6 @@ def test_a_rotated_case_has_the_same_replicates(
 
 
 def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -> None:
-    """It stops later lava at the correct place in each replicate."""
     x, y = VENT
     barrier = (
         f'events:\n- time: 300\n  barrier: {{line: [[{x - 250}, {y - 250}], '
@@ -287,16 +284,13 @@ def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -
 
 
 def test_majority_is_the_area_that_half_of_the_runs_cover(valley: Case) -> None:
-    """Fractions and majority are computed from the maps of the runs."""
     maps = np.zeros((3, *valley.footprint.shape))
     maps[0, 10:20, 10:20] = 3.0
     maps[1, 10:20, 10:16] = 1.0
     maps[2, 10:14, 10:16] = 0.1
-    end = simulate(valley, TWO_MAPS).snapshot
-    snapshots = [
-        replace(end, thickness=item, arrived=np.where(item > 0.0, 60.0, np.nan)) for item in maps
-    ]
-    found = agreement(valley, snapshots)
+    found = agreement(valley, [
+        _snapshot(valley.scene.terrain, item, np.where(item > 0.0, 60.0, np.nan)) for item in maps
+    ])
     assert found.share[10, 10] == 1.0
     assert found.share[15, 10] == pytest.approx(2.0 / 3.0)
     np.testing.assert_array_equal(found.thickness > 0.0, maps[1] > 0.0)
@@ -333,14 +327,12 @@ def test_interrupted_replicates_resume(valley: Case, tmp_path: Path) -> None:
         run_replicates(valley, replace(TWO_MAPS, spacing=20.0), 3, folder=tmp_path)
 
 
-@pytest.mark.parametrize('mirror', [False, True])
-def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley: Case, mirror: bool) -> None:
-    """This holds in all eight directions, and maps rotated back are unchanged."""
+def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley: Case) -> None:
+    """A valley that slopes south slopes east after a quarter turn."""
     (vent,) = valley.scene.vents
     before = valley.scene.terrain
     here = before.cell_at(*vent.position)
-    for quarters in range(4):
-        direction = Orientation(quarters, mirror)
+    for direction in directions(8):
         case = direction.rotate(valley)
         ground, (moved,) = case.scene.terrain, case.scene.vents
         cell = ground.cell_at(*moved.position)
@@ -349,16 +341,5 @@ def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley: Case, mirror:
         assert case.footprint[cell] == valley.footprint[here]
         np.testing.assert_array_equal(direction.rotate_back(ground.elevation), before.elevation)
         np.testing.assert_array_equal(direction.rotate_back(case.footprint), valley.footprint)
-
-
-def test_rotations_are_counterclockwise_after_the_mirror(valley: Case) -> None:
-    """A valley that slopes south then slopes east; four rotations restore the case."""
-    (vent,) = valley.scene.vents
-    once = Orientation(1).rotate(valley)
-    assert np.median(np.diff(once.scene.terrain.elevation, axis=1)) < 0.0
-    again = Orientation(3).rotate(once)
-    np.testing.assert_array_equal(again.scene.terrain.elevation, valley.scene.terrain.elevation)
-    assert again.scene.vents[0].position == pytest.approx(vent.position)
-    mirrored = Orientation(0, mirror=True).rotate(valley)
-    x0, _, x1, _ = valley.scene.terrain.extent
-    assert mirrored.scene.vents[0].position[0] - x0 == pytest.approx(x1 - vent.position[0])
+    quarter = Orientation(1).rotate(valley).scene.terrain.elevation
+    assert np.median(np.diff(quarter, axis=1)) < 0.0

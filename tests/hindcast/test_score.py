@@ -49,7 +49,6 @@ def _scored(thickness: np.ndarray, footprint: np.ndarray, vent: Any = VENT,
 
 
 def test_score_counts_hits_misses_and_false_alarms() -> None:
-    """The other scores are derived from these; without a flow they are 0."""
     found = _scored(_flow(), FOOTPRINT, emitted=30_000.0)
     assert (found.hits, found.misses, found.false_alarms) == (80, 70, 40)
     assert found.jaccard == pytest.approx(80 / 190)
@@ -67,7 +66,6 @@ def test_score_counts_hits_misses_and_false_alarms() -> None:
 
 
 def test_length_is_that_of_the_path_along_the_flow() -> None:
-    """The length of a bent flow is not the distance of its end."""
     mask = np.zeros((60, 60), bool)
     mask[10:50, 10] = mask[10, 10:50] = True
     thickness = mask.astype(float)
@@ -98,7 +96,6 @@ def test_paths_are_nearly_straight() -> None:
 
 @pytest.mark.parametrize('turns', [1, 2, 3])
 def test_rotated_and_mirrored_maps_have_the_same_score(turns: int) -> None:
-    """Flow, map and vents are rotated or mirrored together."""
     rng = np.random.default_rng(3)
     thickness = np.where(rng.random(FOOTPRINT.shape) < 0.8, _flow(), 0.0)
     vent = np.zeros(FOOTPRINT.shape)
@@ -120,7 +117,6 @@ def valley(tmp_path: Path) -> Case:
 
 
 def test_members_fill_the_published_ranges(valley: Case) -> None:
-    """Absolute values of members are in the ranges of the material, and spread over them."""
     plan = plan_of(valley, SETTINGS)
     scenes = [member_scene(plan.scene, item) for item in draw_members(plan.scene, 32)]
     etna = material_named('etna_basalt')
@@ -138,7 +134,6 @@ def test_members_fill_the_published_ranges(valley: Case) -> None:
 
 
 def test_uncertainty_of_a_case_replaces_the_published_ranges(tmp_path: Path) -> None:
-    """This includes constants; an unknown constant is refused."""
     text = (
         'uncertainty:\n'
         '  constants: {crust_temperature: {distribution: uniform, low: 700, high: 710}}\n'
@@ -153,7 +148,6 @@ def test_uncertainty_of_a_case_replaces_the_published_ranges(tmp_path: Path) -> 
 
 
 def test_members_run_on_the_cells_of_the_hindcast(valley: Case) -> None:
-    """The mapped flow field is converted to these cells."""
     fine, coarse = (
         plan_of(valley, Settings('draft', spacing, 'cpu')) for spacing in (20.0, 60.0)
     )
@@ -193,7 +187,6 @@ SCRIPT = Path(__file__).parents[2] / 'docs/benchmarks/tables.py'
 
 
 def test_tables_in_the_documents_match_the_measurements() -> None:
-    """`python docs/benchmarks/tables.py` writes them from CSV files."""
     script = load_script(SCRIPT)
     for name, tables in script.PAGES.items():
         page = (SCRIPT.parents[1] / name).read_text(encoding='utf-8')

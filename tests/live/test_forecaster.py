@@ -197,9 +197,11 @@ def test_cancelled_forecast_is_repeated_after_activation(bench):
     assert new.shown.time == bench.worker.latest.time
 
 
-def test_killed_process_is_reported_and_replaced(bench):
+def test_killed_process_of_low_priority_is_reported_and_replaced(bench):
     before = len(bench.started)
     bench.begin_a_long_one()
+    niceness = os.getpriority(os.PRIO_PROCESS, bench.started[-1])
+    assert niceness == min(19, os.getpriority(os.PRIO_PROCESS, 0) + forecast_process.NICENESS)
     old, bench.rules = bench.forecaster.latest, RULES
     os.kill(bench.started[-1], signal.SIGKILL)
     error = wait_until(lambda: bench.forecaster.status.error)
@@ -227,15 +229,6 @@ def test_failed_forecast_is_reported_without_affecting_the_simulation(bench):
     bench.rules, old = RULES, bench.forecaster.latest
     bench.forecast(lambda item: item is not old)
     assert bench.worker.status.error == bench.forecaster.status.error == ''
-
-
-def test_process_has_a_low_priority(bench):
-    bench.begin_a_long_one()
-    niceness = os.getpriority(os.PRIO_PROCESS, bench.started[-1])
-    assert niceness == min(19, os.getpriority(os.PRIO_PROCESS, 0) + forecast_process.NICENESS)
-    before = bench.worker.fork().result(PATIENCE).checkpoint.time
-    wait_until(lambda: bench.worker.fork().result(PATIENCE).checkpoint.time > before)
-    assert bench.forecaster.status.progress is not None
 
 
 def test_share_of_forecasts_falls_when_the_simulation_is_behind():

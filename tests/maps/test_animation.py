@@ -24,12 +24,6 @@ open(sys.argv[-1], 'w').write(json.dumps([sys.argv[1:], size]))
 FAILING = "sys.exit('Unknown encoder libx264')"
 
 
-@pytest.fixture(scope='module')
-def bag(tmp_path_factory):
-    """Return a bag with frames at 200, 400, 600 and 800 s."""
-    return record(tmp_path_factory.mktemp('animation') / 'bag')
-
-
 def stand_in(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Set the path to a folder with only a program named ffmpeg."""
     folder.mkdir()
@@ -47,7 +41,6 @@ def lava_pixels(picture: Image.Image) -> int:
 
 
 def test_gif_repeats_and_holds_the_last_frame(bag, tmp_path):
-    """The flow is longer in each frame."""
     path = tmp_path / 'flow.gif'
     count = animate_bag(bag, path, source='hazard', seconds=2.0, fps=8.0, width=400)
     assert count == 4
@@ -71,7 +64,6 @@ def test_gif_repeats_and_holds_the_last_frame(bag, tmp_path):
 
 
 def test_mp4_passes_pictures_to_ffmpeg(bag, tmp_path, monkeypatch):
-    """Number and size of the raw pictures and the pixel format are correct."""
     stand_in(STAND_IN, tmp_path / 'bin', monkeypatch)
     animate_bag(bag, tmp_path / 'flow.mp4', seconds=1.0, fps=4.0, width=301)
     text = (tmp_path / 'flow.mp4').read_text()
@@ -82,7 +74,6 @@ def test_mp4_passes_pictures_to_ffmpeg(bag, tmp_path, monkeypatch):
 
 
 def test_mp4_reports_a_failing_or_missing_ffmpeg(bag, tmp_path, monkeypatch):
-    """The error quotes ffmpeg, and no file is left."""
     stand_in(FAILING, tmp_path / 'bin', monkeypatch)
     with pytest.raises(LavaError, match='Unknown encoder libx264'):
         animate_bag(bag, tmp_path / 'flow.mp4', seconds=1.0, fps=4.0, width=300)
@@ -93,7 +84,6 @@ def test_mp4_reports_a_failing_or_missing_ffmpeg(bag, tmp_path, monkeypatch):
 
 
 def test_mp4_of_a_real_ffmpeg_starts_with_its_index(bag, tmp_path, monkeypatch):
-    """The file is an MP4."""
     if shutil.which('ffmpeg') is None:
         wheel = pytest.importorskip('imageio_ffmpeg', reason='needs ffmpeg, or .[look]')
         (tmp_path / 'bin').mkdir()
@@ -105,25 +95,20 @@ def test_mp4_of_a_real_ffmpeg_starts_with_its_index(bag, tmp_path, monkeypatch):
     assert 0 < data.index(b'moov') < data.index(b'mdat')
 
 
-@pytest.mark.parametrize(
-    ('name', 'options', 'words'),
-    [
-        ('flow.avi', {}, 'name ends with .gif or .mp4'),
-        ('flow.gif', {'source': 'depth'}, 'layer'),
-        ('flow.gif', {'fps': 0.0}, 'fps'),
-        ('flow.gif', {'seconds': 1e9}, 'seconds'),
-        ('flow.gif', {'width': 10}, 'width'),
-        ('missing/flow.gif', {'width': 200, 'seconds': 0.5}, 'output is .*missing'),
-    ],
-)
+@pytest.mark.parametrize(('name', 'options', 'words'), [
+    ('flow.avi', {}, 'name ends with .gif or .mp4'),
+    ('flow.gif', {'source': 'depth'}, 'layer'),
+    ('flow.gif', {'fps': 0.0}, 'fps'),
+    ('flow.gif', {'seconds': 1e9}, 'seconds'),
+    ('flow.gif', {'width': 10}, 'width'),
+    ('missing/flow.gif', {'width': 200, 'seconds': 0.5}, 'output is .*missing'),
+])
 def test_rejects_invalid_arguments(bag, tmp_path, name, options, words):
-    """The error names the argument."""
     with pytest.raises(LavaError, match=words):
         animate_bag(bag, tmp_path / name, **options)  # type: ignore[arg-type]
 
 
 def test_rejects_a_layer_that_the_bag_lacks(tmp_path):
-    """The error names the layers of the bag."""
     config = 'layers: {heat: {source: temperature, message: sensor_msgs/Image}}'
     bag = record(tmp_path / 'bag', config=config)
     with pytest.raises(LavaError, match='it has temperature'):

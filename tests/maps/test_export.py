@@ -27,27 +27,15 @@ from lava_ros.maps.plot import MAX_ISOCHRONES
 from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import load_features
-from recording import GRIDS, record, silenced, TERRAIN, VENT
+from recording import record, silenced, TERRAIN, VENT
 
 
 @pytest.fixture(scope='module')
-def bag(tmp_path_factory):
-    """Return a bag of grids with frames at 200, 400, 600 and 800 s."""
-    return record(tmp_path_factory.mktemp('grids') / 'bag', config=GRIDS)
-
-
-@pytest.fixture(scope='module')
-def out(bag):
+def out(grids):
     """Return the folder of its GeoTIFF files with a threshold of 0.5 m."""
-    exported = export_bag(bag, bag.parent / 'out', threshold=0.5)
+    exported = export_bag(grids, grids.parent / 'out', threshold=0.5)
     assert [item.stem for item in exported.files] == list(MAPS)
-    return bag.parent / 'out'
-
-
-@pytest.fixture(scope='module')
-def floats(tmp_path_factory):
-    """Return a bag of unrounded layers."""
-    return record(tmp_path_factory.mktemp('floats') / 'bag')
+    return grids.parent / 'out'
 
 
 def band(path):
@@ -56,9 +44,8 @@ def band(path):
         return file.read(1)[::-1]
 
 
-def test_rasters_have_the_values_of_the_frame(bag, out):
-    """Cells are north up, and without data outside the terrain."""
-    frame = Recording(bag).frame_at()
+def test_rasters_have_the_values_of_the_frame(grids, out):
+    frame = Recording(grids).frame_at()
     outside = ~TERRAIN.has_data
     for name, source, dry in (
         ('thickness', 'thickness', NODATA),
@@ -75,7 +62,6 @@ def test_rasters_have_the_values_of_the_frame(bag, out):
 
 
 def test_rasters_are_georeferenced(out):
-    """GDAL finds the tip of the flow at its easting and northing, in UTM zone 33."""
     with rasterio.open(out / 'thickness.tif') as file:
         assert file.crs.to_epsg() == 32633
         assert file.bounds == (499_950.0, 4_180_020.0, 500_150.0, 4_180_170.0)
@@ -94,7 +80,6 @@ def test_rasters_are_georeferenced(out):
 
 
 def test_arrival_and_peak_thickness_are_accumulated(out):
-    """The arrival is the time of the first map with lava."""
     times = band(out / 'arrival.tif')
     with rasterio.open(out / 'arrival.tif') as file:
         tags = file.tags()
@@ -109,7 +94,6 @@ def test_arrival_and_peak_thickness_are_accumulated(out):
 
 
 def test_tags_state_unit_time_and_rounding(out):
-    """A file without the bag has a complete description."""
     with rasterio.open(out / 'thickness.tif') as file:
         tags = file.tags()
         assert (file.units, file.descriptions) == (('m',), ('thickness',))
@@ -124,7 +108,6 @@ def test_tags_state_unit_time_and_rounding(out):
 
 
 def test_unrounded_thickness_has_no_limits(tmp_path):
-    """Default layers contain very thick and very thin lava."""
     flow = np.zeros(TERRAIN.shape, dtype=np.float32)
     flow[12, 5:8] = 41.37, 0.004, 12.5
     bag = record(tmp_path / 'bag', flow=lambda _: flow)
@@ -134,14 +117,13 @@ def test_unrounded_thickness_has_no_limits(tmp_path):
         np.testing.assert_array_equal(cells, np.where(flow > 0.0, flow, np.float32(NODATA)))
 
 
-def test_exports_one_time_or_all_frames(bag, tmp_path):
-    """Files of all frames have a number and a time in their names."""
-    export_bag(bag, tmp_path / 'out', time=450.0)
+def test_exports_one_time_or_all_frames(grids, tmp_path):
+    export_bag(grids, tmp_path / 'out', time=450.0)
     assert (band(tmp_path / 'out/thickness.tif')[12] > 0.0).sum() == 4
     with rasterio.open(tmp_path / 'out/thickness.tif') as file:
         assert file.tags()['simulated_time_s'] == '400.0'
     assert band(tmp_path / 'out/arrival.tif').max() == 400.0
-    exported = export_bag(bag, tmp_path / 'every', every=True, maps=['thickness', 'arrival'])
+    exported = export_bag(grids, tmp_path / 'every', every=True, maps=['thickness', 'arrival'])
     *maps, arrival = exported.files
     names = [f'thickness_000{number}_{200 * (number + 1)}s.tif' for number in range(4)]
     assert [item.name for item in maps] == names
@@ -151,7 +133,6 @@ def test_exports_one_time_or_all_frames(bag, tmp_path):
 
 
 def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
-    """With an EPSG code, its files have a coordinate system."""
     terrain = Terrain(TERRAIN.elevation, 5.0, origin=TERRAIN.origin)
     bag = record(tmp_path / 'bag', terrain=terrain)
     # GDAL's error names the code, and GeoJSON requires longitudes
@@ -171,41 +152,35 @@ def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
         assert file.bounds[:2] == (950.0, 2020.0)
 
 
-@pytest.mark.parametrize(
-    ('options', 'words'),
-    [
-        ({'offset': (1.0, 2.0)}, 'offset is .*as the bag states'),
-        ({'time': 100.0}, 'time is 100.0, expected 200 to 800 s'),
-        ({'threshold': 0.01}, 'threshold is 0.01'),
-        ({'threshold': float('nan')}, 'threshold is nan'),
-        ({'maps': ['depth']}, 'maps'),
-    ],
-)
-def test_rejects_invalid_arguments(bag, tmp_path, options, words):
-    """The error names the argument, and nothing is written."""
+@pytest.mark.parametrize(('options', 'words'), [
+    ({'offset': (1.0, 2.0)}, 'offset is .*as the bag states'),
+    ({'time': 100.0}, 'time is 100.0, expected 200 to 800 s'),
+    ({'threshold': 0.01}, 'threshold is 0.01'),
+    ({'threshold': float('nan')}, 'threshold is nan'),
+    ({'maps': ['depth']}, 'maps'),
+])
+def test_rejects_invalid_arguments(grids, tmp_path, options, words):
     with pytest.raises(LavaError, match=words):
-        export_bag(bag, tmp_path / 'out', **options)  # type: ignore[arg-type]
+        export_bag(grids, tmp_path / 'out', **options)  # type: ignore[arg-type]
     assert not (tmp_path / 'out').exists()
 
 
-def test_failed_export_leaves_no_folder(bag, tmp_path):
-    """A folder with files, a bag without a terrain, and one whose terrain is last are rejected."""
+def test_failed_export_leaves_no_folder(grids, tmp_path):
     (tmp_path / 'thickness.tif').touch()
     with pytest.raises(LavaError, match='a folder that is new or empty'):
-        export_bag(bag, tmp_path)
-    without = silenced(bag, tmp_path / 'without.mcap', '/terrain')
+        export_bag(grids, tmp_path)
+    without = silenced(grids, tmp_path / 'without.mcap', '/terrain')
     with pytest.raises(LavaError, match='messages on the topic terrain'):
         export_bag(without, tmp_path / 'maps')
     assert not (tmp_path / 'maps').exists()
-    late = silenced(bag, tmp_path / 'late.mcap', '/terrain', late=True)
+    late = silenced(grids, tmp_path / 'late.mcap', '/terrain', late=True)
     with pytest.raises(LavaError, match='bag is .*late.mcap.*a terrain and a map'):
         export_bag(late, tmp_path / 'maps')
     assert not (tmp_path / 'maps').exists()
 
 
-def test_outline_and_isochrones_are_polygons_of_cells(floats, tmp_path):
-    """They are in longitude and latitude; an isochrone includes all earlier areas."""
-    words = ['export', str(floats), '-o', str(tmp_path / 'out'), '--formats', 'geojson']
+def test_outline_and_isochrones_are_polygons_of_cells(bag, tmp_path):
+    words = ['export', str(bag), '-o', str(tmp_path / 'out'), '--formats', 'geojson']
     assert main(words) == 0
     outline, isochrones = (
         json.loads((tmp_path / f'out/{name}.geojson').read_text())['features']
@@ -224,33 +199,31 @@ def test_outline_and_isochrones_are_polygons_of_cells(floats, tmp_path):
 
 
 def test_rejects_coordinates_outside_the_projection(tmp_path):
-    """They have no longitude and latitude."""
-    place = gis.Place((1e8, 4e6), 10.0, gis.coordinate_system(32633))
-    features = gis.area(np.ones((2, 2), dtype=bool), place)
+    terrain = Terrain(np.zeros((2, 2)), 10.0, epsg=32633, offset=(1e8, 4e6))
+    features = gis.area(np.ones((2, 2), dtype=bool), terrain)
     with pytest.raises(LavaError, match='corner of the map') as caught:
-        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, place, '')
-    assert caught.value.value == place.corner
+        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, terrain, '')
+    assert caught.value.value == terrain.corner
 
 
 def test_areas_of_cells_times_and_probabilities():
-    """An area has holes, isochrones are limited in number, and unknown cells have no area."""
     cells = np.zeros((6, 6), dtype=bool)
     cells[1:5, 1:5] = True
     cells[2, 2] = False
-    (feature,) = gis.area(cells, gis.Place((100.0, 200.0), 10.0, None))
+    (feature,) = gis.area(cells, Terrain(np.zeros((6, 6)), 10.0, offset=(100.0, 200.0)))
     assert feature['properties']['area_m2'] == 1500.0
     ((outer, inner),) = feature['geometry']['coordinates']
     assert {tuple(item) for item in outer} == {(110, 210), (150, 210), (150, 250), (110, 250)}
     assert {tuple(item) for item in inner} == {(120, 220), (130, 220), (130, 230), (120, 230)}
-    place = gis.Place((0.0, 0.0), 1.0, None)
-    assert gis.area(~cells & cells, place) == []
+    terrain = Terrain(np.zeros((2, 2)), 1.0)
+    assert gis.area(~cells & cells, terrain) == []
     for last in (40.0, 3000.0, 86_400.0, 86_400.0 * 1000):
         times = np.linspace(0.0, last, 100).reshape(10, 10)
-        ends = [item['properties']['time_s'] for item in gis.isochrones(times, place)]
+        ends = [item['properties']['time_s'] for item in gis.isochrones(times, terrain)]
         assert 1 <= len(ends) <= MAX_ISOCHRONES and ends[-1] >= last
-    assert gis.isochrones(np.full((3, 3), np.nan), place) == []
+    assert gis.isochrones(np.full((3, 3), np.nan), terrain) == []
     percent = np.array([[np.nan, 5.0, 10.0], [49.0, 50.0, 95.0]])
-    found = [item['properties'] for item in gis.probabilities(percent, place)]
+    found = [item['properties'] for item in gis.probabilities(percent, terrain)]
     assert found == [
         {'probability_percent': least, 'area_m2': cells}
         for least, cells in ((10.0, 4.0), (50.0, 2.0), (90.0, 1.0))
@@ -273,9 +246,8 @@ def painted(style: Path, value: float) -> tuple[float, str]:
     return float(alpha) / 255.0, str(nearest.get('color'))
 
 
-def test_every_file_of_a_bag_has_a_style(floats, tmp_path):
-    """Each GeoTIFF has a .qml with the colours from its minimum to its maximum."""
-    export_bag(floats, tmp_path / 'out')
+def test_every_file_of_a_bag_has_a_style(bag, tmp_path):
+    export_bag(bag, tmp_path / 'out')
     names = {path.stem for path in (tmp_path / 'out').glob('*.qml')}
     assert names == {path.stem for path in (tmp_path / 'out').glob('*.tif')}
     style = tmp_path / 'out/thickness.qml'
@@ -285,7 +257,6 @@ def test_every_file_of_a_bag_has_a_style(floats, tmp_path):
 
 @pytest.mark.parametrize('name', RASTER_LAYERS)
 def test_style_leaves_cells_without_lava_transparent(name, tmp_path):
-    """QGIS draws lava in all layers and ground without lava in none; times are in hours."""
     layer = RASTER_LAYERS[name]
     values = np.array([[0.0, 1.0, 2.0, np.nan]]) * (36_000.0 if layer.unit == 's' else 1.0)
     style = write_style(tmp_path / 'map.tif', name, values)
@@ -302,7 +273,6 @@ def test_style_leaves_cells_without_lava_transparent(name, tmp_path):
 
 
 def test_style_of_the_hazard_has_its_classes(tmp_path):
-    """All harmful values have one colour, and lethal lava another."""
     style = write_style(tmp_path / 'hazard.tif', 'hazard', np.array([[0.0, 50.0, 100.0]]))
     harmful, lethal = STYLES['hazard'].colours
     assert [painted(style, value) for value in (1.0, 50.0, 99.0)] == [(1.0, harmful)] * 3
@@ -313,11 +283,10 @@ def test_style_of_the_hazard_has_its_classes(tmp_path):
 
 @pytest.mark.parametrize('name', RASTER_LAYERS)
 def test_every_raster_describes_itself(name, tmp_path):
-    """It has a description, a unit, a value for no data, and the origin of the map."""
     values = np.array([[0.0, 3.0], [np.nan, 2.0]])
     origin = gis.Provenance('etna.yaml', ('steep', 'cooling'), 'draft', '9.9', 'seen.geojson')
-    place = gis.Place((0.0, 0.0), 1.0, None)
-    path, _ = gis.write_map(tmp_path / 'map.tif', name, values, place, origin, {'members': '4'})
+    terrain = Terrain(np.zeros((2, 2)), 1.0)
+    path, _ = gis.write_grid(tmp_path / 'map.tif', name, values, terrain, origin, {'members': '4'})
     with rasterio.open(path) as file:
         assert file.nodata == NODATA and file.descriptions == (name,)
         assert file.units == (RASTER_LAYERS[name].unit,)
@@ -333,35 +302,29 @@ def test_every_raster_describes_itself(name, tmp_path):
 
 
 def test_rejects_a_raster_that_is_not_in_the_table(tmp_path):
-    """The error lists the valid names."""
-    place = gis.Place((0.0, 0.0), 1.0, None)
+    terrain = Terrain(np.zeros((2, 2)), 1.0)
     with pytest.raises(LavaError, match='name is .depth., expected .*thickness'):
-        gis.write_map(tmp_path / 'a.tif', 'depth', np.ones((2, 2)), place, gis.Provenance('a'))
+        gis.write_grid(tmp_path / 'a.tif', 'depth', np.ones((2, 2)), terrain, gis.Provenance('a'))
 
 
-@pytest.mark.parametrize(
-    ('format_name', 'module', 'words'),
-    [
-        ('tif', 'rasterio', r"pip install 'lava_ros\[terrain\]'"),
-        ('gpkg', 'pyogrio', r"gpkg is .*pyogrio.*'lava_ros\[terrain\]'"),
-        ('nc', 'scipy', r"NetCDF is .*scipy.*'lava_ros\[hindcast\]'"),
-    ],
-)
+@pytest.mark.parametrize(('format_name', 'module', 'words'), [
+    ('tif', 'rasterio', r"pip install 'lava_ros\[terrain\]'"),
+    ('gpkg', 'pyogrio', r"gpkg is .*pyogrio.*'lava_ros\[terrain\]'"),
+    ('nc', 'scipy', r"NetCDF is .*scipy.*'lava_ros\[hindcast\]'"),
+])
 def test_rejects_a_format_without_its_library(
-    format_name, module, words, floats, tmp_path, monkeypatch
+    format_name, module, words, bag, tmp_path, monkeypatch
 ):
-    """The error states how to install it, and nothing is written."""
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(LavaError, match=words):
-        export_bag(floats, tmp_path / 'out', formats=[format_name])
+        export_bag(bag, tmp_path / 'out', formats=[format_name])
     assert not (tmp_path / 'out').exists()
 
 
 @pytest.mark.parametrize('ending', WRITTEN)
-def test_vector_formats_keep_features_and_positions(ending, floats, tmp_path):
-    """Outline, isochrones and vents are read from each format."""
+def test_vector_formats_keep_features_and_positions(ending, bag, tmp_path):
     out = tmp_path / 'out'
-    exported = export_bag(floats, out, formats=[ending])
+    exported = export_bag(bag, out, formats=[ending])
     assert sorted(exported.files) == sorted(out.iterdir())
     paths = [path for path in exported.files if path.suffix == f'.{ending}']
     found = [item for path in paths for item in load_features('--overlay', path)]
@@ -380,9 +343,8 @@ def test_vector_formats_keep_features_and_positions(ending, floats, tmp_path):
     assert float(vent.properties[name]) == VENT.discharge
 
 
-def test_netcdf_has_all_maps(floats, tmp_path):
-    """Each map has a unit, coordinates and a coordinate system."""
-    export_bag(floats, tmp_path / 'out', formats=['nc'])
+def test_netcdf_has_all_maps(bag, tmp_path):
+    export_bag(bag, tmp_path / 'out', formats=['nc'])
     path = f'netcdf:{tmp_path / "out/maps.nc"}'
     with pytest.warns(NotGeoreferencedWarning), rasterio.open(path) as file:
         assert file.tags()['NC_GLOBAL#Conventions'].startswith('CF-')

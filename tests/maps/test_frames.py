@@ -17,25 +17,12 @@ from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import Recording
 from lava_ros.ros import codec
 from lava_ros.scene import Vent
-from recording import GRIDS, growing, RAW_CONFIG, record, TERRAIN, VENT
+from recording import growing, RAW_CONFIG, record, TERRAIN, VENT
 
 SECOND = 1_000_000_000
 
 
-@pytest.fixture(scope='module')
-def bag(tmp_path_factory):
-    """Return a bag with frames at 200, 400, 600 and 800 s."""
-    return record(tmp_path_factory.mktemp('frames') / 'bag')
-
-
-@pytest.fixture(scope='module')
-def grids(tmp_path_factory):
-    """Return a bag with the same frames as grids, which are rounded."""
-    return record(tmp_path_factory.mktemp('grids') / 'bag', config=GRIDS)
-
-
 def test_last_frame_is_in_physical_units(grids):
-    """Values are in metres, Celsius and 0..100, and NaN in dry cells."""
     frame = Recording(grids).frame_at()
     assert frame.time == 800.0
     assert set(frame.layers) == {'thickness', 'temperature', 'hazard'}
@@ -55,7 +42,6 @@ def test_last_frame_is_in_physical_units(grids):
 
 
 def test_frame_has_ground_vents_and_scene(tmp_path):
-    """Only vents with a discharge are in the frame."""
     closed = Vent((10.0, 60.0), 0.0, 1423.0, name='closed')
     frame = Recording(record(tmp_path / 'bag', vents=(VENT, closed))).frame_at()
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation)
@@ -65,7 +51,6 @@ def test_frame_has_ground_vents_and_scene(tmp_path):
 
 
 def test_reads_the_newest_frame_up_to_a_time(bag, tmp_path):
-    """An error names the valid times; a bag without diagnostics has no simulated times."""
     for asked, shown in ((200.0, 200.0), (599.0, 400.0), (800.0, 800.0)):
         frame = Recording(bag).frame_at(asked)
         assert frame.time == shown
@@ -80,7 +65,6 @@ def test_reads_the_newest_frame_up_to_a_time(bag, tmp_path):
 
 
 def test_decodes_grids_with_the_recorded_ranges(tmp_path):
-    """The topics of the bag may be in a namespace."""
     config = """
         layers:
           depth: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 50.0]}
@@ -95,7 +79,6 @@ def test_decodes_grids_with_the_recorded_ranges(tmp_path):
 
 
 def test_yields_all_frames_in_order(bag):
-    """Each frame has its own time and its own maps."""
     recording = Recording(bag)
     frames = list(recording.frames())
     assert [frame.time for frame in frames] == [200.0, 400.0, 600.0, 800.0]
@@ -123,7 +106,6 @@ def test_frames_are_those_of_the_last_run(tmp_path):
 
 
 def test_image_replaces_a_grid_of_the_same_time(tmp_path):
-    """An image is not rounded."""
     config = RAW_CONFIG + """
   grid: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0]}
 """
@@ -136,7 +118,6 @@ def test_image_replaces_a_grid_of_the_same_time(tmp_path):
 
 
 def test_rejects_bags_without_layers_or_with_invalid_yaml(tmp_path):
-    """The error names the invalid text."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/chatter', 'std_msgs/msg/Empty', bytes(5), 0, qos=LATCHED)
     with pytest.raises(LavaError, match='the layers of a simulation'):
@@ -146,26 +127,17 @@ def test_rejects_bags_without_layers_or_with_invalid_yaml(tmp_path):
             Recording(record(tmp_path / name, custom_data={name: '{not: [yaml'}))
 
 
-@pytest.mark.parametrize(
-    ('topic', 'fields', 'words'),
-    [
-        ('/terrain', {'height': 2**31, 'width': 1, 'step': 0}, 'terrain.step'),
-        ('/terrain', {'height': 0, 'width': 0, 'step': 0, 'data': []}, 'terrain.size'),
-        ('/terrain', {'height': 1, 'width': 1, 'step': 4, 'data': [0] * 4}, '2 to 32767 cells'),
-        ('/terrain', {'encoding': 'rgb8'}, 'terrain.encoding'),
-        ('/terrain', {'data': [0] * 4791}, '^/terrain.data is .*step x height = 4800 bytes'),
-        ('/terrain_info', {'resolution': 0.0}, 'terrain.resolution'),
-        ('/terrain_info', {'resolution': float('nan')}, 'terrain.resolution'),
-        ('/terrain_info', {'resolution': -1.0}, 'terrain.resolution'),
-        ('/vents', {'point_step': 0}, 'vents.fields.x.offset'),
-        ('/vents', {'point_step': 7, 'row_step': 7}, 'vents.data'),
-        ('/vents', {'fields': []}, 'vents.fields'),
-        ('/vents', {'data': [0, 0, 0xC0, 0x7F] * 7}, 'vents.data'),
-        ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
-    ],
-)
+@pytest.mark.parametrize(('topic', 'fields', 'words'), [
+    ('/terrain', {'height': 2**31, 'width': 1, 'step': 0}, 'terrain.step'),
+    ('/terrain', {'encoding': 'rgb8'}, 'terrain.encoding'),
+    ('/terrain', {'data': [0] * 4791}, '^/terrain.data is .*step x height = 4800 bytes'),
+    ('/terrain_info', {'resolution': float('nan')}, 'terrain.resolution'),
+    ('/vents', {'point_step': 0}, 'vents.fields.x.offset'),
+    ('/vents', {'fields': []}, 'vents.fields'),
+    ('/vents', {'data': [0, 0, 0xC0, 0x7F] * 7}, 'vents.data'),
+    ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
+])
 def test_rejects_inconsistent_messages(grids, tmp_path, topic, fields, words):
-    """Sizes, steps and positions must fit the data and be possible on Earth."""
     kinds = {'terrain': Image, 'terrain_info': MapMetaData, 'vents': PointCloud2}
     bag = BagReader(grids)
     with BagWriter(tmp_path / 'lies', custom_data=bag.custom_data) as writer:
@@ -208,8 +180,6 @@ def arrival_of(bag: Path, threshold: float) -> Arrival:
 
 
 def test_arrival_is_the_first_frame_with_lava(tmp_path):
-    """Drained cells keep their arrival time."""
-
     def flow(time: float) -> np.ndarray:
         thickness = growing(time)
         if time > 500.0:
@@ -225,7 +195,6 @@ def test_arrival_is_the_first_frame_with_lava(tmp_path):
 
 
 def test_arrival_depends_on_the_threshold(grids, tmp_path):
-    """Cells with lava below the threshold have no arrival time."""
     bag = record(tmp_path / 'bag', config=RAW_CONFIG)
     found = arrival_of(bag, 3.05)
     assert found.times is not None and found.peak is not None

@@ -59,7 +59,6 @@ def sizes(found: Places) -> dict[tuple[int, int], float]:
 
 
 def test_line_has_its_length_in_each_cell_that_it_crosses() -> None:
-    """A line may have corners inside cells."""
     found = place('LineString', [(5.0, 15.0), (25.0, 15.0), (25.0, 45.0)])
     assert sizes(found) == pytest.approx({
         (1, 0): 5.0, (1, 1): 10.0, (1, 2): 10.0, (2, 2): 10.0, (3, 2): 10.0, (4, 2): 5.0,
@@ -68,7 +67,6 @@ def test_line_has_its_length_in_each_cell_that_it_crosses() -> None:
 
 
 def test_area_has_its_overlap_with_each_cell() -> None:
-    """An area may be smaller than a cell; a hole is not part of it."""
     tiny = place('Polygon', box(11.0, 12.0, 12.0, 14.0))
     assert sizes(tiny) == pytest.approx({(1, 1): 2.0})
     holed = place('Polygon', box(10.0, 10.0, 40.0, 40.0), box(20.0, 20.0, 30.0, 25.0))
@@ -105,7 +103,6 @@ def test_overlap_agrees_with_a_fine_count(seed: int, monkeypatch: pytest.MonkeyP
 
 
 def test_parts_of_a_feature_are_one_place_and_names_differ() -> None:
-    """Equal and missing names are numbered."""
     parts = [
         feature('Polygon', box(10.0, 10.0, 20.0, 20.0), name='Nicolosi', where='a, 1'),
         feature('Polygon', box(40.0, 40.0, 50.0, 50.0), name='Nicolosi', where='a, 1'),
@@ -119,21 +116,17 @@ def test_parts_of_a_feature_are_one_place_and_names_differ() -> None:
     assert found.whole.tolist() == [200.0, 1.0, 1.0, 1.0]
 
 
-@pytest.mark.parametrize(
-    ('found', 'off_map'),
-    [
-        (place('Point', [(-5.0, 5.0)]), 1.0),
-        (place('Point', [(1e8, 5.0)]), 1.0),
-        # no-data cell
-        (place('Point', [(5.0, 5.0)]), 1.0),
-        (place('LineString', [(-30.0, 15.0), (10.0, 15.0)]), 0.75),
-        (place('Polygon', box(-1e6, 10.0, 1e6, 20.0)), 1.0 - 1e2 / 2e6),
-        (place('Polygon', box(-50.0, -50.0, -10.0, -10.0)), 1.0),
-        (place('Polygon', box(0.0, 0.0, 20.0, 10.0)), 0.5),
-    ],
-)
+@pytest.mark.parametrize(('found', 'off_map'), [
+    (place('Point', [(-5.0, 5.0)]), 1.0),
+    (place('Point', [(1e8, 5.0)]), 1.0),
+    # no-data cell
+    (place('Point', [(5.0, 5.0)]), 1.0),
+    (place('LineString', [(-30.0, 15.0), (10.0, 15.0)]), 0.75),
+    (place('Polygon', box(-1e6, 10.0, 1e6, 20.0)), 1.0 - 1e2 / 2e6),
+    (place('Polygon', box(-50.0, -50.0, -10.0, -10.0)), 1.0),
+    (place('Polygon', box(0.0, 0.0, 20.0, 10.0)), 0.5),
+])
 def test_places_off_the_map_have_no_arrival(found: Places, off_map: float) -> None:
-    """The table does not state that lava does not reach them."""
     assert found.off_map == pytest.approx([off_map])
     dry = np.full(GROUND.shape, np.nan)
     (row,) = arrivals(found, dict.fromkeys((0.1, 0.5, 0.9), found.at(dry)))
@@ -144,22 +137,17 @@ def test_places_off_the_map_have_no_arrival(found: Places, off_map: float) -> No
     assert ('not reached' in texts) is (off_map < 1.0)
 
 
-@pytest.mark.parametrize(
-    ('wrong', 'words'),
-    [
-        (feature('LineString', [(5.0, 5.0), (5.0, 5.0)], name='road'), 'road is .a line of no'),
-        (feature('LineString', [(5.0, 5.0)], name='road'), 'two or more places that differ'),
-        (feature('Polygon', box(5.0, 5.0, 5.0, 25.0), name='farm'), 'farm is .*an area above 0'),
-    ],
-)
+@pytest.mark.parametrize(('wrong', 'words'), [
+    (feature('LineString', [(5.0, 5.0), (5.0, 5.0)], name='road'), 'road is .a line of no'),
+    (feature('LineString', [(5.0, 5.0)], name='road'), 'two or more places that differ'),
+    (feature('Polygon', box(5.0, 5.0, 5.0, 25.0), name='farm'), 'farm is .*an area above 0'),
+])
 def test_rejects_features_without_a_size(wrong: Feature, words: str) -> None:
-    """The error names the feature."""
     with pytest.raises(LavaError, match=words):
         places_on([feature('Point', [(5.0, 15.0)]), wrong], GROUND)
 
 
 def test_distances_are_those_of_the_nearest_inundated_cell() -> None:
-    """This includes places off the map."""
     inundated = np.zeros(GROUND.shape, dtype=bool)
     inundated[2:6, 1:4] = True
     found = places_on([
@@ -182,7 +170,6 @@ def flow() -> np.ndarray:
 
 
 def test_table_has_the_first_arrival_at_each_place() -> None:
-    """JSON and CSV have the same columns."""
     found = places_on([
         feature('Point', [(25.0, 35.0)], name='hut'),
         feature('LineString', [(45.0, 5.0), (45.0, 75.0)], name='road'),
@@ -220,7 +207,6 @@ PLACES = places_on([
 
 
 def test_live_table_without_a_forecast_has_past_arrivals_and_distances() -> None:
-    """Probabilities of future arrivals are unknown."""
     live = live_arrivals(PLACES, snapshot(250.0))
     assert live.reached == (True, False, False, False) and live.source == 'none'
     assert [row.probability for row in live.rows] == [100.0, None, None, None]
@@ -231,7 +217,6 @@ def test_live_table_without_a_forecast_has_past_arrivals_and_distances() -> None
 
 
 def test_live_table_prefers_past_arrivals_to_a_forecast() -> None:
-    """All times count from the start of the simulation."""
     ahead = (flow() - 200.0).clip(0.0)
     forecast = Forecast(
         200.0, 400.0, 0.01, GROUND, ahead, ahead, ahead, duration=1.0, particle_count=1
@@ -245,7 +230,6 @@ def test_live_table_prefers_past_arrivals_to_a_forecast() -> None:
 
 
 def test_live_table_of_an_ensemble_has_its_probabilities_and_times() -> None:
-    """Times of members become simulated times; past arrivals are certain."""
     nan = np.nan
     cells = {part: flow() - 200.0 + 60.0 * index for index, part in enumerate((0.1, 0.5, 0.9))}
     cells[0.9][:, 4:] = nan

@@ -3,7 +3,10 @@
 
 """Fixtures for processes in the ROS graph of a test run, and for nodes in the test's process."""
 
+from contextlib import contextmanager
+from functools import partial
 import json
+import logging
 import os
 from pathlib import Path
 import queue
@@ -36,21 +39,15 @@ QUICK = QUICK_MODULE.format('ros.node')
 GRACE = 5.0
 
 
-def _environment(aside):
-    environment = dict(os.environ)
-    environment['ROS_DOMAIN_ID'] = str(own_domain('aside' if aside else 'graph'))
-    environment['PYTHONPATH'] = os.pathsep.join(
-        [str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]
-    )
-    environment['PYTHONUNBUFFERED'] = '1'
-    return environment
-
-
 class Process:
     """A child process whose output is read line by line."""
 
-    def __init__(self, directory, arguments, aside=False):
-        self.environment = _environment(aside)
+    def __init__(self, directory, arguments):
+        path = [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]
+        self.environment = {
+            **os.environ, 'ROS_DOMAIN_ID': str(own_domain()), 'PYTHONUNBUFFERED': '1',
+            'PYTHONPATH': os.pathsep.join(path),
+        }
         self.child = subprocess.Popen(
             [sys.executable, *arguments], cwd=directory, env=self.environment,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -111,19 +108,11 @@ class Process:
             raise
 
 
-def _ros_arguments(remap, **parameters):
-    words = [('-r', rule) for rule in remap]
-    words += [('-p', f'{name}:={json.dumps(value)}') for name, value in parameters.items()]
-    return ['--ros-args', *(word for pair in words for word in pair)]
-
-
 class Listener(Process, Hearing):
     """A process that reports what the node publishes."""
 
-    program = 'graph_listener.py'
-
-    def __init__(self, directory, *topics):
-        super().__init__(directory, [str(HERE / self.program), *topics])
+    def __init__(self, directory, *topics, program='graph_listener.py'):
+        super().__init__(directory, [str(HERE / program), *topics])
         self.seen = []
 
     def next(self, timeout):
@@ -135,14 +124,8 @@ class Listener(Process, Hearing):
         return len(self.seen)
 
 
-class Comparison(Listener):
-    """A robot that compares its costmaps with its map and with a mask."""
-
-    program = 'graph_costmap.py'
-
-
 class Graph:
-    """Starts processes in one graph, or in a second one (``aside``).
+    """Starts processes in one graph.
 
     Attributes:
         directory: Working directory of the processes.
@@ -152,31 +135,34 @@ class Graph:
         self.directory = directory
         self._started, self._publishers = [], []
 
-    def _start(self, kind, *arguments):
-        process = kind(self.directory, *arguments)
+    def _start(self, kind, *arguments, **options):
+        process = kind(self.directory, *arguments, **options)
         self._started.append(process)
         return process
 
-    def node(self, *, aside=False, program=('-c', QUICK), remap=(), **parameters):
+    def node(self, *, program=('-c', QUICK), remap=(), **parameters):
         """Start a node with parameters and five maps a second; ``program`` replaces the node."""
         often = self.directory / 'often.yaml'
         default = (ROOT / 'msg_configs/default.yaml').read_text(encoding='utf-8')
         often.write_text(default.replace('rate: 1.0 ', 'rate: 5.0 '), encoding='utf-8')
-        words = _ros_arguments(remap, **{'msg_config': str(often), **parameters})
-        return self.process(*program, *words, aside=aside)
+        words = [word for rule in remap for word in ('-r', rule)]
+        for name, value in {'msg_config': str(often), **parameters}.items():
+            words += ['-p', f'{name}:={json.dumps(value)}']
+        return self.process(*program, '--ros-args', *words)
 
-    def publisher(self, *, remap=()):
-        self._publishers.append(Publisher(own_domain(), remap))
+    def publisher(self):
+        self._publishers.append(Publisher(own_domain()))
         return self._publishers[-1]
 
     def listener(self, *topics):
         return self._start(Listener, *topics)
 
     def comparison(self, mask, *costmaps):
-        return self._start(Comparison, mask, *costmaps)
+        """Start a robot that compares its costmaps with its map and with a mask."""
+        return self._start(Listener, mask, *costmaps, program='graph_costmap.py')
 
-    def process(self, *arguments, aside=False):
-        return self._start(Process, arguments, aside)
+    def process(self, *arguments):
+        return self._start(Process, arguments)
 
     @property
     def logs(self):
@@ -202,54 +188,94 @@ class Graph:
 def pytest_runtest_makereport(item):
     """Add the logs of the graph's processes to a failure."""
     report = yield
-    graph = getattr(item, 'funcargs', {}).get('graph')
-    if report.failed and isinstance(graph, Graph):
-        report.sections += [(f'stderr of {name}', log) for name, log in graph.logs if log]
+    for value in getattr(item, 'funcargs', {}).values():
+        graph = getattr(value, 'graph', value)
+        if report.failed and hasattr(graph, 'logs'):
+            report.sections += [(f'stderr of {name}', log) for name, log in graph.logs if log]
     return report
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture
 def graph(tmp_path_factory):
     result = Graph(tmp_path_factory.mktemp('graph'))
     yield result
     result.close()
 
 
-@pytest.fixture
-def alone(graph):
-    yield
-    graph.close()
-
-
-@pytest.fixture
-def local(tmp_path, monkeypatch):
-    """Return a function that starts nodes in the process of the test."""
+@contextmanager
+def local_nodes(directory, domain):
+    """Give a function that starts nodes in the process of the test."""
     from ros.local_node import LocalNode
 
     nodes = []
+    with pytest.MonkeyPatch.context() as patch:
 
-    def start(**options):
-        nodes.append(LocalNode(tmp_path, monkeypatch, **options))
-        return nodes[-1]
+        def start(**options):
+            nodes.append(LocalNode(directory, patch, domain=domain, **options))
+            return nodes[-1]
 
-    yield start
-    for node in nodes:
-        node.close()
+        yield start
+        for node in nodes:
+            node.close()
+
+
+@pytest.fixture
+def local(tmp_path):
+    with local_nodes(tmp_path, 'local') as start:
+        yield start
+
+
+@pytest.fixture(scope='module')
+def module_local(tmp_path_factory):
+    """Do as ``local`` for nodes that all tests of a module share."""
+    with local_nodes(tmp_path_factory.mktemp('local'), 'module') as start:
+        yield start
+
+
+def _start_flow(local, **parameters):
+    """Start an active node with a slope, a vent and lava."""
+    node = local(**parameters)
+    assert node.change('configure') and node.change('activate'), node.log
+    # the vents come first: they wait for the terrain
+    node.publish('vents', 'terrain_info', 'terrain')
+    node.status_now('inputs', lambda item: item['accepted'] == '3')
+    node.status_now('simulation', lambda item: item['state'] == 'running')
+    node.run(2.0)
+    node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
+    return node
 
 
 @pytest.fixture
 def flowing(local):
     """Return a function that starts an active node with a slope, a vent and lava."""
+    return partial(_start_flow, local)
 
-    def start(**parameters):
-        node = local(**parameters)
-        assert node.change('configure') and node.change('activate'), node.log
-        # the vents come first: they wait for the terrain
-        node.publish('vents', 'terrain_info', 'terrain')
-        node.status_now('inputs', lambda item: item['accepted'] == '3')
-        node.status_now('simulation', lambda item: item['state'] == 'running')
-        node.run(2.0)
-        node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
-        return node
 
-    return start
+@pytest.fixture(scope='module')
+def running(module_local):
+    """An active node with a slope, a vent and lava, which the tests of a module share."""
+    return _start_flow(module_local)
+
+
+@pytest.fixture
+def run_program(monkeypatch, tmp_path, capfd):
+    """Return a function that runs the node's program in the test: exit status and stderr."""
+    from lava_ros.ros import node, runtime
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain()))
+    # a thread that is still in the solver would end the test's process
+    monkeypatch.setattr(runtime, 'STOP_TIMEOUT', PATIENCE)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    package = logging.getLogger('lava_ros')
+    kept, level = package.handlers[:], package.level
+
+    def run(*words):
+        status = node.main([str(word) for word in words])
+        return status, capfd.readouterr().err
+
+    yield run
+    package.handlers[:] = kept
+    package.setLevel(level)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)

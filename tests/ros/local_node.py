@@ -89,8 +89,10 @@ class LocalNode(Asking, Hearing):
         now: The time of its clock [s].
     """
 
-    def __init__(self, directory, patch, *, remap=(), **parameters):
+    def __init__(self, directory, patch, *, domain='local', remap=(), **parameters):
         patch.setattr(runtime, 'HEARTBEAT', HEARTBEAT)
+        # a busy machine may take long to end the simulation
+        patch.setattr(runtime, 'STOP_TIMEOUT', PATIENCE)
         # no warning about a clock that stands still
         patch.setattr(clock, 'PATIENCE', float('inf'))
         patch.chdir(directory)
@@ -98,7 +100,7 @@ class LocalNode(Asking, Hearing):
         self._log, self._sent = _Log(), deque()
         values = {**COARSE, 'use_sim_time': True, 'autostart': False, **parameters}
         context = Context()
-        context.init(args=[], domain_id=own_domain('local'))
+        context.init(args=[], domain_id=own_domain(domain))
         self.node = _Node(
             self._log,
             self._sent,

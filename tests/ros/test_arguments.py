@@ -3,18 +3,16 @@
 
 """Mistakes in ROS arguments give one sentence and the exit status of a usage error."""
 
-import logging
 from pathlib import Path
-import signal
+from unittest.mock import Mock
 
 import pytest
 
 from command_line import lava
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
-from lava_ros.ros import node
 from lava_ros.ros.executor import start_ros
-from ros_domain import own_domain
+from lava_ros.ros.runtime import NodeRuntime
 
 BAG = Path(__file__).parents[2] / 'bags/sample'
 
@@ -27,6 +25,7 @@ FILES = {
     'type.yaml': '/**: {ros__parameters: {preset: 3}}',
     'whole.yaml': '/lava: {ros__parameters: {time_scale: 60}}',
     'list.yaml': '/**: {ros__parameters: {effects_off: 3}}',
+    'unknown.yaml': '/**: {ros__parameters: {discharge: 6.0, time_scales: 2.0, unheard_of: 1}}',
 }
 
 MISTAKES = {
@@ -74,26 +73,11 @@ MISTAKES = {
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path, capfd):
-    """Run the node's program with arguments, where there are files of parameters."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(own_domain('graph')))
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+def run(run_program, tmp_path):
+    """Run the node's program where there are files of parameters."""
     for name, text in FILES.items():
         (tmp_path / name).write_text(text, encoding='utf-8')
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    package = logging.getLogger('lava_ros')
-    kept, level = package.handlers[:], package.level
-
-    def start(*words):
-        status = node.main(list(words))
-        return status, capfd.readouterr().err
-
-    yield start
-    package.handlers[:] = kept
-    package.setLevel(level)
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+    return run_program
 
 
 @pytest.mark.parametrize('words', MISTAKES, ids=' '.join)
@@ -102,6 +86,26 @@ def test_mistake_is_one_sentence_and_status_2(run, words):
     (sentence,) = stderr.splitlines()
     assert sentence.startswith(f'lava_node cannot start: {MISTAKES[words]}')
     assert status == 2
+
+
+def test_unexpected_error_is_the_last_line_and_status_1(run, monkeypatch):
+    monkeypatch.setattr(NodeRuntime, '_begin', Mock(side_effect=RuntimeError('went wrong')))
+    status, stderr = run('--ros-args', '-p', 'device:=cpu')
+    assert stderr.splitlines()[-1] == 'lava_node cannot start: RuntimeError: went wrong'
+    assert status == 1
+
+
+def test_unknown_parameters_of_a_file_are_warnings(run, monkeypatch):
+    monkeypatch.setattr(NodeRuntime, '_begin', Mock(side_effect=RuntimeError('went wrong')))
+    _, stderr = run('--ros-args', '--params-file', 'unknown.yaml')
+    warnings = [line for line in stderr.splitlines() if 'has no effect' in line]
+    assert all('[WARN]' in line for line in warnings)
+    discharge, scale, unheard_of = warnings
+    assert "this node has no parameter 'discharge'" in discharge
+    assert 'similar names: default_discharge; vents come by the scene file (scene)' in discharge
+    assert "'time_scales'" in scale and 'vents' not in scale
+    assert 'similar names: time_scale' in scale
+    assert unheard_of.endswith("no parameter 'unheard_of': its value has no effect")
 
 
 @pytest.mark.parametrize('words', [('--help',), ('scene.yaml',), ('-r', '__node:=other')])

@@ -15,8 +15,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import GetAvailableTransitions
 import pytest
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
-from rclpy.parameter import Parameter, parameter_value_to_python
 import yaml
 
 from lava_ros.bag.qos import QosProfile
@@ -24,8 +22,8 @@ from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
 from maps.test_layers import EASTWARD as SNAPSHOT
+from ros.local_node import COARSE
 from scripts import load_script
-from waiting import wait_until
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'ROS.md'
@@ -42,10 +40,10 @@ OPTIONAL = [
     if not layer.enabled and (HAS_GRID_MAPS or layer.topic not in GRID_MAP_TOPICS)
 ]
 
-#: Parameters of the node.
+#: Parameters of the node, in addition to those of ``COARSE``.
 GIVEN = {
-    'device': 'cpu', 'msg_config': 'default.yaml', 'use_sim_time': True, 'layers_on': OPTIONAL,
-    'forecast_horizon': 1.0, 'ensemble_members': 4,
+    **COARSE, 'msg_config': 'default.yaml', 'use_sim_time': True, 'autostart': False,
+    'layers_on': OPTIONAL, 'forecast_horizon': 1.0, 'ensemble_members': 4,
     'places': [str(ROOT / 'examples' / 'places.csv')],
 }
 
@@ -68,82 +66,59 @@ def full_name(name):
     return f'/lava{name[1:]}' if name.startswith('~') else '/' + name.lstrip('/')
 
 
-def endpoints_of(looking, name):
-    """Return type, reliability and durability by kind and topic, as currently discovered."""
-    found = {'publishers': {}, 'subscriptions': {}}
-    for topic, _ in looking.get_topic_names_and_types():
+def endpoints(node, name):
+    """Return type, reliability and durability of what a node has on a topic of the graph."""
+    return {
+        kind: {
+            'type': info.topic_type, 'reliability': info.qos_profile.reliability.name,
+            'durability': info.qos_profile.durability.name,
+        }
         for kind, infos in (
-            ('publishers', looking.get_publishers_info_by_topic(topic)),
-            ('subscriptions', looking.get_subscriptions_info_by_topic(topic)),
-        ):
-            for info in infos:
-                if info.node_name == name:
-                    found[kind][topic] = {
-                        'type': info.topic_type, 'reliability': info.qos_profile.reliability.name,
-                        'durability': info.qos_profile.durability.name,
-                    }
-    return found
+            ('publishers', node.get_publishers_info_by_topic(name)),
+            ('subscriptions', node.get_subscriptions_info_by_topic(name)),
+        )
+        for info in infos
+        if info.node_name == 'lava'
+    }
 
 
-def parameters_of(publisher, name):
+def parameters_of(node):
     """Return value and description of each parameter by name."""
-    names = publisher.ask(ListParameters, f'/{name}/list_parameters').result.names
-    values = publisher.ask(GetParameters, f'/{name}/get_parameters', names=names).values
-    shown = publisher.ask(DescribeParameters, f'/{name}/describe_parameters', names=names)
+    names = node.list_parameters([], 0).names
     found = {}
-    for item, value, descriptor in zip(names, values, shown.descriptors, strict=True):
+    for item, descriptor in zip(
+        node.get_parameters(names), node.describe_parameters(names), strict=True
+    ):
         limits = [*descriptor.floating_point_range, *descriptor.integer_range]
-        found[item] = {
-            'type': Parameter.Type(value.type).name.lower(),
-            'value': parameter_value_to_python(value),
-            'read_only': descriptor.read_only,
-            'description': descriptor.description,
+        found[item.name] = {
+            'type': item.type_.name.lower(), 'value': item.value,
+            'read_only': descriptor.read_only, 'description': descriptor.description,
             'range': [limits[0].from_value, limits[0].to_value] if limits else None,
         }
     return found
 
 
-def transitions_of(publisher, name):
-    answer = publisher.ask(GetAvailableTransitions, f'/{name}/get_transition_graph')
-    return sorted(
-        [item.transition.label, item.start_state.label, item.goal_state.label]
-        for item in answer.available_transitions
-    )
-
-
-def contract_of(publisher, name):
-    """Return the interfaces of a node once discovery is complete."""
-    looking, seen = publisher.node, []
-
-    def is_steady():
-        there = name in looking.get_node_names()
-        services, clients = (
-            dict(get(name, '/')) if there else {}
-            for get in (
-                looking.get_service_names_and_types_by_node,
-                looking.get_client_names_and_types_by_node,
-            )
-        )
-        seen.append({**endpoints_of(looking, name), 'services': services, 'clients': clients})
-        # a busy machine discovers them one by one: nothing new for two seconds
-        return len(seen) > 4 and seen[-1]['publishers'] and seen[-1] == seen[-5]
-
-    wait_until(is_steady, lambda: f'nothing steady of {name}: {seen[-1]}', pause=0.5)
-    return {
-        **seen[-1],
-        'parameters': parameters_of(publisher, name),
-        'transitions': transitions_of(publisher, name),
-    }
-
-
 @pytest.fixture(scope='module')
-def shown(graph):
+def shown(module_local):
     """Return the interfaces of a node with every optional layer."""
-    node = graph.node(program=('-m', 'lava_ros.ros.node'), **GIVEN)
-    node.wait_for_log('active')
-    found = contract_of(graph.publisher(), 'lava')
-    assert node.end() == 0
-    return found
+    local = module_local(**GIVEN)
+    assert local.change('configure'), local.log
+    # discovery is complete
+    local.names()
+    found = {'publishers': {}, 'subscriptions': {}}
+    for topic, _ in local.node.get_topic_names_and_types():
+        for kind, endpoint in endpoints(local.node, topic).items():
+            found[kind][topic] = endpoint
+    answer = local.ask(GetAvailableTransitions, '/lava/get_transition_graph')
+    return {
+        **found,
+        'services': dict(local.node.get_service_names_and_types_by_node('lava', '/')),
+        'parameters': parameters_of(local.node),
+        'transitions': {
+            (item.transition.label, item.start_state.label, item.goal_state.label)
+            for item in answer.available_transitions
+        },
+    }
 
 
 @pytest.mark.parametrize(('kind', 'way'), [('publishers', 'out'), ('subscriptions', 'in')])
@@ -211,7 +186,7 @@ def test_table_and_file_of_parameters_are_up_to_date():
 
 
 def test_transitions_are_those_of_the_table(shown):
-    found = {tuple(item) for item in shown['transitions']}
+    found = shown['transitions']
     # transitions after an unexpected error
     error = 'errorprocessing'
     expected = {

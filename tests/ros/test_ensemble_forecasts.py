@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles in the node: requests, cancellation, maps, and observed outlines."""
+"""Bags of ensembles, and masks of observed lava."""
 
 from array import array
 from operator import attrgetter

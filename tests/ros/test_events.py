@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cli.calls import refused
+from command_line import refused
 from lava_ros.cli import ros
 from lava_ros.errors import LavaError
 from lava_ros.live.session import SimulationSession

@@ -1,32 +1,29 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The examples of robots that avoid lava or leave in time: path search, and robots in a graph."""
+"""The examples of robots that avoid lava or leave in time: path search, and plans of the nodes."""
 
-import itertools
-import json
 from pathlib import Path
 import time
+from types import SimpleNamespace
 
+from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+import rclpy
 
 from lava_ros.effects import Effects
 from lava_ros.forecast.forecast_run import ForecastRun
+from lava_ros.ros import codec
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from ros_domain import own_domain
 from scripts import load_script
-from waiting import PATIENCE
 
 EXAMPLES = Path(__file__).parents[2] / 'examples'
 
 CELL = 10.0
-
-NEVER = None
-
 
 keep_out = load_script(EXAMPLES / 'keep_out.py')
 leave_in_time = load_script(EXAMPLES / 'leave_in_time.py')
@@ -37,65 +34,72 @@ def test_examples_are_short(name, most):
     assert len((EXAMPLES / f'{name}.py').read_text(encoding='utf-8').splitlines()) <= most
 
 
-class Robot:
-    """An example and the rest of its robot, in one graph."""
+@pytest.fixture
+def planner():
+    """Return a function that makes a planner's node; its plans are kept, not published."""
+    rclpy.init(args=[], domain_id=own_domain())
+    nodes = []
 
-    def __init__(self, graph, example, topic, *parameters):
-        words = ['--ros-args', '-r', f'__ns:=/robot_{topic}']
-        options = [word for item in parameters for word in ('-p', item)]
-        self.example = graph.process(str(EXAMPLES / example), *words, *options)
-        robot = Path(__file__).with_name('graph_robot.py')
-        self.rest = graph.process(str(robot), topic, *words)
-        assert self.rest.line(PATIENCE) == 'ready'
+    def make(kind):
+        plans = []
+        nodes.append(kind())
+        nodes[-1].plan = SimpleNamespace(publish=plans.append)
 
-    def publish(self, **messages):
-        self.rest.child.stdin.write(json.dumps(messages) + '\n')
-        self.rest.child.stdin.flush()
+        def newest():
+            places = [[item.pose.position.x, item.pose.position.y] for item in plans[-1].poses]
+            return np.array(places).reshape(-1, 2)
 
-    def plan(self, condition=lambda plan: len(plan) > 1, timeout=PATIENCE):
-        """Return the next plan that fulfils a condition, by default that is not empty."""
-        end = time.monotonic() + timeout
-        while True:
-            assert time.monotonic() < end, self.example.log
-            try:
-                line = self.rest.line(timeout)
-            except AssertionError as error:
-                raise AssertionError(f'{error}; the example:\n{self.example.log}') from error
-            plan = np.array(json.loads(line)).reshape(-1, 2)
-            if condition(plan):
-                return plan
+        return nodes[-1], newest
 
-    def stops(self, reason):
-        """Wait until the plan is to stop, with the reason in the log."""
-        self.plan(lambda plan: len(plan) == 0)
-        self.example.wait_for_log(reason)
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    rclpy.shutdown()
 
 
-def _shortest(blocked, near, start):
-    """Return the lengths of the shortest paths from a cell, by scipy's Dijkstra."""
-    rows, columns = blocked.shape
-    links = []
-    for row, column in np.argwhere(~blocked):
-        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1), (0, -1), (-1, 0), (-1, -1), (-1, 1)):
-            r, c = row + dr, column + dc
-            if not (0 <= r < rows and 0 <= c < columns) or blocked[r, c]:
-                continue
-            if blocked[row, c] or blocked[r, column]:
-                continue
-            length = np.hypot(dr, dc) * (10.0 if near[r, c] else 1.0)
-            links.append((row * columns + column, r * columns + c, length))
-    tails, heads, lengths = zip(*links, strict=True)
-    graph = coo_array((lengths, (tails, heads)), shape=(blocked.size, blocked.size))
-    return dijkstra(graph.tocsr(), indices=start[0] * columns + start[1]).reshape(blocked.shape)
+def grid(rows):
+    cells = np.array(rows, dtype=np.int8)
+    info = codec.map_metadata(Terrain(np.zeros(cells.shape), CELL), 0)
+    return codec.occupancy_grid(cells, info, codec.header('map', 0))
 
 
-@pytest.mark.parametrize('seed', range(6))
+def pose(x, y, frame='map'):
+    message = PoseStamped(header=codec.header(frame, 0))
+    message.pose.position.x, message.pose.position.y = x, y
+    return message
+
+
+def _least(shape, start, after):
+    """Return the least value at each cell by Bellman-Ford, which is slow but simple.
+
+    ``after`` returns the value after a step from the value before it, its length, and the cells
+    that it touches, of which the second is its end.
+    """
+    values, before = np.full(shape, np.inf), None
+    values[start] = 0.0
+    while before is None or (values != before).any():
+        before = values.copy()
+        for row, column in np.argwhere(np.isfinite(values)):
+            for r, c in np.add(np.argwhere(np.ones((3, 3))), (row - 1, column - 1)):
+                if (r, c) != (row, column) and 0 <= r < shape[0] and 0 <= c < shape[1]:
+                    length = np.hypot(r - row, c - column)
+                    touched = ((row, column), (r, c), (row, c), (r, column))
+                    values[r, c] = min(values[r, c], after(values[row, column], length, touched))
+    return values
+
+
+@pytest.mark.parametrize('seed', range(5))
 def test_path_is_the_shortest(seed):
     random = np.random.default_rng(seed)
-    blocked, near = random.random((18, 25)) < 0.3, random.random((18, 25)) < 0.3
+    blocked, near = random.random((10, 13)) < 0.3, random.random((10, 13)) < 0.3
     blocked[0, 0] = False
-    lengths = _shortest(blocked, near, (0, 0))
-    for goal in [(17, 24), (9, 12), (0, 24), (17, 0), (3, 5)]:
+
+    def after(value, length, touched):
+        is_free = not any(blocked[cell] for cell in touched)
+        return value + length * (10.0 if near[touched[1]] else 1.0) if is_free else np.inf
+
+    lengths = _least(blocked.shape, (0, 0), after)
+    for goal in [(9, 12), (5, 6), (0, 12), (9, 0), (3, 5)]:
         if blocked[goal]:
             continue
         way = keep_out.find_path(blocked, near, (0, 0), goal)
@@ -125,68 +129,46 @@ def _distance_to_lava(plan, rows):
     return np.linalg.norm(plan[:, None] - centres[None], axis=2).min()
 
 
-def test_robot_avoids_lava(graph):
-    robot = Robot(graph, 'keep_out.py', 'hazard', 'clearance:=20.0')
+def test_robot_avoids_lava(planner):
+    node, plan = planner(keep_out.KeepOut)
     low = _map(4)
-    robot.publish(hazard=low, pose=[15.0, 95.0], goal=[285.0, 95.0])
-    plan = robot.plan()
-    assert plan[0].tolist() == [15.0, 95.0]
-    assert plan[-1].tolist() == [285.0, 95.0]
-    assert _distance_to_lava(plan, low) > 20.0
-    assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(45.0, abs=10.0)
-    assert np.abs(np.diff(plan, axis=0)).max() == 10.0
+    node.on_hazard(grid(low))
+    node.on_pose(pose(15.0, 95.0))
+    node.on_goal(pose(285.0, 95.0))
+    assert plan()[0].tolist() == [15.0, 95.0]
+    assert plan()[-1].tolist() == [285.0, 95.0]
+    assert _distance_to_lava(plan(), low) > 20.0
+    assert plan()[np.abs(plan()[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(45.0, abs=10.0)
+    assert np.abs(np.diff(plan(), axis=0)).max() == 10.0
 
     # the gap closes and another one opens
-    robot.publish(hazard=_map())
-    robot.stops('no way leads around the lava')
+    node.on_hazard(grid(_map()))
+    assert (len(plan()), node.reported) == (0, 'no way leads around the lava')
     high = _map(14)
-    robot.publish(hazard=high)
-    plan = robot.plan()
-    assert _distance_to_lava(plan, high) > 20.0
-    assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(145.0, abs=10.0)
+    node.on_hazard(grid(high))
+    assert _distance_to_lava(plan(), high) > 20.0
+    assert plan()[np.abs(plan()[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(145.0, abs=10.0)
 
     for goal, reason in (
-        ([145.0, 5.0], 'the goal is in lava: hazard 60'),
-        ([295.0, 195.0], 'the goal is on unknown ground, which counts as not passable'),
-        ([125.0, 5.0], 'the goal is nearer than 20 m'),
-        ([1e9, 5.0], 'the goal is outside the map'),
-        ([float('nan'), 5.0], 'the goal is outside the map'),
-        ([285.0, 95.0, 'odom'], "the goal is in frame 'odom', the map in 'map'"),
+        (pose(145.0, 5.0), 'the goal is in lava: hazard 60'),
+        (pose(295.0, 195.0), 'the goal is on unknown ground, which counts as not passable'),
+        (pose(125.0, 5.0), 'the goal is nearer than 20 m to lava or unknown ground'),
+        (pose(1e9, 5.0), 'the goal is outside the map'),
+        (pose(float('nan'), 5.0), 'the goal is outside the map'),
+        (pose(285.0, 95.0, 'odom'), "the goal is in frame 'odom', the map in 'map'"),
     ):
-        robot.publish(goal=goal)
-        robot.stops(f'stop: {reason}')
+        node.on_goal(goal)
+        assert (len(plan()), node.reported) == (0, reason)
 
     # lava is near: the path leads away from it first
-    robot.publish(goal=[25.0, 45.0])
-    robot.plan()
-    robot.publish(pose=[125.0, 95.0])
-    plan = robot.plan(lambda plan: len(plan) > 1 and plan[0, 0] == 125.0)
-    assert _distance_to_lava(plan[:1], high) == 20.0
-    assert _distance_to_lava(plan[1:], high) > 20.0
+    node.on_goal(pose(25.0, 45.0))
+    node.on_pose(pose(125.0, 95.0))
+    assert _distance_to_lava(plan()[:1], high) == 20.0
+    assert _distance_to_lava(plan()[1:], high) > 20.0
 
-    robot.publish(leave=True)
-    robot.stops('stop: there is no hazard map')
-
-
-def _arrivals_by_waves(until, start, duration):
-    """Return the earliest times at all cells by Bellman-Ford, which is slow but simple."""
-    times = np.full(until.shape, np.inf)
-    times[start] = 0.0
-    steps = [step for step in itertools.product((-1, 0, 1), repeat=2) if step != (0, 0)]
-    for _ in range(until.size):
-        before = times.copy()
-        for row, column in np.argwhere(np.isfinite(times)):
-            for dr, dc in steps:
-                r, c = row + dr, column + dc
-                if not (0 <= r < until.shape[0] and 0 <= c < until.shape[1]):
-                    continue
-                after = times[row, column] + np.hypot(dr, dc) * duration
-                corners = (until[row, column], until[r, c], until[row, c], until[r, column])
-                if after < min(corners):
-                    times[r, c] = min(times[r, c], after)
-        if (times == before).all():
-            return times
-    raise AssertionError('no end')
+    # nobody publishes the map
+    node.watch()
+    assert (len(plan()), node.reported) == (0, 'there is no hazard map')
 
 
 @pytest.mark.parametrize('seed', range(5))
@@ -194,7 +176,12 @@ def test_path_is_the_fastest_without_lava(seed):
     random = np.random.default_rng(seed)
     until = np.where(random.random((9, 12)) < 0.3, np.inf, random.uniform(0.0, 30.0, (9, 12)))
     until[0, 0] = 20.0
-    times = _arrivals_by_waves(until, (0, 0), 1.0)
+
+    def after(value, length, touched):
+        time = value + length
+        return time if all(time < until[cell] for cell in touched) else np.inf
+
+    times = _least(until.shape, (0, 0), after)
     for is_goal in (np.isinf(until), np.arange(108).reshape(9, 12) == 107):
         way = leave_in_time.find_path(until, (0, 0), is_goal, 1.0)
         if not np.isfinite(times[is_goal]).any():
@@ -275,51 +262,51 @@ def test_machine_survives_with_a_forecast_but_not_with_the_current_map():
 
 
 def _coming(soon, late):
-    """Return a map of 300 x 200 m with lava that spreads from the left up to column 24."""
-    rows = [[0.0] * 5 + list(np.linspace(soon, late, 20)) + [NEVER] * 5 for _ in range(20)]
-    rows[19][:] = [NEVER] * 30
+    """Return arrivals on 300 x 200 m of lava that spreads from the left up to column 24."""
+    rows = np.full((20, 30), np.nan, np.float32)
+    rows[:19, :5] = 0.0
+    rows[:19, 5:25] = np.linspace(soon, late, 20)
     return rows
 
 
-def _ends_at(x, y):
-    return lambda plan: len(plan) > 1 and abs(plan[-1] - (x, y)).max() < 5.0
+def test_robot_leaves_in_time_or_stops(planner):
+    node, plan = planner(leave_in_time.LeaveInTime)
+    node.margin, node.max_age = 30.0, 900.0
 
+    def forecast(times, age=0.0):
+        header = codec.header('map', time.time_ns() - int(age * 1e9))
+        node.on_image(codec.float_image(times, header))
 
-def test_robot_leaves_in_time_or_stops(graph):
-    parameters = ('speed:=1.0', 'margin:=30.0', 'max_age:=900.0')
-    robot = Robot(graph, 'leave_in_time.py', 'arrival', *parameters)
-    robot.publish(arrival=_coming(200.0, 900.0), pose=[95.0, 95.0])
+    soon, later = _coming(200.0, 900.0), _coming(2000.0, 9000.0)
+    node.on_grid(grid(np.zeros(soon.shape)))
+    node.on_pose(pose(95.0, 95.0))
+    forecast(soon)
     # down is nearer; to the right is also safe, but farther
-    plan = robot.plan()
-    assert plan[0].tolist() == [95.0, 95.0]
-    assert plan[-1][0] >= 270.0 or plan[-1][1] >= 190.0
-    times = np.append(0.0, np.cumsum(np.hypot(*np.diff(plan, axis=0).T)))
-    front = np.interp(plan[:, 0], 10.0 * np.arange(5, 25) + 5.0, np.linspace(200.0, 900.0, 20))
+    path = plan()
+    assert path[0].tolist() == [95.0, 95.0]
+    assert path[-1][0] >= 270.0 or path[-1][1] >= 190.0
+    times = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
+    front = np.interp(path[:, 0], 10.0 * np.arange(5, 25) + 5.0, np.linspace(200.0, 900.0, 20))
     assert (times + 30.0 <= front).all()
 
     # a goal that remains free is accepted, another one is not
-    robot.publish(goal=[285.0, 45.0])
-    robot.plan(_ends_at(285.0, 45.0))
-    robot.publish(goal=[205.0, 45.0])
-    robot.plan(lambda plan: len(plan) > 1 and plan[-1][0] != 205.0)
-    robot.example.wait_for_log('not to the goal, but to where no lava comes')
+    node.on_goal(pose(285.0, 45.0))
+    assert plan()[-1].tolist() == [285.0, 45.0] and not node.reported
+    node.on_goal(pose(205.0, 45.0))
+    assert len(plan()) > 1 and plan()[-1][0] != 205.0
+    assert node.reported == 'not to the goal, but to where no lava comes'
 
-    # a much older forecast
-    robot.publish(arrival=_coming(200.0, 900.0), age=600.0)
-    robot.stops('no way leads out in time')
-
-    robot.publish(arrival=_coming(2000.0, 9000.0), pose=[95.0, 95.0])
-    robot.plan()
-    robot.publish(arrival=_coming(2000.0, 9000.0), age=3600.0)
-    robot.example.wait_for_log('stop: there is no forecast')
-
-    robot.publish(arrival=_coming(2000.0, 9000.0))
-    robot.plan()
-    robot.publish(arrival=[[-1.0] * 30] * 20)
-    robot.stops('stop: the forecast has been withdrawn')
-
-    # no publisher
-    robot.publish(arrival=_coming(2000.0, 9000.0))
-    robot.plan()
-    robot.publish(leave=True)
-    robot.stops('')
+    for times, age, reason in (
+        (soon, 600.0, 'no way leads out in time'),
+        (np.full(soon.shape, -1.0, np.float32), 0.0, 'stop: the forecast has been withdrawn'),
+    ):
+        forecast(times, age)
+        assert (len(plan()), node.reported) == (0, reason)
+        forecast(later)
+        assert len(plan()) > 1
+    # a forecast that is too old, and one without a publisher
+    for age, count in ((3600.0, 1), (0.0, 0)):
+        node.count_publishers = lambda topic, count=count: count
+        forecast(later, age)
+        node.watch()
+        assert (len(plan()), node.reported) == (0, 'stop: there is no forecast')

@@ -7,16 +7,9 @@ import signal
 
 from nav_msgs.msg import OccupancyGrid
 import numpy as np
-import pytest
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-
-from ros_domain import own_domain
-from waiting import wait_until
 
 CONFIG = """
 layers:
@@ -26,58 +19,7 @@ layers:
 """
 
 
-class Robot:
-    """A subscriber that requests the deadline and the liveliness of the heartbeat."""
-
-    def __init__(self):
-        self.context = Context()
-        self.context.init(domain_id=own_domain('graph'))
-        self.node = Node('test_robot', context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.received, self.missed, self.alive = {}, {}, {}
-        for topic in ('keepout_mask', 'hazard'):
-            self._subscribe(topic)
-
-    def _subscribe(self, topic):
-        self.received[topic], self.missed[topic], self.alive[topic] = [], 0, 0
-
-        def miss(event):
-            self.missed[topic] = event.total_count
-
-        def change(event):
-            self.alive[topic] = event.alive_count
-
-        asked = QoSProfile(
-            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, deadline=Duration(seconds=2),
-            liveliness_lease_duration=Duration(seconds=2),
-        )
-        events = SubscriptionEventCallbacks(deadline=miss, liveliness=change)
-        self.node.create_subscription(
-            OccupancyGrid, topic, self.received[topic].append, asked, event_callbacks=events
-        )
-
-    def wait(self, condition):
-        def is_so():
-            self.executor.spin_once(timeout_sec=0.1)
-            return condition()
-
-        wait_until(is_so, lambda: (self.missed, self.alive), pause=0.0)
-
-    def close(self):
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.context.try_shutdown()
-
-
-@pytest.fixture
-def robot():
-    result = Robot()
-    yield result
-    result.close()
-
-
-def test_killed_node_misses_its_deadline(graph, tmp_path, robot):
+def test_killed_node_misses_its_deadline(graph, tmp_path):
     """A paused node repeats its maps with their stamps."""
     terrain, config = tmp_path / 'slope.npz', tmp_path / 'layers.yaml'
     _, x = np.mgrid[0:30, 0:40]
@@ -86,13 +28,27 @@ def test_killed_node_misses_its_deadline(graph, tmp_path, robot):
     node = graph.node(
         device='cpu', terrain_file=str(terrain), msg_config=str(config), end_time=0.001
     )
-    topics = robot.received
-    robot.wait(lambda: all(len(received) > 3 for received in topics.values()))
-    for received in topics.values():
-        assert received[-1].header.stamp == received[-2].header.stamp
-        assert received[-1].data == received[-2].data
-    assert set(robot.alive.values()) == {1}
+    robot, topics = graph.publisher(), ('keepout_mask', 'hazard')
+    received = {topic: [] for topic in topics}
+    missed, alive = dict.fromkeys(topics, 0), {}
+    asked = QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, deadline=Duration(seconds=2),
+        liveliness_lease_duration=Duration(seconds=2),
+    )
+    for topic in topics:
+        events = SubscriptionEventCallbacks(
+            deadline=lambda event, topic=topic: missed.update({topic: event.total_count}),
+            liveliness=lambda event, topic=topic: alive.update({topic: event.alive_count}),
+        )
+        robot.node.create_subscription(
+            OccupancyGrid, topic, received[topic].append, asked, event_callbacks=events
+        )
+    robot.spin_until(lambda: all(len(maps) > 3 for maps in received.values()))
+    for maps in received.values():
+        assert maps[-1].header.stamp == maps[-2].header.stamp
+        assert maps[-1].data == maps[-2].data
+    assert set(alive.values()) == {1}
     node.end(signal.SIGKILL)
-    before = dict(robot.missed)
-    robot.wait(lambda: set(robot.alive.values()) == {0})
-    robot.wait(lambda: all(robot.missed[topic] > before[topic] for topic in topics))
+    before = dict(missed)
+    robot.spin_until(lambda: set(alive.values()) == {0})
+    robot.spin_until(lambda: all(missed[topic] > before[topic] for topic in topics))

@@ -80,6 +80,7 @@ def test_16_bit_image_is_converted_to_metres():
         ('image.header.frame_id', '', {}, 'terrain.header.frame_id is'),
         ('info.width', 5, {}, 'terrain_info.size is'),
         ('info.height', 0, {}, 'terrain_info.size is'),
+        ('info.width', 2**32 - 1, {}, "terrain_info.size is '4294967295 x 3', expected 2 to 3"),
         *(('info.resolution', value, {}, 'terrain_info.resolution is') for value in RESOLUTIONS),
         ('info.origin.position.y', -1e308, {}, 'terrain_info.origin.position.y is'),
         ('info.origin.position.x', np.inf, {}, 'terrain_info.origin.position.x is'),

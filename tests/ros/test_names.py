@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from lava_ros.bag import BagReader
-
-pytestmark = pytest.mark.usefixtures('alone')
+from lava_ros.ros.publishers import ScenePublisher
 
 ETNA, HEKLA = '/etna/lava', '/hekla/lava2'
 
@@ -61,104 +60,53 @@ def start(local, tmp_path):
     return start_node
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_names_follow_namespaces_and_remaps(start, name):
-    node = start(name)
-    expected, others = NAMES[name]
-    assert expected < node.names()
-    assert not others & node.names()
-    space = name.rpartition('/')[0]
-    outside = {item for item in node.names() if not item.startswith(f'{space}/')}
-    assert outside - expected == {'/clock', '/parameter_events'}
-    newest = node.newest(*MAPS[name])
-    assert {tuple(item['shape']) for item in newest.values()} == {tuple(SHAPES[name])}
-
-
-def test_remapped_click_opens_a_vent_of_one_node(start):
-    node, other = start(ETNA), start(HEKLA)
-    node.publish('click')
-    node.run_commands()
-    for item in (node, other):
-        item.run(3.0)
-    assert node.newest('map', condition=lambda newest: newest['map']['max'] > 0)
-    other.hear()
-    assert {item['max'] for item in other.seen if item['topic'] in MAPS[HEKLA]} == {0}
-
-
-def test_each_node_records_its_own_bag(start, tmp_path):
+def test_each_node_has_its_own_names_vents_and_bag(start, tmp_path):
     nodes = {name: start(name, record=True) for name in NAMES}
     for name, node in nodes.items():
-        node.newest(MAPS[name][0])
-        space = name.removeprefix('/')
-        recording = 'recording'
-        node.status_now('recorder', lambda item: item['state'] == recording, node=space)  # noqa: B023
+        expected, others = NAMES[name]
+        assert expected < node.names()
+        assert not others & node.names()
+        space = name.rpartition('/')[0]
+        outside = {item for item in node.names() if not item.startswith(f'{space}/')}
+        assert outside - expected == {'/clock', '/parameter_events'}
+        newest = node.newest(*MAPS[name])
+        assert {tuple(item['shape']) for item in newest.values()} == {tuple(SHAPES[name])}
+    etna, hekla = nodes.values()
+    etna.publish('click')
+    etna.run_commands()
+    for node in nodes.values():
+        node.run(3.0)
+    assert etna.newest('map', condition=lambda newest: newest['map']['max'] > 0)
+    hekla.hear()
+    assert {item['max'] for item in hekla.seen if item['topic'] in MAPS[HEKLA]} == {0}
+    for name, node in nodes.items():
         assert node.change('shutdown', name)
         assert 'ERROR' not in node.log
     bags = sorted((tmp_path / 'bags').iterdir(), key=lambda bag: bag.name[19:])
     assert [bag.name[19:] for bag in bags] == ['_etna_lava', '_hekla_lava2']
-    etna, hekla = map(BagReader, bags)
-    assert not etna.recovered
-    assert not hekla.recovered
-    assert {'/map', '/etna/height', '/etna/terrain', '/diagnostics'} <= set(etna.topics)
-    assert {'/hekla/hazard', '/hekla/terrain', '/diagnostics'} <= set(hekla.topics)
-    assert not [topic for topic in etna.topics if topic.startswith('/hekla')]
-    assert not [topic for topic in hekla.topics if topic.startswith(('/etna', '/map'))]
+    readers = [BagReader(bag) for bag in bags]
+    assert not any(reader.recovered for reader in readers)
+    etnas, heklas = (set(reader.topics) for reader in readers)
+    assert {'/map', '/etna/height', '/etna/terrain', '/diagnostics'} <= etnas
+    assert {'/hekla/hazard', '/hekla/terrain', '/diagnostics'} <= heklas
+    assert not [topic for topic in etnas if topic.startswith('/hekla')]
+    assert not [topic for topic in heklas if topic.startswith(('/etna', '/map'))]
 
 
-def launch(graph, name, **parameters):
-    path = terrain(graph.directory, name)
-    return graph.node(
-        remap=REMAPS[name], device='cpu', time_scale=20.0, terrain_file=path, **parameters
-    )
+def test_terrain_of_the_node_is_no_input(start, monkeypatch):
+    is_own, received = ScenePublisher.is_own, []
 
+    def note(publisher, topic, data):
+        received.append((topic, is_own(publisher, topic, data)))
+        return received[-1][1]
 
-def test_late_subscriber_gets_the_terrain_of_a_file(graph):
-    # images only: the terrain that the node publishes comes back to it
-    launch(graph, HEKLA, terrain_scale=2.0)
-    publisher = graph.publisher(remap=['__ns:=/hekla'])
-    listener = graph.listener('/hekla/height')
-    listener.wait_for_topic('/hekla/height')
-    topics = ('/hekla/terrain:image', '/hekla/relief')
-    first = graph.listener(*topics).newest('/hekla/terrain', '/hekla/relief')
-    seen, relief = first['/hekla/terrain'], first['/hekla/relief']
-    assert (seen['shape'], seen['encoding']) == ([16, 24], '32FC1')
-    assert seen['max'] == pytest.approx(300.0)
-    # there is no slope next to the hole
-    assert relief['shape'] == [16, 24] and relief['min'] == -1 and 0 < relief['max'] <= 100
-    # the node has received its own terrain, which changes nothing
-    inputs = listener.status_now('inputs', node='hekla/lava2')
-    assert (inputs['accepted'], inputs['rejected']) == ('1', '0'), inputs
-    publisher.publish('terrain_info', 'terrain')
-    listener.wait_for_topic('/hekla/height', lambda grid: grid['shape'] == [30, 40])
-    second = graph.listener(*topics)
-    second.newest(
-        '/hekla/terrain', '/hekla/relief',
-        condition=lambda newest: newest['/hekla/relief']['shape'] == [30, 40],
-    )
-    listener.status_now('simulation', node='hekla/lava2')
-    second.hear()
-    assert seen['sha256'] not in {item['sha256'] for item in second.seen}
-
-
-def test_commands_apply_to_one_node(graph):
-    for name in NAMES:
-        launch(graph, name)
-    publisher, listener = graph.publisher(), graph.listener()
-
-    def status(name, condition=lambda _: True):
-        return listener.status_now('simulation', condition, node=name.removeprefix('/'))
-
-    for name in NAMES:
-        status(name, lambda item: item['state'] == 'running')
-    assert publisher.call('pause', True, node=ETNA)['success']
-    assert publisher.set(time_scale=7.0, node=ETNA)['success']
-    status(ETNA, lambda item: item['state'] == 'paused')
-    before = float(status(HEKLA)['simulated_time_s'])
-    status(HEKLA, lambda item: float(item['simulated_time_s']) > before)
-    assert publisher.change('deactivate', node=ETNA)
-    # ignore warnings about its last map or a slow machine
-    etna, hekla = (status(name) for name in NAMES)
-    assert (etna['lifecycle'], etna['state']) == ('inactive', 'paused')
-    assert etna['message'].startswith('inactive: ')
-    assert (hekla['lifecycle'], hekla['state']) == ('active', 'running')
-    assert publisher.state(HEKLA) == 'active'
+    monkeypatch.setattr(ScenePublisher, 'is_own', note)
+    # as an input, the terrain would be scaled, and refused for its hole
+    node = start(HEKLA, terrain_scale=2.0)
+    node.wait_until(lambda: len(received) == 2)
+    assert sorted(received) == [('terrain', True), ('terrain_info', True)]
+    status = node.status_now('inputs', node='hekla/lava2')
+    # that of the file
+    assert (status['accepted'], status['rejected']) == ('1', '0')
+    node.publish('terrain_info', 'terrain')
+    node.wait_for_log('terrain: 40 x 30 cells of 10 m')

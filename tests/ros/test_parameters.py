@@ -3,6 +3,7 @@
 
 """Descriptors of parameters, and the settings they give."""
 
+from contextlib import ExitStack
 from functools import partial
 
 import pytest
@@ -64,45 +65,46 @@ def test_lists_of_effects_become_one_mapping():
         assert parameters.settings_from(_values(effects_on=empty)).forced == {}
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture
 def node_with():
-    made = []
+    """Return a function that makes a node with ROS arguments."""
+    with ExitStack() as made:
 
-    def make(*words):
-        context = rclpy.Context()
-        start_ros(['--ros-args', *words], context=context, domain_id=own_domain('graph'))
-        made.append((rclpy.create_node('lava', context=context), context))
-        node = made[-1][0]
-        node_parameters.declare(node, _specs())
-        node.add_pre_set_parameters_callback(partial(node_parameters.with_types, node))
-        return node
+        def make(*words):
+            context = rclpy.Context()
+            start_ros(['--ros-args', *words], context=context, domain_id=own_domain('graph'))
+            made.callback(rclpy.shutdown, context=context)
+            node = rclpy.create_node('lava', context=context)
+            made.callback(node.destroy_node)
+            node_parameters.declare(node, _specs())
+            node.add_pre_set_parameters_callback(partial(node_parameters.with_types, node))
+            return node
 
-    yield make
-    for node, context in made:
-        node.destroy_node()
-        rclpy.shutdown(context=context)
+        yield make
 
 
 LISTS = [spec.name for spec in _specs() if spec.is_list]
 
 
-@pytest.mark.parametrize('name', LISTS)
 @pytest.mark.parametrize('text', ['[]', 'null', '~', "['']", "''", 'None'])
-def test_empty_list_survives_a_dump(node_with, tmp_path, name, text):
+def test_empty_lists_survive_a_dump(node_with, tmp_path, text):
     file = tmp_path / 'dump.yaml'
-    file.write_text(f'/lava: {{ros__parameters: {{{name}: {text}}}}}')
-    for words in (('-p', f'{name}:={text}'), ('--params-file', str(file))):
-        assert node_with(*words).get_parameter(name).value == ['']
+    values = ', '.join(f'{name}: {text}' for name in LISTS)
+    file.write_text(f'/lava: {{ros__parameters: {{{values}}}}}')
+    words = [word for name in LISTS for word in ('-p', f'{name}:={text}')]
+    for given in (words, ('--params-file', str(file))):
+        node = node_with(*given)
+        assert [node.get_parameter(name).value for name in LISTS] == [['']] * len(LISTS)
 
 
-@pytest.mark.parametrize('value', [[], [''], '', 'None', 'null', None])
-def test_empty_list_can_be_set_and_loaded(node_with, value):
+def test_empty_list_can_be_set_and_loaded(node_with):
     """``ros2 param load`` sends null as a text, and ``ros2 param set`` an empty list of bytes."""
-    node = node_with('-p', 'effects_off:=[cooling]')
-    assert node.get_parameter('effects_off').value == ['cooling']
-    (done,) = node.set_parameters([Parameter('effects_off', value=value)])
-    assert done.successful, done.reason
-    assert node.get_parameter('effects_off').value == ['']
+    node = node_with()
+    for value in ([], [''], '', 'None', 'null', None):
+        for given, expected in ((['cooling'], ['cooling']), (value, [''])):
+            (done,) = node.set_parameters([Parameter('effects_off', value=given)])
+            assert done.successful, done.reason
+            assert node.get_parameter('effects_off').value == expected
 
 
 @pytest.mark.parametrize(

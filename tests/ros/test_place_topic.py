@@ -3,33 +3,31 @@
 
 """Arrival at places: topic, diagnostics, bag, and rejected files."""
 
+from pathlib import Path
+import re
+
 import numpy as np
 import pytest
 import rasterio
 
-from cli.calls import done
+from command_line import done
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, image_array
+from lava_ros.errors import LavaError
+from lava_ros.ros.codec import nanoseconds
+from lava_ros.ros.forecast_topics import load_places
 from ros.graph_publisher import elevation
-
-#: Simulated time per time of the clock [s/s], and horizon of forecasts [s].
-SCALE, HORIZON = 20.0, 400.0
 
 SCENE = """
 terrain: {file: slope.npz}
 vents: [{position: [60.0, 155.0], discharge: 20.0, radius: 12.0}]
 lava: {viscosity: 1.0e4}
-uncertainty:
-  discharge: {distribution: loguniform, low: 0.2, high: 5.0}
 """
 
 #: Posts along the valley, map frame [m].
 POSTS = {f'post {x}': (x, 152.0) for x in range(44, 400, 10)}
 
 QUANTILES = ('p10', 'p50', 'p90')
-
-#: Number of ensemble members, too few for early maps.
-MEMBERS = 3
 
 #: Easting and northing of the origin of the map [m].
 CORNER = (500_000.0, 4_180_000.0)
@@ -48,40 +46,27 @@ def folder(tmp_path):
     return tmp_path
 
 
-def started(local, **parameters):
+def started(local):
     node = local(
-        scene='scene.yaml', spacing=0.0, time_scale=SCALE, places=['places.csv'], record=True,
-        bag_directory='recorded', **parameters,
+        scene='scene.yaml', spacing=0.0, places=['places.csv'], record=True,
+        bag_directory='recorded',
     )
     assert node.change('configure') and node.change('activate'), node.log
     node.status_now('simulation', lambda item: item['state'] == 'running')
     return node
 
 
-def images(bag, topic):
-    """Return the images of a topic in a bag by stamp [ns]."""
+def read(bag, topic, values):
+    """Return stamp [ns] and ``values`` of each message of a topic in a bag."""
     decoder = Decoder(bag)
-
-    def read(message):
-        stamp = message.header.stamp
-        pixels = image_array(message, topic).astype(np.float64)
-        return stamp.sec * 10**9 + stamp.nanosec, pixels
-
-    return dict(decoder.decode(item, read) for item in bag.messages({topic}))
+    return [
+        decoder.decode(item, lambda message: (nanoseconds(message.header.stamp), values(message)))
+        for item in bag.messages({topic})
+    ]
 
 
-def tables(bag):
-    """Return each message of the topic in a bag: its stamp, and statuses by name of the place."""
-    decoder = Decoder(bag)
-
-    def read(message):
-        stamp = message.header.stamp
-        statuses = {
-            item.name: {pair.key: pair.value for pair in item.values} for item in message.status
-        }
-        return stamp.sec * 10**9 + stamp.nanosec, statuses
-
-    return [decoder.decode(item, read) for item in bag.messages({'/place_arrivals'})]
+def statuses_of(message):
+    return {item.name: {pair.key: pair.value for pair in item.values} for item in message.status}
 
 
 def cell_of(place):
@@ -96,10 +81,16 @@ def test_arrivals_are_those_of_the_maps_and_the_geotiff(local, folder):
     node = started(local)
     for _ in range(8):
         node.run(1.0)
-    node.status_now('places')
+    status = node.status_now('places')
+    # reached places come first
+    assert status['level'] == 2
+    assert 'post' in status['message'] and 'lava arrived' in status['message']
+    assert status['town'] == 'off the map: nothing is known'
+    assert status['post 394'].startswith('no lava yet, and no forecast; the front is ')
     assert node.change('shutdown')
     bag = BagReader(folder / 'recorded')
-    arrived, found = images(bag, '/arrived'), tables(bag)
+    arrived = dict(read(bag, '/arrived', lambda image: image_array(image, 'arrived').copy()))
+    found = read(bag, '/place_arrivals', statuses_of)
     assert len(found) > 3
     for stamp, statuses in found:
         for name, place in POSTS.items():
@@ -127,66 +118,6 @@ def test_arrivals_are_those_of_the_maps_and_the_geotiff(local, folder):
             assert run[name] == float(value)
 
 
-def same_ensemble(seen):
-    """Return the newest table of a complete ensemble with its maps, its stamp and start."""
-    maps = {item['stamp_ns'] for item in seen if item['topic'] == 'arrival_time_p90'}
-    starts = {
-        float(status['start_time_s']): int(status['frame_stamp_ns'])
-        for item in seen if item['topic'] == 'diagnostics'
-        for status in [item['status']['lava: ensemble']]
-        if status.get('members') == str(MEMBERS) and int(status['frame_stamp_ns']) in maps
-    }
-    for item in reversed(seen):
-        if item['topic'] == 'place_arrivals' and item['status']:
-            status = item['status']['town']
-            start = float(status['forecast_start_s'])
-            if status['forecast'] == 'ensemble' and start > 0.0 and start in starts:
-                return item, starts[start], start
-    return None
-
-
-def test_ensemble_arrivals_are_those_of_the_quantile_maps(local, folder):
-    node = started(
-        local, forecast_horizon=HORIZON / 3600.0, forecast_max_age=10.0 * HORIZON,
-        ensemble_members=MEMBERS,
-    )
-    node.run(2.0)
-    # the next two ensembles start from this state
-    assert node.call('pause', True)['success']
-    found = None
-    while found is None:
-        node.jump(node.now + 1.0)
-        node.status_now('ensemble', lambda item: item.get('members') == str(MEMBERS))
-        node.status_now('places')
-        found = same_ensemble(node.seen)
-    line, stamp, start = found
-    assert node.change('shutdown')
-    bag = BagReader(folder / 'recorded')
-    arrived = images(bag, '/arrived')[line['stamp_ns']]
-    statuses, compared = line['status'], 0
-    for quantile in QUANTILES:
-        ahead = images(bag, f'/arrival_time_{quantile}')[stamp]
-        for name, place in POSTS.items():
-            now = arrived[cell_of(place)]
-            expected = now if np.isfinite(now) else start + ahead[cell_of(place)]
-            assert same(statuses[name][f'arrival_{quantile}_s'], expected), (name, quantile)
-            compared += bool(np.isfinite(expected) and not np.isfinite(now))
-    assert compared > 10
-    likely = [float(statuses[name]['probability_percent']) for name in POSTS]
-    assert likely[1] == 100.0 and likely[-1] < 100.0 and len(set(likely)) > 2
-    lengths = [float(statuses['road'][f'inundated_length_{quantile}_m']) for quantile in QUANTILES]
-    assert lengths[0] > lengths[2] >= 0.0
-
-
-def test_diagnostics_list_reached_places_first(local, folder):
-    node = started(local)
-    node.run(4.0)
-    status = node.status_now('places', lambda item: item['level'] == 2)
-    assert 'post' in status['message'] and 'lava arrived' in status['message']
-    assert status['town'] == 'off the map: nothing is known'
-    assert status['post 394'].startswith('no lava yet, and no forecast; the front is ')
-
-
 @pytest.mark.parametrize(
     ('text', 'words'),
     [
@@ -195,17 +126,12 @@ def test_diagnostics_list_reached_places_first(local, folder):
         ('name,x,y\nhut,here,5\n', 'line 2 (hut)'),
     ],
 )
-def test_bad_file_prevents_configuration(local, folder, text, words):
-    path = folder / 'places.csv'
-    good = path.read_text()
-    path.unlink()
+def test_rejects_bad_files_of_places(tmp_path, monkeypatch, text, words):
+    monkeypatch.chdir(tmp_path)
     if text is not None:
-        path.write_text(text)
-    node = local(scene='scene.yaml', places=['places.csv'])
-    assert not node.change('configure')
-    assert words in node.log
-    path.write_text(good)
-    assert node.change('configure')
+        Path('places.csv').write_text(text)
+    with pytest.raises(LavaError, match=re.escape(words)):
+        load_places(['places.csv'])
 
 
 def test_places_without_a_coordinate_system_are_only_an_error(local, folder):

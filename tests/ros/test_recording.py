@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Terrain, vents, description and checkpoints of a bag."""
+"""Terrain, vents and description of a bag."""
 
 import json
 from types import SimpleNamespace

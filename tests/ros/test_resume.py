@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import lru_cache
 import json
 import os
+import shutil
 import signal
 import time
 
@@ -27,8 +28,7 @@ from lava_ros.simulation.output.checkpoint import Checkpoint, MEDIA_TYPE
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import HORIZON
 from ros.conftest import QUICK_MODULE
-
-pytestmark = pytest.mark.usefixtures('alone')
+from ros.graph_publisher import elevation
 
 
 def numbers(status):
@@ -89,13 +89,6 @@ def test_node_resumes_from_the_bag_of_a_killed_node(graph, tmp_path):
         assert float(item['volume_error']) < 1e-5
     assert wait_for('effects')['cooling'] == 'off: forced'
     listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > killed_ns)
-    statuses = [
-        item['status']['lava: simulation']
-        for item in listener.seen
-        if item['topic'] == 'diagnostics' and item['stamp_ns'] > killed_ns
-    ]
-    times = [numbers(status)[0] for status in statuses if has_lava(status)]
-    assert min(times) >= checkpoint.time
     assert node.end(signal.SIGTERM) == 0
 
     assert 'Traceback' not in node.log
@@ -116,86 +109,61 @@ def test_node_resumes_from_the_bag_of_a_killed_node(graph, tmp_path):
     assert again.budget().error < 1e-5
 
 
-def test_node_that_cannot_resume_exits_with_2(graph, tmp_path):
-    for name in ('empty', 'bag'):
-        with BagWriter(tmp_path / name, custom_data={}) as writer:
-            if name == 'bag':
-                writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
-    nodes = [
-        (graph.node(aside=True, resume=str(tmp_path / name), **parameters), words)
-        for name, parameters, words in (
-            ('empty', {}, 'this one has none'),
-            ('bag', {'scene': 'a.yaml'}, "scene is 'a.yaml', expected no value with resume"),
-            ('bag', {'device': 'cuda:99'}, "cannot resume: device is 'cuda:99'"),
-        )
-    ]
-    for node, words in nodes:
-        assert node.wait_for_end() == 2
-        assert 'Traceback' not in node.log
-        assert [line for line in node.log.splitlines() if words in line], node.log
-
-
-@pytest.mark.nightly
-def test_node_resumes_after_each_of_several_kills(graph, tmp_path):
-    scene = tmp_path / 'scene.yaml'
-    scene.write_text(
-        'terrain: {file: st_helens.npz}\n'
-        'vents: [{position: [4050.0, 3300.0], discharge: 60.0, radius: 30.0}]\n'
+@pytest.mark.parametrize(
+    ('bag', 'parameter', 'words'),
+    [
+        ('empty', 'device:=cpu', 'this one has none'),
+        ('bag', 'scene:=a.yaml', "scene is 'a.yaml', expected no value with resume"),
+        ('bag', 'device:=cuda:99', "cannot resume: device is 'cuda:99'"),
+    ],
+)
+def test_node_that_cannot_resume_exits_with_2(run_program, tmp_path, bag, parameter, words):
+    with BagWriter(tmp_path / bag, custom_data={}) as writer:
+        if bag == 'bag':
+            writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
+    status, stderr = run_program(
+        '--ros-args', '-p', f'resume:={tmp_path / bag}', '-p', parameter
     )
-    bags = tmp_path / 'bags'
-    with BagWriter(bags / 'before', custom_data={}) as writer:
-        writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
-    os.utime(bags / 'before/before_0.mcap', (1.0, 1.0))
-    since = time.time() - 1.0
-    with BagWriter(bags / 'other', custom_data={}) as writer:
-        writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
-    (bags / 'damaged').mkdir()
-    (bags / 'damaged/damaged_0.mcap').write_bytes(b'no bag')
-    listener = graph.listener()
-    kept = []
-    for number, period in enumerate((0.0, 0.5, 0.5, 0.5), 1):
-        started_ns = time.time_ns()
-        node = graph.node(
-            device='cpu',
-            scene=str(scene),
-            time_scale=50.0,
-            preset='draft',
-            # as if ~/record had started the third bag: the recording continues
-            record=number < 4,
-            bag_directory=str(bags / 'first'),
-            checkpoint_period=period,
-            resume_since=since,
-        )
+    assert status == 2
+    assert 'Traceback' not in stderr
+    assert words in stderr
 
-        def wait_for(task, condition, since_ns=started_ns):
-            return listener.wait_for_status(task, condition, timeout=120.0, since_ns=since_ns)
 
-        status = wait_for('simulation', has_lava)
-        moment, volume, _ = numbers(status)
-        assert volume == pytest.approx(60.0 * moment, rel=1e-6)
-        bag = 'first' if number == 1 else f'first_{number}'
-        assert wait_for('recorder', lambda item: item['bag'])['bag'] == str(bags / bag)
-        if number > 2:
-            # checkpoints exist in the second and later bags
-            assert f'in {bags / kept[-1][0]}' in node.log
-            # the first status may be that of the checkpoint itself
-            assert moment >= kept[-1][1]
-        else:
-            # the first bag had none
-            assert 'resuming at' not in node.log
-        assert ('this one has none' in node.log) is (number == 2)
-        if number > 1:
-            recorder = wait_for(
-                'recorder',
-                lambda item, enough=moment + 100.0: (
-                    float(item.get('checkpoint_time_s', 0.0)) > enough
-                ),
-            )
-            kept.append((bag, float(recorder['checkpoint_time_s'])))
-        node.end(signal.SIGKILL)
-    assert sorted(path.name for path in bags.iterdir()) == [
-        'before', 'damaged', 'first', 'first_2', 'first_3', 'first_4', 'other'
-    ]
+def test_restarted_node_resumes_from_its_newest_bag(local, tmp_path):
+    np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0)
+    (tmp_path / 'scene.yaml').write_text(
+        'terrain: {file: slope.npz}\n'
+        'vents: [{position: [60.0, 155.0], discharge: 20.0, radius: 12.0}]\n'
+    )
+    given = {'scene': 'scene.yaml', 'bag_directory': 'bags/first', 'resume_since': time.time() - 1}
+    for name in ('before', 'foreign'):
+        with BagWriter(tmp_path / 'bags' / name, custom_data={}) as writer:
+            writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
+    os.utime(tmp_path / 'bags/before/before_0.mcap', (1.0, 1.0))
+    (tmp_path / 'bags/damaged').mkdir()
+    (tmp_path / 'bags/damaged/damaged_0.mcap').write_bytes(b'no bag')
+    node = local(record=True, **given)
+    assert node.change('configure') and node.change('activate'), node.log
+    assert 'resuming' not in node.log
+    node.run_commands()
+    node.newest('height')
+    node.run(1.0)
+    assert node.call('save')['success']
+    reached = node.worker.session.time
+    # the bag as it is when the node is killed now
+    shutil.copytree(tmp_path / 'bags/first', tmp_path / 'killed')
+    assert node.change('shutdown')
+    shutil.rmtree(tmp_path / 'bags/first')
+    (tmp_path / 'killed').rename(tmp_path / 'bags/first')
+
+    # as if ~/record had started the bag: the recording continues
+    again = local(record=False, **given)
+    assert again.change('configure') and again.change('activate'), again.log
+    assert f'resuming at {reached:.3f} s' in again.log
+    recorder = again.status_now('recorder', lambda item: item['state'] == 'recording')
+    assert recorder['bag'] == 'bags/first_2'
+    status = again.status_now('simulation', lambda item: 'simulated_time_s' in item)
+    assert float(status['simulated_time_s']) >= reached
 
 
 @lru_cache

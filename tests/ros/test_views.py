@@ -6,7 +6,6 @@
 from collections.abc import Callable
 import json
 from pathlib import Path
-import struct
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +16,6 @@ from visualization_msgs.msg import Marker
 import yaml
 
 from lava_ros.bag import BagReader, LATCHED
-from lava_ros.bag.recovery import recover
 from lava_ros.live.recorder import Recorder
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import outputs
@@ -25,7 +23,7 @@ from lava_ros.ros.codec import message_class
 from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.ros.snapshot_bags import write_snapshots
-from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
+from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import growing, snapshot_at
 
 ROOT = Path(__file__).parents[2]
@@ -81,20 +79,11 @@ def record_hindcast(directory: Path) -> Path:
     return directory
 
 
-def recover_truncated(directory: Path) -> Path:
-    whole = record_node(directory.with_name('whole'))
-    (path,) = whole.glob('*.mcap')
-    (whole / 'metadata.yaml').unlink()
-    path.write_bytes(path.read_bytes()[:-100])
-    recover(BagReader(whole), directory)
-    return directory
-
-
 def sample(directory: Path) -> Path:
     return ROOT / 'bags/sample'
 
 
-MAKERS = (record_node, record_hindcast, recover_truncated, sample)
+MAKERS = (record_node, record_hindcast, sample)
 
 
 @pytest.mark.parametrize('make', MAKERS)
@@ -117,14 +106,6 @@ def test_bags_have_the_topics_of_the_views(make: Callable[[Path], Path], tmp_pat
     labels = [item.text.partition(':')[0] for item in drawn if item.text]
     assert labels in (['north', 'fissure'], ['crater'])
     assert {item.header.frame_id for item in drawn} == {relief.header.frame_id} == {'map'}
-
-
-def test_change_of_the_vents_is_recorded(tmp_path: Path) -> None:
-    for make in (record_node, record_hindcast):
-        bag = BagReader(make(tmp_path / make.__name__))
-        topics = [item.topic for item in bag.messages()]
-        assert topics.count('/vents_markers') == topics.count('/vents') == 2
-        assert topics.count('/relief') == topics.count('/terrain') == 1
 
 
 @pytest.mark.parametrize('elevation', [-50.0, 450.0, 2500.0, 8000.0])
@@ -160,24 +141,3 @@ def test_maps_are_transparent_above_the_relief() -> None:
     modes = {name: item['colorMode'] for name, item in topics.items() if 'colorMode' in item}
     assert {name for name, mode in modes.items() if mode == 'map'} == {'/relief'}
     assert {mode for name, mode in modes.items() if name != '/relief'} == {'costmap'}
-
-
-def test_rviz_window_leaves_space_for_the_map() -> None:
-    window = RVIZ['Window Geometry']
-    state = bytes.fromhex(window['QMainWindow State'])
-    for panel in RVIZ['Panels']:
-        assert panel['Name'].encode('utf-16-be') in state
-    # marker and version, then the areas with docks: position, width, height
-    marks = struct.unpack_from('>IIBIIII', state)
-    assert marks[:3] == (0xFF, 0, 0xFD)
-    areas, left, docks = marks[3:6]
-    assert (areas, left) == (2, 0)
-    assert 200 <= docks <= 0.3 * window['Width']
-    view = RVIZ['Visualization Manager']['Views']['Current']
-    terrain = scene_from_yaml(ROOT / 'examples/etna.yaml').terrain
-    # title, tools and time are above and below
-    place = {'X': window['Width'] - docks, 'Y': window['Height'] - 200}
-    for axis, cells, start in zip('XY', terrain.shape[::-1], terrain.origin, strict=True):
-        length = cells * terrain.resolution
-        assert view[axis] == start + 0.5 * length
-        assert 0.5 < view['Scale'] * length / place[axis] <= 1.0

@@ -16,9 +16,9 @@ from rasterio.crs import CRS
 from rasterio.transform import from_origin
 from rasterio.warp import transform
 
+from geodata import write_raster
 from lava_ros.errors import LavaError
 from lava_ros.maps.export import export_bag
-from lava_ros.maps.gis import place_of
 from lava_ros.pages.runs import system_words
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import read_features
@@ -46,29 +46,16 @@ FOOT, SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
 
 
 def write(path: Path, crs: Any, data: np.ndarray = GROUND, **options: Any) -> Path:
-    """Write a GeoTIFF; ``unit`` is that of its band."""
-    unit = options.pop('unit', None)
-    with rasterio.open(
-        path, 'w', driver='GTiff', count=1, dtype=data.dtype, height=40, width=40, crs=crs,
-        transform=from_origin(500_000.0, 4_180_000.0, 10.0, 10.0), **options,
-    ) as sink:
-        sink.write(data, 1)
-        if unit:
-            sink.units = [unit]
-    return path
+    return write_raster(path, data, crs=crs, **options)
 
 
-@pytest.mark.parametrize(
-    ('crs', 'code', 'name'),
-    [
-        (COMPOUND, 32633, 'EPSG:32633'),
-        (NATIONAL, None, 'unknown, no EPSG code'),
-        (SITE, None, 'quarry grid, no EPSG code'),
-        (CRS.from_epsg(32633), 32633, 'EPSG:32633'),
-    ],
-)
+@pytest.mark.parametrize(('crs', 'code', 'name'), [
+    (COMPOUND, 32633, 'EPSG:32633'),
+    (NATIONAL, None, 'unknown, no EPSG code'),
+    (SITE, None, 'quarry grid, no EPSG code'),
+    (CRS.from_epsg(32633), 32633, 'EPSG:32633'),
+])
 def test_keeps_the_system_of_a_file(tmp_path: Path, crs: CRS, code: int | None, name: str) -> None:
-    """Maps use its horizontal part."""
     terrain = load_terrain(write(tmp_path / 'a.tif', crs))
     np.testing.assert_array_equal(terrain.elevation, GROUND[::-1])
     assert (terrain.epsg, terrain.offset) == (code, (500_000.0, 4_179_600.0))
@@ -78,7 +65,7 @@ def test_keeps_the_system_of_a_file(tmp_path: Path, crs: CRS, code: int | None, 
     else:
         assert terrain.wkt is not None and CRS.from_wkt(terrain.wkt) == crs
     expected = CRS.from_epsg(code) if code else crs
-    assert place_of(terrain).crs == expected
+    assert coordinate_system(terrain.epsg, terrain.wkt) == expected
 
 
 def test_compound_system_without_codes_has_a_horizontal_part(tmp_path: Path) -> None:
@@ -159,7 +146,7 @@ def test_rejects_invalid_definitions(wkt: Any) -> None:
     with pytest.raises(LavaError, match='terrain.wkt'):
         Terrain(GROUND, 10.0, wkt=wkt)
     with pytest.raises(LavaError, match='terrain.wkt'):
-        place_of(Terrain(GROUND, 10.0, wkt='nowhere'))
+        coordinate_system(None, 'nowhere')
 
 
 def test_maps_of_a_bag_have_its_system(
@@ -196,19 +183,16 @@ def test_reads_the_unit_of_an_old_prj_file(tmp_path: Path, suffix: str) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ('crs', 'unit', 'factor'),
-    [
-        ('EPSG:32633', 'ft', FOOT),
-        ('EPSG:32633', 'US survey foot', SURVEY_FOOT),
-        ('EPSG:32633', 'm', 1.0),
-        ('EPSG:32633', 'cm', 0.01),
-        # heights in feet, and in US survey feet
-        ('EPSG:32633+8228', None, FOOT),
-        ('EPSG:32633+6360', None, SURVEY_FOOT),
-        ('EPSG:32633+8228', 'foot', FOOT),
-    ],
-)
+@pytest.mark.parametrize(('crs', 'unit', 'factor'), [
+    ('EPSG:32633', 'ft', FOOT),
+    ('EPSG:32633', 'US survey foot', SURVEY_FOOT),
+    ('EPSG:32633', 'm', 1.0),
+    ('EPSG:32633', 'cm', 0.01),
+    # heights in feet, and in US survey feet
+    ('EPSG:32633+8228', None, FOOT),
+    ('EPSG:32633+6360', None, SURVEY_FOOT),
+    ('EPSG:32633+8228', 'foot', FOOT),
+])
 def test_converts_heights_to_metres(
     tmp_path: Path, crs: str, unit: str | None, factor: float, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -222,15 +206,12 @@ def test_converts_heights_to_metres(
     assert (terrain.epsg, terrain.wkt) == (32633, None)
 
 
-@pytest.mark.parametrize(
-    ('crs', 'unit', 'value'),
-    [
-        ('EPSG:32633', 'fathom', 'fathom'),
-        ('EPSG:32633+8228', 'm', 'foot and m'),
-        # mean sea level, depths
-        ('EPSG:32633+5715', None, 'metre of depth'),
-    ],
-)
+@pytest.mark.parametrize(('crs', 'unit', 'value'), [
+    ('EPSG:32633', 'fathom', 'fathom'),
+    ('EPSG:32633+8228', 'm', 'foot and m'),
+    # mean sea level, depths
+    ('EPSG:32633+5715', None, 'metre of depth'),
+])
 def test_rejects_unknown_and_contradictory_units(
     tmp_path: Path, crs: str, unit: str | None, value: str
 ) -> None:

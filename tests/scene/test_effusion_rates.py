@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from geodata import write_scene
 from lava_ros.errors import LavaError
 from lava_ros.scene import scene_from_yaml
 from lava_ros.scene.effusion_rates import (
@@ -84,14 +85,11 @@ def test_converts_dense_rock_to_bulk_rates_with_a_porosity(tmp_path: Path) -> No
         read(tmp_path, text.replace('dre', 'bulk'), porosity=0.25)
 
 
-@pytest.mark.parametrize(
-    ('gaps', 'rate', 'words'),
-    [
-        (None, 0.0, 'from 100 to 200 s, taken to be 0 m3/s .gaps: zero or interpolate chooses'),
-        ('zero', 0.0, 'from 100 to 200 s, taken to be 0 m3/s'),
-        ('interpolate', 3.0, 'from 100 to 200 s, taken to be 3 m3/s'),
-    ],
-)
+@pytest.mark.parametrize(('gaps', 'rate', 'words'), [
+    (None, 0.0, 'from 100 to 200 s, taken to be 0 m3/s .gaps: zero or interpolate chooses'),
+    ('zero', 0.0, 'from 100 to 200 s, taken to be 0 m3/s'),
+    ('interpolate', 3.0, 'from 100 to 200 s, taken to be 3 m3/s'),
+])
 def test_fills_gaps_between_intervals_with_a_warning(
     gaps: str | None, rate: float, words: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -138,60 +136,41 @@ def test_warns_of_unknown_columns(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     assert 'not understood are ignored: satellite, remark' in caplog.text
 
 
-@pytest.mark.parametrize(
-    ('text', 'words'),
-    [
-        ('start,end,q\n0,100,many\n', "line 2, q is 'many', expected a finite number"),
-        ('start,end,q\n0,100,-3\n', "line 2, q is '-3', expected at least 0"),
-        ('start,end,q\n100,0,3\n', 'line 2, end is 0.0, expected a time after its start, 100 s'),
-        ('start,end,q\n0,100,3\n50,200,3\n', 'line 3, start is 50.0, expected at least 100 s'),
-        ('start,end,q\n0,2021-09-19,3\n', "line 2, end is '2021-09-19', expected dates in all"),
-        ('start,end,q\n2021-13-01,1,3\n', "start is '2021-13-01', expected a finite number, or"),
-        ('time,q\n0,1\n', 'line 2 is .the only row., expected at least two instants'),
-        ('time,q\n5,1\n5,2\n', 'line 3, time is 5.0, expected a time after the row before, 5 s'),
-        ('time,volume\n0,5\n5,2\n', 'line 3, volume is 2.0, expected at least that of the row'),
-        ('time_fortnights,q\n0,1\n', 'first line is .time_fortnights,q., expected the columns'),
-        ('time (fortnights),q\n0,1\n', "rates.csv is 'fortnights', expected a unit such as s"),
-        ('start,end,q,volume\n0,1,2,3\n', 'expected the columns start, end and effusion_rate or'),
-        ('start,q\n0,1\n', 'expected the columns start, end and effusion_rate or'),
-        ('start,end,q,error\n0,1,2,-3\n', "line 2, error is '-3', expected at least 0"),
-        ('start,end,q\n0,1,0\n', 'a table without lava'),
-        ('start,end,q\n0,1,1e9\n', r'line 2, q is 1000000000.0, expected 0 to 1e\+08 m3/s'),
-    ],
-)
+@pytest.mark.parametrize(('text', 'words'), [
+    ('start,end,q\n0,100,-3\n', "line 2, q is '-3', expected at least 0"),
+    ('start,end,q\n100,0,3\n', 'line 2, end is 0.0, expected a time after its start, 100 s'),
+    ('start,end,q\n0,100,3\n50,200,3\n', 'line 3, start is 50.0, expected at least 100 s'),
+    ('start,end,q\n0,2021-09-19,3\n', "line 2, end is '2021-09-19', expected dates in all"),
+    ('start,end,q\n2021-13-01,1,3\n', "start is '2021-13-01', expected a finite number, or"),
+    ('time,q\n0,1\n', 'line 2 is .the only row., expected at least two instants'),
+    ('time,q\n5,1\n5,2\n', 'line 3, time is 5.0, expected a time after the row before, 5 s'),
+    ('time,volume\n0,5\n5,2\n', 'line 3, volume is 2.0, expected at least that of the row'),
+    ('time_fortnights,q\n0,1\n', 'first line is .time_fortnights,q., expected the columns'),
+    ('time (fortnights),q\n0,1\n', "rates.csv is 'fortnights', expected a unit such as s"),
+    ('start,end,q,volume\n0,1,2,3\n', 'expected the columns start, end and effusion_rate or'),
+    ('start,end,q\n0,1,0\n', 'a table without lava'),
+    ('start,end,q\n0,1,1e9\n', r'line 2, q is 1000000000.0, expected 0 to 1e\+08 m3/s'),
+])
 def test_rejects_invalid_tables(text: str, words: str, tmp_path: Path) -> None:
-    """The error names the row, the column and the value as written."""
     with pytest.raises(LavaError, match=words):
         read(tmp_path, text)
 
 
-@pytest.mark.parametrize(
-    ('options', 'words'),
-    [
-        ({'start': 'yesterday'}, "start is 'yesterday', expected a date such as"),
-        ({'gaps': 'none'}, "gaps is 'none', expected one of zero, interpolate"),
-        ({'porosity': 1.0}, 'porosity is 1.0, expected at least 0 and below 1'),
-        ({'porosity': 'half'}, "porosity is 'half'"),
-    ],
-)
+@pytest.mark.parametrize(('options', 'words'), [
+    ({'start': 'yesterday'}, "start is 'yesterday', expected a date such as"),
+    ({'gaps': 'none'}, "gaps is 'none', expected one of zero, interpolate"),
+    ({'porosity': 1.0}, 'porosity is 1.0, expected at least 0 and below 1'),
+])
 def test_rejects_invalid_options(options: Any, words: str) -> None:
     with pytest.raises(LavaError, match=words):
         Options(**options)
 
 
-SCENE = """
-terrain: {{file: a.npz}}
-vents: [{{position: [300.0, 300.0], {}}}]
-{}
-"""
-
-
 def scene(folder: Path, vent: str, rest: str = '') -> Any:
     """Read a scene file with a vent and a table."""
-    np.savez(folder / 'a.npz', elevation=np.zeros((60, 60)), resolution=10.0)
     (folder / 'rates.csv').write_text('date,q,error\n2021-09-19,4,1\n2021-09-20,8,2\n')
-    (folder / 'scene.yaml').write_text(SCENE.format(vent, rest))
-    return scene_from_yaml(folder / 'scene.yaml')
+    text = f'vents: [{{position: [300.0, 300.0], {vent}}}]\n{rest}'
+    return scene_from_yaml(write_scene(folder, np.zeros((60, 60)), 10.0, text))
 
 
 def test_vent_in_a_scene_file_has_a_number_a_series_or_a_table(tmp_path: Path) -> None:
@@ -208,18 +187,14 @@ def test_vent_in_a_scene_file_has_a_number_a_series_or_a_table(tmp_path: Path) -
     assert scene(tmp_path, table, known).uncertainty.discharge.kind == 'uniform'
 
 
-@pytest.mark.parametrize(
-    ('vent', 'words'),
-    [
-        ('discharge: 5, effusion_rate: 5', r'vents\[0\].effusion_rate is 5, expected absent'),
-        ('radius: 5', r'vents\[0\].effusion_rate is missing, expected a value'),
-        ('effusion_rate: many', r"vents\[0\].effusion_rate is 'many', expected a finite number"),
-        ('effusion_rate: {gaps: zero}', r'vents\[0\].effusion_rate.file is missing'),
-        ('effusion_rate: {file: a.csv}', r"effusion_rate is '.*a.csv', expected a file"),
-        ('effusion_rate: {file: rates.csv, gaps: 1}', r'effusion_rate.gaps is 1, expected one of'),
-        ('effusion_rate: {file: rates.csv, gap: 1}', r'effusion_rate.gap is 1, expected no such'),
-    ],
-)
+@pytest.mark.parametrize(('vent', 'words'), [
+    ('discharge: 5, effusion_rate: 5', r'vents\[0\].effusion_rate is 5, expected absent'),
+    ('radius: 5', r'vents\[0\].effusion_rate is missing, expected a value'),
+    ('effusion_rate: many', r"vents\[0\].effusion_rate is 'many', expected a finite number"),
+    ('effusion_rate: {gaps: zero}', r'vents\[0\].effusion_rate.file is missing'),
+    ('effusion_rate: {file: a.csv}', r"effusion_rate is '.*a.csv', expected a file"),
+    ('effusion_rate: {file: rates.csv, gap: 1}', r'effusion_rate.gap is 1, expected no such'),
+])
 def test_rejects_invalid_rates_in_a_scene_file(vent: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(LavaError, match=words):
         scene(tmp_path, vent)

@@ -4,17 +4,15 @@
 """Emplaced flows as lava and as ground, and events that change the ground."""
 
 from dataclasses import replace
-import json
 import logging
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
-from rasterio.transform import from_origin
 import yaml
 
+from geodata import feature, write_features, write_raster, write_scene
 from lava_ros.errors import LavaError
 from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.scene import Scene, scene_from_yaml, scene_to_dict, Terrain
@@ -43,37 +41,14 @@ def _flow(cell: float = CELL) -> np.ndarray:
 def _write(
     path: Path, values: np.ndarray, *, cell: float = CELL, corner: Any = CORNER, **known: Any
 ) -> Path:
-    """Write a raster with GDAL; ``unit`` and ``description`` are those of its band."""
-    unit, description = known.pop('unit', None), known.pop('description', None)
-    profile = {
-        'driver': 'GTiff', 'width': values.shape[1], 'height': values.shape[0], 'count': 1,
-        'dtype': values.dtype.name, 'crs': 'EPSG:32633',
-        'transform': from_origin(corner[0], corner[1] + len(values) * cell, cell, cell), **known,
-    }
-    with rasterio.open(path, 'w', **profile) as file:
-        for band in range(1, file.count + 1):
-            file.write(values[::-1], band)
-        if unit:
-            file.set_band_unit(1, unit)
-        if description:
-            file.set_band_description(1, description)
-    return path
+    """Write a raster, row 0 in the south, with its lower left corner at a place."""
+    north_west = (corner[0], corner[1] + values.shape[-2] * cell)
+    return write_raster(path, values[..., ::-1, :], cell=cell, north_west=north_west, **known)
 
 
-def _outline(path: Path, *, side: float = 100.0, east: float = 200.0) -> Path:
-    ring = [
-        [CORNER[0] + east + dx, CORNER[1] + 200.0 + dy]
-        for dx, dy in ((0, 0), (side, 0), (side, side), (0, side), (0, 0))
-    ]
-    path.write_text(json.dumps({
-        'type': 'FeatureCollection',
-        'crs': {'type': 'name', 'properties': {'name': 'urn:ogc:def:crs:EPSG::32633'}},
-        'features': [{
-            'type': 'Feature', 'properties': {},
-            'geometry': {'type': 'Polygon', 'coordinates': [ring]},
-        }],
-    }))
-    return path
+def _outline(path: Path, side: float = 100.0) -> Path:
+    places = [(0, 0), (side, 0), (side, side), (0, side), (0, 0)]
+    return write_features(path, feature('Polygon', [np.add(places, CORNER) + 200.0]))
 
 
 def _read(folder: Path, **item: Any) -> tuple[Terrain, list[EmplacedFlow]]:
@@ -144,33 +119,30 @@ def test_flow_is_ground_or_an_outline_with_one_thickness(tmp_path: Path) -> None
     _, (flow,) = _read(tmp_path, file='a.geojson', thickness=3.5)
     assert flow.volume == pytest.approx(100.0 * 100.0 * 3.5)
     # a part off the terrain is a warning for ground and an error for lava
-    _outline(tmp_path / 'wide.geojson', side=400.0)
+    _outline(tmp_path / 'wide.geojson', 400.0)
     raised, _ = _read(tmp_path, file='wide.geojson', thickness=2.0, **{'as': 'ground'})
     assert float((raised.elevation - GROUND.elevation).max()) == pytest.approx(2.0, abs=1e-4)
     with pytest.raises(LavaError, match=r'flows\[0\].file .*elsewhere.*on the terrain'):
         _read(tmp_path, file='wide.geojson', thickness=2.0)
 
 
-@pytest.mark.parametrize(
-    ('values', 'written', 'message'),
-    [
-        (_flow() - np.float32(1.0), {}, r"thickness in a.tif is '-1 in .* at least 0 m"),
-        (np.where(_flow() > 0, _flow(), np.float32(-9999)), {}, '-9999 in .*-a_nodata -9999'),
-        (np.where(_flow() > 5, np.float32(np.nan), _flow()), {}, "'nan in .*finite numbers"),
-        (np.where(_flow() > 5, np.float32(np.inf), _flow()), {}, "'inf in .*finite numbers"),
-        (_flow(), {'unit': 'ft'}, "unit of the thickness in a.tif is 'ft', expected m"),
-        (_flow(), {'unit': 's'}, "unit of the thickness of a.tif is 's', expected one unit"),
-        (_flow() * np.float32(100.0), {}, r'is 529\..*at most 500 m'),
-        (_ground().elevation, {}, 'a thickness, not an elevation: it differs by only'),
-        (_ground().elevation + np.float32(4.0), {}, 'a thickness, not an elevation: it differs'),
-        (_flow(), {'corner': (600_000.0, 4_180_000.0)}, '100 % of it elsewhere.*on the terrain'),
-        (_flow(), {'corner': (500_200.0, 4_180_000.0)}, '% of it elsewhere.*on the terrain'),
-        (0.0 * _flow(), {}, 'a flow with a cell on the terrain'),
-        (_flow().astype(np.uint8), {}, 'one band of thickness'),
-        (_flow(), {'count': 2}, 'one band of thickness'),
-        (_flow(), {'description': 'peak_thickness'}, 'thickness at one time'),
-    ],
-)
+@pytest.mark.parametrize(('values', 'written', 'message'), [
+    (_flow() - np.float32(1.0), {}, r"thickness in a.tif is '-1 in .* at least 0 m"),
+    (np.where(_flow() > 0, _flow(), np.float32(-9999)), {}, '-9999 in .*-a_nodata -9999'),
+    (np.where(_flow() > 5, np.float32(np.nan), _flow()), {}, "'nan in .*finite numbers"),
+    (np.where(_flow() > 5, np.float32(np.inf), _flow()), {}, "'inf in .*finite numbers"),
+    (_flow(), {'unit': 'ft'}, "unit of the thickness in a.tif is 'ft', expected m"),
+    (_flow(), {'unit': 's'}, "unit of the thickness of a.tif is 's', expected one unit"),
+    (_flow() * np.float32(100.0), {}, r'is 529\..*at most 500 m'),
+    (_ground().elevation, {}, 'a thickness, not an elevation: it differs by only'),
+    (_ground().elevation + np.float32(4.0), {}, 'a thickness, not an elevation: it differs'),
+    (_flow(), {'corner': (600_000.0, 4_180_000.0)}, '100 % of it elsewhere.*on the terrain'),
+    (_flow(), {'corner': (500_200.0, 4_180_000.0)}, '% of it elsewhere.*on the terrain'),
+    (0.0 * _flow(), {}, 'a flow with a cell on the terrain'),
+    (_flow().astype(np.uint8), {}, 'one band of thickness'),
+    (np.stack([_flow()] * 2), {}, 'one band of thickness'),
+    (_flow(), {'description': 'peak_thickness'}, 'thickness at one time'),
+])
 def test_rejects_invalid_thickness(
     tmp_path: Path, values: np.ndarray, written: dict[str, Any], message: str
 ) -> None:
@@ -179,21 +151,18 @@ def test_rejects_invalid_thickness(
         _read(tmp_path, file='a.tif')
 
 
-@pytest.mark.parametrize(
-    ('item', 'message'),
-    [
-        ({'file': 'a.geojson'}, r'flows\[0\].thickness .*a thickness \[m\]'),
-        ({'file': 'a.geojson', 'thickness': -2.0}, r'flows\[0\].thickness .*above 0'),
-        ({'file': 'a.geojson', 'thickness': 900.0}, 'at most 500 m'),
-        ({'file': 'flow.tif', 'thickness': 2.0}, r'flows\[0\].file .*whose name ends with'),
-        ({'file': 'flow.tif', 'as': 'rock'}, 'one of lava, ground'),
-        ({'file': 'flow.tif', 'as': 'ground', 'temperature': 1300.0}, 'absent for ground'),
-        ({'file': 'flow.tif', 'temperature': 1e9}, r'flows\[0\].temperature'),
-        ({'file': 'none.tif'}, 'none.tif'),
-        ({'file': 3}, r'flows\[0\].file'),
-        ({'files': 'a.tif'}, r'flows\[0\].files'),
-    ],
-)
+@pytest.mark.parametrize(('item', 'message'), [
+    ({'file': 'a.geojson'}, r'flows\[0\].thickness .*a thickness \[m\]'),
+    ({'file': 'a.geojson', 'thickness': -2.0}, r'flows\[0\].thickness .*above 0'),
+    ({'file': 'a.geojson', 'thickness': 900.0}, 'at most 500 m'),
+    ({'file': 'flow.tif', 'thickness': 2.0}, r'flows\[0\].file .*whose name ends with'),
+    ({'file': 'flow.tif', 'as': 'rock'}, 'one of lava, ground'),
+    ({'file': 'flow.tif', 'as': 'ground', 'temperature': 1300.0}, 'absent for ground'),
+    ({'file': 'flow.tif', 'temperature': 1e9}, r'flows\[0\].temperature'),
+    ({'file': 'none.tif'}, 'none.tif'),
+    ({'file': 3}, r'flows\[0\].file'),
+    ({'files': 'a.tif'}, r'flows\[0\].files'),
+])
 def test_rejects_invalid_entries(tmp_path: Path, item: dict[str, Any], message: str) -> None:
     _write(tmp_path / 'flow.tif', _flow())
     _outline(tmp_path / 'a.geojson')
@@ -202,34 +171,20 @@ def test_rejects_invalid_entries(tmp_path: Path, item: dict[str, Any], message: 
 
 
 def _scene_file(folder: Path, **more: Any) -> Path:
-    np.savez(
-        folder / 'ground.npz', elevation=GROUND.elevation, resolution=CELL, epsg=32633,
-        offset=CORNER,
-    )
-    text = yaml.safe_dump({
-        'terrain': {'file': 'ground.npz'},
-        'vents': [{'position': [240.0, 100.0], 'discharge': 10.0, 'radius': 30.0}], **more,
-    })
-    (folder / 'scene.yaml').write_text(text)
-    return folder / 'scene.yaml'
+    vents = [{'position': [240.0, 100.0], 'discharge': 10.0, 'radius': 30.0}]
+    place = {'epsg': 32633, 'offset': CORNER}
+    return write_scene(folder, GROUND.elevation, CELL, {'vents': vents, **more}, **place)
 
 
 def test_scene_file_has_flows_and_events(tmp_path: Path) -> None:
-    """Lava has the eruption temperature, and new ground the grid of the scene."""
     _write(tmp_path / 'flow.tif', _flow())
     write_grid(
         tmp_path / 'new.tif', 'elevation', GROUND.elevation + 2.0, GROUND, Provenance('a')
     )
     x, y = CORNER
     line = [[x + 100.0, y + 300.0], [x + 300.0, y + 300.0]]
-    (tmp_path / 'dams.geojson').write_text(json.dumps({
-        'type': 'FeatureCollection',
-        'crs': {'type': 'name', 'properties': {'name': 'urn:ogc:def:crs:EPSG::32633'}},
-        'features': [{
-            'type': 'Feature', 'properties': {'height': 7.0, 'width': 30.0},
-            'geometry': {'type': 'LineString', 'coordinates': line},
-        }],
-    }))
+    dam = feature('LineString', line, height=7.0, width=30.0)
+    write_features(tmp_path / 'dams.geojson', dam)
     scene = scene_from_yaml(_scene_file(
         tmp_path,
         emplaced_flows=[{'file': 'flow.tif'}],
@@ -260,18 +215,15 @@ def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path: Path) -> 
     assert event.terrain is not None and event.terrain.epsg == 32633
 
 
-@pytest.mark.parametrize(
-    ('events', 'message'),
-    [
-        ([{'time': 1.0}], r'events\[0\] .*one of terrain, barrier, barriers'),
-        ([{'time': -1.0, 'terrain': 'ground.npz'}], r'events\[0\].time .*at least 0'),
-        ([{'time': 9.0, 'terrain': 'ground.npz'}] * 2, 'a time after the event before'),
-        ([{'time': 9.0, 'terrain': 'other.npz'}], r'the grid of the ground before: 30 x 24.*-tr'),
-        ([{'time': 9.0, 'terrain': 'north.npz'}], 'EPSG:32634.*EPSG:32633.*-tr 20 20 -te 500000'),
-        ([{'time': 9.0, 'terrain': 'hole.npz'}], r'vents\[0\]'),
-        ([{'time': 9.0, 'barriers': 4}], r'events\[0\].barriers'),
-    ],
-)
+@pytest.mark.parametrize(('events', 'message'), [
+    ([{'time': 1.0}], r'events\[0\] .*one of terrain, barrier, barriers'),
+    ([{'time': -1.0, 'terrain': 'ground.npz'}], r'events\[0\].time .*at least 0'),
+    ([{'time': 9.0, 'terrain': 'ground.npz'}] * 2, 'a time after the event before'),
+    ([{'time': 9.0, 'terrain': 'other.npz'}], r'the grid of the ground before: 30 x 24.*-tr'),
+    ([{'time': 9.0, 'terrain': 'north.npz'}], 'EPSG:32634.*EPSG:32633.*-tr 20 20 -te 500000'),
+    ([{'time': 9.0, 'terrain': 'hole.npz'}], r'vents\[0\]'),
+    ([{'time': 9.0, 'barriers': 4}], r'events\[0\].barriers'),
+])
 def test_rejects_invalid_events(tmp_path: Path, events: list[Any], message: str) -> None:
     known = {'resolution': CELL, 'epsg': 32633, 'offset': CORNER}
     np.savez(tmp_path / 'other.npz', elevation=GROUND.elevation[1:], **known)
@@ -289,4 +241,3 @@ def test_rejects_emplaced_lava_below_the_solidus() -> None:
     cold = replace(scene.lava, solidus=900.0)
     with pytest.raises(LavaError, match=r'emplaced_flows\[0\].temperature .*above lava.solidus'):
         replace(scene, lava=cold, emplaced_flows=(flow,))
-

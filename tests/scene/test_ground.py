@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rasterio.warp import transform
 
+from geodata import feature, write_features
 from lava_ros.errors import LavaError
 from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.maps.gis import Provenance, write_grid
@@ -30,32 +31,6 @@ DEGREES = (15.001, 37.769)
 METRES = [[_X, _Y]]
 
 
-def features(path: Path, **members: Any) -> Path:
-    """Write a GeoJSON file with a geometry for each name."""
-    items = [
-        {'type': 'Feature', 'properties': {'name': name}, 'geometry': geometry}
-        for name, geometry in members.pop('of').items()
-    ]
-    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': items, **members}))
-    return path
-
-
-@pytest.mark.parametrize(
-    ('header', 'row'),
-    [
-        ('x,y,name', f'{_X},{_Y},gauge'),
-        ('name,easting,northing', f'gauge,{_X},{_Y}'),
-        ('lon,lat,name,kind', '15.001,37.769,gauge,seismic'),
-        ('longitude,latitude,name', '15.001,37.769,gauge'),
-    ],
-)
-def test_reads_points_of_a_table(tmp_path: Path, header: str, row: str) -> None:
-    (tmp_path / 'a.csv').write_text(f'{header}\n{row}\n')
-    (found,) = read_features('--overlay', tmp_path / 'a.csv', TERRAIN)
-    np.testing.assert_allclose(found.rings[0], METRES, atol=1e-3)
-    assert (found.kind, found.name) == ('Point', 'gauge')
-
-
 def test_reads_lines_of_a_table(tmp_path: Path) -> None:
     """Degrees need a terrain with a coordinate system."""
     (tmp_path / 'a.csv').write_text('x,y,x_end,y_end\n1,2,3,4\n5,6,,\n')
@@ -67,15 +42,9 @@ def test_reads_lines_of_a_table(tmp_path: Path) -> None:
         read_features('--vents', tmp_path / 'a.csv', Terrain(np.zeros((5, 5)), 10.0))
 
 
-def test_reads_geojson(tmp_path: Path) -> None:
-    """An old file may name a coordinate system."""
-    point = {'type': 'Point', 'coordinates': [*DEGREES, 1200.0]}
-    path = features(tmp_path / 'a.geojson', of={'a': point})
-    (found,) = read_features('--overlay', path, TERRAIN)
-    np.testing.assert_allclose(found.rings[0], METRES, atol=1e-3)
-    crs = {'type': 'name', 'properties': {'name': 'urn:ogc:def:crs:EPSG::32633'}}
-    lines = {'type': 'MultiLineString', 'coordinates': [[[1, 2], [3, 4]], [[5, 6], [7, 8]]]}
-    path = features(tmp_path / 'b.json', of={'b': lines}, crs=crs)
+def test_parts_of_a_feature_have_its_name(tmp_path: Path) -> None:
+    lines = feature('MultiLineString', [[[1, 2], [3, 4]], [[5, 6], [7, 8]]])
+    path = write_features(tmp_path / 'b.json', lines)
     first, second = read_features('--overlay', path, TERRAIN)
     assert first.where == second.where
     np.testing.assert_allclose(first.rings[0], [[1, 2], [3, 4]], atol=1e-6)
@@ -85,15 +54,18 @@ def test_reads_geojson(tmp_path: Path) -> None:
 def test_warns_of_features_without_a_geometry(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    path = features(tmp_path / 'a.geojson', of={'gone': None})
+    path = tmp_path / 'a.geojson'
+    gone = {'type': 'Feature', 'properties': {'name': 'gone'}, 'geometry': None}
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': [gone]}))
     with pytest.raises(LavaError, match='at least one point'):
         read_features('--overlay', path, TERRAIN)
     assert 'feature 0 (gone) has no geometry and is left out' in caplog.text
-    point = {'type': 'Point', 'coordinates': DEGREES}
-    path = features(tmp_path / 'a.geojson', of={'gone': None, 'here': point})
-    (found,) = load_features('--overlay', path)
+    for place in ((*DEGREES, 1200.0), DEGREES):
+        here = feature('Point', place, name='here')
+        path.write_text(json.dumps({'type': 'FeatureCollection', 'features': [gone, here]}))
+        (found,) = load_features('--overlay', path)
+        np.testing.assert_allclose(found.on(TERRAIN).rings[0], METRES, atol=1e-3)
     assert (found.name, found.system) == ('here', 'EPSG:4326')
-    np.testing.assert_allclose(found.on(TERRAIN).rings[0], METRES, atol=1e-3)
     with pytest.raises(LavaError, match=r'feature 1 \(here\) is .*no coordinate system'):
         found.on(Terrain(np.zeros((5, 5)), 10.0))
 
@@ -102,49 +74,37 @@ def test_polygon_marks_cells_by_their_centre_except_in_holes(tmp_path: Path) -> 
     square = [[[x, y] for x, y in ((0, 0), (100, 0), (100, 100), (0, 100), (0, 0))]]
     hole = [[x, y] for x, y in ((40, 40), (60, 40), (60, 60), (40, 60), (40, 40))]
     rings = [[[500_000 + x, 4_180_000 + y] for x, y in ring] for ring in (*square, hole)]
-    crs = {'type': 'name', 'properties': {'name': 'EPSG:32633'}}
-    area = {'type': 'Polygon', 'coordinates': rings}
-    path = features(tmp_path / 'a.geojson', of={'a': area}, crs=crs)
+    path = write_features(tmp_path / 'a.geojson', feature('Polygon', rings))
     lava, known = observed_in_file(path, TERRAIN)
     assert lava.sum() == 24 and lava[:5, :5].sum() == 24 and not lava[2, 2]
     assert known.all()
 
 
-@pytest.mark.parametrize(
-    ('name', 'text', 'words'),
-    [
-        ('a.doc', '', 'ends with .geojson'),
-        ('a.shp', '', 'a file of Shapefile'),
-        ('a.csv', 'here,there\n1,2\n', "first line is 'here,there', expected the columns x,y"),
-        ('a.csv', 'x,y\n', '1 lines'),
-        ('a.csv', 'x,y\n1,here\n', "line 2, y is 'here', expected a finite number"),
-        ('a.csv', 'name,x,y\nhut,1,nan\n', r"line 2 \(hut\), y is 'nan', expected a finite"),
-        ('a.csv', 'x,y\n1,1e30\n', 'two coordinates'),
-        ('a.csv', 'x,y,x_end\n1,2,3\n', 'both or neither'),
-        ('a.csv', 'lon,lat,x,y\n2,4,5,6\n', 'the columns x,y or lon,lat or wkt'),
-        ('a.csv', 'X,Easting,y\n2,4,5\n', "is 'X and Easting', expected one column for x"),
-        ('a.csv', 'x (furlong),y\n2,4\n', "x .furlong. of .* is 'furlong', expected a unit such"),
-        ('a.csv', 'wkt\nPNT\n', "line 2, wkt is 'PNT', expected well-known text"),
-        ('a.csv', 'lon,lat\n200,1\n', "lon is '200', expected a longitude from -180 to 180"),
-        ('a.csv', "lon,lat\n15 61 0,1\n", "lon is '15 61 0', expected a longitude"),
-        ('a.csv', "lon,lat\n37N,15E\n", "lon is '37N', expected a longitude"),
-        ('a.geojson', '[1]', 'a file of GeoJSON'),
-        ('a.geojson', '{"features": []}', 'GeoJSON that GDAL can read'),
-        ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'at least one point'),
-        ('a.geojson', '{"type": "Feature", "geometry": {"type": "Circle"}}', 'at least one point'),
-        ('a.geojson', '{"type": "Point", "coordinates": [[1], 2]}', "invalid 'x' coordinate"),
-        ('a.geojson', '{"type": "Point", "coordinates": [500, 95]}', 'that GDAL knows'),
-        ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "crs": {"type": "name", '
-         '"properties": {"name": "EPSG:0"}}}', 'that GDAL knows'),
-        ('a.gpkg', 'SQLite it is not', 'a file of GeoPackage'),
-        ('a.kml', '<html/>', 'a file of KML'),
-        ('a.kml', '<!DOCTYPE x [<!ENTITY a "b">]><kml/>', 'a file of KML'),
-        ('a.kml', '<kml><!DOCTYPE x></kml>', 'a file of KML'),
-        ('a.kml', '<OGRVRTDataSource/>', 'a file of KML'),
-        ('a.kmz', 'PK', 'a readable file'),
-        ('a.zip', 'x', 'a readable file'),
-    ],
-)
+@pytest.mark.parametrize(('name', 'text', 'words'), [
+    ('a.doc', '', 'ends with .geojson'),
+    ('a.shp', '', 'a file of Shapefile'),
+    ('a.csv', 'here,there\n1,2\n', "first line is 'here,there', expected the columns x,y"),
+    ('a.csv', 'x,y\n', '1 lines'),
+    ('a.csv', 'name,x,y\nhut,1,nan\n', r"line 2 \(hut\), y is 'nan', expected a finite"),
+    ('a.csv', 'x,y\n1,1e30\n', 'two coordinates'),
+    ('a.csv', 'x,y,x_end\n1,2,3\n', 'both or neither'),
+    ('a.csv', 'lon,lat,x,y\n2,4,5,6\n', 'the columns x,y or lon,lat or wkt'),
+    ('a.csv', 'X,Easting,y\n2,4,5\n', "is 'X and Easting', expected one column for x"),
+    ('a.csv', 'x (furlong),y\n2,4\n', "x .furlong. of .* is 'furlong', expected a unit such"),
+    ('a.csv', 'wkt\nPNT\n', "line 2, wkt is 'PNT', expected well-known text"),
+    ('a.geojson', '[1]', 'a file of GeoJSON'),
+    ('a.geojson', '{"features": []}', 'GeoJSON that GDAL can read'),
+    ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'at least one point'),
+    ('a.geojson', '{"type": "Feature", "geometry": {"type": "Circle"}}', 'at least one point'),
+    ('a.geojson', '{"type": "Point", "coordinates": [[1], 2]}', "invalid 'x' coordinate"),
+    ('a.geojson', '{"type": "Point", "coordinates": [500, 95]}', 'that GDAL knows'),
+    ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "crs": {"type": "name", '
+     '"properties": {"name": "EPSG:0"}}}', 'that GDAL knows'),
+    ('a.gpkg', 'SQLite it is not', 'a file of GeoPackage'),
+    ('a.kml', '<html/>', 'a file of KML'),
+    ('a.kml', '<!DOCTYPE x [<!ENTITY a "b">]><kml/>', 'a file of KML'),
+    ('a.kmz', 'PK', 'a readable file'),
+])
 def test_rejects_invalid_files(tmp_path: Path, name: str, text: str, words: str) -> None:
     (tmp_path / name).write_text(text)
     with pytest.raises(LavaError, match=words):
@@ -190,7 +150,6 @@ def test_thin_barrier_has_no_gap() -> None:
 def test_volume_of_a_barrier_is_that_of_its_cross_section(
     width: float, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A warning reports a widened crest."""
     barrier = Barrier(((140.0, 500.0), (861.0, 500.0)), height=12.0, width=width)
     volumes = {}
     for cell in (1.0, 10.0):
@@ -259,19 +218,16 @@ def test_barrier_and_filter_keep_cells_without_data() -> None:
     assert np.isfinite(smooth.elevation[19, 25])
 
 
-@pytest.mark.parametrize(
-    ('change', 'word'),
-    [
-        ({'line': ((0.0, 0.0),)}, 'two or more places'),
-        ({'line': ((0.0, 0.0), (0.0, 0.0))}, 'that differ'),
-        ({'line': '0,0 1,1'}, 'two or more places'),
-        ({'line': ((0.0, 0.0), (1.0, np.nan))}, r'barrier.line\[1\]'),
-        ({'height': -5.0}, 'barrier.height'),
-        ({'width': 0.0}, 'barrier.width'),
-        # a barrier off the terrain
-        ({}, 'a line on the terrain.*easting 500000 to 500500'),
-    ],
-)
+@pytest.mark.parametrize(('change', 'word'), [
+    ({'line': ((0.0, 0.0),)}, 'two or more places'),
+    ({'line': ((0.0, 0.0), (0.0, 0.0))}, 'that differ'),
+    ({'line': '0,0 1,1'}, 'two or more places'),
+    ({'line': ((0.0, 0.0), (1.0, np.nan))}, r'barrier.line\[1\]'),
+    ({'height': -5.0}, 'barrier.height'),
+    ({'width': 0.0}, 'barrier.width'),
+    # a barrier off the terrain
+    ({}, 'a line on the terrain.*easting 500000 to 500500'),
+])
 def test_rejects_invalid_barriers(change: dict[str, Any], word: str) -> None:
     good: dict[str, Any] = {'line': ((0.0, 0.0), (100.0, 0.0)), 'height': 5.0, 'width': 5.0}
     with pytest.raises(LavaError, match=word):

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
-from rasterio.transform import from_origin
 
+from geodata import write_raster
 from lava_ros.cli.parser import parse_command_line
 from lava_ros.cli.scenes import scene_from_arguments
 from lava_ros.errors import LavaError
@@ -29,17 +29,12 @@ MARKS = (
 )
 
 
-def write(path: Path, data: np.ndarray, *, crs: str | None = 'EPSG:32633', **options: Any) -> Path:
+def write(path: Path, data: np.ndarray, **options: Any) -> Path:
     if path.suffix == '.npz':
         np.savez(path, elevation=data, resolution=10.0)
         return path
     driver = {'.tif': 'GTiff', '.img': 'HFA', '.flt': 'EHdr'}[path.suffix]
-    with rasterio.open(
-        path, 'w', driver=driver, count=1, dtype=data.dtype, height=data.shape[0],
-        width=data.shape[1], crs=crs, transform=from_origin(5e5, 4.18e6, 10.0, 10.0), **options,
-    ) as sink:
-        sink.write(data, 1)
-    return path
+    return write_raster(path, data, driver=driver, **options)
 
 
 def holed(value: float, where: Any = np.s_[:, 45:]) -> np.ndarray:
@@ -49,8 +44,9 @@ def holed(value: float, where: Any = np.s_[:, 45:]) -> np.ndarray:
     return data
 
 
-@pytest.mark.parametrize('suffix', ['.tif', '.img', '.flt', '.npz'])
-@pytest.mark.parametrize('value', MARKS)
+@pytest.mark.parametrize(('value', 'suffix'), [
+    *((value, '.tif') for value in MARKS), (-9999.0, '.img'), (0.0, '.flt'), (-999.0, '.npz'),
+])
 def test_rejects_a_block_of_an_undeclared_value(
     tmp_path: Path, value: float, suffix: str
 ) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodata import write_scene
 from lava_ros.effects import possible
 from lava_ros.effects.crystals import fraction
 from lava_ros.errors import LavaError
@@ -55,64 +56,43 @@ MIDDLE = (25.0, 15.0)
 COLD = Vent(MIDDLE, 1.0, temperature=1100.0)
 
 
-@pytest.mark.parametrize(
-    ('make', 'field'),
-    [
-        (lambda: Terrain(np.zeros(5), 1.0), 'terrain.elevation'),
-        (lambda: Terrain(np.zeros((1, 5)), 1.0), 'terrain.elevation'),
-        (lambda: Terrain(np.full((3, 3), np.nan), 1.0), 'terrain.elevation'),
-        (lambda: Terrain(np.full((3, 3), np.inf), 1.0), 'terrain.elevation'),
-        (lambda: Terrain('hill', 1.0), 'terrain.elevation'),
-        (lambda: Terrain(np.broadcast_to(np.float32(0), (2, 40000)), 1.0), 'terrain.elevation'),
-        (lambda: Terrain(np.zeros((3, 3)), 0.0), 'terrain.resolution'),
-        (lambda: Terrain(np.zeros((3, 3)), -5.0), 'terrain.resolution'),
-        (lambda: Terrain(np.zeros((3, 3)), 1.0, (0.0, math.nan)), 'terrain.origin[1]'),
-        (lambda: Terrain(np.zeros((3, 3)), 1.0, epsg='UTM'), 'terrain.epsg'),
-        (lambda: Terrain(np.zeros((3, 3)), 1.0, offset=3), 'terrain.offset'),
-        (lambda: Vent(MIDDLE, -1.0), 'vent.discharge'),
-        (lambda: Vent(MIDDLE, math.nan), 'vent.discharge'),
-        (lambda: Vent(MIDDLE, []), 'vent.discharge'),
-        (lambda: Vent(MIDDLE, [(0.0, 1.0), (0.0, 2.0)]), 'vent.discharge[1][0]'),
-        (lambda: Vent(MIDDLE, [(0.0, -1.0)]), 'vent.discharge[0][1]'),
-        (lambda: Vent(MIDDLE, 1.0, 20.0), 'vent.temperature'),
-        (lambda: Vent(MIDDLE, 1.0, 1e5), 'vent.temperature'),
-        (lambda: Vent(MIDDLE, 1.0, radius=0.0), 'vent.radius'),
-        (lambda: Vent((1.0,), 1.0), 'vent.position'),
-        (lambda: Vent(MIDDLE, 1.0, end='far'), 'vent.end'),
-        (lambda: Lava(density=0), 'lava.density'),
-        (lambda: Lava(viscosity=-1), 'lava.viscosity'),
-        (lambda: Lava(emissivity=1.1), 'lava.emissivity'),
-        (lambda: Lava(arrhenius='x'), 'lava.arrhenius'),
-        (lambda: Terrain(np.zeros((2, 2)), HUGE), 'terrain.resolution'),
-        (lambda: Terrain(np.zeros((2, 2)), b'1'), 'terrain.resolution'),
-        (lambda: Terrain(np.zeros((2, 2)), 1e-45), 'terrain.resolution'),
-        (lambda: Terrain(np.zeros((2, 2)), 1e12), 'terrain.resolution'),
-        (lambda: Terrain([[0.0, 3e38], [0.0, 0.0]], 1.0), 'terrain.elevation'),
-        (lambda: Terrain([[0.0, -1.1e5], [0.0, 0.0]], 1.0), 'terrain.elevation'),
-        (lambda: Terrain([[HUGE, 0], [0, 0]], 1.0), 'terrain.elevation'),
-        (lambda: Terrain(np.zeros((2, 2), complex), 1.0), 'terrain.elevation'),
-        (lambda: Terrain(np.zeros((2, 2), 'M8[s]'), 1.0), 'terrain.elevation'),
-        (lambda: Terrain([['1', '2'], ['3', '4']], 1.0), 'terrain.elevation'),
-        (lambda: Terrain(np.zeros((2, 2)), 1.0, np.array(1.0)), 'terrain.origin'),
-        (lambda: Terrain(np.zeros((2, 2)), 1.0, b'ab'), 'terrain.origin'),
-        (lambda: Terrain(np.zeros((2, 2)), 1.0, (1.7e308, 0.0)), 'terrain.origin[0]'),
-        (lambda: Terrain(np.zeros((2, 2)), 1.0, epsg=10**30), 'terrain.epsg'),
-        (lambda: Vent(MIDDLE, np.array([1.0, 2.0])), 'vent.discharge[0]'),
-        (lambda: Vent(MIDDLE, 3e38), 'vent.discharge'),
-        (lambda: Vent(MIDDLE, [(0.0, 3e38)]), 'vent.discharge[0][1]'),
-        (lambda: Vent(MIDDLE, 1.0, radius=3e38), 'vent.radius'),
-        (lambda: Vent(MIDDLE, 1.0, velocity=(1e30, 0.0)), 'vent.velocity[0]'),
-        (lambda: Vent((1e300, 0.0), 1.0), 'vent.position[0]'),
-        (lambda: Vent(MIDDLE, 1.0, name=None), 'vent.name'),
-        (lambda: Lava(density=HUGE), 'lava.density'),
-        (lambda: Scene(flat(), None, lava=Lava()), 'vents'),
-        (lambda: Scene(flat(), 1.0, lava=Lava()), 'vents'),
-        (lambda: Scene(flat(), [COLD], Lava(solidus=1200.0)), 'vents[0].temperature'),
-        (lambda: Scene(flat(), gravity=1e-300, lava=Lava()), 'scene.gravity'),
-        (lambda: Scene(flat(), (Vent(MIDDLE, 1.0), Vent((5.0, 500.0), 1.0))), 'vents[1].position'),
-        (lambda: check_vents([Vent(MIDDLE, 1.0, end=(-1.0, 5.0))], flat()), 'vents[0].end'),
-    ],
-)
+@pytest.mark.parametrize(('make', 'field'), [
+    (lambda: Terrain(np.zeros(5), 1.0), 'terrain.elevation'),
+    (lambda: Terrain(np.zeros((1, 5)), 1.0), 'terrain.elevation'),
+    (lambda: Terrain(np.full((3, 3), np.inf), 1.0), 'terrain.elevation'),
+    (lambda: Terrain(np.broadcast_to(np.float32(0), (2, 40000)), 1.0), 'terrain.elevation'),
+    (lambda: Terrain(np.zeros((3, 3)), 0.0), 'terrain.resolution'),
+    (lambda: Terrain(np.zeros((3, 3)), 1.0, (0.0, math.nan)), 'terrain.origin[1]'),
+    (lambda: Terrain(np.zeros((3, 3)), 1.0, epsg='UTM'), 'terrain.epsg'),
+    (lambda: Terrain(np.zeros((3, 3)), 1.0, offset=3), 'terrain.offset'),
+    (lambda: Vent(MIDDLE, -1.0), 'vent.discharge'),
+    (lambda: Vent(MIDDLE, []), 'vent.discharge'),
+    (lambda: Vent(MIDDLE, [(0.0, 1.0), (0.0, 2.0)]), 'vent.discharge[1][0]'),
+    (lambda: Vent(MIDDLE, 1.0, 20.0), 'vent.temperature'),
+    (lambda: Vent(MIDDLE, 1.0, radius=0.0), 'vent.radius'),
+    (lambda: Vent((1.0,), 1.0), 'vent.position'),
+    (lambda: Vent(MIDDLE, 1.0, end='far'), 'vent.end'),
+    (lambda: Lava(density=0), 'lava.density'),
+    (lambda: Terrain(np.zeros((2, 2)), 1e-45), 'terrain.resolution'),
+    (lambda: Terrain([[0.0, 3e38], [0.0, 0.0]], 1.0), 'terrain.elevation'),
+    (lambda: Terrain([[HUGE, 0], [0, 0]], 1.0), 'terrain.elevation'),
+    (lambda: Terrain(np.zeros((2, 2), complex), 1.0), 'terrain.elevation'),
+    (lambda: Terrain([['1', '2'], ['3', '4']], 1.0), 'terrain.elevation'),
+    (lambda: Terrain(np.zeros((2, 2)), 1.0, b'ab'), 'terrain.origin'),
+    (lambda: Terrain(np.zeros((2, 2)), 1.0, (1.7e308, 0.0)), 'terrain.origin[0]'),
+    (lambda: Terrain(np.zeros((2, 2)), 1.0, epsg=10**30), 'terrain.epsg'),
+    (lambda: Vent(MIDDLE, [(0.0, 3e38)]), 'vent.discharge[0][1]'),
+    (lambda: Vent(MIDDLE, 1.0, radius=3e38), 'vent.radius'),
+    (lambda: Vent(MIDDLE, 1.0, velocity=(1e30, 0.0)), 'vent.velocity[0]'),
+    (lambda: Vent((1e300, 0.0), 1.0), 'vent.position[0]'),
+    (lambda: Vent(MIDDLE, 1.0, name=None), 'vent.name'),
+    (lambda: Lava(density=HUGE), 'lava.density'),
+    (lambda: Scene(flat(), None, lava=Lava()), 'vents'),
+    (lambda: Scene(flat(), [COLD], Lava(solidus=1200.0)), 'vents[0].temperature'),
+    (lambda: Scene(flat(), gravity=1e-300, lava=Lava()), 'scene.gravity'),
+    (lambda: Scene(flat(), (Vent(MIDDLE, 1.0), Vent((5.0, 500.0), 1.0))), 'vents[1].position'),
+    (lambda: check_vents([Vent(MIDDLE, 1.0, end=(-1.0, 5.0))], flat()), 'vents[0].end'),
+])
 def test_error_names_the_invalid_field(make, field):
     with pytest.raises(LavaError) as caught:
         make()
@@ -145,15 +125,13 @@ def test_volumes_of_a_long_series_take_linear_time():
 
 def scene_file(folder, text):
     """Write a scene on flat ground with its lower-left corner at 1000, 2000."""
-    ground = {'elevation': np.zeros((10, 20)), 'resolution': 10.0, 'offset': (1000.0, 2000.0)}
-    np.savez(folder / 'ground.npz', **ground)
-    ground = '' if 'terrain' in text else 'terrain: {file: ground.npz}\n'
-    (folder / 'scene.yaml').write_text(ground + text)
-    return folder / 'scene.yaml'
+    path = write_scene(folder, np.zeros((10, 20)), 10.0, text, offset=(1000.0, 2000.0))
+    if 'terrain' in text:
+        path.write_text(text)
+    return path
 
 
 def test_scene_file_has_terrain_lava_and_vents(tmp_path):
-    """Vents are in map or projected coordinates."""
     text = """
 terrain: {file: ground.npz, offset: [990.0, 2000.0]}
 lava: {material: kedadry2023, viscosity: 1e4, density: 2600}
@@ -172,26 +150,22 @@ ambient_temperature: 290
     assert scene_to_dict(scene)['terrain']['offset'] == [990.0, 2000.0]
 
 
-@pytest.mark.parametrize(
-    ('text', 'field'),
-    [
-        ('terrain: [1, 2', 'scene'),
-        ('- terrain', 'scene'),
-        ('volcano: Etna', r'scene\.volcano'),
-        ('terrain: {}', r'scene\.terrain\.file'),
-        ('lava: {stickiness: 3}', r'scene\.lava\.stickiness'),
-        ('vents: 3', 'vents'),
-        ('vents: [{position: [5, 5]}]', r'vents\[0\]\.effusion_rate'),
-        ('vents: [{discharge: 5}]', r'vents\[0\]\.position'),
-    ],
-)
+@pytest.mark.parametrize(('text', 'field'), [
+    ('terrain: [1, 2', 'scene'),
+    ('- terrain', 'scene'),
+    ('volcano: Etna', r'scene\.volcano'),
+    ('terrain: {}', r'scene\.terrain\.file'),
+    ('lava: {stickiness: 3}', r'scene\.lava\.stickiness'),
+    ('vents: 3', 'vents'),
+    ('vents: [{position: [5, 5]}]', r'vents\[0\]\.effusion_rate'),
+    ('vents: [{discharge: 5}]', r'vents\[0\]\.position'),
+])
 def test_error_names_the_invalid_key_of_a_scene_file(tmp_path, text, field):
     with pytest.raises(LavaError, match=f'^{field}'):
         scene_from_yaml(scene_file(tmp_path, text))
 
 
 def test_finds_scenes_of_the_package_by_name(tmp_path, monkeypatch):
-    """A file with that name comes first."""
     monkeypatch.chdir(tmp_path)
     scene = scene_from_yaml('etna.yaml')
     assert scene.vents[0].name == 'crater'
@@ -216,7 +190,6 @@ def test_scenes_of_the_package_have_a_vent_in_the_crater(name):
 
 
 def test_detects_celsius_instead_of_kelvin(tmp_path, caplog):
-    """Solid lava is an error, and cold lava a warning."""
     vent = 'vents: [{{position: [50, 50], discharge: 3, temperature: {}}}]\n'
     with pytest.raises(LavaError, match=r'is 1114.*solidus, 1143 K.*\(1114 Celsius are 1387.15 K'):
         scene_from_yaml(scene_file(tmp_path, vent.format(1114)))
@@ -298,85 +271,69 @@ def test_schedule_ignores_sensor_noise():
 FISSURE = Vent((0.0, 0.0), 5.0, radius=5.0, end=(100.0, 0.0))
 
 
-@pytest.mark.parametrize(
-    ('before', 'after', 'expected'),
-    [
-        ([VENT], [VENT], [0]),
-        ([VENT], [replace(VENT, discharge=9.0, temperature=1200.0, radius=3.0)], [0]),
-        # within its size; farther away with the same name; farther away with another or no name
-        ([VENT], [replace(VENT, position=(19.0, 20.0), name='second')], [0]),
-        ([VENT], [replace(VENT, position=(900.0, 20.0))], [0]),
-        ([VENT], [replace(VENT, position=(900.0, 20.0), name='second')], [None]),
-        ([replace(VENT, name='')], [Vent((900.0, 20.0), 5.0)], [None]),
-        ([VENT], [], []),
-        ([], [VENT], [None]),
-        # a new vent, first in the list, next to one that stays
-        ([VENT], [replace(VENT, position=(12.0, 20.0), name='new'), VENT], [None, 0]),
-        # two noisy vents within each other's size, in another order
-        (
-            [VENT, replace(VENT, position=(15.0, 20.0), name='second')],
-            [
-                replace(VENT, position=(14.0, 20.0), name='second'),
-                replace(VENT, position=(11.0, 20.0)),
-            ],
-            [1, 0],
-        ),
-        # two in one place with different temperatures, in another order
-        (
-            [Vent((0.0, 0.0), 1.0, 1300.0), Vent((0.0, 0.0), 1.0, 1200.0)],
-            [Vent((0.0, 0.0), 2.0, 1200.0), Vent((0.0, 0.0), 2.0, 1300.0)],
-            [1, 0],
-        ),
-        (
-            [Vent((0.0, 0.0), 1.0, 1300.0), Vent((0.0, 0.0), 1.0, 1200.0)],
-            [Vent((1e-3, 0.0), 2.0, 1200.0), Vent((2e-3, 0.0), 2.0, 1300.0)],
-            [1, 0],
-        ),
-        # a fissure with reversed ends, a longer one, and one that becomes a disc
-        ([FISSURE], [replace(FISSURE, position=(100.0, 0.0), end=(0.0, 0.0))], [0]),
-        ([FISSURE], [replace(FISSURE, end=(140.0, 0.0))], [0]),
-        ([FISSURE], [replace(FISSURE, end=(220.0, 0.0))], [None]),
-        ([FISSURE], [replace(FISSURE, end=None)], [None]),
-        ([replace(FISSURE, name='f')], [replace(FISSURE, name='f', end=None)], [None]),
-    ],
-)
+@pytest.mark.parametrize(('before', 'after', 'expected'), [
+    ([VENT], [VENT], [0]),
+    ([VENT], [replace(VENT, discharge=9.0, temperature=1200.0, radius=3.0)], [0]),
+    # within its size; farther away with the same name; farther away with another or no name
+    ([VENT], [replace(VENT, position=(19.0, 20.0), name='second')], [0]),
+    ([VENT], [replace(VENT, position=(900.0, 20.0))], [0]),
+    ([VENT], [replace(VENT, position=(900.0, 20.0), name='second')], [None]),
+    ([replace(VENT, name='')], [Vent((900.0, 20.0), 5.0)], [None]),
+    ([VENT], [], []),
+    ([], [VENT], [None]),
+    # a new vent, first in the list, next to one that stays
+    ([VENT], [replace(VENT, position=(12.0, 20.0), name='new'), VENT], [None, 0]),
+    # two noisy vents within each other's size, in another order
+    (
+        [VENT, replace(VENT, position=(15.0, 20.0), name='second')],
+        [
+            replace(VENT, position=(14.0, 20.0), name='second'),
+            replace(VENT, position=(11.0, 20.0)),
+        ],
+        [1, 0],
+    ),
+    # two in one place with different temperatures, in another order
+    (
+        [Vent((0.0, 0.0), 1.0, 1300.0), Vent((0.0, 0.0), 1.0, 1200.0)],
+        [Vent((0.0, 0.0), 2.0, 1200.0), Vent((0.0, 0.0), 2.0, 1300.0)],
+        [1, 0],
+    ),
+    (
+        [Vent((0.0, 0.0), 1.0, 1300.0), Vent((0.0, 0.0), 1.0, 1200.0)],
+        [Vent((1e-3, 0.0), 2.0, 1200.0), Vent((2e-3, 0.0), 2.0, 1300.0)],
+        [1, 0],
+    ),
+    # a fissure with reversed ends, a longer one, and one that becomes a disc
+    ([FISSURE], [replace(FISSURE, position=(100.0, 0.0), end=(0.0, 0.0))], [0]),
+    ([FISSURE], [replace(FISSURE, end=(140.0, 0.0))], [0]),
+    ([FISSURE], [replace(FISSURE, end=(220.0, 0.0))], [None]),
+    ([FISSURE], [replace(FISSURE, end=None)], [None]),
+    ([replace(FISSURE, name='f')], [replace(FISSURE, name='f', end=None)], [None]),
+])
 def test_matches_vents_by_place_distance_and_name(before, after, expected):
     assert match_vents(before, after) == expected
 
 
-def test_matches_many_noisy_vents_within_each_others_size():
-    places = np.random.default_rng(0).uniform(0.0, 8.0, (300, 2)).tolist()
-    before, after = (
-        [Vent((x + noise, y), 1.0, 1400.0, name=f'vent {n}') for n, (x, y) in enumerate(places)]
-        for noise in (0.0, 1e-3)
-    )
-    assert match_vents(before, after[::-1]) == list(range(300))[::-1]
-
-
 def test_matches_a_vent_within_the_minimum_size():
-    """The minimum size may be the particle spacing."""
     moved = replace(VENT, position=(40.0, 20.0), name='')
     assert match_vents([VENT], [moved]) == [None]
     assert match_vents([VENT], [moved], least=40.0) == [0]
 
 
-@pytest.mark.parametrize(
-    ('change', 'expected'),
-    [
-        ({}, True),
-        ({'discharge': 5.2}, True),
-        ({'discharge': 5.3}, False),
-        ({'discharge': ((0.0, 5.0),)}, False),
-        ({'position': (10.0, 29.0)}, True),
-        ({'position': (10.0, 31.0)}, False),
-        ({'temperature': 1305.0}, True),
-        ({'temperature': 1311.0}, False),
-        ({'radius': 10.5}, True),
-        ({'radius': 12.0}, False),
-        ({'velocity': (1.0, 0.0)}, False),
-        ({'name': 'renamed'}, True),
-    ],
-)
+@pytest.mark.parametrize(('change', 'expected'), [
+    ({}, True),
+    ({'discharge': 5.2}, True),
+    ({'discharge': 5.3}, False),
+    ({'discharge': ((0.0, 5.0),)}, False),
+    ({'position': (10.0, 29.0)}, True),
+    ({'position': (10.0, 31.0)}, False),
+    ({'temperature': 1305.0}, True),
+    ({'temperature': 1311.0}, False),
+    ({'radius': 10.5}, True),
+    ({'radius': 12.0}, False),
+    ({'velocity': (1.0, 0.0)}, False),
+    ({'name': 'renamed'}, True),
+])
 def test_vents_are_alike_within_sensor_noise(change, expected):
     vent = replace(VENT, temperature=1300.0)
     other = replace(vent, **change)
@@ -398,15 +355,11 @@ def test_material_flows_at_its_vent_and_has_references(name: str) -> None:
             low, high = constant.range
             assert low <= float(constant.value) <= high
             assert len(constant.range_source) > 30
-
-
-@pytest.mark.parametrize('name', sorted(set(materials()) - {'kedadry2023'}))
-def test_lavas_of_volcanoes_have_a_crust(name: str) -> None:
-    """Without a crust the surface radiates at the temperature of the core."""
-    lava = material_named(name).lava
-    assert 'cover' in possible(lava)
-    hot = lava.crust_cover * lava.crust_temperature**4 / 1400.0**4 + 1.0 - lava.crust_cover
-    assert hot < 0.4
+    if name != 'kedadry2023':
+        # without a crust the surface radiates at the temperature of the core
+        assert 'cover' in possible(lava)
+        cold = (lava.crust_temperature / 1400.0) ** 4
+        assert lava.crust_cover * cold + 1.0 - lava.crust_cover < 0.4
 
 
 @pytest.mark.parametrize('temperature', [1143.0, 1250.0, 1360.0])

@@ -12,6 +12,7 @@ import pytest
 from scipy import stats
 import yaml
 
+from geodata import write_scene
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, scene_from_yaml, scene_to_dict, Terrain
 from lava_ros.scene.uncertainty import (
@@ -57,29 +58,20 @@ def drawn(quantity: str, kind: str, **numbers: object) -> dict[str, object]:
 
 def scene_file(folder: Path, uncertainty: object) -> Path:
     """Write a scene file with an uncertainty."""
-    np.savez(folder / 'ground.npz', elevation=np.zeros((10, 10)), resolution=10.0)
-    scene = {
-        'terrain': {'file': 'ground.npz'},
-        'vents': [{'position': [50.0, 50.0], 'discharge': 5.0}],
-        'lava': {'yield_strength': 100.0},
-        'uncertainty': uncertainty,
-    }
-    (folder / 'scene.yaml').write_text(yaml.safe_dump(scene))
-    return folder / 'scene.yaml'
+    vent = {'position': [50.0, 50.0], 'discharge': 5.0}
+    scene = {'vents': [vent], 'lava': {'yield_strength': 100.0}, 'uncertainty': uncertainty}
+    return write_scene(folder, np.zeros((10, 10)), 10.0, scene)
 
 
-@pytest.mark.parametrize(
-    ('distribution', 'reference'),
-    [
-        (Distribution('normal', (2.0, 3.0)), stats.norm(2.0, 3.0)),
-        (Distribution('lognormal', (2.0, 1.5)), stats.lognorm(math.log(1.5), scale=2.0)),
-        (Distribution('uniform', (-1.0, 3.0)), stats.uniform(-1.0, 4.0)),
-        (Distribution('loguniform', (0.5, 3.0)), stats.loguniform(0.5, 3.0)),
-        (Distribution('triangular', (0.0, 1.0, 4.0)), stats.triang(0.25, 0.0, 4.0)),
-        (Distribution('triangular', (0.0, 0.0, 4.0)), stats.triang(0.0, 0.0, 4.0)),
-        (Distribution('normal', (0.0, 2.0), (-1.0, 4.0)), stats.truncnorm(-0.5, 2.0, 0.0, 2.0)),
-    ],
-)
+@pytest.mark.parametrize(('distribution', 'reference'), [
+    (Distribution('normal', (2.0, 3.0)), stats.norm(2.0, 3.0)),
+    (Distribution('lognormal', (2.0, 1.5)), stats.lognorm(math.log(1.5), scale=2.0)),
+    (Distribution('uniform', (-1.0, 3.0)), stats.uniform(-1.0, 4.0)),
+    (Distribution('loguniform', (0.5, 3.0)), stats.loguniform(0.5, 3.0)),
+    (Distribution('triangular', (0.0, 1.0, 4.0)), stats.triang(0.25, 0.0, 4.0)),
+    (Distribution('triangular', (0.0, 0.0, 4.0)), stats.triang(0.0, 0.0, 4.0)),
+    (Distribution('normal', (0.0, 2.0), (-1.0, 4.0)), stats.truncnorm(-0.5, 2.0, 0.0, 2.0)),
+])
 def test_quantiles_are_those_of_scipy(distribution: Distribution, reference: object) -> None:
     for probability in (1e-6, 0.01, 0.2, 0.5, 0.7, 0.99, 1.0 - 1e-6):
         expected = reference.ppf(probability)  # type: ignore[attr-defined]
@@ -116,41 +108,33 @@ def test_scene_file_has_every_uncertain_quantity(tmp_path: Path) -> None:
     assert from_bytes(data).scene.uncertainty == scene.uncertainty
 
 
-@pytest.mark.parametrize(
-    ('section', 'field'),
-    [
-        ({'discharg': {}}, 'uncertainty.discharg'),
-        ({'discharge': 1.5}, 'uncertainty.discharge'),
-        ({'discharge': {'median': 1.0, 'factor': 2.0}}, 'uncertainty.discharge'),
-        ({'discharge': {'distribution': 'gamma'}}, 'uncertainty.discharge.distribution'),
-        (drawn('discharge', 'lognormal', median=1.0), 'uncertainty.discharge.factor'),
-        (drawn('discharge', 'lognormal', median=1.0, factor=1.0), 'uncertainty.discharge.factor'),
-        (drawn('viscosity', 'normal', mean=1.0, deviation=0.1), 'uncertainty.viscosity'),
-        (drawn('viscosity', 'uniform', low=2.0, high=1.0), 'uncertainty.viscosity.high'),
-        (drawn('viscosity', 'triangular', low=1, mode=3, high=2), 'uncertainty.viscosity.mode'),
-        (
-            drawn('temperature', 'uniform', low=-9, high=9, limits=[0, 1]),
-            'uncertainty.temperature.limits',
-        ),
-        (
-            drawn('temperature', 'normal', mean=0.0, deviation=1.0, limits=[20.0, 30.0]),
-            'uncertainty.temperature.limits',
-        ),
-        (drawn('temperature', 'normal', mean='hot', deviation=1), 'uncertainty.temperature.mean'),
-        ({'position': {'deviation': 10.0, 'radius': 10.0}}, 'uncertainty.position'),
-        ({'position': {'radius': -1.0}}, 'uncertainty.position.radius'),
-        ({'terrain': {'deviation': 1.0}}, 'uncertainty.terrain.correlation'),
-        ({'terrain': {'deviation': 0.0, 'correlation': 5.0}}, 'uncertainty.terrain.deviation'),
-        ({'eruption': {}}, 'uncertainty.eruption'),
-        ({'eruption': [{'probability': 1.0}]}, 'uncertainty.eruption[0].duration'),
-        ({'eruption': [{**SHORT, 'probability': 0.0}]}, 'uncertainty.eruption[0].probability'),
-        (
-            {'eruption': [{**SHORT, 'volume': WHOLE['temperature']}]},
-            'uncertainty.eruption[0].volume',
-        ),
-        ([], 'uncertainty'),
-    ],
-)
+@pytest.mark.parametrize(('section', 'field'), [
+    ({'discharg': {}}, 'uncertainty.discharg'),
+    ({'discharge': 1.5}, 'uncertainty.discharge'),
+    ({'discharge': {'distribution': 'gamma'}}, 'uncertainty.discharge.distribution'),
+    (drawn('discharge', 'lognormal', median=1.0), 'uncertainty.discharge.factor'),
+    (drawn('viscosity', 'normal', mean=1.0, deviation=0.1), 'uncertainty.viscosity'),
+    (drawn('viscosity', 'uniform', low=2.0, high=1.0), 'uncertainty.viscosity.high'),
+    (drawn('viscosity', 'triangular', low=1, mode=3, high=2), 'uncertainty.viscosity.mode'),
+    (
+        drawn('temperature', 'uniform', low=-9, high=9, limits=[0, 1]),
+        'uncertainty.temperature.limits',
+    ),
+    (
+        drawn('temperature', 'normal', mean=0.0, deviation=1.0, limits=[20.0, 30.0]),
+        'uncertainty.temperature.limits',
+    ),
+    ({'position': {'deviation': 10.0, 'radius': 10.0}}, 'uncertainty.position'),
+    ({'position': {'radius': -1.0}}, 'uncertainty.position.radius'),
+    ({'terrain': {'deviation': 1.0}}, 'uncertainty.terrain.correlation'),
+    ({'eruption': {}}, 'uncertainty.eruption'),
+    ({'eruption': [{'probability': 1.0}]}, 'uncertainty.eruption[0].duration'),
+    (
+        {'eruption': [{**SHORT, 'volume': WHOLE['temperature']}]},
+        'uncertainty.eruption[0].volume',
+    ),
+    ([], 'uncertainty'),
+])
 def test_error_names_the_invalid_field_of_an_uncertainty(
     section: object, field: str, tmp_path: Path
 ) -> None:
@@ -159,24 +143,21 @@ def test_error_names_the_invalid_field_of_an_uncertainty(
     assert caught.value.field == field
 
 
-@pytest.mark.parametrize(
-    'make',
-    [
-        lambda: Distribution('normal', (0.0,)),
-        lambda: Distribution('uniform', (1.0, 1.0)),
-        lambda: Distribution('uniform', (0.0, 1.0), (0.0, 1.0)),
-        lambda: Displacement(),
-        lambda: Displacement(math.nan),
-        lambda: Roughness(1.0, -1.0),
-        lambda: Uncertainty(discharge=Distribution('normal', (1.0, 0.1))),
-        lambda: Uncertainty(discharge=2.0),  # type: ignore[arg-type]
-        lambda: Scene(
-            Terrain(np.zeros((4, 4)), 1.0),
-            lava=Lava(),
-            uncertainty=Uncertainty(yield_strength=Distribution('uniform', (0.5, 2.0))),
-        ),
-    ],
-)
+@pytest.mark.parametrize('make', [
+    lambda: Distribution('normal', (0.0,)),
+    lambda: Distribution('uniform', (1.0, 1.0)),
+    lambda: Distribution('uniform', (0.0, 1.0), (0.0, 1.0)),
+    lambda: Displacement(),
+    lambda: Displacement(math.nan),
+    lambda: Roughness(1.0, -1.0),
+    lambda: Uncertainty(discharge=Distribution('normal', (1.0, 0.1))),
+    lambda: Uncertainty(discharge=2.0),  # type: ignore[arg-type]
+    lambda: Scene(
+        Terrain(np.zeros((4, 4)), 1.0),
+        lava=Lava(),
+        uncertainty=Uncertainty(yield_strength=Distribution('uniform', (0.5, 2.0))),
+    ),
+])
 def test_rejects_invalid_values_in_python(make: object) -> None:
     with pytest.raises(LavaError):
         make()  # type: ignore[operator]

@@ -20,13 +20,11 @@ inputs      Only bad messages are refused, and all of them, except those in a st
 
 import argparse
 from collections import Counter
-import hashlib
 import json
 import os
 from pathlib import Path
 import platform
 import re
-import shutil
 import statistics
 import sys
 import tempfile
@@ -34,12 +32,12 @@ import threading
 import time
 from typing import Any
 
+from nav_msgs.msg import OccupancyGrid
 import numpy as np
 
 from lava_ros.bag import BagReader
-from lava_ros.errors import LavaError
-from lava_ros.files import file_to_write
 from ros.conftest import Graph
+from ros.graph_listener import line_of
 from ros_domain import own_domain
 from soak.feeder import Feeder, GRIDS
 
@@ -135,7 +133,6 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
             memory.append((time.monotonic() - start, memory_of(pid)))
             if node.child.poll() is not None:
                 raise RuntimeError(f'the node has ended:\n{node.log}')
-            show(seconds, memory, receiver)
         busy = processor_time_of(pid) - processor
         wall = time.monotonic() - start
         feeding.join(60.0)
@@ -163,15 +160,6 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
         graph.close()
         feeder.close()
     return figures
-
-
-def show(seconds: float, memory: list[tuple[float, int]], receiver: Receiver) -> None:
-    """Show the progress in a terminal."""
-    if sys.stderr.isatty():
-        at, size = memory[-1]
-        count = len(receiver.received)
-        text = f'{at:.0f} of {seconds:.0f} s, {size / 1e6:.0f} MB, {count} messages'
-        print(f'\r{text:70}', end='', file=sys.stderr, flush=True)
 
 
 def memory_figures(memory: list[tuple[float, int]]) -> dict[str, Any]:
@@ -223,17 +211,15 @@ def bag_figures(bag: Path, received: list[tuple[float, dict[str, Any]]]) -> dict
             repeated += 1
         elif key[0] in (*GRIDS, 'diagnostics'):
             recorded[key] += 1
-            digests[key] = hashlib.sha256(message.data).hexdigest()
-    known = {(item['topic'], item['stamp_ns']): item['sha256'] for _, item in received}
+            if key[0] in GRIDS:
+                digests[key] = line_of(key[0], OccupancyGrid, bytes(message.data))['cells']
+    known = {(item['topic'], item['stamp_ns']): item.get('cells') for _, item in received}
     first = min(stamp for _, stamp in known)
     # Messages before the bag was opened, or after it was closed, are not in it.
     begin, end = (pick(stamp for _, stamp in recorded) for pick in (min, max))
     missing = [key for key in known if begin <= key[1] <= end and key not in recorded]
     unreceived = [key for key in recorded if key[1] >= first and key not in known]
-    # DDS pads messages to multiples of four bytes; those of grids already have such a length.
-    differ = [
-        key for key in recorded if key[0] in GRIDS and digests[key] != known.get(key, digests[key])
-    ]
+    differ = [key for key, digest in digests.items() if digest != known.get(key, digest)]
     for path in reader.files:
         alone = BagReader(path)
         assert alone.message_count == sum(1 for _ in alone.messages())
@@ -285,34 +271,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
     parser.add_argument('--minutes', type=float, default=30.0, help='how long (default: 30)')
     parser.add_argument('--seed', type=int, default=1, help='chooses what is done')
-    parser.add_argument('--json', metavar='FILE', help='write the figures to a file as well')
-    parser.add_argument('--keep', metavar='FOLDER', help='keep the bag in a new folder')
     args = parser.parse_args()
-    if args.json:
-        try:
-            file_to_write('--json', args.json)
-        except LavaError as error:
-            parser.error(str(error))
-    directory = Path(args.keep or tempfile.mkdtemp(prefix='lava_soak_')).absolute()
-    directory.mkdir(parents=True, exist_ok=not args.keep)
-    try:
-        figures = soak(60.0 * args.minutes, directory, args.seed)
-    finally:
-        if not args.keep:
-            shutil.rmtree(directory, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix='lava_soak_', ignore_cleanup_errors=True) as folder:
+        figures = soak(60.0 * args.minutes, Path(folder), args.seed)
     rows = verdicts(figures)
-    figures['machine'] = f'{platform.machine()}, {os.cpu_count()} cores'
-    figures['command'] = f"make soak ARGS='--minutes {args.minutes:g} --seed {args.seed}'"
-    figures['holds'] = all(holds for *_, holds in rows)
-    if args.json:
-        Path(args.json).write_text(json.dumps(figures, indent=2) + '\n', encoding='utf-8')
-    print(f'{figures["command"]}: {figures["seconds"]:g} s, {figures["machine"]}')
+    print(f'{args.minutes:g} minutes, {platform.machine()}, {os.cpu_count()} cores')
     for name, value, asked, holds in rows:
         print(f'  {name:34} {value:>14}  {asked:>10}  {"holds" if holds else "FAILS"}')
-    for name, value in figures.items():
-        if name not in ('machine', 'command', 'seconds', 'holds'):
-            print(f'  {name:34} {value}')
-    return 0 if figures['holds'] else 1
+    for name, figure in figures.items():
+        print(f'  {name:34} {figure}')
+    return 0 if all(holds for *_, holds in rows) else 1
 
 
 if __name__ == '__main__':

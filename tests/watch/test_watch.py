@@ -17,7 +17,7 @@ pytest.importorskip('viser')
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from cli.calls import refused
+from command_line import refused
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import ARRIVED, PROBABILITY

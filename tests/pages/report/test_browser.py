@@ -69,7 +69,6 @@ def set_frame(browser: Browser, frame: int) -> None:
 
 
 def test_the_slider_moves_the_map_the_clock_and_the_curves(browser):
-    """Pixels, clock, cursor and values change with the time."""
     area = 'document.querySelector("output[data-curve=area]").textContent'
     cursor = 'document.querySelector(".cursor").x1.baseVal.value'
     late = [browser.evaluate(item) for item in (PIXELS, CLOCK, area, cursor)]
@@ -82,7 +81,6 @@ def test_the_slider_moves_the_map_the_clock_and_the_curves(browser):
 
 
 def test_each_layer_has_its_own_picture_and_legend(browser):
-    """All pictures and legends differ; lethal hazard is dark red."""
     views = {}
     for name in ('thickness', 'temperature', 'hazard', 'arrival'):
         browser.click(f'input[value={name}] + span')
@@ -98,7 +96,6 @@ def test_each_layer_has_its_own_picture_and_legend(browser):
 
 
 def test_keys_choose_frame_and_layer(browser):
-    """Arrows step, Home and End jump to the ends, and numbers choose the layer."""
     for key, frame in (('ArrowLeft', 7), ('ArrowLeft', 6), ('ArrowRight', 7)):
         browser.press(key)
         assert browser.evaluate(FRAME) == frame
@@ -111,7 +108,6 @@ def test_keys_choose_frame_and_layer(browser):
 
 
 def test_play_starts_at_the_first_frame_and_stops_at_the_last(browser):
-    """The space bar and the button start and stop it."""
     browser.press(' ')
     assert browser.evaluate('document.getElementById("play").textContent') == 'Pause'
     assert browser.evaluate(FRAME) < 8
@@ -125,7 +121,6 @@ def test_play_starts_at_the_first_frame_and_stops_at_the_last(browser):
 
 
 def test_pointer_shows_the_values_of_a_cell(browser):
-    """Projected coordinates and the values of all layers are shown."""
     found = """(() => {
       const d = JSON.parse(document.getElementById('data').textContent);
       return [d.west, d.south, d.cell, d.rows, d.columns];
@@ -145,12 +140,10 @@ def test_pointer_shows_the_values_of_a_cell(browser):
 
 
 def test_page_requests_nothing(browser):
-    """The page is the only requested file."""
     assert {item.rsplit('/', 1)[1] for item in browser.requested} == {'report.html'}
 
 
 def test_page_fits_on_a_phone(browser, tmp_path):
-    """The page is not wider than the screen, which shows the map and its controls."""
     browser.resize(360, 740, phone=True)
     try:
         assert browser.evaluate('document.documentElement.scrollWidth') <= 360

@@ -3,24 +3,22 @@
 
 """Recordings of a killed process or on a full disk keep the written data."""
 
-from hashlib import sha256
 import os
 import resource
 import signal
 import time
 
+from nav_msgs.msg import OccupancyGrid
 import pytest
 
 from lava_ros.bag import BagReader
+from ros.graph_listener import line_of
 
 #: Number of killed recordings, each at a different time in the period of a frame. With more than
 #: one, as in `make nightly`, the disk is also full for only the file.
 KILLS = int(os.environ.get('LAVA_KILLS', '1'))
 
 GRIDS = ('height', 'temperature', 'hazard')
-
-
-pytestmark = pytest.mark.usefixtures('alone')
 
 
 def wait_for_messages(listener):
@@ -43,16 +41,18 @@ def start(graph, bag):
 
 
 def recovered(graph, bag):
-    """Return the output of `lava recover`, and the recovered (topic, stamp, digest)."""
+    """Return the output of `lava recover`, and the recovered (topic, stamp, digest of cells)."""
     copy = bag.with_name(f'{bag.name}_recovered')
     process = graph.process('-m', 'lava_ros.cli.main', 'recover', str(bag), str(copy))
     assert process.wait_for_end() == 0, process.log
     reader = BagReader(copy)
     assert not reader.recovered
-    messages = [
-        (item.topic.removeprefix('/'), item.publish_ns, sha256(item.data).hexdigest())
-        for item in reader.messages()
-    ]
+    messages = []
+    for item in reader.messages():
+        topic = item.topic.removeprefix('/')
+        is_grid = topic in GRIDS
+        cells = line_of(topic, OccupancyGrid, bytes(item.data))['cells'] if is_grid else ''
+        messages.append((topic, item.publish_ns, cells))
     lines = [process.line(5.0) for _ in range(2 + len(reader.topics))]
     return lines, messages
 
@@ -60,7 +60,7 @@ def recovered(graph, bag):
 def received_grids(listener):
     listener.hear()
     return [
-        (item['topic'], item['stamp_ns'], item['sha256'])
+        (item['topic'], item['stamp_ns'], item['cells'])
         for item in listener.seen
         if item['topic'] in GRIDS
     ]
@@ -127,16 +127,11 @@ def test_full_disk_stops_only_the_recording(graph, tmp_path, limit, trial):
     first = min(stamp for topic, stamp, _ in saved)
     assert {item for item in received if first <= item[1] < end} <= set(saved)
 
+    # a later recording is possible
     endless = resource.RLIM_INFINITY
     resource.prlimit(node.child.pid, resource.RLIMIT_FSIZE, (endless, endless))
-    for name in ('next', 'last'):
-        assert publisher.set(bag_directory=str(tmp_path / name))['success']
-        assert publisher.call('record', True)['success']
-        wait_for_messages(listener)
-        if name == 'next':
-            assert publisher.call('record', False)['success']
-            assert not BagReader(tmp_path / 'next').recovered
-    refused = publisher.set(bag_directory=str(tmp_path.parent / 'elsewhere'))
-    assert not refused['success'] and 'bag_root' in refused['message']
+    assert publisher.set(bag_directory=str(tmp_path / 'next'))['success']
+    assert publisher.call('record', True)['success']
+    wait_for_messages(listener)
     with trial('kills'):
-        check_kill(graph, node, listener, tmp_path / 'last')
+        check_kill(graph, node, listener, tmp_path / 'next')
