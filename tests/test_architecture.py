@@ -69,6 +69,14 @@ def test_imports_are_not_circular():
     TopologicalSorter(IMPORTS).prepare()
 
 
+def test_chains_of_imports_in_the_solver_have_at_most_8_files():
+    length = dict.fromkeys(MODULES, 0)
+    for module in TopologicalSorter(IMPORTS).static_order():
+        if room_of(module) == 'simulation':
+            length[module] = 1 + max((length[other] for other in IMPORTS[module]), default=0)
+    assert 4 < max(length.values()) <= 8
+
+
 def test_only_errors_and_validation_are_outside_of_rooms():
     loose = {path.name for path in (ROOT / 'lava_ros').glob('*.py')}
     assert loose == {'__init__.py', 'errors.py', 'validation.py'}

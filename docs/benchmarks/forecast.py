@@ -28,7 +28,7 @@ from lava_ros.live.worker import SimulationWorker
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.terrain_files import demo_terrain
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.particles.state import EVALUATIONS
+from lava_ros.simulation.particles.layout import EVALUATIONS
 from lava_ros.simulation.presets import preset_accuracy
 
 #: Number of periods with forecasts; there is one more without.

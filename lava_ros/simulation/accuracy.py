@@ -10,8 +10,8 @@ from lava_ros import validation
 from lava_ros.effects.effect import check_fields, choice, flag, number
 from lava_ros.scene import Scene
 
-#: Smoothing kernels by name: equations 3.6 to 3.8 of the paper, and Wendland C2.
-KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
+#: Smoothing kernels by name: Wendland C2, and equations 3.6 and 3.7 of the paper.
+KERNELS = ('wendland', 'poly6', 'spiky')
 
 #: Minimum thickness of lava that inundates ground [m]: ``inundation.py`` defines both sets of
 #: cells that are counted by it.

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from lava_ros.simulation.batch import at_work, Batch
-from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.particles.state import count_in
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import count_in
 from lava_ros.simulation.solver import Solver
 
 #: Launches in flight, by whether the device is a GPU, while the target is far enough away.

@@ -23,16 +23,9 @@ import warp as wp
 from lava_ros.simulation.backend.batched_launches import BatchedLaunches, BLOCK, kind_of
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launch
-from lava_ros.simulation.backend.streams import Readback
-from lava_ros.simulation.particles.state import (
-    FULL,
-    FULLEST,
-    NEAR_BORDER,
-    NEWCOMERS,
-    PARTICLES,
-    State,
-    TIME,
-)
+from lava_ros.simulation.backend.memory import Readback
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.state import FULLEST, State
 
 #: Default maximum number of active simulations.
 AT_ONCE = 256
@@ -174,9 +167,9 @@ class _Group:
 
         def end() -> list[_Ready]:
             clocks, counts = copied()
-            particles = counts[:, PARTICLES] + counts[:, NEWCOMERS]
-            is_due = ~(clocks[:, TIME] < self._until) | (particles > self._room)
-            is_due |= (counts[:, FULL] != 0) | (counts[:, NEAR_BORDER] != 0)
+            particles = counts[:, at.PARTICLES] + counts[:, at.NEWCOMERS]
+            is_due = ~(clocks[:, at.TIME] < self._until) | (particles > self._room)
+            is_due |= (counts[:, at.FULL] != 0) | (counts[:, at.NEAR_BORDER] != 0)
             is_current = asked == self._asked
             self._particles[is_current] = particles[is_current]
             if (self._particles > self._threads).any() or (self._is_guess & is_current).any():

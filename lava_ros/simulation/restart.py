@@ -3,14 +3,14 @@
 
 """Arrays of a solver for a checkpoint, and a solver that continues from one."""
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.output.checkpoint import Checkpoint, FAR, fitting
+from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.particles.layout import FAR, fitting
 from lava_ros.simulation.solver import Solver
+from lava_ros.simulation.step.vents import Emission
 
 
 def arrays_of(solver: Solver) -> dict[str, np.ndarray]:
@@ -22,9 +22,6 @@ def arrays_of(solver: Solver) -> dict[str, np.ndarray]:
     solver.state.launches.forget()
     arrays = {f'state.{name}': array for name, array in solver.state.save().items()}
     arrays |= {f'vents.{name}': array for name, array in solver.vents.save().items()}
-    vents, counted = solver.counted
-    is_counted = [vents is solver.vents and n in counted for n in range(len(vents.vents))]
-    arrays['vents.counted'] = np.array(is_counted, dtype=np.int32)
     arrays['arrived.times'] = solver.state.arrived.numpy().copy()
     for effect, step in solver.after_step.items():
         if hasattr(step, 'save'):
@@ -50,14 +47,15 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
         state['left'] = np.append(state['left'], 0.0)
     solver.state.load(state, checkpoint.capacity)
     vents = parts.pop('vents', {})
-    solver.load_vents(vents, since=checkpoint.since)
+    emission = Emission.from_arrays(vents, len(checkpoint.scene.vents))
+    solver.open_vents(checkpoint.since, emission)
     # the state has the vents' heights; lava that has solidified since may have raised the ground
-    counted: Iterable[int] = solver.vents.giving(checkpoint.time, others_than=())
     if 'counted' in vents:
         shape = (len(checkpoint.scene.vents),)
         is_counted = fitting('vents.counted', vents['counted'], shape, np.int32)
-        counted = np.flatnonzero(is_counted).tolist()
-    solver.counted = solver.vents, set(counted)
+        solver.vents.counted = set(np.flatnonzero(is_counted).tolist())
+    else:
+        solver.vents.counted = solver.vents.giving(checkpoint.time)
     for effect, step in solver.after_step.items():
         if hasattr(step, 'load'):
             step.load(parts.pop(effect, {}))

@@ -9,22 +9,18 @@ from functools import partial
 import math
 import time as wall_clock
 
-import numpy as np
-
 from lava_ros import validation
 from lava_ros.effects import EFFECTS, Effects, excluded_by
 from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.advance import advancing_to
-from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.batch import at_work
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.looks import Looks, Seen
-from lava_ros.simulation.output.measurement import measure_columns
+from lava_ros.simulation.output.measurement import measured_scales
 from lava_ros.simulation.output.snapshot import (
     Particles,
     particles_of,
@@ -32,14 +28,8 @@ from lava_ros.simulation.output.snapshot import (
     PendingSnapshot,
     Snapshot,
 )
-from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.particles.state import centre_of
-from lava_ros.simulation.resolution import (
-    is_extended,
-    Resolution,
-    resolution_of,
-    resolved_accuracy,
-)
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
 from lava_ros.simulation.restart import arrays_of, restore_arrays
 from lava_ros.simulation.selection import (
     decide,
@@ -48,12 +38,11 @@ from lava_ros.simulation.selection import (
     effects_for,
     HORIZON,
     noted,
-    scales_of,
 )
 from lava_ros.simulation.setup.defaults import device_of, formulated
 from lava_ros.simulation.setup.review import next_review, Review, watched_effects
 from lava_ros.simulation.solver import Solver
-from lava_ros.simulation.step.vents import check_rates, Emission
+from lava_ros.simulation.step.vents import check_rates
 
 
 class Simulation:
@@ -225,8 +214,8 @@ class Simulation:
             self.look(looks)
             return
         self.solver.bin()
-        launches = partial(self.solver.record_launches, partial(self._take_look, looks))
-        batch.launch(self.solver.state, launches)
+        take = partial(self.solver.take_look, looks)
+        batch.launch(self.solver.state, partial(self.solver.record_launches, take))
         yield
 
     def look(self, looks: Looks) -> None:
@@ -236,12 +225,8 @@ class Simulation:
             LavaError: If too many particles are in one place.
         """
         self.solver.bin()
-        self._take_look(looks)
+        self.solver.take_look(looks)
         self.solver.neighbors.refuse_crowds()
-
-    def _take_look(self, looks: Looks) -> None:
-        """Run a stage, which idles at the end of a step, with a look before the motion."""
-        self.solver.take_stages(look=partial(self.solver.map_looks, looks))
 
     def seen(self, looks: Looks, *, where_wet: bool = False) -> Seen:
         """Return the results of looks so far, for all cells or the rectangle of wet ones."""
@@ -253,18 +238,9 @@ class Simulation:
 
     def sample(self) -> ParticleSample:
         """Read the particles back, with their current thickness and velocity."""
-        solver = self.solver
-        solver.sort()
-        solver.stage.compute_velocity()
-        rows = solver.state.read_particles()
-        flow = read(solver.state.flow)[: len(rows)].astype(np.float64)
-        return ParticleSample(
-            position=rows[:, :2] + centre_of(self.scene.terrain),
-            volume=rows[:, 2],
-            temperature=rows[:, 3],
-            thickness=flow[:, 0],
-            velocity=flow[:, 1:],
-        )
+        self.solver.sort()
+        self.solver.stage.compute_flow()
+        return self.solver.read_sample()
 
     def evaluate(self) -> None:
         """Compute thickness and velocity of the particles, including the search for neighbours.
@@ -272,7 +248,8 @@ class Simulation:
         Nothing is read back and nothing moves: this is the cost of a stage of a time step.
         """
         self.solver.neighbors.rebuild(self.solver.state)
-        self.solver.stage.compute_velocity()
+        self.solver.stage.compute_flow()
+        self.solver.stage.finish_flow()
 
     def set_vents(self, vents: Iterable[Vent]) -> None:
         """Replace the vents from now on.
@@ -285,28 +262,13 @@ class Simulation:
             LavaError: A vent is not on the terrain, its lava solid or its discharge more than the
                 particles can be; the old vents stay.
         """
-        solver = self.solver
         vents = check_vents(vents, self.scene.terrain, self.scene.lava)
-        if vents == solver.vents.vents:
-            return
-        check_rates(vents, self.particle_volume)
-        solver.settle()
-        now = self.time
-        former = solver.vents
-        matches = match_vents(former.vents, vents, least=self.accuracy.spacing or 0.0)
-        closing = set(range(len(former.vents))).difference(matches)
-        waiting = former.pending(now)
-        solver.volume_before += former.emitted(now)
-        new = Emission.of_new_vents(len(vents), solver.volume_before, self.particle_volume)
-        before = former.emission(now).continued(matches, new)
-        solver.scene = replace(self.scene, vents=vents)
-        solver.open_vents(now, before)
-        solver.raise_top()
-        self._update_effects()
-        solver.add_particles([
-            row for number in closing for row in former.parting(number, waiting[number])
-        ])
-        solver.state.launches.forget()
+        if vents != self.solver.vents.vents:
+            check_rates(vents, self.particle_volume)
+            parting = self.solver.replace_vents(replace(self.scene, vents=vents))
+            self._update_effects()
+            self.solver.add_particles(parting)
+            self.solver.state.launches.forget()
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Replace the ground under the flow; lava outside the new one has left.
@@ -415,24 +377,12 @@ class Simulation:
 
     def measure_scales(self) -> Scales | None:
         """Measure the scales of the flow as it is now; None without flowing lava."""
-        sample = self.sample()
-        if not len(sample.volume):
-            return None
+        # one sort and one computation of the flow for the maps and the particles
         snapshot = self.snapshot()
-        columns = measure_columns(snapshot, sample)
-        distance = float(np.median(np.sqrt(columns.volume / columns.thickness)))
-        terrain = self.scene.terrain
-        sources = np.reshape([vent.position for vent in self.scene.vents], (-1, 2))
-        heights = terrain.elevations_at(np.concatenate([sample.position, sources]))
-        return scales_of(
-            self.scene,
-            columns,
-            fall=float(np.nanmax(heights) - np.nanmin(heights)),
-            spacing=float(self.accuracy.spacing or 0.0),
-            kernel_radius=self.radius,
-            duration=max(self._horizon, self.time),
-            is_measured=True,
-            is_extended=is_extended(snapshot.area(snapshot.standing), distance),
+        if not snapshot.particle_count:
+            return None
+        return measured_scales(
+            self.scene, self.accuracy, snapshot, self.solver.read_sample(), horizon=self._horizon
         )
 
     def _watch(self, *, is_due: bool = False) -> None:

@@ -7,7 +7,7 @@
 and runs single stages.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 import math
 from typing import Any
@@ -17,18 +17,26 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Terrain
+from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
-from lava_ros.simulation.backend.streams import read, Reader
+from lava_ros.simulation.backend.memory import read
+from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of, snapshot_of
 from lava_ros.simulation.output.looks import Looks
 from lava_ros.simulation.output.rasterization import Raster
-from lava_ros.simulation.output.snapshot import Particles, PendingSnapshot, rows_of
-from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.output.snapshot import (
+    Particles,
+    ParticleSample,
+    PendingSnapshot,
+    rows_of,
+)
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
-from lava_ros.simulation.particles.state import centre_of, room_for, State
+from lava_ros.simulation.particles.state import room_for, State
 from lava_ros.simulation.particles.terrain import sampled, StaggeredTerrain
 from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.stage import Stage
@@ -61,7 +69,6 @@ class Solver:
         stage: The kernels of one stage of a step.
         after_step: Passes of effects at the end of a step, by effect.
         vents: The vents on the device.
-        counted: The vents, and the indices of those that ``raise_top`` has counted.
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of particles at any readback so far.
     """
@@ -89,7 +96,8 @@ class Solver:
         self.most_particles = 0
         self.after_step: dict[str, Any] = {}
         self._arrived: tuple[Terrain, Any] | None = None
-        self.place_terrain()
+        self._place_terrain()
+        self.cover()
 
     @property
     def time(self) -> float:
@@ -115,7 +123,6 @@ class Solver:
             places = self.state.read_particles()[:, :2]
         check_rates(self.scene.vents, self.particle_volume)
         self.open_vents(0.0, Emission.of_new_vents(len(self.scene.vents)))
-        self.counted: tuple[VentSet, set[int]] = self.vents, set()
         self.raise_top(places, until=0.0)
 
     def switch_effects(self, effects: Effects) -> None:
@@ -125,10 +132,14 @@ class Solver:
         self.effects = effects
         self.state = State(former.capacity, effects, self.accuracy, self.device)
         self.state.take_over(former)
-        self.place_terrain()
+        self._place_terrain()
+        self.cover()
 
-    def place_terrain(self) -> None:
-        """Put the terrain, and the grids and kernels that depend on it, on the device."""
+    def _place_terrain(self) -> None:
+        """Put the terrain, and the grids and kernels that depend on it, on the device.
+
+        The neighbour grid covers nothing yet.
+        """
         terrain, accuracy = self.scene.terrain, self.accuracy
         # solidified lava raises the ground of this simulation alone
         shared = StaggeredTerrain.shared(terrain, accuracy.precision, self.device)
@@ -139,7 +150,7 @@ class Solver:
         # grids for solidified lava, and for the arrival
         more = freezes + 1
         self.raster = Raster(
-            self.terrain, output_radius, accuracy.kernel, accuracy.ratio, self.device, more=more
+            self.terrain, output_radius, accuracy.kernel, self.device, more=more
         )
         self._keep_arrival(terrain)
         former = self.after_step
@@ -151,7 +162,6 @@ class Solver:
             if name in former and hasattr(effect, 'take_over'):
                 effect.take_over(former[name], self.state)
         self.stage = Stage(self.scene, accuracy, self.state, self.neighbors, self.after_step)
-        self.cover()
 
     def _keep_arrival(self, terrain: Terrain) -> None:
         """Let the motion record arrival times, starting from those recorded so far."""
@@ -175,10 +185,29 @@ class Solver:
         before = self.vents.emission(now)
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
-        self.place_terrain()
+        self._place_terrain()
         self.state.write_particles(rows)
         self.cover()
         self.open_vents(now, before)
+
+    def replace_vents(self, scene: Scene) -> list[tuple[float, ...]]:
+        """Continue with the vents of another scene.
+
+        Returns:
+            The particles that empty the conduits of closing vents, for ``add_particles``.
+        """
+        self.settle()
+        now, former = self.time, self.vents
+        matches = match_vents(former.vents, scene.vents, least=self.accuracy.spacing or 0.0)
+        closing = set(range(len(former.vents))).difference(matches)
+        waiting = former.pending(now)
+        self.volume_before += former.emitted(now)
+        new = Emission.of_new_vents(len(scene.vents), self.volume_before, self.particle_volume)
+        before = former.emission(now).continued(matches, new)
+        self.scene = scene
+        self.open_vents(now, before)
+        self.raise_top()
+        return [row for number in closing for row in former.parting(number, waiting[number])]
 
     def open_vents(self, since: float, before: Emission) -> None:
         """Put the vents of the scene on the device.
@@ -192,23 +221,16 @@ class Solver:
             self.device, since=since, before=before,
         )
 
-    def load_vents(self, arrays: Mapping[str, np.ndarray], *, since: float) -> None:
-        """Load the emission of the vents from the arrays of a checkpoint."""
-        self.open_vents(since, Emission.from_arrays(arrays, len(self.scene.vents)))
-
     def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
         """Update the elevation of the highest ground that lava came from, for places and vents.
 
         ``places`` are relative to the centre [m], shape [count, 2]. Each vent counts once, and
         only if it has emitted lava or will by the time ``until`` [s], by default now.
         """
-        if self.counted[0] is not self.vents:
-            self.counted = self.vents, set()
-        until = self.time if until is None else until
-        new = self.vents.giving(until, others_than=self.counted[1])
+        new = self.vents.giving(self.time if until is None else until)
         if not len(places) and not new:
             return
-        self.counted[1].update(new)
+        self.vents.counted |= new
         every = [places]
         centre, resolution = centre_of(self.scene.terrain), self.scene.terrain.resolution
         for vent in (self.scene.vents[number] for number in new):
@@ -301,14 +323,18 @@ class Solver:
         self.neighbors.rebuild(self.state)
         self.state.take_order()
 
-    def map_looks(self, looks: Looks) -> None:
-        """Add the current flow to looks."""
-        self._fill_raster()
-        raster = self.raster
-        looks.take(self.state, self.terrain.known, raster.thickness, raster.temperature)
+    def take_look(self, looks: Looks) -> None:
+        """Run a stage, which idles at the end of a step, with a look before the motion."""
+
+        def look() -> None:
+            self._fill_raster()
+            raster = self.raster
+            looks.take(self.state, self.terrain.known, raster.thickness, raster.temperature)
+
+        self.take_stages(look=look)
 
     def _fill_raster(self) -> None:
-        self.raster.fill(self.state, self.neighbors)
+        self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
         for effect in self.after_step.values():
             if hasattr(effect, 'show'):
                 effect.show(self.state, self.raster.grids)
@@ -324,6 +350,19 @@ class Solver:
         copies = self._reader.begin([raster.grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))
+
+    def read_sample(self) -> ParticleSample:
+        """Read the ordered particles back, after ``stage.compute_flow``, with their velocity."""
+        self.stage.finish_flow()
+        rows = self.state.read_particles()
+        flow = read(self.state.flow)[: len(rows)].astype(np.float64)
+        return ParticleSample(
+            position=rows[:, :2] + centre_of(self.scene.terrain),
+            volume=rows[:, 2],
+            temperature=rows[:, 3],
+            thickness=flow[:, 0],
+            velocity=flow[:, 1:],
+        )
 
     def budget(self) -> VolumeBudget:
         """Return the budget of the lava's volume."""

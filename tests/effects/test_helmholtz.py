@@ -14,7 +14,7 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.particles.state import ADVECTION
+from lava_ros.simulation.particles.layout import ADVECTION
 from lava_ros.verification import exact
 from lava_ros.verification.cases.sheets import response
 from solver import flat, lattice, only, simulated

@@ -9,7 +9,7 @@ import pytest
 from lava_ros.scene import Lava, Vent
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.particles.state import FULL, IS_LAST, PARTICLES, STEP
+from lava_ros.simulation.particles.layout import FULL, IS_LAST, PARTICLES, STEP
 from lava_ros.simulation.step.effects import merging as merging
 from lava_ros.verification.cases import CASES, spreading
 from solver import incline, only, simulated

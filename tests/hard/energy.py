@@ -42,7 +42,7 @@ from scipy.special import k0, k1
 from hard.ground import along, Bound, head, lift, Moment
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.particles.kernels import SQUARED_SUPPORT
-from lava_ros.simulation.particles.state import STEPS
+from lava_ros.simulation.particles.layout import STEPS
 
 #: Tolerance of temperatures in float32 digits.
 DIGITS = 16

@@ -14,7 +14,7 @@ import numpy as np
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.particles.state import STAGE, STEPS
+from lava_ros.simulation.particles.layout import STAGE, STEPS
 
 #: Result of a check: the invariant, its value, its maximum, and a comment.
 Bound = tuple[str, float, float, str]

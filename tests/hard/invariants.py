@@ -49,7 +49,7 @@ from hard.ground import along, Bound, distance, head, Moment
 from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.accuracy import expected_thickness
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.state import EVALUATIONS, STEPS
+from lava_ros.simulation.particles.layout import EVALUATIONS, STEPS
 from lava_ros.simulation.step.timestep import longest_step, MAX_STAGES
 from lava_ros.verification.bounds import bound
 
@@ -199,12 +199,13 @@ def pace(moment: Moment) -> float:
     """Return the evaluations per second that the current lava requires, with maximum steps."""
     simulation, sample = moment.simulation, moment.lava
     accuracy, scene = simulation.accuracy, simulation.scene
-    vents, reach = simulation.solver.vents, simulation.solver.stage.constants.reach
-    longest = longest_step(scene, accuracy, simulation.effects, vents, reach)
+    reach = simulation.solver.stage.constants.reach
+    emission = simulation.solver.vents.longest_step(accuracy.thickness)
+    longest = longest_step(scene, accuracy, simulation.effects, emission, reach)
     if not len(sample.volume):
         return 3.0 / longest
     lava = scene.lava
-    kernel = smoothing_kernel(accuracy.kernel, simulation.solver.state.real, accuracy.ratio)
+    kernel = smoothing_kernel(accuracy.kernel, simulation.solver.state.real)
     thickness = sample.thickness.astype(np.float64)
     reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
     advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach

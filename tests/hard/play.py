@@ -35,7 +35,7 @@ from hard.invariants import Violation, Watch
 from lava_ros.effects import Effects
 from lava_ros.simulation import Particles, Simulation, Snapshot
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.particles.state import TIME
+from lava_ros.simulation.particles.layout import TIME
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
 
 #: The presets that have to keep the invariants.

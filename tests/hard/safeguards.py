@@ -58,7 +58,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         'fine', 'place',
     ),
     Safeguard('fall', 'lava at a wall that is many times as fast as free fall',
-              f'{SOLVER}/step/flow.py',
+              f'{SOLVER}/particles/terrain.py',
               'if head > fall:',
               'if head > fall + real(1e30):',
               'pit_filled', 'standard', 'fall'),
@@ -69,7 +69,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
               'slope_89_degrees', 'draft', 'halving'),
     Safeguard(
         'thickest', 'too long steps for the lateral stress that sweeps leave out in thick lava',
-        f'{SOLVER}/particles/motion_arguments.py',
+        f'{SOLVER}/step/stage.py',
         'constants.thickest = THICKEST * accuracy.thickness', 'constants.thickest = math.inf',
         'pond_lateral', 'fine', 'climb',
     ),

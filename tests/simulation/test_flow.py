@@ -14,7 +14,8 @@ import pytest
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.particles.state import FAR, State
+from lava_ros.simulation.particles.layout import FAR
+from lava_ros.simulation.particles.state import State
 from lava_ros.verification.cases import spread_of_fixed_volume
 from solver import flat, incline, lattice, only, simulated
 

@@ -20,7 +20,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.particles import neighbors
-from lava_ros.simulation.particles.state import FAR
+from lava_ros.simulation.particles.layout import FAR
 from simulation.test_stops import begun, COOLING, END, hill, LAVA, VENTS
 
 #: Time of the checkpoints [s].

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation, solver
 from lava_ros.simulation.accuracy import Accuracy
@@ -18,7 +19,7 @@ from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
-from solver import incline, only, simulated
+from solver import incline, simulated
 
 #: Budget after a hole has taken most of an eruption.
 SWALLOWED = VolumeBudget(324_000.0, 18_398.0, 0.4, 305_602.0, in_holes=305_500.0)
@@ -155,7 +156,7 @@ def test_launches_in_flight_do_not_change_the_flow(monkeypatch):
         monkeypatch.setitem(advance._IN_FLIGHT, False, number)
         ground = incline(0.5, 30, 200, 10.0, top=900.0)
         simulation = simulated(
-            ground, Lava(), Vent((60.0, 155.0), 100.0), effects=only('inertia'), spacing=5.0,
+            ground, Lava(), Vent((60.0, 155.0), 100.0), effects=Effects(inertia=True), spacing=5.0,
             thickness=0.4, deterministic=True,
         )
         room = simulation.solver.state.capacity

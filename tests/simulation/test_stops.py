@@ -20,7 +20,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import Batch
 from lava_ros.simulation.output.checkpoint import from_bytes
-from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles import layout as at
 
 END = 400.0
 

@@ -10,11 +10,16 @@ import pytest
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.particles.cells import cell_frame
-from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.layout import (
+    arguments_type,
+    cell_frame,
+    ground_type,
+    PARTICLES,
+    REAL,
+    SPARE,
+)
 from lava_ros.simulation.particles.neighbors import _kernels
-from lava_ros.simulation.particles.state import PARTICLES, REAL, SPARE
-from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain, terrain_functions
+from lava_ros.simulation.particles.terrain import StaggeredTerrain, terrain_functions
 
 #: Number of cells, of particles in them, and of particles that have left.
 CELLS, COUNT, LEFT = 12, 40, 5

@@ -17,9 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
-from lava_ros.simulation.backend.graph import Launch
-from lava_ros.simulation.backend.programmatic_launch import overlap
-from lava_ros.simulation.backend.streams import capture_lock
+from lava_ros.simulation.backend.graph import capture_lock, Launch, overlap
 
 #: Default number of threads per block: for launches of many threads, and of a single one.
 BLOCK, _WARP = 192, 32

@@ -8,7 +8,7 @@ docs/PERFORMANCE.md describes each technique, its reason and its gain:
 * ``quick_kernel``: no loop over the grid (a thread has one particle, or its own loop), no adjoint,
   and on CUDA the hardware's own division, root and exponential in float32. Those are accurate to
   2e-7, as is float32; float64, and with it the reference, is not affected.
-* ``load4``, ``store4``: Warp reads a vec4 as four numbers without alignment; here it is one
+* ``access``: Warp reads a vec4 as four numbers without alignment; here it is one
   access to 16 bytes. Reads use the read-only cache: never read this way what the kernel writes.
 * ``after_the_former``: a kernel may start before its predecessor has ended.
 * ``unseen_one``: loop increment that prevents further unrolling, for threads of a warp whose loops
@@ -205,21 +205,38 @@ def _kernel_of(
     *lines: str,
 ) -> Any:
     """Write a kernel of a function: arguments by name, and the lines that call the function."""
-    heading = ', '.join(f'{name}: types["{name}"]' for name in types)
-    source = '\n    '.join((f'def {function.__name__}({heading}):', *lines)) + '\n'
-    file = f'<{function.__qualname__}: {source}>'
-    # Warp reads the source of the functions that it compiles
-    linecache.cache[file] = len(source), None, source.splitlines(True), file
-    found = globals() | {'types': types, 'body': body, '__name__': function.__module__}
-    exec(compile(source, file, 'exec'), found)
     return wp.kernel(
-        found[function.__name__],
+        write_function(
+            function, types, ''.join(f'\n    {line}' for line in lines),
+            globals() | {'body': body},
+        ),
         module='unique',
         enable_backward=False,
         grid_stride=False,
         launch_bounds=bounds,
         module_options={'fast_math': fast_math, 'enable_backward': False},
     )
+
+
+def write_function(
+    origin: Any, types: Mapping[str, Any], body: str, names: Mapping[str, Any]
+) -> Any:
+    """Write a Python function for Warp.
+
+    Args:
+        origin: Function of which the written one has the name.
+        types: Type of each argument, by name.
+        body: Source of its body, indented.
+        names: Values of the other names in it.
+    """
+    heading = ', '.join(f'{name}: types["{name}"]' for name in types)
+    source = f'def {origin.__name__}({heading}):{body}\n'
+    file = f'<{origin.__qualname__}: {" ".join(source.split())}>'
+    # Warp reads the source of the functions that it compiles
+    linecache.cache[file] = len(source), None, source.splitlines(True), file
+    found = {**names, 'types': types, '__name__': origin.__module__}
+    exec(compile(source, file, 'exec'), found)
+    return found[origin.__name__]
 
 
 def _on_cuda(snippet: str, otherwise: str) -> str:
@@ -232,8 +249,11 @@ def after_the_former():
 
 
 @lru_cache
-def _access(real: Any, length: int) -> tuple[Any, Any]:
-    """Return the device functions that read and write item i of an array of vectors."""
+def access(real: Any, length: int) -> tuple[Any, Any]:
+    """Return the device functions that read and write item i of an array of vec2 or vec4.
+
+    An array that is read must be read-only for the kernel.
+    """
     vector = wp.types.vector(length, real)
     wide, count = _WIDE[real, length]
     size = length // count
@@ -258,26 +278,6 @@ def _access(real: Any, length: int) -> tuple[Any, Any]:
     def store(values: wp.array(dtype=vector), i: int, v: vector): ...
 
     return load, store
-
-
-def load4(real: Any) -> Any:
-    """Return the device function that reads item i of a read-only array of vec4."""
-    return _access(real, 4)[0]
-
-
-def store4(real: Any) -> Any:
-    """Return the device function that writes item i of an array of vec4."""
-    return _access(real, 4)[1]
-
-
-def load2(real: Any) -> Any:
-    """Return the device function that reads item i of a read-only array of vec2."""
-    return _access(real, 2)[0]
-
-
-def store2(real: Any) -> Any:
-    """Return the device function that writes item i of an array of vec2."""
-    return _access(real, 2)[1]
 
 
 @lru_cache

@@ -1,26 +1,48 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launches that are repeated with the same arguments.
+"""Launches that are repeated with the same arguments, and graphs whose kernels may start early.
 
 Warp takes 40 microseconds to check and pack the arguments of a launch, longer than a CPU takes to
 process some hundred particles. With packed arguments a launch takes 15. All launches of a stage
 can be recorded and replayed: on a GPU as a CUDA graph, on a CPU as a list of compiled functions,
 each called with its packed arguments in less than 1 microsecond.
+
+Between two kernels a GPU is idle for a microsecond while the results of the first are written and
+the threads of the second are started. With few particles, most of a stage is such idle time.
+NVIDIA's programmatic dependent launch starts the second kernel where threads of the first have
+finished, and lets it wait there (``compiled.after_the_former``) until all results are readable. In
+a graph this is a type of edge between two nodes, which Warp does not create: ``overlap`` replaces
+the edges to kernels that can wait. Graphs that allocate memory cannot be changed and stay as is.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 import ctypes
 from functools import lru_cache, partial
+from itertools import chain
+import threading
 from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.programmatic_launch import overlap
-from lava_ros.simulation.backend.streams import capture_lock
-
 #: Maximum number of cached packed launches; they keep their arrays alive.
 MOST = 256
+
+#: Held while a graph is captured and while a thread waits for an event: Warp refuses to wait
+#: during a capture, even by another thread.
+capture_lock = threading.Lock()
+
+#: Minimum compute capability of a GPU that supports programmatic launches.
+_MIN_ARCH = 90
+
+#: Constants of the driver: success, a kernel among the nodes of a graph, and the port and type of
+#: an edge for programmatic launches.
+_SUCCESS = 0
+_KERNEL_NODE = 0
+_PROGRAMMATIC = 1
+
+#: Suffix that Warp appends to a kernel's name.
+_ENDING = '_cuda_kernel_forward'
 
 
 class Launch(NamedTuple):
@@ -170,3 +192,110 @@ def _compiled(command: Any) -> tuple[Any, tuple[Any, ...], Any]:
 def _call(calls: list[tuple[Any, tuple[Any, ...], Any]]) -> None:
     for function, arguments, _ in calls:
         function(*arguments)
+
+
+class _EdgeData(ctypes.Structure):
+    """CUgraphEdgeData."""
+
+    _fields_ = (
+        ('from_port', ctypes.c_ubyte),
+        ('to_port', ctypes.c_ubyte),
+        ('type', ctypes.c_ubyte),
+        ('reserved', ctypes.c_ubyte * 5),
+    )
+
+
+class _KernelParams(ctypes.Structure):
+    """CUDA_KERNEL_NODE_PARAMS_v2."""
+
+    _fields_ = (
+        ('function', ctypes.c_void_p),
+        ('dimensions', ctypes.c_uint * 7),
+        ('params', ctypes.c_void_p),
+        ('extra', ctypes.c_void_p),
+        ('kernel', ctypes.c_void_p),
+        ('context', ctypes.c_void_p),
+    )
+
+
+def overlap(graph: Any, kernels: Collection[Any]) -> int:
+    """Let kernels of a captured graph start before their predecessors have ended.
+
+    Only those in ``kernels`` (of ``compiled.quick_kernel``) do; other nodes wait until all
+    predecessors have ended. Call this before Warp's ``graph`` is first launched.
+
+    Returns:
+        Number of replaced edges of the graph; 0 if the GPU or its driver does not support it.
+
+    Raises:
+        RuntimeError: If the driver removes an edge and can neither replace nor restore it.
+    """
+    driver = _driver()
+    if driver is None or graph.device.arch < _MIN_ARCH:
+        return 0
+    names = {kernel.get_mangled_name() for kernel in kernels}
+    edges, replaced = _edges(driver, graph.graph), 0
+    found = {node: _kernel_name(driver, node) for node in chain.from_iterable(edges)}
+    for before, after in edges:
+        name = found[after]
+        if found[before] is None or name is None or name.removesuffix(_ENDING) not in names:
+            continue
+        plain = _EdgeData()
+        if not _change(driver, 'Remove', graph.graph, before, after, plain):
+            break
+        early = _EdgeData(from_port=_PROGRAMMATIC, type=_PROGRAMMATIC)
+        if _change(driver, 'Add', graph.graph, before, after, early):
+            replaced += 1
+        elif not _change(driver, 'Add', graph.graph, before, after, plain):
+            raise RuntimeError('an edge of a CUDA graph is lost')
+    return replaced
+
+
+@lru_cache
+def _driver() -> Any:
+    """Return CUDA's driver library, or None if it does not support such edges."""
+    try:
+        driver = ctypes.CDLL('libcuda.so.1')
+        for name in ('GraphGetEdges_v2', 'GraphAddDependencies_v2', 'FuncGetName'):
+            getattr(driver, f'cu{name}')
+    except (OSError, AttributeError):
+        return None
+    return driver
+
+
+def _edges(driver: Any, graph: Any) -> list[tuple[int, int]]:
+    """Return the nodes at both ends of each edge; empty if the driver does not report them."""
+    count = ctypes.c_size_t(0)
+    if driver.cuGraphGetEdges_v2(graph, None, None, None, ctypes.byref(count)) != _SUCCESS:
+        return []
+    nodes = [(ctypes.c_void_p * count.value)() for _ in range(2)]
+    data = (_EdgeData * count.value)()
+    if driver.cuGraphGetEdges_v2(graph, *nodes, data, ctypes.byref(count)) != _SUCCESS:
+        return []
+    # edges that already do more than order two nodes are not changed
+    return [
+        (before, after)
+        for before, after, one in zip(*nodes, data, strict=True)
+        if before and after and one.type == 0
+    ]
+
+
+def _kernel_name(driver: Any, node: int) -> str | None:
+    """Return the name of a node's kernel; None for other nodes."""
+    kind = ctypes.c_int(-1)
+    driver.cuGraphNodeGetType(ctypes.c_void_p(node), ctypes.byref(kind))
+    if kind.value != _KERNEL_NODE:
+        return None
+    params, name = _KernelParams(), ctypes.c_char_p()
+    driver.cuGraphKernelNodeGetParams_v2(ctypes.c_void_p(node), ctypes.byref(params))
+    if params.function:
+        driver.cuFuncGetName(ctypes.byref(name), ctypes.c_void_p(params.function))
+    return (name.value or b'').decode()
+
+
+def _change(driver: Any, what: str, graph: Any, before: int, after: int, data: _EdgeData) -> bool:
+    """Add or remove an edge; return True if the driver accepted."""
+    ends = [(ctypes.c_void_p * 1)(node) for node in (before, after)]
+    function = getattr(driver, f'cuGraph{what}Dependencies_v2')
+    code = function(graph, *ends, ctypes.byref(data), ctypes.c_size_t(1))
+    return bool(code == _SUCCESS)

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Allocation of many arrays at once, and recovery from an allocation that failed on a GPU."""
+"""Allocation of many arrays at once, recovery from a failed allocation, and readback."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 #: Alignment of arrays in units of this type: a Warp array has at most 2^31 items of any type.
@@ -56,3 +57,46 @@ def forget_failure(device: Any) -> None:
         with suppress(RuntimeError):
             number = wp.zeros(1, dtype=wp.int32, device=device)
             wp.utils.array_scan(number, number)
+
+
+def read(array: Any) -> np.ndarray:
+    """Copy an array to the host after all earlier launches on the same stream.
+
+    ``array.numpy()`` would wait for all streams and block them.
+    """
+    if not array.device.is_cuda:
+        copied: np.ndarray = array.numpy().copy()
+        return copied
+    host = wp.empty_like(array, device='cpu')
+    wp.copy(host, array)
+    wp.synchronize_stream(wp.get_stream(array.device))
+    values: np.ndarray = host.numpy()
+    return values
+
+
+class Readback:
+    """Copies of two small arrays, taken after all earlier launches on the same stream."""
+
+    def __init__(self, arrays: tuple[Any, Any]) -> None:
+        """Allocate the host copies, for one readback at a time."""
+        device = arrays[0].device
+        self._arrays = self._copies = arrays
+        self._event = None
+        if device.is_cuda:
+            self._copies = tuple(wp.zeros_like(one, device='cpu', pinned=True) for one in arrays)
+            self._event = wp.Event(device)
+        self._seen = [one.numpy() for one in self._copies]
+
+    def begin(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
+        """Start the copies; return a function that waits for them and returns them."""
+        if self._event is None:
+            now = self._seen[0].copy(), self._seen[1].copy()
+            return lambda: now
+        for copy, array in zip(self._copies, self._arrays, strict=True):
+            wp.copy(copy, array)
+        wp.get_stream(self._event.device).record_event(self._event)
+        return self._finish
+
+    def _finish(self) -> tuple[np.ndarray, np.ndarray]:
+        wp.synchronize_event(self._event)
+        return self._seen[0].copy(), self._seen[1].copy()

@@ -5,65 +5,19 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-import threading
 from typing import Any
 import weakref
 
 import numpy as np
 import warp as wp
 
+from lava_ros.simulation.backend.graph import capture_lock
+from lava_ros.simulation.backend.memory import read
+
 #: Maximum number of page-locked arrays of each shape and type per reader: one in transfer, the
 #: latest, and the last ones published by layers of two rates. They are scarce and slow to
 #: allocate.
 _MAX_PINNED_ARRAYS = 4
-
-#: Held while a graph is captured and while a thread waits for an event: Warp refuses to wait
-#: during a capture, even by another thread.
-capture_lock = threading.Lock()
-
-
-def read(array: Any) -> np.ndarray:
-    """Copy an array to the host after all earlier launches on the same stream.
-
-    ``array.numpy()`` would wait for all streams and block them.
-    """
-    if not array.device.is_cuda:
-        copied: np.ndarray = array.numpy().copy()
-        return copied
-    host = wp.empty_like(array, device='cpu')
-    wp.copy(host, array)
-    wp.synchronize_stream(wp.get_stream(array.device))
-    values: np.ndarray = host.numpy()
-    return values
-
-
-class Readback:
-    """Copies of two small arrays, taken after all earlier launches on the same stream."""
-
-    def __init__(self, arrays: tuple[Any, Any]) -> None:
-        """Allocate the host copies, for one readback at a time."""
-        device = arrays[0].device
-        self._arrays = self._copies = arrays
-        self._event = None
-        if device.is_cuda:
-            self._copies = tuple(wp.zeros_like(one, device='cpu', pinned=True) for one in arrays)
-            self._event = wp.Event(device)
-        self._seen = [one.numpy() for one in self._copies]
-
-    def begin(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
-        """Start the copies; return a function that waits for them and returns them."""
-        if self._event is None:
-            now = self._seen[0].copy(), self._seen[1].copy()
-            return lambda: now
-        for copy, array in zip(self._copies, self._arrays, strict=True):
-            wp.copy(copy, array)
-        wp.get_stream(self._event.device).record_event(self._event)
-        return self._finish
-
-    def _finish(self) -> tuple[np.ndarray, np.ndarray]:
-        wp.synchronize_event(self._event)
-        return self._seen[0].copy(), self._seen[1].copy()
-
 
 class _Lent:
     """Host memory that is not reused while a numpy array made of it lives."""

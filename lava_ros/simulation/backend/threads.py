@@ -24,12 +24,9 @@ import os
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Lock, Thread
-from typing import Any, TYPE_CHECKING
+from typing import Any, Protocol
 
 from lava_ros.errors import LavaError
-
-if TYPE_CHECKING:
-    from lava_ros.simulation.particles.state import State
 
 #: Environment variable with the number of computing threads.
 VARIABLE = 'LAVA_THREADS'
@@ -122,8 +119,18 @@ def _groups(root: Path) -> Iterator[Path]:
             yield from (folder for folder in (own, *own.parents) if folder.is_relative_to(top))
 
 
+class Extent(Protocol):
+    """The particles that a launch covers: their device, launches (graph.py) and number."""
+
+    device: Any
+    launches: Any
+
+    @property
+    def extent(self) -> int: ...  # noqa: D102
+
+
 def launch_over(
-    state: 'State',
+    state: Extent,
     kernel: Any,
     arguments: Sequence[Any],
     *,
@@ -157,7 +164,7 @@ def launch_over(
     _Job(record, pairwise(ends)).compute(workers - 1)
 
 
-def is_alone(state: 'State') -> bool:
+def is_alone(state: Extent) -> bool:
     """Return True if one thread runs a whole stage, so that its launches can be captured."""
     return state.device.is_cuda or state.extent < 2 * MIN_SUMS or threads() < 2
 

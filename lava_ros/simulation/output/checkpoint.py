@@ -44,9 +44,6 @@ PREFIX_SIZE = 64
 #: Maximum uncompressed size [bytes].
 MAX_SIZE = 1 << 31
 
-#: Elevation above, or with a minus sign below, any other [m]; finite, as required in a checkpoint.
-FAR = 1e30
-
 _MAGIC = b'\x89LAVA\r\n\x1a'
 
 #: Magic, version, lengths of header and body, particle count, time [s], reserved; then a digest.
@@ -311,20 +308,6 @@ def _arrays(entries: list[dict[str, Any]], body: memoryview) -> dict[str, np.nda
         arrays[name] = _from_planes(content[position : position + length], dtype, shape)
         position += length
     return arrays
-
-
-def fitting(
-    name: str, values: np.ndarray | None, shape: tuple[int, ...], dtype: Any
-) -> np.ndarray:
-    """Return an array of a checkpoint if it has the right shape and type.
-
-    Raises:
-        LavaError: If it is missing, or has another shape or type. The error contains ``name``.
-    """
-    if values is None or (values.shape, values.dtype) != (shape, np.dtype(dtype)):
-        found = 'missing' if values is None else f'{values.dtype} of shape {values.shape}'
-        raise LavaError(f'checkpoint.{name}', found, f'{np.dtype(dtype)} of shape {shape}')
-    return values
 
 
 def _planes(array: np.ndarray) -> bytes:

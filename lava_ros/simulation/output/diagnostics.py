@@ -17,7 +17,7 @@ import warp as wp
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
-from lava_ros.simulation.particles import state as at
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.timestep import LIMITS
 from lava_ros.simulation.step.vents import VentSet

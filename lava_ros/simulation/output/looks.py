@@ -20,10 +20,10 @@ import numpy as np
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import any_in_block, quick_kernel
-from lava_ros.simulation.backend.memory import zeros
-from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.backend.memory import read, zeros
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.particles.state import State, TIME
+from lava_ros.simulation.particles.layout import TIME
+from lava_ros.simulation.particles.state import State
 
 #: Threads of the block that follows the fronts of an observation.
 _THREADS = 1024

@@ -7,12 +7,13 @@ import math
 
 import numpy as np
 
-from lava_ros.effects.scales import Columns, volume_quantile
-from lava_ros.scene import Terrain
+from lava_ros.effects.scales import Columns, Scales, volume_quantile
+from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 from lava_ros.simulation.resolution import is_extended, Resolution
+from lava_ros.simulation.selection import scales_of
 from lava_ros.simulation.setup.course import NARROW
 
 #: Maximum number of particles that are measured; of more, every n-th is.
@@ -47,6 +48,35 @@ def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
         temperature=sample.temperature[some],
         speed=np.hypot(*sample.velocity[some].T),
         width=measure_widths(standing_cells(thickness), cell)[here],
+    )
+
+
+def measured_scales(
+    scene: Scene, accuracy: Accuracy, snapshot: Snapshot, sample: ParticleSample, *, horizon: float
+) -> Scales:
+    """Return the scales of a flow that has been measured.
+
+    Args:
+        scene: The scene.
+        accuracy: Its resolution, with all automatic values resolved.
+        snapshot: The flow on the cells of its terrain.
+        sample: Its particles at the same time, at least one.
+        horizon: Time span for the choice of effects [s].
+    """
+    assert accuracy.spacing is not None
+    columns = measure_columns(snapshot, sample)
+    distance = float(np.median(np.sqrt(columns.volume / columns.thickness)))
+    sources = np.reshape([vent.position for vent in scene.vents], (-1, 2))
+    heights = scene.terrain.elevations_at(np.concatenate([sample.position, sources]))
+    return scales_of(
+        scene,
+        columns,
+        fall=float(np.nanmax(heights) - np.nanmin(heights)),
+        spacing=accuracy.spacing,
+        kernel_radius=accuracy.ratio * accuracy.spacing,
+        duration=max(horizon, snapshot.time),
+        is_measured=True,
+        is_extended=is_extended(snapshot.area(snapshot.standing), distance),
     )
 
 

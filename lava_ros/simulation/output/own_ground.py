@@ -15,9 +15,8 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.terrain import ground_type
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import arguments_type, ground_type
 
 
 @lru_cache

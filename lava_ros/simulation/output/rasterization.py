@@ -27,15 +27,14 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import cells_function
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.neighbors import NeighborGrid
-from lava_ros.simulation.particles.state import PARTICLES, State
-from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain
+from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
 #: Fraction of a cell at or above which it holds lava.
 COVER_THRESHOLD = 0.5
@@ -52,10 +51,10 @@ _OWN = wp.constant(wp.float32(-1.0))
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any, Any]:
-    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real, ratio)
+def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
+    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real)
     _, _, cells_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, _ = access(real, 4)
     cells_of = cells_function(real)
 
     @wp.func
@@ -269,34 +268,33 @@ class Raster:
         terrain: StaggeredTerrain,
         radius: float,
         kernel: str,
-        ratio: float,
         device: Any,
         *,
         more: int = 0,
     ) -> None:
         """Allocate the grids, and ``more`` additional ones for callers to fill.
 
-        ``radius`` is the radius of the output's kernel [m], l_render in the paper; ``ratio`` the
-        particles' kernel radius over their spacing.
+        ``radius`` is the radius of the output's kernel [m], l_render in the paper.
         """
         self._terrain = terrain
         self._radius = radius
-        self._choice = (kernel, ratio)
+        self._kernel = kernel
         self._device = device
         shape = (2 + more, terrain.ground.rows, terrain.ground.columns)
         self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
         self.thickness, self.temperature = self.grids[0], self.grids[1]
 
-    def fill(self, state: State, neighbors: NeighborGrid) -> None:
+    def fill(self, state: State, way: Any) -> None:
         """Fill thickness and temperature from the flow of the ordered particles.
+
+        ``way`` is the argument of the kernels of a stage.
 
         Between the passes ``thickness`` holds the cells' weights. The first pass marks cells with
         a negative temperature, so no temperature may be negative before.
         """
-        mark, weigh, share_out, gather = _kernels(state.real, *self._choice)
+        mark, weigh, share_out, gather = _kernels(state.real, self._kernel)
         cells = self.thickness.size
         maps = [self.thickness, self.temperature]
-        way = neighbors.motion_arguments(state)
         inputs = [way, self._terrain.exact_ground, self._radius]
         launch_over(state, mark, [way, self.temperature], least=MIN_MOVES)
         launch_over(state, weigh, [*inputs, *maps], count=cells)

@@ -4,8 +4,8 @@
 """Cells by which particles are sorted, the cells around a particle, and sums over their particles.
 
 Cells are numbered row by row, so the particles in adjacent columns of a row are one contiguous
-range. Thickness and its gradient have two summation functions with the same arguments: a GPU
-thread adds one neighbour after the other, a CPU core eight at a time (simd.py).
+range. Sums over neighbours have two functions with the same arguments: a GPU thread adds one
+neighbour after the other (``sum_neighbors``), a CPU core eight at a time (simd.py).
 """
 
 from functools import lru_cache
@@ -13,9 +13,16 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import load4, load_int, unseen_one
+from lava_ros.simulation.backend.compiled import (
+    access,
+    can_count,
+    load_int,
+    unseen_one,
+    write_function,
+)
 from lava_ros.simulation.backend.simd import over_neighbors
-from lava_ros.simulation.particles.kernels import SmoothingKernel
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import arguments_type, cell_frame, ground_type
 
 #: Rows and columns of cells per kernel radius, by minimum radius over spacing. Fewer cells hold
 #: more particles out of reach; more rows take more look-ups. With one particle per cell rows are
@@ -31,38 +38,6 @@ NEIGHBORS_AT_ONCE = {False: 2, True: 4}
 def cells_to_radius(ratio: float) -> tuple[int, int]:
     """Return rows and columns of cells per kernel radius, for a ratio of radius to spacing."""
     return next(cells for least, cells in _CELLS if ratio >= least)
-
-
-@lru_cache
-def cell_frame(real: Any) -> Any:
-    """Return the struct of the cell grid; positions are relative to the terrain's centre.
-
-    ``rows_per_metre`` and ``columns_per_metre`` are one over a cell's sides [1/m]. ``first_row``
-    and ``first_column`` locate the window in the grid of the whole terrain. Lava before column
-    ``west`` or row ``south``, or at or beyond ``east`` or ``north``, is near the window's border.
-    ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; the
-    item after the last cell is the number of particles on the terrain, the next that of all.
-    ``sizes`` counts the particles of each cell during binning, and is 0 otherwise.
-    """
-
-    @wp.struct
-    class CellFrame:
-        x0: real
-        y0: real
-        rows_per_metre: real
-        columns_per_metre: real
-        first_row: wp.int32
-        first_column: wp.int32
-        rows: wp.int32
-        columns: wp.int32
-        west: wp.int32
-        south: wp.int32
-        east: wp.int32
-        north: wp.int32
-        starts: wp.array(dtype=wp.int32)
-        sizes: wp.array(dtype=wp.int32)
-
-    return CellFrame
 
 
 class CellFunctions(NamedTuple):
@@ -111,67 +86,186 @@ def cell_functions(real: Any) -> CellFunctions:
 
 
 @lru_cache
+def border_functions(real: Any) -> tuple[Any, Any, Any]:
+    """Return the device functions for particles that leave the terrain.
+
+    They return whether a place is on a cell with data, and the item of ``State.left`` and its
+    increase for a particle that has left.
+    """
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def is_known(ground: ground_type(real), x: real, y: real) -> bool:
+        j = int(wp.floor((x - ground.x0) / ground.resolution))
+        i = int(wp.floor((y - ground.y0) / ground.resolution))
+        if i < 0 or j < 0 or i >= ground.rows or j >= ground.columns:
+            return False
+        return ground.known[i, j] != wp.uint8(0)
+
+    @wp.func
+    def side_of(ground: ground_type(real), x: real, y: real) -> int:
+        # places are relative to the middle of the grid
+        if wp.abs(x) >= -ground.x0 or wp.abs(y) >= -ground.y0:
+            return at.BORDER
+        return at.HOLES
+
+    @wp.func
+    def volume_lost(p: vec4) -> wp.float64:
+        # a NaN must not count as lava that flowed off: it makes the sum NaN
+        return wp.float64(p[2] + real(0.0) * (p[0] + p[1] + p[3]))
+
+    return is_known, side_of, volume_lost
+
+
+@lru_cache
+def bin_function(real: Any, has_empty: bool) -> Any:
+    """Return the device function that assigns a particle to its cell."""
+    vec4 = wp.types.vector(4, real)
+    is_known, side_of, volume_lost = border_functions(real)
+    column_of, row_of, _, _ = cell_functions(real)
+
+    @wp.func
+    def sides_near(cells: cell_frame(real), x: real, y: real) -> int:
+        """Return the movable sides of the window that a place is near (``State.counts``)."""
+        column = int(wp.floor((x - cells.x0) * cells.columns_per_metre))
+        row = int(wp.floor((y - cells.y0) * cells.rows_per_metre))
+        sides = int(column < cells.west) + 2 * int(row < cells.south)
+        return sides + 4 * int(column >= cells.east) + 8 * int(row >= cells.north)
+
+    @wp.func
+    def place(i: int, p: vec4, m: arguments_type(real)):
+        """Find a particle's cell and its rank there; particles off the terrain go last.
+
+        On the CPU ranks are counted afterwards, by ``rank_particles``.
+        """
+        c = m.cells.rows * m.cells.columns
+        if not (wp.static(has_empty) and p[2] == real(0.0)):
+            # nothing leaves between the stages of a step: a stage may overshoot the border
+            number = p[0] + p[1] + p[3]
+            if m.counts[at.STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
+                c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
+                near = sides_near(m.cells, p[0], p[1])
+                if near != 0:
+                    wp.atomic_or(m.counts, at.NEAR_BORDER, near)
+            elif can_count():
+                wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
+        m.cell[i] = c
+        if can_count():
+            m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
+
+    return place
+
+
+#: Body of a sum over neighbours, and of one that takes several of a row at once.
+_SUM = """
+    sums = ZERO
+    for r in range(box[0] + part, box[1], parts):
+        near = range_in(cells, r, box)
+        for j in range(near[0], near[1]):
+            sums = add(sums, j, REST)
+    return sums"""
+_SUM_AT_ONCE = """
+    sums = ZERO
+    near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
+    for r in range(box[0] + part, box[1], parts):
+        following = near
+        if wp.static(looks_ahead):
+            following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
+        else:
+            near = range_in(cells, r, box)
+        j = near[0]
+        while j < near[1]:
+            for n in range(at_once):
+                # items after the last belong to the next row, or are past the end
+                sums = add(sums, j + n, j + n < near[1], REST)
+            j += at_once * unseen_one()
+        near = following
+    return sums"""
+
+#: Sum of the parts of one thread, in the order in which threads would add up theirs.
+_SUM_OF_PARTS = """
+    sums = sum_part(part, ALL)
+    odd = sum_part(1, ALL)
+    sums += sum_part(2, ALL)
+    sums += odd + sum_part(3, ALL)
+    return sums"""
+
+
+def sum_neighbors(
+    real: Any, add: Any, lanes: int, parts: int, is_short: bool | None = None
+) -> Any:
+    """Return the device function that sums over all neighbours that a thread has.
+
+    Its first argument is the thread among those of a particle. The others are the further
+    arguments of ``add``, with the cells and the box (``cells_around``) before ``p``.
+
+    Args:
+        real: Warp scalar type.
+        add: Device function that adds a neighbour. It takes the sums so far, the index of the
+            neighbour, unless ``is_short`` is None whether it counts, and further arguments.
+        lanes: Number of threads of a particle.
+        parts: Number of parts; part k has every ``parts``-th row of cells. It is 4 or ``lanes``.
+        is_short: True if latency dominates the launch, which looks up a row of cells during the
+            sum over the previous one; None to sum one neighbour at a time.
+    """
+    types = dict(add.func.__annotations__)
+    sums_type = types.pop('return')
+    rest = list(types)[2 if is_short is None else 3 :]
+    place = rest.index('p')
+    grid = {'cells': cell_frame(real), 'box': wp.vec4i}
+    names = [*rest[:place], *grid, *rest[place:]]
+    types = {'part': int} | {name: grid.get(name, types.get(name)) for name in names}
+    body = _SUM if is_short is None else _SUM_AT_ONCE
+    known = {
+        'add': add, 'parts': parts, 'looks_ahead': is_short, 'sums_type': sums_type, 'wp': wp,
+        'at_once': NEIGHBORS_AT_ONCE[bool(is_short)], 'unseen_one': unseen_one,
+        'range_in': cell_functions(real).range_in,
+    }
+    zero = 'sums_type(0.0)' if sums_type is real else 'sums_type()'
+    body = body.replace('REST', ', '.join(rest)).replace('ZERO', zero)
+    sum_part = wp.func(write_function(add.func, types, body, known))
+    if parts == lanes:
+        return sum_part
+    body = _SUM_OF_PARTS.replace('ALL', ', '.join(names))
+    return wp.func(write_function(add.func, types, body, {'sum_part': sum_part}))
+
+
+@lru_cache
 def sums_function(
-    real: Any, kernel: SmoothingKernel, parts: int, is_short: bool, has_heat: bool = False
+    real: Any, kernel: Any, parts: int, is_short: bool, has_heat: bool = False,
+    lanes: int | None = None,
 ) -> Any:
     """Return the device function that sums thickness and its gradient over the neighbours.
 
-    Its first argument is the index of a part; part k takes every ``parts``-th row of cells. With
-    ``has_heat`` it returns a fourth sum: thickness times the excess temperature of the neighbour.
+    The sums (``sum_neighbors``) are of the ``terms`` of a ``SmoothingKernel``. With ``has_heat``
+    there is a fourth one: thickness times the excess temperature of the neighbour.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     terms = kernel.terms
-    range_in = cell_functions(real).range_in
-    load = load4(real)
-    at_once = NEIGHBORS_AT_ONCE[is_short]
+    load, _ = access(real, 4)
     sums_type = vec4 if has_heat else vec3
 
     @wp.func
-    def added(sums: vec3, p: vec4, other: vec4, inverse: real) -> vec3:
-        dx = p[0] - other[0]
-        dy = p[1] - other[1]
-        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
-        return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
-
-    @wp.func
-    def added_with_heat(sums: vec4, p: vec4, other: vec4, inverse: real) -> vec4:
-        dx = p[0] - other[0]
-        dy = p[1] - other[1]
-        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
-        return vec4(
-            sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy,
-            sums[3] + part[0] * (other[3] - p[3]),
-        )
-
-    add = added_with_heat if has_heat else added
-
-    @wp.func
-    def sums_around(
-        part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
+    def added(
+        sums: sums_type, j: int, counts: bool, ordered: wp.array(dtype=vec4), p: vec4,
         inverse: real,
     ) -> sums_type:
-        sums = sums_type()
-        near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
-        for r in range(box[0] + part, box[1], parts):
-            following = near
-            if wp.static(is_short):
-                following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
-            else:
-                near = range_in(cells, r, box)
-            j = near[0]
-            while j < near[1]:
-                for n in range(at_once):
-                    other = load(ordered, j + n)
-                    if j + n >= near[1]:
-                        # it belongs to the next row, or is past the end
-                        other[2] = real(0.0)
-                    sums = add(sums, p, other, inverse)
-                j += at_once * unseen_one()
-            near = following
-        return sums
+        other = load(ordered, j)
+        if not counts:
+            other[2] = real(0.0)
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
+        if wp.static(has_heat):
+            return vec4(
+                sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy,
+                sums[3] + part[0] * (other[3] - p[3]),
+            )
+        else:
+            return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
 
-    return sums_around
+    return sum_neighbors(real, added, lanes or parts, parts, is_short)
 
 
 @lru_cache

@@ -123,18 +123,13 @@ class SmoothingKernel(NamedTuple):
 
 
 @lru_cache
-def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKernel:
+def smoothing_kernel(name: str, real: Any) -> SmoothingKernel:
     """Return a smoothing kernel by name.
 
     Args:
-        name: ``wendland`` (C2), or ``poly6``, ``spiky``, ``visc``: equations 3.6, 3.7, 3.8.
+        name: ``wendland`` (C2), or ``poly6``, ``spiky``: equations 3.6, 3.7.
         real: Warp scalar type to compute in.
-        ratio: Kernel radius over particle spacing. It only matters for ``visc``, which is infinite
-            at r = 0: there it is replaced by its mean over the particle's own disc of area
-            spacing^2.
     """
-    own_disc = 1.0 / (ratio * math.sqrt(math.pi))
-    visc_centre = -5.0 + 6.0 * (0.5 - math.log(own_disc)) + 4.5 * own_disc**2
 
     @wp.func
     def wendland_shape(q: real) -> real:
@@ -167,18 +162,6 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
         return real(-3.0) * p * p / wp.max(q, real(1.0e-6))
 
     @wp.func
-    def visc_shape(q: real) -> real:
-        if q < real(1.0e-6):
-            return real(wp.static(visc_centre))
-        p = wp.min(q, real(1.0))
-        return real(-4.0) * p * p * p + real(9.0) * p * p - real(5.0) - real(6.0) * wp.log(p)
-
-    @wp.func
-    def visc_slope(q: real) -> real:
-        p = wp.clamp(q, real(1.0e-6), real(1.0))
-        return real(-12.0) * p + real(18.0) - real(6.0) / (p * p)
-
-    @wp.func
     def wendland_excess(x: real) -> real:
         return real(1.25) * x * x * wp.sqrt(x)
 
@@ -194,7 +177,6 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
         'wendland': (7.0, wendland_shape, wendland_slope, 10.18, wendland_excess),
         'poly6': (4.0, poly6_shape, poly6_slope, 6.76, no_excess),
         'spiky': (10.0, spiky_shape, spiky_slope, 10.28, spiky_excess),
-        'visc': (10.0 / 9.0, visc_shape, visc_slope, 13.62, no_excess),
     }
     norm, shape, slope, stiffness, excess = kernels[name]
     vec2 = wp.types.vector(2, real)

@@ -22,14 +22,14 @@ import warp as wp
 from lava_ros.errors import LavaError
 from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.scan import Scan
-from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
-from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.particles.cells import cell_frame, cell_functions, cells_to_radius
-from lava_ros.simulation.particles.motion_arguments import arguments_type, motion_arguments
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.cells import bin_function, border_functions, cells_to_radius
+from lava_ros.simulation.particles.layout import arguments_type, cell_frame
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.particles.terrain import StaggeredTerrain, terrain_functions
+from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
 #: Maximum number of cells for which the whole terrain is covered.
 WHOLE = 2**14
@@ -55,70 +55,16 @@ MAX_PARTICLES_PER_CELL = 2**15
 
 
 @lru_cache
-def bin_function(real: Any, has_empty: bool) -> Any:
-    """Return the device function that assigns a particle to its cell."""
-    vec4 = wp.types.vector(4, real)
-    functions = terrain_functions(real)
-    is_known, side_of = functions.is_known, functions.side_of
-    column_of, row_of, _, _ = cell_functions(real)
-    volume_lost = _loss_function(real)
-
-    @wp.func
-    def sides_near(cells: cell_frame(real), x: real, y: real) -> int:
-        """Return the movable sides of the window that a place is near (``State.counts``)."""
-        column = int(wp.floor((x - cells.x0) * cells.columns_per_metre))
-        row = int(wp.floor((y - cells.y0) * cells.rows_per_metre))
-        sides = int(column < cells.west) + 2 * int(row < cells.south)
-        return sides + 4 * int(column >= cells.east) + 8 * int(row >= cells.north)
-
-    @wp.func
-    def place(i: int, p: vec4, m: arguments_type(real)):
-        """Find a particle's cell and its rank there; particles off the terrain go last.
-
-        On the CPU ranks are counted afterwards, by ``rank_particles``.
-        """
-        c = m.cells.rows * m.cells.columns
-        if not (wp.static(has_empty) and p[2] == real(0.0)):
-            # nothing leaves between the stages of a step: a stage may overshoot the border
-            number = p[0] + p[1] + p[3]
-            if m.counts[at.STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
-                c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
-                near = sides_near(m.cells, p[0], p[1])
-                if near != 0:
-                    wp.atomic_or(m.counts, at.NEAR_BORDER, near)
-            elif compiled.can_count():
-                wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
-        m.cell[i] = c
-        if compiled.can_count():
-            m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
-
-    return place
-
-
-@lru_cache
-def _loss_function(real: Any) -> Any:
-    """Return the device function that returns the lost volume of a particle off the terrain."""
-    vec4 = wp.types.vector(4, real)
-
-    @wp.func
-    def volume_lost(p: vec4) -> wp.float64:
-        # a NaN must not count as lava that flowed off: it makes the sum NaN
-        return wp.float64(p[2] + real(0.0) * (p[0] + p[1] + p[3]))
-
-    return volume_lost
-
-
-@lru_cache
 def _kernels(
     real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_mean: bool,
     has_empty: bool, is_ranked_again: bool,
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
-    load, store = compiled.load4(real), compiled.store4(real)
-    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
+    load, store = compiled.access(real, 4)
+    load_pair, store_pair = compiled.access(real, 2)
 
-    place, volume_lost = bin_function(real, has_empty), _loss_function(real)
-    side_of = terrain_functions(real).side_of
+    place = bin_function(real, has_empty)
+    _, side_of, volume_lost = border_functions(real)
 
     @quick_kernel
     def bin_particles(i: int, m: arguments_type(real)):
@@ -297,14 +243,17 @@ class NeighborGrid:
         self.is_binned = True
 
     def set_constants(self, **constants: Any) -> None:
-        """Set the constants of a stage (motion_arguments.py) for the motion from now on."""
+        """Set the constants of a stage for the motion from now on."""
         self._constants, self._way = constants, None
 
     def motion_arguments(self, state: State) -> Any:
-        """Return the argument of all kernels (motion_arguments.py), cached."""
+        """Return the argument of all kernels, cached until an array or the cells change."""
         if self._way is None or self._way.particle is not state.particle:
-            ground = self._terrain.ground
-            self._way = motion_arguments(state, ground, self.cells, **self._constants)
+            parts = {'ground': self._terrain.ground, 'cells': self.cells, **self._constants}
+            self._way = arguments_type(state.real)()
+            for name in arguments_type(state.real).vars:
+                if name in parts or hasattr(state, name):
+                    setattr(self._way, name, parts.get(name, getattr(state, name, None)))
         return self._way
 
     def rebuild(self, state: State) -> None:

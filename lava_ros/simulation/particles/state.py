@@ -13,29 +13,10 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects.effect import Array
 from lava_ros.errors import LavaError
-from lava_ros.scene import Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.backend.memory import forget_failure, zeros
-from lava_ros.simulation.backend.streams import read, Readback
-from lava_ros.simulation.output.checkpoint import FAR as FAR
-from lava_ros.simulation.output.checkpoint import fitting
-
-# Indices into State.clock.
-TIME, STEP, TARGET, FULL_STEP, FORMER_STEP = range(5)
-
-# Indices into State.stage: the weights of the current Runge-Kutta stage.
-FORMER, BEFORE_FORMER, VELOCITY, FIRST_VELOCITY = range(4)
-
-# Indices into State.counts.
-PARTICLES, STEPS, LIMIT, FULL, STAGE, STAGES, IS_LAST, EVALUATIONS = range(8)
-CURRENT, NEAR_BORDER, NEWCOMERS = range(8, 11)
-
-# Indices into State.rates: reciprocals of the longest step that each limit allows [1/s].
-DIFFUSION, ADVECTION = range(2)
-
-#: Indices into ``left``: over the terrain's border, and onto cells without data.
-BORDER, HOLES = range(2)
+from lava_ros.simulation.backend.memory import forget_failure, read, Readback, zeros
+from lava_ros.simulation.particles import layout as at
 
 #: Threads on a GPU of a kernel that rarely has work: it must cost little when it has none.
 RARE_THREADS = 65536
@@ -60,46 +41,6 @@ SHARED_LANES, SHARED_UP_TO = 4, 50_000
 #: processors. At or below this number latency dominates: registers are then not scarce, and
 #: launches are expensive.
 AT_ONCE = 150_000
-
-#: Items after the last one that sums over neighbours may read (cells.py).
-SPARE = 3
-
-REAL = {'float32': wp.float32, 'float64': wp.float64}
-
-#: The solver's own arrays, described in ``State``. A carried array has a twin named ``ordered_``
-#: and its name, in the order of the cells.
-ARRAYS = {
-    'stage': Array('real', 4),
-    'rates': Array('real', 2),
-    'top': Array('real', 1),
-    'share': Array('real'),
-    'age': Array('real', is_carried=True),
-    'velocity': Array('vec2', is_carried=True),
-    'slope': Array('vec2'),
-    'remainder': Array('vec2', is_carried=True),
-    'surface': Array('vec2'),
-    'flow': Array('vec3'),
-    'particle': Array('vec4'),
-    'ordered': Array('vec4'),
-    'base': Array('vec4', is_carried=True),
-    'drift': Array('vec4', is_carried=True),
-    'mean_temperature': Array('real', is_carried=True),
-    'counts': Array('int32', 11),
-    'chosen': Array('int32', 1),
-    'cell': Array('int32'),
-    'rank': Array('int32'),
-    'members': Array('int32'),
-    'home': Array('int32'),
-    'clock': Array('float64', 5),
-    'limit_time': Array('float64', 1),
-    'left': Array('float64', 2),
-}
-
-
-def kinds_of(real: Any) -> dict[str, Any]:
-    """Return the Warp types by the names that an ``Array`` uses for them."""
-    vectors = {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
-    return {'real': real, 'int32': wp.int32, 'float64': wp.float64, **vectors}
 
 
 class State:
@@ -165,7 +106,7 @@ class State:
     ) -> None:
         """Allocate for ``capacity`` particles."""
         forget_failure(device)
-        self.real = REAL[accuracy.precision]
+        self.real = at.REAL[accuracy.precision]
         self.effects = effects
         self.has_velocity = effects.any('needs_velocity')
         self.is_staged = accuracy.integrator == 'rkl2' and not self.has_velocity
@@ -184,11 +125,11 @@ class State:
         self.device = device
         self.launches = Launches(device)
         self._allocate(capacity)
-        self.top.fill_(-FAR)
+        self.top.fill_(-at.FAR)
         if not device.is_cuda:
             # a view of the current values: creating it takes 10 us
             self._seen_counts = self.counts.numpy()
-        self._target = self.clock[TARGET : TARGET + 1]
+        self._target = self.clock[at.TARGET : at.TARGET + 1]
         self._readbacks = [Readback((self.clock, self.counts))]
 
     @property
@@ -205,12 +146,12 @@ class State:
             'mean_temperature': self.has_mean,
             'members': self.is_ranked_again,
         }
-        own = {name: array for name, array in ARRAYS.items() if is_needed.get(name, True)}
+        own = {name: array for name, array in at.ARRAYS.items() if is_needed.get(name, True)}
         return own | self.effects.arrays
 
     def _allocate(self, capacity: int) -> None:
         """Allocate the arrays of some particles; keep those that do not depend on the number."""
-        kinds, items, others = kinds_of(self.real), {}, {}
+        kinds, items, others = at.kinds_of(self.real), {}, {}
         for name, array in self._arrays.items():
             dtype = kinds[array.dtype]
             if array.count is None:
@@ -219,7 +160,7 @@ class State:
                 others[name] = dtype, array.count
             if array.is_carried:
                 items[f'ordered_{name}'] = dtype, capacity
-        arrays = zeros(items, self.device, spare=SPARE) | zeros(others, self.device)
+        arrays = zeros(items, self.device, spare=at.SPARE) | zeros(others, self.device)
         self.launches.forget()
         vars(self).update(arrays, capacity=capacity)
 
@@ -230,7 +171,7 @@ class State:
             return self.capacity
         if self.launches.is_capturing:
             return self.launches.extent
-        return int(self._seen_counts[PARTICLES] + self._seen_counts[NEWCOMERS])
+        return int(self._seen_counts[at.PARTICLES] + self._seen_counts[at.NEWCOMERS])
 
     @property
     def is_ranked_again(self) -> bool:
@@ -272,6 +213,10 @@ class State:
         # each different number is a separate kernel
         return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
 
+    def emitting_threads(self, most: int) -> int:
+        """Return the number of emitting threads: one gives the same order in every run."""
+        return most if self.device.is_cuda and not self.is_deterministic else 1
+
     def read_clock(self) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of ``clock`` and ``counts`` after all earlier launches on this stream."""
         return self._readbacks[0].begin()()
@@ -289,11 +234,11 @@ class State:
         if self.needs_room(counts):
             # spare capacity is cheap while there are few particles
             twice = 2 * self.capacity if self.capacity < FEW else 0
-            self.grow(max(room_for(count_in(counts)), room_for(self.capacity), twice))
+            self.grow(max(room_for(at.count_in(counts)), room_for(self.capacity), twice))
 
     def needs_room(self, counts: np.ndarray) -> bool:
         """Return True if the capacity is almost used up or a vent found none."""
-        return bool(counts[FULL] or count_in(counts) > FULLEST * self.capacity)
+        return bool(counts[at.FULL] or at.count_in(counts) > FULLEST * self.capacity)
 
     def grow(self, capacity: int) -> None:
         """Grow to a capacity of ``capacity`` particles and keep the existing ones.
@@ -312,7 +257,7 @@ class State:
         # copies the full old capacity, which avoids waiting for the number of particles
         for name, values in kept.items():
             wp.copy(getattr(self, name), values, count=count)
-        self.write_count(FULL, 0)
+        self.write_count(at.FULL, 0)
 
     @property
     def _carried(self) -> list[str]:
@@ -352,7 +297,7 @@ class State:
     @property
     def count(self) -> int:
         """Number of particles (read back from the device)."""
-        return count_in(self.read_clock()[1])
+        return at.count_in(self.read_clock()[1])
 
     def write_particles(self, values: np.ndarray) -> None:
         """Replace all particles by rows of (x, y from the centre, volume, temperature), float64.
@@ -370,8 +315,8 @@ class State:
             getattr(self, name).zero_()
         for name, former in kept.items():
             self._put(name, former)
-        self.write_count(PARTICLES, len(values))
-        self.write_count(NEWCOMERS, 0)
+        self.write_count(at.PARTICLES, len(values))
+        self.write_count(at.NEWCOMERS, 0)
 
     def take_over(self, former: 'State') -> None:
         """Adopt the data of another state with other effects, as far as both have them."""
@@ -405,10 +350,10 @@ class State:
         for name in ('particle', *self._carried, *self._sums):
             template = getattr(self, name).numpy()
             shape = template.shape if name in self._sums else (count, *template.shape[1:])
-            values = fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
+            values = at.fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
             self._put(name, values)
         _, counts = self.read_clock()
-        if (counts[PARTICLES], counts[NEWCOMERS], counts[STAGE]) != (count, 0, 0):
+        if (counts[at.PARTICLES], counts[at.NEWCOMERS], counts[at.STAGE]) != (count, 0, 0):
             expected = f'{count} particles, between two steps'
             raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
 
@@ -436,16 +381,6 @@ class State:
         return rows
 
 
-def count_in(counts: np.ndarray) -> int:
-    """Return the number of particles in a copy of ``State.counts``."""
-    return int(counts[PARTICLES] + counts[NEWCOMERS])
-
-
 def room_for(count: int) -> int:
     """Return the capacity for some particles: whole blocks of threads, a third of them spare."""
     return 256 * math.ceil(max(4 * count / 3, 1) / 256)
-
-
-def centre_of(terrain: Terrain) -> np.ndarray:
-    """Return the map position [m] of the origin of particle positions: the terrain's centre."""
-    return np.array(terrain.centre)

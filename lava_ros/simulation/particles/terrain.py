@@ -19,28 +19,7 @@ import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.backend.compiled import load9
-from lava_ros.simulation.particles.state import BORDER, centre_of, HOLES, REAL
-
-
-@lru_cache
-def ground_type(real: Any) -> Any:
-    """Return the struct of a terrain: position from its centre [m], cells with data, elevation.
-
-    It has the precision of the kernels that read it: converting numbers in each thread would cost
-    more than reading them. ``elevation`` and ``known`` are as in ``StaggeredTerrain``.
-    """
-
-    @wp.struct
-    class Ground:
-        x0: real
-        y0: real
-        resolution: real
-        rows: wp.int32
-        columns: wp.int32
-        elevation: wp.array2d(dtype=real)
-        known: wp.array2d(dtype=wp.uint8)
-
-    return Ground
+from lava_ros.simulation.particles.layout import arguments_type, centre_of, ground_type, REAL
 
 
 class StaggeredTerrain:
@@ -173,13 +152,11 @@ class TerrainFunctions(NamedTuple):
     gradient_at: Any
     bend_at: Any
     height_at: Any
-    is_known: Any
-    side_of: Any
 
 
 @lru_cache
 def terrain_functions(real: Any) -> TerrainFunctions:
-    """Return the functions for gradient, curvature and height, and the test for data."""
+    """Return the functions for gradient, curvature and height."""
     vec2 = wp.types.vector(2, real)
     patch = load9(real)
 
@@ -258,19 +235,25 @@ def terrain_functions(real: Any) -> TerrainFunctions:
                 total += spline(m, t) * spline(n, s) * around[m, n]
         return total
 
-    @wp.func
-    def is_known(ground: ground_type(real), x: real, y: real) -> bool:
-        j = int(wp.floor((x - ground.x0) / ground.resolution))
-        i = int(wp.floor((y - ground.y0) / ground.resolution))
-        if i < 0 or j < 0 or i >= ground.rows or j >= ground.columns:
-            return False
-        return ground.known[i, j] != wp.uint8(0)
+    return TerrainFunctions(gradient_at, bend_at, height_at)
+
+
+@lru_cache
+def fall_function(real: Any) -> Any:
+    """Return the device function that limits a velocity at a place to that of free fall."""
+    vec2 = wp.types.vector(2, real)
+    height_at = terrain_functions(real).height_at
 
     @wp.func
-    def side_of(ground: ground_type(real), x: real, y: real) -> int:
-        # places are relative to the middle of the grid
-        if wp.abs(x) >= -ground.x0 or wp.abs(y) >= -ground.y0:
-            return BORDER
-        return HOLES
+    def fallen(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
+        square = wp.dot(velocity, velocity)
+        head = square / (real(2.0) * m.constants.gravity) - thickness
+        kept = velocity
+        # read the ground's height only for the few particles this fast
+        if head > real(0.0):
+            fall = wp.max(m.top[0] - height_at(m.ground, place[0], place[1]), real(0.0))
+            if head > fall:
+                kept *= wp.sqrt((fall + thickness) / (head + thickness))
+        return kept
 
-    return TerrainFunctions(gradient_at, bend_at, height_at, is_known, side_of)
+    return fallen

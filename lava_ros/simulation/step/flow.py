@@ -34,96 +34,39 @@ all lava for which the balance is valid.
 
 from functools import lru_cache
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.laws import LATERAL_DRAG, law_type, speed_function, viscosity_function
 from lava_ros.simulation.backend.compiled import (
+    access,
     FEW_THREADS,
-    load2,
-    load4,
     quick_kernel,
     raise_to,
-    store4,
     sum_over,
 )
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.cells import (
-    cell_frame,
     cell_functions,
+    sum_neighbors,
     sums_function,
     wide_sums_function,
 )
 from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.state import ADVECTION, DIFFUSION, PARTICLES, STAGE, State
-from lava_ros.simulation.particles.terrain import terrain_functions
+from lava_ros.simulation.particles.layout import (
+    ADVECTION,
+    arguments_type,
+    DIFFUSION,
+    PARTICLES,
+    STAGE,
+)
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
 _EDGE = 3.0
-
-
-class FlowKernels(NamedTuple):
-    """The kernels of ``compute_flow`` for one set of effects, ``elevate`` for differences only."""
-
-    elevate: Any
-    flow: Any
-
-
-@lru_cache
-def fall_function(real: Any) -> Any:
-    """Return the device function that limits a velocity at a place to that of free fall."""
-    vec2 = wp.types.vector(2, real)
-    height_at = terrain_functions(real).height_at
-
-    @wp.func
-    def fallen(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
-        square = wp.dot(velocity, velocity)
-        head = square / (real(2.0) * m.constants.gravity) - thickness
-        kept = velocity
-        # read the ground's height only for the few particles this fast
-        if head > real(0.0):
-            fall = wp.max(m.top[0] - height_at(m.ground, place[0], place[1]), real(0.0))
-            if head > fall:
-                kept *= wp.sqrt((fall + thickness) / (head + thickness))
-        return kept
-
-    return fallen
-
-
-@lru_cache
-def _mean_function(real: Any) -> Any:
-    """Return the device function of the temperature that a particle's speed follows."""
-    vec2 = wp.types.vector(2, real)
-
-    @wp.func
-    def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
-        beside = wp.length(rise) * radius / (real(_EDGE) * height)
-        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
-
-    return mean_temperature
-
-
-def _whole_function(real: Any, sums_around: Any, lanes: int, parts: int) -> Any:
-    """Return the device function of the sums over all the neighbours that a thread has."""
-    vec4 = wp.types.vector(4, real)
-
-    @wp.func
-    def sums_of(
-        lane: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
-        inverse: real,
-    ):
-        sums = sums_around(lane, ordered, cells, box, p, inverse)
-        if wp.static(parts > lanes):
-            # in the order in which threads would add up theirs
-            odd = sums_around(1, ordered, cells, box, p, inverse)
-            sums += sums_around(2, ordered, cells, box, p, inverse)
-            sums += odd + sums_around(3, ordered, cells, box, p, inverse)
-        return sums
-
-    return sums_of
 
 
 @lru_cache
@@ -132,7 +75,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    store = store4(real)
+    _, store = access(real, 4)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     _, x_k1 = bessel(real)
     # each form of the lateral stress has its own limit of stability
@@ -222,11 +165,12 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 
 @lru_cache
 def flow_kernels(
-    real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects, lanes: int = 1,
+    real: Any, kernel_name: str, gradient: str, effects: Effects, lanes: int = 1,
     parts: int = 1, is_short: bool = False, is_wide: bool = False, has_means: bool = True,
-) -> FlowKernels:
+) -> tuple[Any, Any]:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
+    The first one, for differences only, is ``elevate``; otherwise it is None.
     ``parts`` is the number of parts in which a particle's neighbours are summed, ``lanes`` the
     number of threads per particle: as many, or one. ``is_short``: latency dominates the launch.
     ``is_wide``: a CPU processes several neighbours at a time (simd.py).
@@ -237,77 +181,68 @@ def flow_kernels(
     vec4 = wp.types.vector(4, real)
     vec10 = wp.types.vector(10, real)
     has_heat = has_means and effects.any('stiffens')
-    mean_temperature = _mean_function(real)
     mat22 = wp.types.matrix((2, 2), real)
-    kernel = smoothing_kernel(kernel_name, real, ratio)
+    kernel = smoothing_kernel(kernel_name, real)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     shape_factor, slope_factor = kernel.factors
     sums_around, sums_with_heat = (
-        _whole_function(
-            real,
-            wide_sums_function(kernel.wide_terms, heat)
-            if is_wide and kernel.wide_terms
-            else sums_function(real, kernel, parts, is_short, heat),
-            lanes, parts,
-        )
+        wide_sums_function(kernel.wide_terms, heat)
+        if is_wide and kernel.wide_terms
+        else sums_function(real, kernel, parts, is_short, heat, lanes)
         for heat in (False, True)
     )
     gradient_at, _, height_at, *_ = terrain_functions(real)
-    _, _, cells_around, range_in = cell_functions(real)
-    load, load_pair = load4(real), load2(real)
+    cells_around = cell_functions(real).cells_around
+    (load, _), (load_pair, _) = access(real, 4), access(real, 2)
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
 
     @wp.func
-    def height_around(
-        part: int, ordered: wp.array(dtype=vec4), cells: cell_frame(real), box: wp.vec4i, p: vec4,
-        inverse: real,
+    def add_height(
+        height: real, j: int, ordered: wp.array(dtype=vec4), p: vec4, inverse: real
     ) -> real:
-        height = real(0.0)
-        for r in range(box[0] + part, box[1], parts):
-            near = range_in(cells, r, box)
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                height += other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
-        return height
+        other = load(ordered, j)
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        return height + other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
 
-    whole_height = _whole_function(real, height_around, lanes, parts)
+    height_around = sum_neighbors(real, add_height, lanes, parts)
 
     @wp.func
-    def differences_around(
-        part: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
-        cells: cell_frame(real), box: wp.vec4i, p: vec4, own: real, inverse: real,
+    def add_differences(
+        sums: vec10, j: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
+        p: vec4, own: real, inverse: real,
     ) -> vec10:
-        """Sum differences, their second moments, and V grad W over the neighbours' areas.
+        """Add differences, their second moments, and V grad W of a neighbour.
 
         The last two sums are of thickness, and of thickness times the excess temperature.
         """
-        rise = vec2()
-        moment = mat22()
-        push = vec2()
-        weight = real(0.0)
-        warmth = real(0.0)
-        for r in range(box[0] + part, box[1], parts):
-            near = range_in(cells, r, box)
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
-                there = load_pair(surface, j)
-                pull = slope(wp.length(d)) * d
-                rise += there[1] * (there[0] - own) * pull
-                moment -= there[1] * wp.outer(d, pull)
-                if wp.static(gradient == 'balanced' or has_heat):
-                    push += other[2] * pull
-                if wp.static(has_heat):
-                    held = other[2] * shape(wp.length(d))
-                    weight += held
-                    warmth += held * (other[3] - p[3])
+        other = load(ordered, j)
+        d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+        there = load_pair(surface, j)
+        pull = slope(wp.length(d)) * d
+        rise = there[1] * (there[0] - own) * pull
+        moment = there[1] * wp.outer(d, pull)
+        push = vec2(sums[6], sums[7])
+        weight = sums[8]
+        warmth = sums[9]
+        if wp.static(gradient == 'balanced' or has_heat):
+            push += other[2] * pull
+        if wp.static(has_heat):
+            held = other[2] * shape(wp.length(d))
+            weight += held
+            warmth += held * (other[3] - p[3])
         return vec10(
-            rise.x, rise.y, moment[0, 0], moment[0, 1], moment[1, 0], moment[1, 1], push.x, push.y,
-            weight, warmth,
+            sums[0] + rise.x, sums[1] + rise.y, sums[2] - moment[0, 0], sums[3] - moment[0, 1],
+            sums[4] - moment[1, 0], sums[5] - moment[1, 1], push.x, push.y, weight, warmth,
         )
+
+    differences_around = sum_neighbors(real, add_differences, lanes, parts)
+
+    @wp.func
+    def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
+        beside = wp.length(rise) * radius / (real(_EDGE) * height)
+        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
 
     @quick_kernel(bounds=FEW_THREADS if is_short else None)
     def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
@@ -362,7 +297,7 @@ def flow_kernels(
         radius = m.constants.radius
         inverse = real(1.0) / radius
         box = cells_around(m.cells, p[0], p[1], radius)
-        height = whole_height(lane, m.ordered, m.cells, box, p, inverse)
+        height = height_around(lane, m.ordered, m.cells, box, p, inverse)
         height = total(height) * real(wp.static(norm)) * inverse * inverse
         if lane > 0:
             return
@@ -382,11 +317,6 @@ def flow_kernels(
         own = m.surface[i][0]
         box = cells_around(m.cells, p[0], p[1], radius)
         sums = differences_around(lane, m.ordered, m.surface, m.cells, box, p, own, inverse)
-        if wp.static(parts > lanes):
-            odd = differences_around(1, m.ordered, m.surface, m.cells, box, p, own, inverse)
-            sums += differences_around(2, m.ordered, m.surface, m.cells, box, p, own, inverse)
-            odd += differences_around(3, m.ordered, m.surface, m.cells, box, p, own, inverse)
-            sums += odd
         rise = vec2(total(sums[0]), total(sums[1]))
         moment = mat22(total(sums[2]), total(sums[3]), total(sums[4]), total(sums[5]))
         push = vec2(total(sums[6]), total(sums[7]))
@@ -415,19 +345,8 @@ def flow_kernels(
         balance(i, p, mean, height, rise, ground, m, fills_flow)
 
     if gradient == 'energy':
-        return FlowKernels(None, thickness_and_velocity)
-    return FlowKernels(elevate, velocity_of_differences)
-
-
-def compute_flow(state: State, way: Any, kernels: FlowKernels, *, fills_flow: bool = True) -> None:
-    """Compute thickness and local velocity of the ordered particles, and raise the rates.
-
-    The result is stored in ``state.flow``, if ``fills_flow``, and in ``state.source`` and
-    ``state.area`` as input to the lateral stress.
-    """
-    if state.has_surface:
-        launch_over(state, kernels.elevate, [way], lanes=state.lanes)
-    launch_over(state, kernels.flow, [way, fills_flow], lanes=state.lanes)
+        return None, thickness_and_velocity
+    return elevate, velocity_of_differences
 
 
 @lru_cache
@@ -442,7 +361,7 @@ def _published_kernel(real: Any) -> Any:
     """
     vec3 = wp.types.vector(3, real)
     _, _, cells_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, _ = access(real, 4)
 
     @wp.func
     def series(r: real) -> real:

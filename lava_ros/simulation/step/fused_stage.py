@@ -12,46 +12,25 @@ launch. A GPU starts blocks in the order of their numbers, and the first one wai
 """
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import announce, FEW_THREADS, quick_kernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type
+from lava_ros.simulation.particles.layout import arguments_type
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.step.emission import emitters, Outlets
-from lava_ros.simulation.step.timestep import choice_of, pace_type
-from lava_ros.simulation.step.vents import VentSet
-
-#: Threads of the block.
-DIRECTORS = FEW_THREADS[0]
+from lava_ros.simulation.step.outlets import Outlets
+from lava_ros.simulation.step.timestep import (
+    choice_function,
+    DIRECTORS,
+    pace_type,
+    StageChoice,
+)
 
 #: Threads per block and minimum number of blocks per GPU processor, by whether there are few
 #: particles, alone or in a batch. The first block's work needs more registers than the rest; with
 #: many particles it keeps some values in local memory, which delays nothing else.
 BOUNDS = {True: FEW_THREADS, False: (DIRECTORS, 6)}
-
-
-class StageChoice(NamedTuple):
-    """Choice of the stage of a motion.
-
-    Attributes:
-        pace: Arguments of the choice of a stage (timestep.py).
-        outlets: The tables of the vents.
-        function: Device function for the first block of the motion's threads; None if other
-            launches choose and emit.
-        bounds: The ``bounds`` of ``quick_kernel``; None without the function.
-    """
-
-    pace: Any
-    outlets: Any
-    function: Any = None
-    bounds: tuple[int, int] | None = None
-
-    @property
-    def threads(self) -> int:
-        """Number of threads before those of the particles."""
-        return 0 if self.function is None else DIRECTORS
 
 
 @lru_cache
@@ -90,14 +69,16 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     return is_worth_it and not state.has_velocity
 
 
-def choice_within_motion(state: State, pace: Any, vents: VentSet) -> StageChoice:
-    """Let a motion choose its stage and, if it assigns particles to cells, emit."""
-    emission = vents.emission_on(state) if state.bins_in_motion else None
+def choice_within_motion(state: State, pace: Any, outlets: Any, emission: Any) -> StageChoice:
+    """Let a motion choose its stage, and emit by an ``emission_function`` unless it is None."""
+    choose = choice_function(
+        state.real, state.is_staged, state.has_velocity, state.effects.any('freezes')
+    )
     # one number for any vents: each different one would be another kernel
-    threads = emitters(state, DIRECTORS)
-    function = _function(state.real, choice_of(state), emission, threads)
+    threads = state.emitting_threads(DIRECTORS)
+    function = _function(state.real, choose, emission, threads)
     has_long_sums = state.is_short or state.lanes < state.parts
-    return StageChoice(pace, vents.outlets, function, BOUNDS[has_long_sums])
+    return StageChoice(pace, outlets, function, BOUNDS[has_long_sums])
 
 
 def choose_before_motion(state: State, choice: StageChoice, way: Any) -> StageChoice:

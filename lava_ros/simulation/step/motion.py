@@ -18,15 +18,14 @@ from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import note_function
-from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.neighbors import bin_function, NeighborGrid
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.cells import bin_function
+from lava_ros.simulation.particles.layout import arguments_type
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
-from lava_ros.simulation.step.emission import Outlets
-from lava_ros.simulation.step.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.step.heat import temperature_function
-from lava_ros.simulation.step.timestep import pace_type
+from lava_ros.simulation.step.outlets import Outlets
+from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
 
 #: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
 _MAX_DISPLACEMENT_GROWTH = 2.0
@@ -90,8 +89,8 @@ def motion_function(
     # differences and lateral stress push lava up slopes that its own surface slope does not
     guarded = _guard_function(real, has_surface or effects.any('is_lateral'))
     place = bin_function(real, False)
-    load, store = compiled.load4(real), compiled.store4(real)
-    load_pair, store_pair = compiled.load2(real), compiled.store2(real)
+    load, store = compiled.access(real, 4)
+    load_pair, store_pair = compiled.access(real, 2)
     gradient_at, _, height_at, *_ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -203,7 +202,7 @@ def motion_of(state: State) -> Any:
 @lru_cache
 def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int] | None) -> Any:
     vec3 = wp.types.vector(3, real)
-    load = compiled.load4(real)
+    load, _ = compiled.access(real, 4)
 
     @quick_kernel(bounds=bounds)
     def move(
@@ -225,13 +224,15 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
     return move
 
 
-def move_particles(state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice) -> None:
-    """Move the ordered particles over the stage by the velocity in ``state.flow``."""
+def move_particles(state: State, way: Any, choice: StageChoice, motion: Any) -> None:
+    """Move the ordered particles over the stage by the velocity in ``state.flow``.
+
+    ``motion`` is that of ``motion_of``.
+    """
     launch_over(
         state,
-        _kernel(state.real, motion_of(state), choice.function, choice.bounds),
+        _kernel(state.real, motion, choice.function, choice.bounds),
         [state.flow, choice.pace, choice.outlets, way],
         least=MIN_MOVES,
         ahead=choice.threads,
     )
-    neighbors.is_binned = state.bins_in_motion

@@ -5,23 +5,27 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
+import math
 from typing import Any
 
 from lava_ros.effects.laws import heat_of, law_of
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.particles.motion_arguments import flow_constants
+from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.particles.kernels import smoothing_kernel
+from lava_ros.simulation.particles.layout import flow_constants_of, THICKEST
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step import motion, timestep
 from lava_ros.simulation.step.effects import device_parts
-from lava_ros.simulation.step.flow import compute_flow, flow_kernels, publish_velocity
+from lava_ros.simulation.step.emission import emission_function, emit
+from lava_ros.simulation.step.flow import flow_kernels, publish_velocity
 from lava_ros.simulation.step.fused_stage import (
     choice_within_motion,
     choose_before_motion,
     is_within_the_motion,
-    StageChoice,
 )
+from lava_ros.simulation.step.timestep import StageChoice
 from lava_ros.simulation.step.vents import VentSet
 
 
@@ -46,7 +50,7 @@ class Stage:
         self._after_step = after_step
         self._radius = accuracy.ratio * accuracy.spacing
         self._pace: tuple[Scene, VentSet, Any] | None = None
-        self.constants = flow_constants(scene, accuracy, self._radius, state.real)
+        self.constants = _flow_constants(scene, accuracy, self._radius, state.real)
         neighbors.set_constants(
             law=law_of(scene.lava, state.real),
             heat=heat_of(scene, state.effects, state.real),
@@ -54,7 +58,7 @@ class Stage:
         )
         gradient = accuracy.gradient if state.has_surface else 'energy'
         self._flow_kernels = partial(
-            flow_kernels, state.real, accuracy.kernel, accuracy.ratio, gradient, state.effects
+            flow_kernels, state.real, accuracy.kernel, gradient, state.effects
         )
         self._is_published = accuracy.formulation == 'as-published'
         parts = {
@@ -84,40 +88,56 @@ class Stage:
             look()
         if not self._moves_at_once:
             # before the choice of the step, which depends on the speed
-            self._complete_velocity()
-        pace, way = self._pace_of(scene, vents), self._arguments()
-        choice = choice_within_motion(state, pace, vents)
+            self.finish_flow()
+        pace, way, outlets = self._pace_of(scene, vents), self._arguments(), vents.outlets
+        emission = emission_function(
+            state.real, vents.is_symmetric, state.has_velocity, state.has_age,
+            state.bins_in_motion,
+        )
+        emits_in_motion = emission if state.bins_in_motion else None
+        choice = choice_within_motion(state, pace, outlets, emits_in_motion)
         if not is_within_the_motion(state, sums_up=self._moves_at_once):
             choice = choose_before_motion(state, choice, way)
         self._move(way, choice)
         if not state.bins_in_motion:
-            vents.emit(state, way)
+            emit(state, emission, outlets, way)
 
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
         """Return the (cached) arguments for the choice of a stage."""
         if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
-            longest = timestep.longest_step(
-                scene, self._accuracy, self._effects, vents, self.constants.reach
+            accuracy, state = self._accuracy, self._state
+            assert accuracy.thickness is not None
+            pace = timestep.pace_type(state.real)()
+            pace.longest = timestep.longest_step(
+                scene, accuracy, self._effects, vents.longest_step(accuracy.thickness),
+                self.constants.reach,
             )
-            pace = timestep.pace_of(self._state, longest, self._accuracy, vents.due)
+            pace.fixed = accuracy.fixed_step or 0.0
+            pace.few = int(timestep.FEW * accuracy.refinement)
+            pace.due = vents.due
+            for name in ('rates', 'clock', 'limit_time', 'counts', 'stage', 'cold', 'chosen'):
+                if hasattr(state, name):
+                    setattr(pace, name, getattr(state, name))
             self._pace = scene, vents, pace
         return self._pace[2]
 
     def compute_flow(self, *, fills_flow: bool = True) -> None:
-        """Compute thickness and local velocity of the ordered particles."""
-        state = self._state
-        kernels = self._flow_kernels(
+        """Compute thickness and local velocity of the ordered particles, and raise the rates.
+
+        The result is stored in ``state.flow``, if ``fills_flow``, and as input to the lateral
+        stress in ``state.source`` and ``state.area``.
+        """
+        state, way = self._state, self._arguments()
+        elevate, flow = self._flow_kernels(
             state.lanes, state.parts, state.is_short, state.is_wide,
             not self._is_published,
         )
-        compute_flow(state, self._arguments(), kernels, fills_flow=fills_flow)
+        if state.has_surface:
+            launch_over(state, elevate, [way], lanes=state.lanes)
+        launch_over(state, flow, [way, fills_flow], lanes=state.lanes)
 
-    def compute_velocity(self) -> None:
-        """Compute thickness and velocity of the ordered particles."""
-        self.compute_flow()
-        self._complete_velocity()
 
-    def _complete_velocity(self) -> None:
+    def finish_flow(self) -> None:
         """Let effects replace the local velocities: by lateral stress or momentum."""
         if self._is_published:
             publish_velocity(self._state, self._arguments(), self._viscosity)
@@ -127,11 +147,29 @@ class Stage:
 
     def _move(self, way: Any, choice: StageChoice) -> None:
         """Move the particles, and end the step."""
+        state = self._state
         for accelerate in self._accelerations:
-            accelerate(self._state, way, self._accuracy)
-        self._motion(self._state, self._neighbors, way, choice)
+            accelerate(state, way, self._accuracy)
+        self._motion(state, way, choice, motion.motion_of(state))
+        self._neighbors.is_binned = state.bins_in_motion
         for effect in self._after_step.values():
             effect.apply(self._state, way)
 
     def _arguments(self) -> Any:
         return self._neighbors.motion_arguments(self._state)
+
+
+def _flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> Any:
+    """Return the constants for a scene, its accuracy and the kernel radius [m]."""
+    kernel = smoothing_kernel(accuracy.kernel, real)
+    constants = flow_constants_of(real)()
+    constants.radius = radius
+    constants.weight = scene.lava.density * scene.gravity
+    constants.reach = accuracy.courant_number * min(radius, scene.terrain.resolution)
+    constants.stiffness = kernel.stiffness / (accuracy.diffusion_number * radius**2)
+    constants.share = 1.0 / accuracy.diffusion_number
+    constants.gravity = scene.gravity
+    constants.thickest = math.inf
+    if accuracy.thickness is not None:
+        constants.thickest = THICKEST * accuracy.thickness
+    return constants

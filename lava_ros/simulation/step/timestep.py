@@ -11,23 +11,26 @@ kernels is one stage, so the host needs neither.
 """
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.particles import state as at
-from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.backend.compiled import FEW_THREADS
+from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.step.effects import device_parts
-from lava_ros.simulation.step.vents import VentSet
 
 #: Limits of a step, indexed by ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
 
+#: Threads of the first block of a motion, which may choose its stage (fused_stage.py).
+DIRECTORS = FEW_THREADS[0]
+
 #: Maximum number of stages of a step: more would lose digits, not save steps.
 MAX_STAGES = 64
+
 
 @wp.func
 def _b(j: int) -> wp.float64:
@@ -87,6 +90,27 @@ def pace_type(real: Any) -> Any:
         chosen: wp.array(dtype=wp.int32)
 
     return Pace
+
+
+class StageChoice(NamedTuple):
+    """Choice of the stage of a motion.
+
+    Attributes:
+        pace: Arguments of the choice of a stage (timestep.py).
+        outlets: The tables of the vents.
+        function: Device function for that block; None if other launches choose and emit.
+        bounds: The ``bounds`` of ``quick_kernel``; None without the function.
+    """
+
+    pace: Any
+    outlets: Any
+    function: Any = None
+    bounds: tuple[int, int] | None = None
+
+    @property
+    def threads(self) -> int:
+        """Number of threads before those of the particles."""
+        return 0 if self.function is None else DIRECTORS
 
 
 @lru_cache
@@ -193,37 +217,16 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
     return choose
 
 
-def choice_of(state: State) -> Any:
-    """Return the device function of ``choice_function`` for the particles of a state."""
-    return choice_function(
-        state.real, state.is_staged, state.has_velocity, state.effects.any('freezes')
-    )
-
-
 def longest_step(
-    scene: Scene, accuracy: Accuracy, effects: Effects, vents: VentSet, reach: float
+    scene: Scene, accuracy: Accuracy, effects: Effects, emission: float, reach: float
 ) -> float:
     """Return the longest step [s] that the user, the vents and the effects allow.
 
-    ``reach`` is the maximum displacement in a step [m].
+    ``emission`` is the longest step by the discharge of the vents [s] (``VentSet.longest_step``),
+    and ``reach`` the maximum displacement in a step [m].
     """
     assert accuracy.thickness is not None
-    longest = min(accuracy.longest_step, vents.longest_step(accuracy.thickness))
+    longest = min(accuracy.longest_step, emission)
     limits = device_parts(effects, 'step_limit').values()
     steps: list[float] = [limit(scene, accuracy, reach) for limit in limits]
     return min([longest, *steps])
-
-
-def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
-    """Build the arguments for the choice of a stage.
-
-    ``longest`` is the longest step [s], ``due`` that of a ``VentSet``.
-    """
-    pace = pace_type(state.real)()
-    pace.longest, pace.fixed = longest, accuracy.fixed_step or 0.0
-    pace.few = int(FEW * accuracy.refinement)
-    pace.due = due
-    for name in ('rates', 'clock', 'limit_time', 'counts', 'stage', 'cold', 'chosen'):
-        if hasattr(state, name):
-            setattr(pace, name, getattr(state, name))
-    return pace

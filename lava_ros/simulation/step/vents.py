@@ -3,7 +3,7 @@
 
 """Vents, which emit particles of constant volume by the integral of their discharge."""
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from itertools import count, pairwise
 import math
@@ -16,16 +16,13 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain, Vent
 from lava_ros.scene.vents import distances, extents
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.streams import read
-from lava_ros.simulation.output.checkpoint import fitting
-from lava_ros.simulation.particles.state import centre_of, State
-from lava_ros.simulation.step.emission import (
+from lava_ros.simulation.backend.memory import read
+from lava_ros.simulation.particles.layout import centre_of, fitting
+from lava_ros.simulation.step.outlets import (
     DISC_GROUP,
-    emission_function,
-    emission_kernel,
-    emitters,
     FISSURE_GROUP,
     foresee_kernel,
+    Outlet,
     Outlets,
     places_kernel,
 )
@@ -123,6 +120,7 @@ class VentSet:
             float64, shape [vents, 2].
         released: Number of emitted particles of each vent, shape [vents], at least one.
         outlets: Tables of the vents for kernels.
+        counted: Indices of the vents whose ground ``Solver.raise_top`` has counted.
         is_symmetric: True if particles are emitted in groups with the vent's symmetries.
     """
 
@@ -152,6 +150,7 @@ class VentSet:
         assert spacing is not None
         self.vents = vents
         self.since = since
+        self.counted: set[int] = set()
         # read at each advance, so computed once
         self._opening = [vent.next_opening(since) for vent in self.vents]
         self._particle_volume = particle_volume
@@ -160,40 +159,40 @@ class VentSet:
         self._before = self._with_places(before, terrain, spacing)
         conduits = before.volume - before.released * particle_volume
         self._is_filled = conduits > _ROUNDING * particle_volume
-        shape = np.zeros((len(self.vents), 11))
+        table: np.ndarray = np.zeros(len(self.vents), dtype=Outlet.numpy_dtype())
         self._centre = centre_of(terrain)
         starts, times, fluxes, volumes = [0], [], [], []
-        for row, vent, emitted in zip(shape, vents, before.volume.tolist(), strict=True):
+        for row, vent, emitted in zip(table, vents, before.volume.tolist(), strict=True):
             end = vent.position if vent.end is None else vent.end
-            row[0:2] = vent.position - self._centre
-            row[2:4] = end - self._centre
-            row[4] = max(vent.radius, spacing)
-            row[5] = vent.temperature
-            row[6] = math.dist(vent.position, end)
-            row[7:9] = vent.velocity
+            row['start'], row['end'] = vent.position - self._centre, end - self._centre
+            row['radius'] = max(vent.radius, spacing)
+            row['length'] = math.dist(vent.position, end)
+            row['temperature'], row['velocity'] = vent.temperature, vent.velocity
             begins = [max(time, since) for time, _ in vent.series]
             times += begins
             fluxes += [flux for _, flux in vent.series]
             volumes += [emitted + volume for volume in vent.volumes_at(begins, since=since)]
             starts.append(len(times))
-        shape[:, 9], shape[:, 10] = self._before.phase, self._before.downhill
-        self._areas = [math.pi * row[4] ** 2 + 2.0 * row[4] * row[6] for row in shape]
+        table['phase'], table['downhill'] = self._before.phase, self._before.downhill
+        radii, lengths = table['radius'], table['length']
+        self._areas = (math.pi * radii**2 + 2.0 * radii * lengths).tolist()
         self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
         self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
         self.outlets = Outlets()
         self.outlets.starts = wp.array(starts, dtype=wp.int32, device=device)
-        # one copy, with an extra item: Warp has no empty slice at the end of an array
-        rows = [shape.ravel(), times, fluxes, volumes]
-        table = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
+        # with an extra item: Warp has no empty slice at the end of an array
+        rows = [times, fluxes, volumes]
+        series = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
         ends = np.cumsum([0, *map(len, rows)]).tolist()
-        parts = [table[first:end] for first, end in pairwise(ends)]
-        self.outlets.shape = parts[0].reshape(shape.shape)
-        self.outlets.times, self.outlets.fluxes, self.outlets.volumes = parts[1:]
+        self.outlets.times, self.outlets.fluxes, self.outlets.volumes = (
+            series[first:end] for first, end in pairwise(ends)
+        )
+        self.outlets.vents = wp.array(table, dtype=Outlet, device=device)
         self.outlets.particle_volume = particle_volume
         share = _MAX_PARTICLES_PER_STEP // max(len(self.vents), 1)
         self.outlets.most = max(share, _MIN_PARTICLE_LIMIT)
         self.outlets.released, self.outlets.due = self.released, self.due
-        self._restrict(terrain, shape[:, 4], spacing if thickness is None else thickness)
+        self._restrict(terrain, radii, spacing if thickness is None else thickness)
         if self.vents:
             self.released.assign(before.released)
             wp.launch(
@@ -252,19 +251,6 @@ class VentSet:
         )
         return read(places) + self._centre
 
-    def emission_on(self, state: State) -> Any:
-        """Return the ``emission_function`` for the particles of a state."""
-        return emission_function(
-            state.real, self.is_symmetric, state.has_velocity, state.has_age, state.bins_in_motion
-        )
-
-    def emit(self, state: State, way: Any) -> None:
-        """Append the particles that are due at the time of a state."""
-        if self.vents:
-            threads = emitters(state, len(self.vents))
-            kernel = emission_kernel(state.real, self.emission_on(state))
-            state.launches(kernel, [threads, self.outlets, way], dim=threads)
-
     def emission(self, time: float) -> Emission:
         """Return the emission up to a time [s]; no step may be running."""
         given = [vent.volume_between(self.since, time) for vent in self.vents]
@@ -272,9 +258,11 @@ class VentSet:
         return replace(self._before, volume=self._before.volume + given, released=released)
 
     def save(self) -> dict[str, np.ndarray]:
-        """Copy the arrays of ``Emission`` for a checkpoint at ``since``."""
+        """Copy the arrays of ``Emission``, and ``counted``, for a checkpoint at ``since``."""
+        counted = np.zeros(len(self.vents), dtype=np.int32)
+        counted[list(self.counted)] = 1
         released = read(self.released)[: len(self.vents)]
-        return asdict(self._before) | {'released': released}
+        return asdict(self._before) | {'released': released, 'counted': counted}
 
     def parting(self, number: int, waiting: float) -> list[tuple[float, float, float, float]]:
         """Return the particles that empty the conduit of a vent.
@@ -301,16 +289,16 @@ class VentSet:
             places = self.places(number, int(read(self.released)[number]), count)
         return [(x, y, waiting / count, vent.temperature) for x, y in places.tolist()]
 
-    def giving(self, until: float, *, others_than: Container[int]) -> list[int]:
+    def giving(self, until: float) -> set[int]:
         """Return the indices of vents with lava in their conduits, or that emit by ``until`` [s].
 
-        Vents with indices in ``others_than`` are excluded.
+        Vents that are ``counted`` are excluded.
         """
-        return [
+        return {
             number
             for number, time in enumerate(self._opening)
-            if number not in others_than and (self._is_filled[number] or time < until)
-        ]
+            if number not in self.counted and (self._is_filled[number] or time < until)
+        }
 
     def emitted(self, time: float) -> float:
         """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""

@@ -16,10 +16,9 @@ import warp as wp
 from lava_ros.simulation import Simulation
 from lava_ros.simulation import solver as solver_module
 from lava_ros.simulation.backend import graph as launches_module
-from lava_ros.simulation.backend import programmatic_launch
+from lava_ros.simulation.backend import graph as programmatic_launch
 from lava_ros.simulation.backend.compiled import quick_kernel
-from lava_ros.simulation.backend.graph import Launches, MOST
-from lava_ros.simulation.backend.programmatic_launch import overlap
+from lava_ros.simulation.backend.graph import Launches, MOST, overlap
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
 #: The set of effects that uses the most kernels.

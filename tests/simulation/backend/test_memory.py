@@ -8,10 +8,11 @@ from contextlib import contextmanager
 import pytest
 import warp as wp
 
+from lava_ros.effects import Effects
 from lava_ros.live.session import failure_text
 from lava_ros.scene import Lava, Vent
-from lava_ros.simulation.particles.state import SPARE
-from solver import incline, only, simulated
+from lava_ros.simulation.particles.layout import SPARE
+from solver import incline, simulated
 
 #: More particles than fit on any GPU: each of ten arrays would take up to 34 GB.
 TOO_MANY = 2**31 - 1 - SPARE
@@ -21,8 +22,8 @@ NO_ROOM = f'room for {TOO_MANY} particles: Failed to allocate'
 
 def flow(device):
     ground, vent = incline(0.2, 30, 40, 10.0, top=500.0), Vent((60.0, 155.0), 20.0)
-    knobs = {'spacing': 5.0, 'deterministic': True}
-    simulation = simulated(ground, Lava(), vent, effects=only('inertia'), device=device, **knobs)
+    knobs = {'effects': Effects(inertia=True), 'spacing': 5.0, 'deterministic': True}
+    simulation = simulated(ground, Lava(), vent, device=device, **knobs)
     simulation.advance(60.0)
     return simulation
 

@@ -10,9 +10,9 @@ import warp as wp
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.simd import WIDTH
-from lava_ros.simulation.particles.cells import cell_frame, sums_function, wide_sums_function
+from lava_ros.simulation.particles.cells import sums_function, wide_sums_function
 from lava_ros.simulation.particles.kernels import k0_within, smoothing_kernel
-from lava_ros.simulation.particles.state import SPARE
+from lava_ros.simulation.particles.layout import cell_frame, SPARE
 from lava_ros.simulation.step.effects import green as green
 from lava_ros.simulation.step.effects import helmholtz as helmholtz
 

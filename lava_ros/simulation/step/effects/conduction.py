@@ -33,11 +33,11 @@ from lava_ros.effects import Effects
 from lava_ros.effects.laws import heat_type
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.state import IS_LAST, PARTICLES, State, STEP
+from lava_ros.simulation.particles.layout import arguments_type, IS_LAST, PARTICLES, STEP
+from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
 #: Maximum exchange rate of a particle, over kappa / l^2, for the number of sweeps: an even layer
@@ -53,12 +53,12 @@ MAX_SWEEPS = 64
 
 @lru_cache
 def _kernels(
-    real: Any, kernel_name: str, ratio: float, effects: Effects, threads: int
+    real: Any, kernel_name: str, effects: Effects, threads: int
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
-    slope = smoothing_kernel(kernel_name, real, ratio).slope
+    slope = smoothing_kernel(kernel_name, real).slope
     _, _, cells_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, _ = access(real, 4)
     warmed = effects.function('warmed', wp, real, heat_type(real))
 
     @quick_kernel
@@ -146,10 +146,8 @@ class AfterStep:
         lava = scene.lava
         square = (accuracy.ratio * accuracy.spacing) ** 2
         diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
-        self._kernels = partial(
-            _kernels, state.real, accuracy.kernel, accuracy.ratio, state.effects
-        )
-        norm = smoothing_kernel(accuracy.kernel, state.real, accuracy.ratio).norm
+        self._kernels = partial(_kernels, state.real, accuracy.kernel, state.effects)
+        norm = smoothing_kernel(accuracy.kernel, state.real).norm
         # factor of V_j slope / (h_i + h_j) in the exchange rate with j
         self._factor = -4.0 * norm * diffusivity / (square * square)
         longest = accuracy.fixed_step or accuracy.longest_step

@@ -28,17 +28,16 @@ import warp as wp
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
+    access,
     load1,
-    load4,
     past_the_cache,
     quick_kernel,
     sum_over,
-    unseen_one,
     wait_for,
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, MIN_SUMS
-from lava_ros.simulation.particles.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
+from lava_ros.simulation.particles.cells import cell_functions, sum_neighbors
 from lava_ros.simulation.particles.kernels import (
     bessel,
     k0_within,
@@ -46,19 +45,15 @@ from lava_ros.simulation.particles.kernels import (
     SQUARED_SUPPORT,
     WIDE_K0,
 )
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.neighbors import NeighborGrid
-from lava_ros.simulation.particles.state import PARTICLES, State
-from lava_ros.simulation.step.emission import Outlets
-from lava_ros.simulation.step.flow import fall_function
-from lava_ros.simulation.step.fused_stage import DIRECTORS, StageChoice
-from lava_ros.simulation.step.motion import motion_of
-from lava_ros.simulation.step.timestep import pace_type
+from lava_ros.simulation.particles.layout import arguments_type, cell_frame, PARTICLES
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import fall_function
+from lava_ros.simulation.step.outlets import Outlets
+from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
 
 #: The squared distance within which K0 is constant, over the area of a particle's own disc: the
 #: value there is the mean of ln r over the disc. As K0 is convex in ln r, its mean is no less, and
-#: a
-#: neighbour, however near, counts no more than the particle itself: two push each other apart.
+#: a neighbour, however near, counts no more than the particle itself: two push each other apart.
 _NEAR = math.exp(-1.0) / math.pi
 
 #: Minimum number of particles per part on the CPU: K0 takes as long as three other kernels.
@@ -66,25 +61,25 @@ _MIN_PARTICLES_PER_PART = MIN_SUMS // 2
 
 
 @lru_cache
-def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
+def _sums_function(real: Any, parts: int, is_short: bool, lanes: int | None = None) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
-    Its first argument is the index of a part, as for ``cells.sums_function``. Distances are in
-    the units of ``K0Within``, ``least`` is the minimum square of one, ``powers`` the values that
-    K0 needs of k.
+    The sums are those of ``sum_neighbors``. Distances are in the units of ``K0Within``, ``least``
+    is the minimum square of one, ``powers`` the values that K0 needs of k.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    range_in = cell_functions(real).range_in
-    load, load_number = load4(real), load1(real)
+    (load, _), load_number = access(real, 4), load1(real)
     within = k0_within(real)
     k0, k0_powers = within.at, within.powers
-    at_once = NEIGHBORS_AT_ONCE[is_short]
 
     @wp.func
     def added(
-        sums: vec3, p: vec4, other: vec4, size: real, powers: k0_powers, least: real, counts: bool
+        sums: vec3, j: int, counts: bool, source: wp.array(dtype=vec4), area: wp.array(dtype=real),
+        p: vec4, powers: k0_powers, least: real,
     ) -> vec3:
+        other = load(source, j)
+        size = load_number(area, j)
         dx = p[0] - other[0]
         dy = p[1] - other[1]
         square = dx * dx + dy * dy
@@ -93,37 +88,7 @@ def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
             weight = real(0.0)
         return sums + weight * vec3(size, other[2], other[3])
 
-    @wp.func
-    def sums_around(
-        part: int,
-        source: wp.array(dtype=vec4),
-        area: wp.array(dtype=real),
-        cells: cell_frame(real),
-        box: wp.vec4i,
-        p: vec4,
-        powers: k0_powers,
-        least: real,
-    ) -> vec3:
-        sums = vec3()
-        near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
-        for r in range(box[0] + part, box[1], parts):
-            following = near
-            if wp.static(is_short):
-                following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
-            else:
-                near = range_in(cells, r, box)
-            j = near[0]
-            while j < near[1]:
-                for n in range(at_once):
-                    other = load(source, j + n)
-                    size = load_number(area, j + n)
-                    # items after the last belong to the next row, or are past the end
-                    sums = added(sums, p, other, size, powers, least, j + n < near[1])
-                j += at_once * unseen_one()
-            near = following
-        return sums
-
-    return sums_around
+    return sum_neighbors(real, added, lanes or parts, parts, is_short)
 
 
 @lru_cache
@@ -176,7 +141,9 @@ def _velocity_function(
     within = k0_within(real)
     powers_of, k0 = within.powers_of, within.at
     sum_up = sum_over(real, lanes)
-    sums_around = _wide_sums_function() if is_wide else _sums_function(real, parts, is_short)
+    sums_around = (
+        _wide_sums_function() if is_wide else _sums_function(real, parts, is_short, lanes)
+    )
 
     @wp.func
     def velocity_of(lane: int, here: vec4, p: vec4, own: real, m: arguments_type(real)) -> vec3:
@@ -190,11 +157,6 @@ def _velocity_function(
         least = wp.max(own * real(_NEAR) * unit * unit, real(MIN_SQUARED_DISTANCE))
         box = cells_around(m.cells, here[0], here[1], support)
         sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, least)
-        if wp.static(parts > lanes):
-            # in the order in which threads would add their sums
-            odd = sums_around(1, m.source, m.area, m.cells, box, p, powers, least)
-            sums += sums_around(2, m.source, m.area, m.cells, box, p, powers, least)
-            sums += odd + sums_around(3, m.source, m.area, m.cells, box, p, powers, least)
         total = sum_up(sums[0])
         x = sum_up(sums[1])
         y = sum_up(sums[2])
@@ -215,7 +177,7 @@ def _velocity_function(
 def _velocity_kernel(real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    load, load_number = load4(real), load1(real)
+    (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
     fallen = fall_function(real)
 
@@ -246,7 +208,7 @@ def _motion_kernel(
 ) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    load, load_number = load4(real), load1(real)
+    (load, _), load_number = access(real, 4), load1(real)
     velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
     fallen = fall_function(real)
 
@@ -277,15 +239,14 @@ def _motion_kernel(
     return green_motion
 
 
-def move_particles(
-    state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice
-) -> None:
+def move_particles(state: State, way: Any, choice: StageChoice, motion: Any) -> None:
     """Move the ordered particles over the stage by the Green's function's velocity.
 
     ``source`` and ``area`` of the state must be filled; ``choice`` runs at the same time.
+    ``motion`` is that of ``motion_of`` (motion.py).
     """
     kernel = _motion_kernel(
-        state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion_of(state),
+        state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion,
         choice.function, choice.bounds,
     )
     arguments = [choice.pace, choice.outlets, way]
@@ -293,7 +254,6 @@ def move_particles(
         state, kernel, arguments, least=_MIN_PARTICLES_PER_PART, lanes=state.lanes,
         ahead=choice.threads,
     )
-    neighbors.is_binned = state.bins_in_motion
 
 
 def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:

@@ -28,22 +28,25 @@ import warp as wp
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
+    access,
     FEW_THREADS,
-    load2,
-    load4,
     quick_kernel,
     raise_to,
-    store4,
     sum_over,
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
-from lava_ros.simulation.particles.cells import cell_frame, cell_functions
+from lava_ros.simulation.particles.cells import cell_functions, sum_neighbors
 from lava_ros.simulation.particles.kernels import smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type, THICKEST
-from lava_ros.simulation.particles.state import ADVECTION, PARTICLES, State
-from lava_ros.simulation.particles.terrain import terrain_functions
-from lava_ros.simulation.step.flow import fall_function
+from lava_ros.simulation.particles.layout import (
+    ADVECTION,
+    arguments_type,
+    cell_frame,
+    PARTICLES,
+    THICKEST,
+)
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
@@ -57,47 +60,35 @@ LARGEST_EIGENVALUE = 2.0
 
 
 @lru_cache
-def _sums_function(real: Any, kernel: SmoothingKernel, parts: int) -> Any:
+def _sums_function(
+    real: Any, kernel: SmoothingKernel, parts: int, lanes: int | None = None
+) -> Any:
     """Return the device function of the neighbour sums of A_j h_ij F_ij and of its pull.
 
-    Its first argument is the index of a part, as for ``cells.sums_function``. F is without
-    ``norm``, ``factor`` and l^4; the pull is the sum weighted by u_j - u_i. The particle is its
-    own neighbour.
+    The sums are those of ``sum_neighbors``. F is without ``norm``, ``factor`` and l^4; the pull is
+    the sum weighted by u_j - u_i. The particle is its own neighbour.
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     terms = kernel.terms
-    _, _, _, range_in = cell_functions(real)
-    load, load_pair = load4(real), load2(real)
+    (load, _), (load_pair, _) = access(real, 4), access(real, 2)
 
     @wp.func
-    def sums_around(
-        part: int,
-        layer: wp.array(dtype=vec4),
-        solution: wp.array(dtype=vec2),
-        cells: cell_frame(real),
-        box: wp.vec4i,
-        p: vec4,
-        u: vec2,
-        inverse: real,
+    def added(
+        sums: vec3, j: int, layer: wp.array(dtype=vec4), solution: wp.array(dtype=vec2), p: vec4,
+        u: vec2, inverse: real,
     ) -> vec3:
-        diagonal = real(0.0)
-        pull = vec2()
-        for r in range(box[0] + part, box[1], parts):
-            near = range_in(cells, r, box)
-            for j in range(near[0], near[1]):
-                other = load(layer, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                # A_j h_ij with h_ij = (h_i + h_j) / 2, twice
-                amount = other[2] * (p[3] + other[3])
-                weight = terms(amount, wp.sqrt(dx * dx + dy * dy), inverse)[1]
-                diagonal += weight
-                pull += weight * (load_pair(solution, j) - u)
-        return vec3(diagonal, pull.x, pull.y)
+        other = load(layer, j)
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        # A_j h_ij with h_ij = (h_i + h_j) / 2, twice
+        amount = other[2] * (p[3] + other[3])
+        weight = terms(amount, wp.sqrt(dx * dx + dy * dy), inverse)[1]
+        pull = weight * (load_pair(solution, j) - u)
+        return sums + vec3(weight, pull.x, pull.y)
 
-    return sums_around
+    return sum_neighbors(real, added, lanes or parts, parts)
 
 
 @lru_cache
@@ -139,7 +130,6 @@ def _wide_sums_function(wide_terms: str) -> Any:
 def _kernels(
     real: Any,
     kernel_name: str,
-    ratio: float,
     lanes: int,
     parts: int,
     is_wide: bool,
@@ -148,14 +138,14 @@ def _kernels(
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    kernel = smoothing_kernel(kernel_name, real, ratio)
+    kernel = smoothing_kernel(kernel_name, real)
     factor = -kernel.norm * kernel.factors[1]
     terms = kernel.terms
     cells_around = cell_functions(real).cells_around
-    load, store, total = load4(real), store4(real), sum_over(real, lanes)
+    (load, store), total = access(real, 4), sum_over(real, lanes)
     fallen = fall_function(real)
     gradient_at, raised = terrain_functions(real).gradient_at, raise_to(real)
-    sums_around = _sums_function(real, kernel, parts)
+    sums_around = _sums_function(real, kernel, parts, lanes)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
 
@@ -192,11 +182,6 @@ def _kernels(
         inverse = real(1.0) / m.constants.radius
         box = cells_around(m.cells, p[0], p[1], m.constants.radius)
         sums = sums_around(lane, m.layer, solution, m.cells, box, p, u, inverse)
-        if wp.static(parts > lanes):
-            # in the order in which threads would add their sums
-            odd = sums_around(1, m.layer, solution, m.cells, box, p, u, inverse)
-            sums += sums_around(2, m.layer, solution, m.cells, box, p, u, inverse)
-            sums += odd + sums_around(3, m.layer, solution, m.cells, box, p, u, inverse)
         diagonal = total(sums[0])
         pull = vec2(total(sums[1]), total(sums[2]))
         if lane > 0:
@@ -254,7 +239,7 @@ def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     start, sweep, finish = _kernels(
-        state.real, accuracy.kernel, accuracy.ratio, state.lanes, state.parts, state.is_wide,
+        state.real, accuracy.kernel, state.lanes, state.parts, state.is_wide,
         state.effects.function('factor', state.real),
     )
     launch_over(state, start, [way], least=MIN_MOVES)

@@ -43,20 +43,20 @@ from lava_ros.effects import Effects
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
+from lava_ros.simulation.backend.compiled import access, quick_kernel, raise_to
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.motion_arguments import arguments_type, law_arguments_function
-from lava_ros.simulation.particles.state import (
+from lava_ros.simulation.particles.layout import (
     ADVECTION,
+    arguments_type,
     CURRENT,
     DIFFUSION,
     FORMER_STEP,
     PARTICLES,
-    State,
     STEP,
 )
+from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
 
 #: Wave speed of the dissipation over the speed of approach, limited by c.
@@ -67,6 +67,28 @@ _CHANGE, _ITERATIONS = 1e-6, 40
 
 #: The excess of a kernel's sum (``kernels.py``) is proportional to this power of V / (h l^2).
 _EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
+
+
+@lru_cache
+def _column_function(real: Any, effects: Effects) -> Any:
+    """Return the device function for temperature [K] and age [s], which laws of flow depend on.
+
+    The temperature is the mean around a particle, once ``mean_temperature`` has been computed.
+    """
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def law_arguments(i: int, p: vec4, m: arguments_type(real)) -> vec2:
+        temperature = p[3]
+        if wp.static(effects.any('stiffens')):
+            temperature = m.ordered_mean_temperature[i]
+        age = real(0.0)
+        if wp.static(effects.any('needs_age')):
+            age = m.ordered_age[i]
+        return vec2(temperature, age)
+
+    return law_arguments
 
 
 @lru_cache
@@ -116,17 +138,17 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tuple[Any, ...]:
+def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    kernel = smoothing_kernel(kernel_name, real, ratio)
+    kernel = smoothing_kernel(kernel_name, real)
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
     gradient_at, bend_at, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
-    load = load4(real)
-    law_arguments = law_arguments_function(real, effects)
+    load, _ = access(real, 4)
+    law_arguments = _column_function(real, effects)
     viscosity = viscosity_function(wp, real, law_type(real), effects)
     is_newtonian = speed_function(wp, real, law_type(real), effects) is None
     slowed = _drag_function(real, effects)
@@ -260,13 +282,13 @@ def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
 
     It stores the accelerations in ``state.kick`` and raises ``state.rates``.
     """
-    kernel = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)[0]
+    kernel = _kernels(state.real, accuracy.kernel, state.effects)[0]
     # 2 at the limit of stability
     launch_over(state, kernel, [way, accuracy.diffusion_number], least=MIN_MOVES)
 
 
 def accelerate(state: State, way: Any, accuracy: Accuracy) -> None:
     """Advance the velocities to the middle of the chosen step."""
-    _, kick, adopt = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
+    _, kick, adopt = _kernels(state.real, accuracy.kernel, state.effects)
     launch_over(state, kick, [way])
     launch_over(state, adopt, [way], least=MIN_MOVES)

@@ -22,11 +22,18 @@ import warp as wp
 
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.compiled import access, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.particles.cells import cell_functions
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
+from lava_ros.simulation.particles.layout import (
+    ADVECTION,
+    arguments_type,
+    FULL,
+    IS_LAST,
+    PARTICLES,
+    STEP,
+)
+from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
 #: Displacement of the fastest particle between two passes, over the largest in one step.
@@ -50,7 +57,7 @@ def _kernels(
     vec4 = wp.types.vector(4, real)
     vec2d = wp.types.vector(2, wp.float64)
     _, _, cells_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, _ = access(real, 4)
 
     @quick_kernel
     def wait(thread: int, m: arguments_type(real), every: wp.float64):

@@ -36,12 +36,19 @@ from lava_ros.effects.laws import heat_loss
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
-from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.output.checkpoint import fitting
-from lava_ros.simulation.particles.motion_arguments import arguments_type
-from lava_ros.simulation.particles.state import BORDER, HOLES, PARTICLES, State
-from lava_ros.simulation.particles.terrain import ground_type, StaggeredTerrain, terrain_functions
+from lava_ros.simulation.particles.cells import border_functions
+from lava_ros.simulation.particles.layout import (
+    arguments_type,
+    BORDER,
+    fitting,
+    ground_type,
+    HOLES,
+    PARTICLES,
+)
+from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
 #: Minimum width over the maximum: wider ones smooth the deposit by more than the bounds of its
 #: verification case allow; with narrower ones, runs that differ in rounding diverge sooner.
@@ -75,7 +82,7 @@ def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
 @lru_cache
 def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     vec4 = wp.types.vector(4, real)
-    is_known = terrain_functions(real).is_known
+    is_known, *_ = border_functions(real)
 
     @wp.func
     def width_of(
