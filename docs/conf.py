@@ -4,10 +4,10 @@
 """Configuration of Sphinx: `make docs` writes build/docs/index.html."""
 
 from pathlib import Path
+import sys
 
 import lava_ros
 from lava_ros.verification.cases import TITLES
-from lava_ros.verification.report import markdown
 from lava_ros.verification.rows import read_csv
 
 project = 'lava_ros'
@@ -51,6 +51,9 @@ autodoc_typehints = 'description'
 napoleon_use_ivar = True
 
 # The pages of measurements are not in the repository: they are generated from the tables.
+sys.path.insert(0, str(Path(__file__).parent))
+from accuracy_report import markdown  # noqa: E402
+
 for table in Path(__file__).parent.glob('accuracy/[ch]*.csv'):
     page = markdown(read_csv(table), TITLES, stem=table.stem)
     table.with_suffix('.md').write_text(page, encoding='utf-8')

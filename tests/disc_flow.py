@@ -34,7 +34,7 @@ def disc_plan(**uncertainty: Any) -> Plan:
     """Return the plan of an ensemble with an uncertain discharge and other ``uncertainty``."""
     uncertain = uncertainty_from_dict({'discharge': LOGNORMAL, **uncertainty})
     scene = Scene(TERRAIN, (VENT,), uncertainty=uncertain, lava=Lava())
-    return make_plan(scene, horizon=HORIZON, looks=60)
+    return make_plan(scene, horizon=HORIZON, samples=60)
 
 
 def distances() -> np.ndarray:

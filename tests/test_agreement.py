@@ -24,7 +24,7 @@ from rosbags.typesys import get_typestore, Stores
 from command_line import done
 from eruption import CELL, CORNER, SHAPE, VENT, write_case
 from lava_ros.files.resources import share_path
-from lava_ros.forecast.lookahead import LookAhead
+from lava_ros.forecast.forecast_run import ForecastRun
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT
 from lava_ros.hindcast.run import FORCED, Settings
@@ -306,7 +306,7 @@ def test_forecast_equals_the_later_run(run):
     )
     start = simulation.advance(900.0, limit=case.duration)
     now = simulation.snapshot()
-    forecast = LookAhead(
+    forecast = ForecastRun(
         simulation.checkpoint(), horizon=case.duration - start, threshold=0.1, device='cpu'
     ).run()
     types = get_typestore(Stores.ROS2_JAZZY)

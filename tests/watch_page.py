@@ -28,7 +28,7 @@ TIMES = [200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0]
 class Growing(Frames):
     """Six frames of a flow, the first ``count`` available; the last has probabilities."""
 
-    status = Status(Level.BAD, 'no node answers <here>')
+    status = Status(Level.ERROR, 'no node answers <here>')
 
     def __init__(self, folder: Path, count: int) -> None:
         super().__init__()

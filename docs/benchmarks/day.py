@@ -22,11 +22,12 @@ from statistics import median
 import sys
 import time
 
+from choice import jaccard
+
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.coarse import coarsened
 from lava_ros.hindcast.run import FORCED, Settings
 from lava_ros.simulation import Simulation
-from lava_ros.verification.benchmarks.selection import jaccard
 
 DAY, SPACING = 86400.0, 10.0
 

@@ -20,7 +20,7 @@ import numpy as np
 from lava_ros.files import file_to_write
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.members import make_plan, run_members
-from lava_ros.forecast.probability import footprint_of, reached_by, Tally
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of, reached_by
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -59,7 +59,7 @@ def scene() -> Scene:
 
 def probability(plan, footprints, weights=None):
     """Return the probability of a set of members, 0 to 1."""
-    tally = Tally(plan)
+    tally = EnsembleAccumulator(plan)
     for place, footprint in enumerate(footprints):
         tally.add(footprint, 1 if weights is None else int(weights[place]))
     return tally.maps().probability.astype(np.float64) / 100.0

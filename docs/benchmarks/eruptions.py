@@ -23,11 +23,11 @@ import time
 import numpy as np
 
 import lava_ros
-from lava_ros.hindcast.calibration import leave_one_out, near_best, read_trials
+from lava_ros.hindcast.calibration import leave_one_out, near_optimal, read_samples
 from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.free_parameters import changed, free_parameters_of
 from lava_ros.hindcast.replicates import agreement, directions, run_together
 from lava_ros.hindcast.run import Settings
-from lava_ros.hindcast.unknowns import changed, free_parameters_of
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.verification.rows import write_csv
@@ -87,8 +87,8 @@ def sets_of(calibration: Path, cases: list[str]) -> dict[str, tuple[str, Mapping
     material = load_case(cases[0], material='etna_basalt')
     names = tuple(header[: header.index('case')])
     unknowns = free_parameters_of(material, names, dict.fromkeys(names, (0.1, 1e9)))
-    trials = read_trials(table, unknowns, [Path(case).name for case in cases])
-    found = {f'calibrated, {calibration.name}': ('etna_basalt', near_best(trials)[0].values)}
+    trials = read_samples(table, unknowns, [Path(case).name for case in cases])
+    found = {f'calibrated, {calibration.name}': ('etna_basalt', near_optimal(trials)[0].values)}
     for item in leave_one_out(trials):
         name = f'calibrated without {item.case}, {calibration.name}'
         found[name] = ('etna_basalt', item.values)

@@ -4,7 +4,7 @@
 """Compare the inundated areas of scenes with the two forms of the lateral stress.
 
 The sum (`green`) and the solve (`helmholtz`) are two forms of one effect. Each named scene of
-`lava bench choice` is run with its expected effects and with neither or either form. A row has the
+bench_scenes.py is run with its expected effects and with neither or either form. A row has the
 Jaccard index of the inundated areas of two of the three, each from many runs, or of both halves of
 the runs of one of them, which is the random part. The output is choice_lateral.csv:
 
@@ -19,11 +19,12 @@ from dataclasses import replace
 from itertools import combinations, product
 import sys
 
+from bench_scenes import scenes
+from choice import footprint, jaccard, noise, run_copies
+
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
-from lava_ros.verification.benchmarks.scenes import scenes
-from lava_ros.verification.benchmarks.selection import footprint, jaccard, noise, run_copies
 from lava_ros.verification.measure import machine_name
 
 FORMS = ('neither', 'green', 'helmholtz')

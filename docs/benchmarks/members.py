@@ -48,7 +48,8 @@ def times(case, args):
     ground = coarsened(case.scene.terrain, settings.coarseness(case))
     scene = replace(case.scene, terrain=ground, uncertainty=uncertainty_from_dict(UNCERTAIN))
     plan = make_plan(
-        scene, horizon=args.days * DAY, accuracy=settings.accuracy(case), effects=FORCED, looks=24
+        scene, horizon=args.days * DAY, accuracy=settings.accuracy(case), effects=FORCED,
+        samples=24,
     )
     members = draw_members(scene, args.members, seed=1)
     list(run_here(plan, members[:1], device=args.device))

@@ -31,6 +31,7 @@ import statistics
 import sys
 import time
 
+from bench_scenes import scenes
 import numpy as np
 from plan_scenes import held_out
 
@@ -38,13 +39,12 @@ from lava_ros.cli.console import write_json
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.forecast.members import make_plan, run_members
-from lava_ros.forecast.pilots import accuracy_at, run_at
-from lava_ros.forecast.planning import afford, sampling_error
+from lava_ros.forecast.pilot_runs import accuracy_at, run_at
+from lava_ros.forecast.planning import plan_within, sampling_error
 from lava_ros.forecast.probability import footprint_of, reached_by
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
-from lava_ros.verification.benchmarks.scenes import scenes
 from lava_ros.verification.rows import as_plain, write_csv
 
 FOLDER = Path(__file__).parent
@@ -115,7 +115,6 @@ class Row:
     preset: str
     spacing_m: float
     refinement: float
-    forced: str
     pilots: int
     pilots_s: float
     foreseen_s: float
@@ -155,12 +154,12 @@ def shifted(scene, distance):
     return replace(scene, vents=tuple(vents))
 
 
-def runs_of(scene, refinement, horizon, count, device, clock, forced=None, limit=math.inf):
+def runs_of(scene, refinement, horizon, count, device, clock, limit=math.inf):
     """Run a scene with its vents moved by centimetres, each run up to a wall time limit [s]."""
     return [
         run_at(
             shifted(scene, SHIFT * number), refinement, horizon,
-            device=device, wall_limit=limit, effects=forced, clock=clock,
+            device=device, wall_limit=limit, clock=clock,
         )
         for number in range(count)
     ]
@@ -175,11 +174,7 @@ def compile_for(name, options):
     """Compile all kernels of a scene, so that compilation does not disturb measurements."""
     scene = scene_of(name).scene
     for refinement in np.geomspace(0.2, 3.0, 8):
-        for effects in (None, {'helmholtz': False}):
-            run_at(
-                scene, refinement, 0.01, device=options['device'], wall_limit=math.inf,
-                effects=effects,
-            )
+        run_at(scene, refinement, 0.01, device=options['device'], wall_limit=math.inf)
 
 
 def measure(name, within, fraction, members, options):
@@ -188,16 +183,14 @@ def measure(name, within, fraction, members, options):
     horizon = fraction * item.horizon
     clock = time.process_time if options['clock'] == 'process' else time.monotonic
     try:
-        plan = afford(
+        plan = plan_within(
             item.scene, within=within, horizon=horizon, members=members, device=options['device'],
-            may_force=True, clock=clock,
+            clock=clock,
         )
     except LavaError as error:
         return f'{name}, {within:g} s: {error}', []
     count = max(RUNS, members)
-    runs = runs_of(
-        item.scene, plan.refinement, horizon, count, options['device'], clock, plan.forced
-    )
+    runs = runs_of(item.scene, plan.refinement, horizon, count, options['device'], clock)
     times = [run.wall_time for run in runs]
     taken = statistics.median(times) if members == 1 else sum(times)
     # the finest plan may need less than the available time
@@ -211,7 +204,6 @@ def measure(name, within, fraction, members, options):
         preset=plan.preset,
         spacing_m=plan.spacing,
         refinement=plan.refinement,
-        forced=' '.join(f'{name}={"on" if on else "off"}' for name, on in plan.forced.items()),
         pilots=plan.pilots,
         pilots_s=plan.spent,
         foreseen_s=plan.wall_time,

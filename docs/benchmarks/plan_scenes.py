@@ -5,10 +5,10 @@
 
 from dataclasses import replace
 
+from bench_scenes import BASALT, bench_scene, FLUID, ground, MELT, VENT
 import numpy as np
 
 from lava_ros.scene import Vent
-from lava_ros.verification.benchmarks.scenes import BASALT, bench_scene, FLUID, ground, MELT, VENT
 
 
 def held_out():

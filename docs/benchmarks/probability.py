@@ -32,7 +32,7 @@ from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.forecast.store import Store
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.chances import mapped_on, plan_of, score_probability
+from lava_ros.hindcast.probabilistic_score import mapped_on, plan_of, score_probability
 from lava_ros.hindcast.run import Settings
 from lava_ros.verification.rows import write_csv
 

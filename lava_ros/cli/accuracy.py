@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, table_lines, write_json
 from lava_ros.cli.options import argument, command, device_named, repeating_command, seconds_of
-from lava_ros.files import write_output
 from lava_ros.maps.numbers import percent, seconds
 
 if TYPE_CHECKING:
@@ -39,15 +38,16 @@ def accuracy(args: argparse.Namespace) -> int:
     """Measure error against computing time.
 
     The command runs every case with an exact solution at many settings and at the presets. It
-    writes the errors and times as CSV, as Markdown tables and as a chart.
+    writes the errors and times as CSV and as a chart.
     """
     from lava_ros.verification import cases, measure
     from lava_ros.verification.cases.sheets import LATERAL
     from lava_ros.verification.chart import draw
-    from lava_ros.verification.report import markdown
     from lava_ros.verification.rows import as_plain, read_csv, write_csv
 
-    repetitions, longest = (1, measure.QUICK_MAX_RUN_TIME) if args.quick else (3, measure.LONGEST)
+    repetitions, longest = 3, measure.MAX_RUN_TIME
+    if args.quick:
+        repetitions, longest = 1, measure.QUICK_MAX_RUN_TIME
     if args.repetitions is not None:
         repetitions = args.repetitions
     repetitions = validation.whole('--repetitions', repetitions, at_least=1, at_most=1000)
@@ -86,15 +86,13 @@ def accuracy(args: argparse.Namespace) -> int:
             measured += found
             rows = sorted([*kept, *measured], key=lambda row: order.index(row.case))
             write_csv(rows, folder / f'{stem}.csv')
-            page = markdown(rows, cases.TITLES, stem=stem)
-            write_output('--output', folder / f'{stem}.md', page)
     for name, is_effect in ((f'{stem}.png', False), (f'{stem}_effects.png', True)):
         shown = [row for row in rows if (row.case in cases.EFFECT_CASES) == is_effect]
         if shown:
             draw(shown, cases.TITLES, folder / name)
     write_json(as_plain(measured), args.json)
     _print_presets(measured)
-    print(f'written to {folder}: {stem}.csv, {stem}.md, {stem}.png')
+    print(f'written to {folder}: {stem}.csv, {stem}.png')
     return 0
 
 

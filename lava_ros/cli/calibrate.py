@@ -19,7 +19,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
-    from lava_ros.hindcast.calibration import CrossValidation, Finding, Trial
+    from lava_ros.hindcast.calibration import CrossValidation, Finding, ParameterSample
     from lava_ros.hindcast.case import Case
 
 #: Files of a calibration in its folder.
@@ -43,12 +43,12 @@ TABLE, CALIBRATION = 'runs.csv', 'calibration.json'
         'case or as a date, and forecast the later ones (default: fit all)',
     ),
     argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
-    argument('--material', 'NAME', 'lava by name; replaces the lava of the cases'),
     argument(
         '-o --output', 'DIR', 'folder for the table and the result (default: '
         'calibrations/<cases>_<preset>)',
     ),
     '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
+    '--material',
     preset='draft',
 )
 def calibrate(args: argparse.Namespace) -> int:
@@ -66,16 +66,16 @@ def calibrate(args: argparse.Namespace) -> int:
         evaluating,
         findings,
         leave_one_out,
-        near_best,
-        read_trials,
+        near_optimal,
+        read_samples,
         result_names,
         search,
-        write_trials,
+        write_samples,
     )
     from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.free_parameters import free_parameters_of
     from lava_ros.hindcast.replicates import MAX_REPLICATES
     from lava_ros.hindcast.run import Settings
-    from lava_ros.hindcast.unknowns import free_parameters_of
     from lava_ros.simulation.setup.defaults import device_of
 
     runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
@@ -89,16 +89,16 @@ def calibrate(args: argparse.Namespace) -> int:
         for folder in args.case
     ]
     names = _names(cases)
-    unknowns = free_parameters_of(cases[0], *_chosen(args.unknown))
+    parameters = free_parameters_of(cases[0], *_chosen(args.unknown))
     until = _until(args.until, cases)
     settings = Settings(args.preset, args.spacing, args.device)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
     file_to_write('--output', table)
     results = [name for case in cases for name in result_names(case)]
-    known = [] if args.fresh else read_trials(table, unknowns, results)
+    known = [] if args.fresh else read_samples(table, parameters, results)
     others = {
-        numbers['directions'] for trial in known for numbers in trial.numbers.values()
+        numbers['directions'] for sample in known for numbers in sample.numbers.values()
     } - {directions}
     if others:
         expected = f'{min(others):g} as in {table}, or --fresh'
@@ -107,20 +107,20 @@ def calibrate(args: argparse.Namespace) -> int:
         name for case in cases for name, time in _times(case)
         if time <= until.get(case.name, math.inf)
     ]
-    if any(trial.fitted != fitted for trial in known):
+    if any(sample.fitted != fitted for sample in known):
         expected = f'the time with which {table} was written, or --fresh'
         raise LavaError('--until', args.until, expected)
-    so_far: list[Trial] = []
+    so_far: list[ParameterSample] = []
 
-    def report(count: int, trial: Trial) -> None:
-        so_far.append(trial)
-        write_trials(table, unknowns, [*so_far, *known[len(so_far) :]])
-        progress.show(f'set {count}: Jaccard {trial.jaccard:.3f}', count / runs)
+    def report(count: int, sample: ParameterSample) -> None:
+        so_far.append(sample)
+        write_samples(table, parameters, [*so_far, *known[len(so_far) :]])
+        progress.show(f'set {count}: Jaccard {sample.jaccard:.3f}', count / runs)
 
     begun = evaluating(cases, settings, workers=workers, runs=directions, until=until)
     with begun as evaluate, Progress() as progress:
-        trials = search(
-            unknowns,
+        samples = search(
+            parameters,
             evaluate,
             runs=runs,
             seed=seed,
@@ -128,23 +128,23 @@ def calibrate(args: argparse.Namespace) -> int:
             known=known,
             progress=report,
         )
-    found, near = findings(unknowns, trials), near_best(trials)
-    left_out = leave_one_out(trials)
+    found, near = findings(parameters, samples), near_optimal(samples)
+    left_out = leave_one_out(samples)
     forecasts = [item for case in cases for item in _forecasts(case, near[0], fitted)]
     data = {
         'cases': names,
         'preset': settings.preset,
-        'runs': len(trials),
-        'usual': asdict(trials[0]),
+        'runs': len(samples),
+        'usual': asdict(samples[0]),
         'best': asdict(near[0]),
-        'near_best': [asdict(trial) for trial in near],
+        'near_best': [asdict(sample) for sample in near],
         'leave_one_out': [asdict(item) for item in left_out],
         'fitted': fitted,
         'forecasts': forecasts,
         'unknowns': [asdict(item) for item in found],
     }
     write_json(data, output / CALIBRATION, args.json)
-    _print_findings(found, near, trials, left_out)
+    _print_findings(found, near, samples, left_out)
     for item in forecasts:
         print(f'forecast of {item["outline"]}: Jaccard {item["jaccard"]:.3f}, of the last fitted '
               f'outline {item["persistence"]:.3f}, of steepest descent {item["descent"]:.3f}')
@@ -196,7 +196,7 @@ def _until(text: str | None, cases: Sequence[Case]) -> dict[str, float]:
     return until
 
 
-def _forecasts(case: Case, best: Trial, fitted: Sequence[str]) -> list[dict[str, Any]]:
+def _forecasts(case: Case, best: ParameterSample, fitted: Sequence[str]) -> list[dict[str, Any]]:
     """Return the scores of the best set, and of two references, on outlines not fitted."""
     from lava_ros.hindcast.score import refer
 
@@ -228,15 +228,15 @@ def _names(cases: Sequence[Case]) -> list[str]:
 
 def _print_findings(
     found: Sequence[Finding],
-    near: Sequence[Trial],
-    trials: Sequence[Trial],
+    near: Sequence[ParameterSample],
+    samples: Sequence[ParameterSample],
     left_out: Sequence[CrossValidation],
 ) -> None:
     from lava_ros.hindcast.calibration import has_enough_samples
 
-    usual, best = trials[0].jaccard, near[0].jaccard
+    usual, best = samples[0].jaccard, near[0].jaccard
     print(f'Jaccard {usual:.3f} with the default values, {best:.3f} with the best of '
-          f'{len(trials)} sets')
+          f'{len(samples)} sets')
     for case in left_out:
         print(
             f'{case.case}: {near[0].mean([case.case]):.3f} with the best set, {case.jaccard:.3f} '
@@ -244,7 +244,7 @@ def _print_findings(
         )
     print(f'{len(near)} sets are within {best - near[-1].jaccard:.3f} of the best; in them')
     print(f'{"":17} {"default":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation')
-    absent = '  the fit does not depend on it' if has_enough_samples(trials) else '  too few sets'
+    absent = '  the fit does not depend on it' if has_enough_samples(samples) else '  too few sets'
     for item in found:
         numbers = (item.unknown.usual, item.best, item.low, item.high)
         shown = ' '.join(f'{value:9.4g}' for value in numbers)
@@ -252,6 +252,5 @@ def _print_findings(
             f'{item.unknown.name:17} {shown}  {100.0 * item.spread:9.0f} %  '
             f'{item.correlation:+11.2f}{"" if item.is_sensitive else absent}'
         )
-    for unknown in (item.unknown for item in found):
-        print(f'{unknown.name}: {unknown.low:g} to {unknown.high:g} {unknown.unit}'.rstrip()
-              + f', {unknown.source}')
+    for one in (item.unknown for item in found):
+        print(f'{one.name}: {one.low:g} to {one.high:g} {one.unit}'.rstrip() + f', {one.source}')

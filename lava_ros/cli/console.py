@@ -121,13 +121,11 @@ class Progress:
         self._started = time.monotonic()
         self._bar = None
         if self._stream.isatty():
-            try:
-                from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-                from rich.progress import Progress as Bar
-            except ImportError:
-                return
+            from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+            from rich.progress import Progress as Bar
+
             self._bar = Bar(
-                TextColumn('{task.description}'),
+                TextColumn('{task.description}', markup=False),
                 BarColumn(bar_width=None),
                 TextColumn('{task.percentage:3.0f} %'),
                 TimeRemainingColumn(compact=True),
@@ -152,7 +150,7 @@ class Progress:
     def show(self, what: str, done: float) -> None:
         """Show the current activity, and the completed fraction of the work."""
         if self._bar is not None:
-            self._bar.update(self._task, completed=done, description=what)
+            self._bar.update(self._task, completed=done, description=printable(what))
             return
         tenths = int(10.0 * done)
         if tenths > self._tenths:

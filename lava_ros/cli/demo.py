@@ -14,11 +14,11 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import Progress, terminal, write_json
+from lava_ros.cli.console import Progress, write_json
 from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scene_options import SCENE_OPTIONS
-from lava_ros.errors import LavaError, printable
+from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
     from lava_ros.clients.monitor import Observation
@@ -120,7 +120,7 @@ def demo(args: argparse.Namespace) -> int:
     result['wall_time'] = round(time.monotonic() - started, 2)
     result['bag'], result['picture'] = str(output), str(output / PICTURE)
     write_json(result, output / RESULT, args.json)
-    _print_table(result)
+    _print_result(result)
     return 0
 
 
@@ -226,15 +226,11 @@ def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
     }
 
 
-def _print_table(result: dict[str, Any]) -> None:
-    from rich.table import Table
-
+def _print_result(result: dict[str, Any]) -> None:
     from lava_ros.maps.plot import area_words
     from lava_ros.maps.plot import duration as words
 
     held = ' (held back to watch: --max-speed)' if result['speed_is_limited'] else ''
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style='bold')
     for name, value in (
         ('simulated time', words(result['simulated_time'])),
         ('particles', f'{result["particles"]:,}, {result["spacing_m"]:.3g} m apart'),
@@ -250,7 +246,6 @@ def _print_table(result: dict[str, Any]) -> None:
         ('bag', result['bag']),
         ('picture', result['picture']),
     ):
-        table.add_row(name, printable(str(value)))
-    terminal(highlight=False, width=None if sys.stdout.isatty() else 100).print(table)
+        print(f'{name:32} {value}')
     for item in result['warnings']:
         print(f'lava demo: {item}', file=sys.stderr)

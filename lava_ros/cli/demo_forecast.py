@@ -83,53 +83,40 @@ def narrow_forecast(args: argparse.Namespace, domain: int) -> int:
     picture = PICTURE if args.picture is None else args.picture
     file_to_write('--picture', picture, PICTURES)
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
-    truth = _Truth(scene, args.device)
+    vent = replace(VENT, discharge=TRUE_DISCHARGE * VENT.peak)
+    lava = replace(LAVA, viscosity=TRUE_VISCOSITY * LAVA.viscosity)
+    # the real flow; it also compiles the node's kernels, which are then in the cache
+    truth = Simulation(
+        replace(scene, vents=(vent,), lava=lava),
+        accuracy=preset_accuracy('draft', spacing=SPACING), device=args.device,
+    )
+    seen = _reached(truth, SEEN_AT)
     try:
-        result, maps = _narrowed(scene, truth, members, speed, args.device, domain)
+        result, maps, came = _narrowed(scene, truth, seen, members, speed, domain)
     except ChildError as error:
         print(f'lava demo: {error}', file=sys.stderr)
         return 1
-    draw_narrowing(scene, maps, seen=truth.seen, came=truth.came, output=Path(picture))
+    draw_narrowing(scene, maps, seen=seen, came=came, output=Path(picture))
     result['picture'] = picture
     write_json(result, args.json)
     _print(result)
     return 0
 
 
-class _Truth:
-    """The real flow, which is unknown to the node.
-
-    Attributes:
-        seen: Cells inundated at ``SEEN_AT``, bool, shape [rows, columns].
-        came: Cells inundated up to the end, bool, same shape.
-    """
-
-    def __init__(self, scene: Scene, device: str | None) -> None:
-        vent = replace(VENT, discharge=TRUE_DISCHARGE * VENT.peak)
-        lava = replace(scene.lava, viscosity=TRUE_VISCOSITY * scene.lava.viscosity)
-        accuracy = preset_accuracy('draft', spacing=SPACING)
-        # also compiles the node's kernels, which are then in the cache
-        self._simulation = Simulation(
-            replace(scene, vents=(vent,), lava=lava), accuracy=accuracy, device=device
-        )
-        self.came = self.seen = self._reached(SEEN_AT)
-
-    def run_to(self, end: float) -> None:
-        """Simulate up to a time [s]."""
-        self.came = self._reached(end)
-
-    def _reached(self, time: float) -> np.ndarray:
-        self._simulation.advance(time)
-        return self._simulation.snapshot().inundated
+def _reached(simulation: Simulation, time: float) -> np.ndarray:
+    """Return the cells that lava has inundated by a time [s], bool, shape [rows, columns]."""
+    simulation.advance(time)
+    return simulation.snapshot().inundated
 
 
 def _narrowed(
-    scene: Scene, truth: _Truth, members: int, speed: float, device: str | None, domain: int
-) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
+    scene: Scene, truth: Simulation, seen: np.ndarray, members: int, speed: float, domain: int
+) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]], np.ndarray]:
     """Run a node from the vent to the second map of probabilities.
 
     Returns:
-        The figures, and titles and maps of probability before and after the outline.
+        The figures, titles and maps of probability before and after the outline, and the cells
+        that the real flow ``truth`` inundates up to the horizon.
 
     Raises:
         ChildError: If the node fails, or takes too long.
@@ -137,7 +124,7 @@ def _narrowed(
     from lava_ros.clients.monitor import ForecastWatch
 
     settings = {
-        'device': device or '',
+        'device': truth.device,
         'preset': 'draft',
         'spacing': SPACING,
         'time_scale': speed,
@@ -172,7 +159,7 @@ def _narrowed(
         late = round(1e9 * (now() - SEEN_AT) / speed)
         stamp_ns = int(watch.values('simulation')['stamp_ns']) - late
         before, status = watch.probabilities[-1], watch.values('ensemble')
-        shown = watch.show_outline(truth.seen, scene.terrain, stamp_ns)
+        shown = watch.show_outline(seen, scene.terrain, stamp_ns)
         _print_progress(shown - opened, 'an outline is seen')
         wait(
             'to weigh the members',
@@ -186,7 +173,7 @@ def _narrowed(
         )
         _print_progress(after.received - opened, 'the probabilities are narrower')
         weighed = watch.values('ensemble')
-        truth.run_to(float(status['start_time_s']) + HORIZON)
+        came = _reached(truth, float(status['start_time_s']) + HORIZON)
         result = {
             'forecast_after_s': round(arrival.received - opened, 2),
             'probability_after_s': round(first.received - opened, 2),
@@ -198,13 +185,13 @@ def _narrowed(
             'horizon_s': HORIZON,
             'seen_at_s': SEEN_AT,
             'device': watch.values('simulation').get('device', ''),
-            'before': _scores(before.cells, before.cells, truth.came, scene.terrain),
-            'after': _scores(after.cells, before.cells, truth.came, scene.terrain),
+            'before': _scores(before.cells, before.cells, came, scene.terrain),
+            'after': _scores(after.cells, before.cells, came, scene.terrain),
         }
     return result, [
         (f'{members} members', _probability(before.cells)),
         (f'after an outline at {SEEN_AT / 60.0:g} min', _probability(after.cells)),
-    ]
+    ], came
 
 
 def _print_progress(seconds: float, what: str) -> None:

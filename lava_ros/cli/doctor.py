@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ from lava_ros.cli.options import argument, command
 from lava_ros.errors import LavaError, printable
 
 if TYPE_CHECKING:
-    from lava_ros.doctor import Finding, Said
+    from lava_ros.doctor import Finding, Results
 
 
 @command(
@@ -30,19 +30,17 @@ def doctor(args: argparse.Namespace) -> int:
     """Check Python, ROS, DDS, GPU, disk and clock, and print what to correct.
 
     The command checks what the package needs: Python, packages, ROS, discovery, a message that
-    goes out over the middleware and comes back, security, QoS of the layers, GPU, kernel cache,
-    disk and clock. The exit status is 1 if something does not work.
+    goes out over the middleware and comes back, QoS of the layers, GPU, kernel cache, disk and
+    clock. The exit status is 1 if something does not work.
     """
     from lava_ros.doctor import FAIL
 
     findings = []
-    show = _printer() if args.json is None else None
     for finding in _findings(args):
         findings.append(finding)
-        if show is not None:
-            show(finding)
-    if show is None:
-        write_json([asdict(finding) for finding in findings], args.json)
+        if args.json is None:
+            _print(finding)
+    write_json([asdict(finding) for finding in findings], args.json)
     return int(any(finding.level == FAIL for finding in findings))
 
 
@@ -55,7 +53,6 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
         'ros': checks.check_ros,
         'discovery': checks.check_discovery,
         'dds': checks.check_round_trip,
-        'sros2': checks.check_security,
         'qos': lambda: _check_layers(args.msg_config),
         'gpu': checks.check_gpu,
         'kernel cache': checks.check_kernel_cache,
@@ -65,7 +62,7 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
         yield from (checks.Finding(name, *result) for result in check())
 
 
-def _check_layers(name: str) -> Said:
+def _check_layers(name: str) -> Results:
     from lava_ros import doctor as checks
     from lava_ros.maps.layer_files import find_config, load_layers
 
@@ -76,27 +73,14 @@ def _check_layers(name: str) -> Said:
     return checks.check_qos(layers)
 
 
-def _printer() -> Callable[[Finding], None]:
-    from lava_ros.doctor import FAIL, OK, WARN
+def _print(finding: Finding) -> None:
+    """Print a finding as soon as it is known, with its level in colour."""
+    from rich.text import Text
 
-    try:
-        from rich.text import Text
-
-        console = terminal(soft_wrap=True, highlight=False)
-    except ImportError:
-        return lambda finding: print('\n'.join(_lines(finding)), flush=True)
-
-    styles = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
-
-    def show(finding: Finding) -> None:
-        first, *rest = _lines(finding)
-        line = Text(first)
-        line.stylize(styles[finding.level], 0, len(finding.level))
-        console.print(line, *(Text(words, style='dim') for words in rest), sep='\n')
-
-    return show
-
-
-def _lines(finding: Finding) -> list[str]:
-    lines = [f'{finding.level:6}{finding.check:13} {printable(finding.text)}']
-    return [*lines, f'{"":20}-> {printable(finding.way_out)}'] if finding.way_out else lines
+    style = {'OK': 'green', 'WARN': 'yellow'}.get(finding.level, 'bold red')
+    lines = [Text.assemble(
+        (f'{finding.level:6}', style), f'{finding.check:13} {printable(finding.text)}'
+    )]
+    if finding.way_out:
+        lines.append(Text(f'{"":20}-> {printable(finding.way_out)}', style='dim'))
+    terminal(soft_wrap=True, highlight=False).print(*lines, sep='\n')

@@ -102,11 +102,11 @@ def ensemble(args: argparse.Namespace) -> int:
     """
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
-    from lava_ros.forecast.members import check_members
+    from lava_ros.forecast.member_scenes import check_members
     from lava_ros.forecast.rasters import observed_in_file, write_atlas
     from lava_ros.forecast.sampling import draw_members, Susceptibility
     from lava_ros.forecast.store import Store
-    from lava_ros.hindcast.chances import mapped_on, score_probability
+    from lava_ros.hindcast.probabilistic_score import mapped_on, score_probability
     from lava_ros.maps.gis import Provenance, require_formats, usual_formats
     from lava_ros.pages.comparison import compare_ensembles
     from lava_ros.scene.on_terrain import read_raster_on
@@ -275,7 +275,7 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     from lava_ros.cli.scenes import scene_as_given
     from lava_ros.forecast.members import make_plan
     from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.chances import plan_of
+    from lava_ros.hindcast.probabilistic_score import plan_of
     from lava_ros.hindcast.run import Settings
     from lava_ros.simulation import presets
 

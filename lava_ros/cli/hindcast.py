@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 import json
 from pathlib import Path
 import shutil
@@ -18,7 +18,6 @@ import lava_ros
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command, forced_effects
-from lava_ros.cli.scene_options import vent_arguments
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from lava_ros.hindcast.expected_error import ExpectedError
     from lava_ros.hindcast.run import Result, Run, Settings
     from lava_ros.hindcast.score import Score
-    from lava_ros.scene import Terrain
-    from lava_ros.scene.vent_files import VentRow
 
 #: Files and folders of a hindcast in its folder.
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
@@ -37,10 +34,10 @@ RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html',
 @command(
     argument('case', 'CASE_DIR', 'folder of the case'),
     '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh', '--json',
+    '--material',
     argument(
         '-o --output', 'DIR', 'folder for maps, bag and page (default: hindcasts/<case>_<preset>)'
     ),
-    *vent_arguments('case'),
     argument(
         '--runs', 'N', 'make N more runs, rotated and mirrored, and report their scatter and the '
         'area that at least half of them cover; from 2 to 8, which are all directions (default: '
@@ -60,17 +57,12 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
     from lava_ros.hindcast.run import Run, Settings, UNFINISHED
-    from lava_ros.hindcast.score import judge
+    from lava_ros.hindcast.score import score_case
     from lava_ros.maps.plot import duration
 
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
-    case = load_case(
-        args.case,
-        material=args.material,
-        low_pass_width=args.low_pass,
-        vents=lambda rows, ground: _vents(args, rows, ground),
-    )
+    case = load_case(args.case, material=args.material, low_pass_width=args.low_pass)
     settings = Settings(
         args.preset, args.spacing, args.device, forced_effects(args), args.maps
     )
@@ -83,10 +75,10 @@ def hindcast(args: argparse.Namespace) -> int:
     if run.is_resumed:
         print(f'continuing the unfinished run in {output}', file=sys.stderr)
     with Progress() as progress:
-        for done, _ in run.snapshots():
-            progress.show(duration(done * case.duration), done)
+        for _ in run.parts():
+            progress.show(duration(run.time), run.time / case.duration)
     result = run.result()
-    judged = judge(case, result.snapshot.thickness, result.snapshot.inundated)
+    judged = score_case(case, result.snapshot.thickness, result.snapshot.inundated)
     several, results = None, [result]
     if runs > 1:
         with Progress() as progress:
@@ -127,11 +119,11 @@ def _dated(
     case: Case, results: Sequence[Result]
 ) -> tuple[list[dict[str, Any]], dict[str, str]]:
     """Return the scores of the dated outlines as plain data, and as text by label."""
-    from lava_ros.hindcast.score import judge_outlines, refer
+    from lava_ros.hindcast.score import refer, score_outlines
 
     if not case.outlines:
         return [], {}
-    scores = judge_outlines(case, [item.snapshot for item in results])
+    scores = score_outlines(case, [item.snapshot for item in results])
     references = refer(case, {item.outline: item.area_error for item in scores})
     plain = [asdict(item) | asdict(references[item.outline]) for item in scores]
     return plain, {
@@ -139,24 +131,6 @@ def _dated(
         f'{references[item.outline].words})'
         for item in scores
     }
-
-
-def _vents(
-    args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
-) -> tuple[VentRow, ...]:
-    from lava_ros.cli.scenes import vents_as_given
-
-    if isinstance(args.discharge, str):
-        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
-        raise LavaError('--effusion-rate', args.discharge, expected)
-    given = vents_as_given(args, ground)
-    if not given:
-        return tuple(replace(row, discharge=args.discharge) for row in rows)
-    is_own = [vent.discharge is not None for vent in given]
-    if any(is_own) and not all(is_own):
-        expected = 'one for every vent, or for none'
-        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, expected)
-    return tuple(given)
 
 
 def _prepare(output: Path) -> None:

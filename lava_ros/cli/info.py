@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from lava_ros.bag.mcap_file import McapFile
     from lava_ros.bag.reader import BagReader
 
-_SHOWN_CHECKPOINTS = 5
-
 #: Parts of the custom data that are parsed.
 _READ = ('scene', 'effects', 'resumed_from')
 
@@ -158,14 +156,11 @@ def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) ->
     lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []
-    total = _size(sum(item['size'] for item in stored))
-    lines = ['', f'checkpoints  {len(stored)}, {total}; resume takes the newest', *lines]
-    if len(stored) > _SHOWN_CHECKPOINTS:
-        lines.append(f'  {len(stored) - _SHOWN_CHECKPOINTS} older ones')
-    return lines + [
-        f'  at {item["time"]:.3f} s simulated, {_moment(item["log_time_ns"])}, '
-        f'{item["particle_count"]} particles, {_size(item["size"])}'
-        for item in stored[-_SHOWN_CHECKPOINTS:]
+    total, newest = _size(sum(item['size'] for item in stored)), stored[-1]
+    return [
+        '', f'checkpoints  {len(stored)}, {total}; resume takes the newest', *lines,
+        f'  at {newest["time"]:.3f} s simulated, {_moment(newest["log_time_ns"])}, '
+        f'{newest["particle_count"]} particles',
     ]
 
 

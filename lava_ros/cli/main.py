@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     log.setLevel(logging.INFO)
     try:
         with redirect_stdout(Printable(sys.stdout)), redirect_stderr(Printable(sys.stderr)):
-            end_start(args.run)
+            end_start()
             check_outputs(args)
             status = int(args.run(args))
             is_accepted = getattr(args, 'incomplete', False)

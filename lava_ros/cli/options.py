@@ -95,6 +95,7 @@ _SHARED = {item[0][0]: item for item in (
         '--low-pass', 'M', 'smooth the elevation with a Gaussian of this standard deviation [m]',
         float,
     ),
+    argument('--material', 'NAME', 'lava by name; replaces the lava of the case'),
     argument(
         '--nodata', 'VALUE', 'value of cells without data that the terrain does not declare; '
         'none: all such cells are ground',

@@ -16,7 +16,7 @@ from lava_ros.cli.scene_options import SCENE
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
-    from lava_ros.forecast.pilots import Pilot
+    from lava_ros.forecast.pilot_runs import Pilot
 
 
 @command(
@@ -38,8 +38,8 @@ def plan(args: argparse.Namespace) -> int:
     sampling error of a probability.
     """
     from lava_ros.cli.scenes import scene_from_arguments
-    from lava_ros.forecast.pilots import spacing_at
-    from lava_ros.forecast.planning import afford
+    from lava_ros.forecast.pilot_runs import spacing_at
+    from lava_ros.forecast.planning import plan_within
     from lava_ros.forecast.sampling import MAX_MEMBERS
 
     within = seconds_of('--within', args.within)
@@ -59,14 +59,11 @@ def plan(args: argparse.Namespace) -> int:
             flush=True,
         )
 
-    found = afford(
+    found = plan_within(
         scene, within=within, horizon=horizon, members=members, device=args.device,
-        may_force=True, on_pilot=report,
+        on_pilot=report,
     )
     print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
-    for name, is_on in found.forced.items():
-        state = 'on' if is_on else 'off'
-        print(f'effect {name} {state}: the choice for the scene takes too long at this spacing')
     print(
         f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
         f'{within:g} s' + ('; more time would not help' if found.is_finest else '')

@@ -6,13 +6,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
-from lava_ros.cli.console import terminal
+from lava_ros.cli.console import Progress
 from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.ros import require_ros
-from lava_ros.errors import printable
 
 if TYPE_CHECKING:
     from lava_ros.bag.replay import Step
@@ -43,8 +41,6 @@ def replay(args: argparse.Namespace) -> int:
     --ros-args and everything after it to ROS: with -r __ns:=/etna the topics are those of a node
     in the namespace /etna.
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     from lava_ros.bag.reader import BagReader
 
     offset = seconds_of('--start-offset', args.start_offset, may_be_zero=True)
@@ -53,24 +49,12 @@ def replay(args: argparse.Namespace) -> int:
     require_ros()
     from lava_ros.clients.player import play
 
-    total = bag.duration_ns / 1e9
-    bar = Progress(
-        TextColumn('replay'),
-        BarColumn(),
-        TextColumn('{task.completed:.1f} of {task.total:.1f} s'),
-        TextColumn('{task.description}', markup=False),
-        TimeElapsedColumn(),
-        console=terminal(),
-        disable=not sys.stdout.isatty(),
-        transient=True,
-    )
-    with bar:
-        task = bar.add_task('', total=total)
+    start, duration = bag.start_ns or 0, max(bag.duration_ns, 1)
+    with Progress(has_lines=False) as progress:
 
         def show(step: Step) -> None:
-            seconds = (step.clock_ns - (bag.start_ns or 0)) / 1e9
-            topic = printable(step.message.topic) if step.message else None
-            bar.update(task, completed=seconds, description=topic)
+            topic = step.message.topic if step.message else ''
+            progress.show(topic, (step.clock_ns - start) / duration)
 
         count = play(
             bag,

@@ -4,7 +4,6 @@
 # PYTHON_ARGCOMPLETE_OK
 """Entry points `lava` and `lava_node`, which Ctrl+C during start-up ends quietly."""
 
-from collections.abc import Callable
 from importlib import import_module
 import os
 import signal
@@ -24,23 +23,10 @@ def lava_node() -> int:
     return _run('lava_ros.ros.node')
 
 
-def end_start(run: Callable[..., object]) -> None:
-    """Let Ctrl+C raise KeyboardInterrupt once a command has begun.
-
-    While ``run``, the function of the command, imports modules, Ctrl+C still ends the process
-    immediately.
-    """
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        caller = frame and frame.f_back
-        while frame and caller and caller.f_code is not run.__code__:
-            frame, caller = caller, caller.f_back
-        if frame and caller and frame.f_code.co_filename.startswith('<frozen importlib'):
-            _leave(number, frame)
-        signal.default_int_handler(number, frame)
-
+def end_start() -> None:
+    """Let Ctrl+C raise KeyboardInterrupt from now on; until now it ends the process quietly."""
     if signal.getsignal(signal.SIGINT) is _leave:
-        signal.signal(signal.SIGINT, interrupt)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _run(module: str) -> int:

@@ -93,7 +93,7 @@ class LiveFrames(Watcher, Frames):
         self._lava = 'lava'
         self._moment: Moment | None = None
         self._received, self._received_at = 0, time.monotonic()
-        self._reported = Status(Level.WAITING, '')
+        self._reported = Status(Level.WARN, '')
         self._problems: dict[str, str] = {}
         self._others: set[str] = set()
         latched = qos.ros_profile(qos.LATCHED)
@@ -129,18 +129,18 @@ class LiveFrames(Watcher, Frames):
             domain = os.environ.get('ROS_DOMAIN_ID', '0')
             where = f'in namespace /{self._namespace} of ROS domain {domain}'
             if silence <= PATIENCE:
-                return Status(Level.WAITING, f'listening for a node {where}')
+                return Status(Level.WARN, f'listening for a node {where}')
             others = f' (heard from {", ".join(sorted(self._others))})' if self._others else ''
             words = f"no node answers {where}{others}: start 'lava node', or give --namespace"
-            return Status(Level.BAD, f'{words} and ROS_DOMAIN_ID of the one that runs')
+            return Status(Level.ERROR, f'{words} and ROS_DOMAIN_ID of the one that runs')
         if silence > PATIENCE:
             words = f'the node has been silent for {silence:.0f} s: these are its last maps'
-            return Status(Level.BAD, words)
+            return Status(Level.ERROR, words)
         if self._problems:
-            return Status(Level.BAD, next(iter(self._problems.values())))
+            return Status(Level.ERROR, next(iter(self._problems.values())))
         lacks_ground = self._info is None or self._elevation is None
-        if self._maps and lacks_ground and self._reported.level is not Level.BAD:
-            return Status(Level.WAITING, 'received maps, but no terrain with terrain_info')
+        if self._maps and lacks_ground and self._reported.level is not Level.ERROR:
+            return Status(Level.WARN, 'received maps, but no terrain with terrain_info')
         return self._reported
 
     def frame(self, index: int) -> Frame:
@@ -274,8 +274,8 @@ class LiveFrames(Watcher, Frames):
                 continue
             self._lava = node
             self._received_at = time.monotonic()
-            levels = {status.OK: Level.WELL, status.ERROR: Level.BAD}
-            level = levels.get(status.level, Level.WAITING)
+            levels = {status.OK: Level.OK, status.ERROR: Level.ERROR}
+            level = levels.get(status.level, Level.WARN)
             self._reported = Status(level, f'{node}: {status.message}')
             moment = moment_of(status)
             if moment is not None:

@@ -22,17 +22,11 @@ from lava_ros.bag.qos import LATCHED
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.simulation.backend.threads import usable_cores
 
-#: Nothing to do.
-OK = 'OK'
+#: Levels: nothing to do; it works, but with limitations; it does not work.
+OK, WARN, FAIL = 'OK', 'WARN', 'FAIL'
 
-#: It works, but with limitations.
-WARN = 'WARN'
-
-#: It does not work.
-FAIL = 'FAIL'
-
-#: Minimum version of Python, and first version that was not tested.
-PYTHONS = ((3, 10), (3, 14))
+#: First version of Python that was not tested.
+UNTESTED_PYTHON = (3, 14)
 
 #: Distribution, minimum version, first version not tested, extra that installs it (or '').
 PACKAGES = (
@@ -106,23 +100,20 @@ class Finding:
 
 
 #: Results of a check: level, text and an optional remedy for each.
-Said = list[tuple[str, str] | tuple[str, str, str]]
+Results = list[tuple[str, str] | tuple[str, str, str]]
 
 
-def check_python() -> Said:
+def check_python() -> Results:
     """Check whether the package was tested with this Python."""
-    oldest, untried = PYTHONS
     version = '.'.join(str(part) for part in sys.version_info[:3])
-    if sys.version_info < oldest:
-        return [(FAIL, version, 'install Python 3.10 to 3.13')]
-    if sys.version_info >= untried:
+    if sys.version_info >= UNTESTED_PYTHON:
         return [(WARN, f'{version}, not tested', 'use Python 3.10 to 3.13')]
     return [(OK, f'{version} ({sys.prefix})')]
 
 
-def check_packages() -> Said:
+def check_packages() -> Results:
     """Check whether dependencies are installed in tested versions."""
-    results: Said = []
+    results: Results = []
     found = []
     for name, lowest, untried, extra in PACKAGES:
         version = _version(name)
@@ -158,13 +149,13 @@ def _warp() -> Any:
     return wp
 
 
-def check_gpu() -> Said:
+def check_gpu() -> Results:
     """Check which devices Warp has, and why there is no GPU."""
     try:
         wp = _warp()
         devices = wp.get_cuda_devices()
     except Exception as error:
-        # Any error while a driver is loaded is a result of the check.
+        # any error while a driver is loaded is a result of the check
         return [(FAIL, f'Warp does not start: {error}', "pip install 'warp-lang>=1.19,<2'")]
     if devices:
         driver = '.'.join(str(part) for part in wp.get_cuda_driver_version())
@@ -185,7 +176,7 @@ def check_gpu() -> Said:
     )]
 
 
-def check_kernel_cache() -> Said:
+def check_kernel_cache() -> Results:
     """Check whether compiled kernels can be cached, and the size of the cache."""
     try:
         folder = Path(_warp().config.kernel_cache_dir)
@@ -200,7 +191,7 @@ def check_kernel_cache() -> Said:
     return [(OK, f'{folder}, {size / 1e6:.0f} MB')]
 
 
-def check_disk(folder: str | Path) -> Said:
+def check_disk(folder: str | Path) -> Results:
     """Check whether bags can be written to a folder, and the free space.
 
     The folder need not exist yet.
@@ -233,7 +224,7 @@ def _problem_of_writing(folder: Path) -> str:
     return ''
 
 
-def check_clock() -> Said:
+def check_clock() -> Results:
     """Check whether the clock is synchronised, so that stamps of several machines agree."""
     state = ctypes.create_string_buffer(_TIMEX_SIZE)
     libc = ctypes.CDLL(None, use_errno=True)
@@ -247,7 +238,7 @@ def check_clock() -> Said:
     return [(OK, f'synchronised within {error * 1e3:.0f} ms')]
 
 
-def check_ros(environment: Mapping[str, str] = os.environ) -> Said:
+def check_ros(environment: Mapping[str, str] = os.environ) -> Results:
     """Check whether ROS 2 Jazzy can be imported, and with which middleware."""
     missing = [name for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs') if not find_spec(name)]
     if missing:
@@ -261,21 +252,16 @@ def check_ros(environment: Mapping[str, str] = os.environ) -> Said:
     return [(OK, f'{DISTRO} from {source}, rclpy {version}, {middleware}')]
 
 
-def check_discovery(environment: Mapping[str, str] = os.environ) -> Said:
+def check_discovery(environment: Mapping[str, str] = os.environ) -> Results:
     """Check which graph the node joins, and which machines can join it."""
     domain = environment.get('ROS_DOMAIN_ID', '') or '0'
     if not domain.isdigit() or int(domain) not in DOMAINS:
         return [(FAIL, f'ROS_DOMAIN_ID is {domain!r}', 'set it to a number from 0 to 101')]
-    results: Said = []
+    results: Results = []
     if int(domain) not in SAFE_DOMAINS:
         results.append((
             WARN, f'the ports of domain {domain} are in the ephemeral range of Linux',
             'set ROS_DOMAIN_ID to a number from 0 to 101',
-        ))
-    if environment.get('ROS_LOCALHOST_ONLY'):
-        results.append((
-            WARN, 'ROS_LOCALHOST_ONLY is deprecated and overrides the discovery range',
-            'unset it; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST does the same',
         ))
     reach = environment.get('ROS_AUTOMATIC_DISCOVERY_RANGE', '') or 'SUBNET'
     text = f'domain {domain}, range {reach}: {DISCOVERY_RANGES.get(reach, "no such range")}'
@@ -289,31 +275,10 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Said:
     return [*results, (OK, text, way_out) if reach == 'SUBNET' else (OK, text)]
 
 
-def check_security(environment: Mapping[str, str] = os.environ) -> Said:
-    """Check whether SROS2 is enabled and available."""
-    if environment.get('ROS_SECURITY_ENABLE', 'false').lower() != 'true':
-        return [(OK, 'off: messages are neither signed nor encrypted')]
-    if not environment.get('AMENT_PREFIX_PATH'):
-        return [(
-            FAIL, 'on, but the wheels are built without DDS security',
-            'run the node from a ROS 2 Jazzy installation, or unset ROS_SECURITY_ENABLE',
-        )]
-    keystore = environment.get('ROS_SECURITY_KEYSTORE', '')
-    if not keystore or not (Path(keystore) / 'enclaves').is_dir():
-        return [(
-            FAIL, f'on, but ROS_SECURITY_KEYSTORE is {keystore!r}',
-            'ros2 security create_keystore DIRECTORY, and set it to that',
-        )]
-    if environment.get('ROS_SECURITY_STRATEGY', 'Permissive') != 'Enforce':
-        text = f'on with {keystore}, but nodes without keys are let in'
-        return [(WARN, text, 'set ROS_SECURITY_STRATEGY=Enforce')]
-    return [(OK, f'enforced with {keystore}')]
-
-
-def check_qos(layers: Iterable[Layer]) -> Said:
+def check_qos(layers: Iterable[Layer]) -> Results:
     """Check whether RViz and Nav2 can receive the layers with their QoS."""
     enabled = [layer for layer in layers if layer.enabled]
-    results: Said = [
+    results: Results = [
         (
             WARN, f'{consumer} gets nothing of {layer.topic}: it is {getattr(layer.qos, policy)}',
             f'set layers.{layer.name}.qos.{policy} to {getattr(LATCHED, policy)}',
@@ -328,7 +293,7 @@ def check_qos(layers: Iterable[Layer]) -> Said:
     return results or [(OK, f'{names}: RViz and Nav2 get what they ask for')]
 
 
-def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Said:
+def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Results:
     """Check whether a message returns through the middleware within ``timeout`` [s], and how fast.
 
     The check runs in a separate process, because the middleware may hang or crash.

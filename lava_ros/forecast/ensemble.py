@@ -20,7 +20,7 @@ from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import DEATHS, Pool, process_number
-from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
+from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, footprint_of, reached_by
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import is_sentinel, log_called, Sentinels
 from lava_ros.forecast.store import Store
@@ -87,7 +87,7 @@ def run_ensemble(
         at_most = store.plan.horizon
         validation.number('observed.time', outline.time, at_most=at_most, unit='s')
     plan = store.plan
-    tally = Tally(plan)
+    tally = EnsembleAccumulator(plan)
     agreement = np.full(len(members), np.nan)
     done: set[int] = set()
     ahead: dict[int, Footprint] = {}
@@ -133,7 +133,7 @@ def run_ensemble(
     if outline is None:
         return Ensemble(tally.maps(), None, None, resumed)
     # weights are relative to the best member, so all members have to be finished
-    weights, weighted = weigh(agreement), Tally(plan)
+    weights, weighted = weigh(agreement), EnsembleAccumulator(plan)
     done.clear()
     for footprint in store.finished(len(members)):
         done.add(footprint.index)

@@ -20,7 +20,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.members import plan_from, running
-from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
+from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, footprint_of, reached_by
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
@@ -56,7 +56,7 @@ class LiveEnsemble:
         ``deadline`` is the wall time after it [s] at which the ensemble ends with the members
         completed by then; None: no limit. The maps include arrival times at ``places``. ``number``
         and ``stamp_ns``, a ROS time [ns], identify the ensemble in replies. Other arguments are
-        those of ``LookAhead``.
+        those of ``ForecastRun``.
 
         Raises:
             LavaError: If an argument is not valid, or no input of the scene is uncertain.
@@ -133,7 +133,7 @@ class LiveEnsemble:
 
     def maps(self, agreement: np.ndarray | None) -> HazardMaps:
         """Return the maps of the members so far, weighted by ``agreement``."""
-        tally, weights = Tally(self.plan, self._places), [1] * self.count
+        tally, weights = EnsembleAccumulator(self.plan, self._places), [1] * self.count
         if agreement is not None:
             weights = weigh(agreement[: self.count]).values.tolist()
         for footprint, weight in zip(self._footprints, weights, strict=True):

@@ -6,15 +6,15 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import compatible, EFFECTS, Effects, possible
-from lava_ros.errors import LavaError
-from lava_ros.forecast.lookahead import Looking
-from lava_ros.forecast.sampling import Member, rough_terrain
+from lava_ros.effects import compatible, EFFECTS, Effects
+from lava_ros.forecast.forecast_run import SampledRun
+from lava_ros.forecast.member_scenes import end_scenes, median_scene, member_scene
+from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import (
     CalledEffect,
     find_called,
@@ -23,10 +23,7 @@ from lava_ros.forecast.sentinels import (
     REVIEWS,
     Sentinels,
 )
-from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.scene.lava import Lava
-from lava_ros.scene.uncertainty import Distribution
-from lava_ros.scene.vents import erupting
+from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import resolved_accuracy
@@ -43,12 +40,6 @@ MAX_SAMPLES, MIN_SAMPLES, SAMPLE_INTERVAL = 120, 20, 60.0
 #: Lava has arrived where its thickness is at or above this value [m].
 THRESHOLD = 0.1
 
-#: Quantiles for which effects are chosen. An effect that only fewer members call for would slow
-#: down all, and matters little to these, because effects do not set in abruptly.
-_ENDS = (0.1, 0.9)
-
-#: Maximum number of times that a displacement is halved before the vent is not displaced.
-_HALVINGS = 12
 
 #: Memory of a member for each cell of the terrain [bytes].
 _BYTES = 64
@@ -64,7 +55,7 @@ class Plan:
         accuracy: The resolution.
         effects: The effects that are on.
         threshold: Lava has arrived where its thickness is at or above this value [m].
-        looks: Number of samples of the flow, evenly spaced up to the horizon, each at the end of
+        samples: Number of samples of the flow, evenly spaced up to the horizon, each at the end of
             the time step in which it is due.
         start: State from which all members start, at time 0; None for the scene without lava.
         forced: Effects that the user forces on or off, by name. If None, sentinels do not review
@@ -77,7 +68,7 @@ class Plan:
     accuracy: Accuracy
     effects: Effects
     threshold: float = THRESHOLD
-    looks: int = MAX_SAMPLES
+    samples: int = MAX_SAMPLES
     start: Checkpoint | None = None
     forced: Mapping[str, bool] | None = None
     switched_on: tuple[CalledEffect, ...] = ()
@@ -85,7 +76,7 @@ class Plan:
     @property
     def interval(self) -> float:
         """Time between two samples [s]."""
-        return self.horizon / self.looks
+        return self.horizon / self.samples
 
     def switching_on(self, called: Sequence[CalledEffect]) -> 'Plan':
         """Return the plan with the effects that sentinels have called for."""
@@ -132,7 +123,7 @@ def make_plan(
     accuracy: Accuracy | None = None,
     effects: Mapping[str, bool] | None = None,
     threshold: float = THRESHOLD,
-    looks: int | None = None,
+    samples: int | None = None,
 ) -> Plan:
     """Plan an ensemble that starts at time 0.
 
@@ -145,24 +136,24 @@ def make_plan(
         accuracy: The resolution; None for automatic.
         effects: Effects forced on or off, by name.
         threshold: Lava has arrived where its thickness is at or above this value [m].
-        looks: Number of samples of the flow; None to derive it from the horizon.
+        samples: Number of samples of the flow; None to derive it from the horizon.
 
     Raises:
         LavaError: If an argument is not valid.
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    threshold, looks = _sampling(threshold, looks, horizon)
+    threshold, samples = _sampling(threshold, samples, horizon)
     # one spacing for all members
     accuracy = resolved_accuracy(accuracy or Accuracy(), median_scene(scene), horizon=horizon)
     chosen = [
         effects_for(one, effects, accuracy=accuracy, horizon=horizon)
-        for one in (scene, *_end_scenes(scene))
+        for one in (scene, *end_scenes(scene))
     ]
     called_for = {name for one in chosen for name in one}
     # of effects that exclude each other, prefer the one that the scene itself calls for
     together = compatible((*chosen[0], *(name for name in EFFECTS if name in called_for)))
     forced = dict(effects or {})
-    return Plan(scene, horizon, accuracy, together, threshold, looks, forced=forced)
+    return Plan(scene, horizon, accuracy, together, threshold, samples, forced=forced)
 
 
 def plan_from(
@@ -170,7 +161,7 @@ def plan_from(
     *,
     horizon: float,
     threshold: float = THRESHOLD,
-    looks: int | None = None,
+    samples: int | None = None,
 ) -> Plan:
     """Plan an ensemble that continues a running simulation for ``horizon`` [s].
 
@@ -182,62 +173,8 @@ def plan_from(
         LavaError: If an argument is not valid.
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    threshold, looks = _sampling(threshold, looks, horizon)
-    return Plan(start.scene, horizon, start.accuracy, start.effects, threshold, looks, start)
-
-
-def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
-    """Return the scene of a member.
-
-    ``rough`` adds the errors of the terrain, which is slow. A displacement that would move a vent
-    off the terrain is halved until it does not.
-
-    Raises:
-        LavaError: If the drawn values do not make a valid scene; the message names the member.
-    """
-    try:
-        roughness = scene.uncertainty.terrain
-        if rough and roughness is not None:
-            scene = scene.on(lambda terrain: rough_terrain(terrain, roughness, member.seed))
-        vents = scene.vents
-        if member.eruption is not None:
-            vents = erupting(vents, duration=member.eruption[0], volume=member.eruption[1])
-        vents = tuple(_member_vent(vent, member, scene.terrain) for vent in vents)
-        return replace(scene, vents=vents, lava=_member_lava(scene.lava, member))
-    except LavaError as error:
-        expected = f'{error.expected}; limits on its distribution keep it there'
-        raise LavaError(
-            f'{error.field} of member {member.index}', error.value, expected
-        ) from error
-
-
-def median_scene(scene: Scene) -> Scene:
-    """Return the scene with every uncertain value at its median, except classes of eruptions."""
-    uncertainty = scene.uncertainty
-    drawn: dict[str, Any] = {
-        name: distribution.quantile(0.5)
-        for name, distribution in vars(uncertainty).items()
-        if isinstance(distribution, Distribution)
-    }
-    constants = tuple((key, item.quantile(0.5)) for key, item in uncertainty.constants.items())
-    return member_scene(scene, Member(0, **drawn, constants=constants), rough=False)
-
-
-def check_members(scene: Scene, members: Sequence[Member]) -> None:
-    """Check the scenes of members before any of them runs.
-
-    Raises:
-        LavaError: If a scene is not valid, or members have places and the scene does not have
-            exactly one vent.
-    """
-    if not scene.vents and not scene.emplaced_flows:
-        raise LavaError('scene.vents', [], 'a vent: without lava there is nothing to forecast')
-    if any(member.place is not None for member in members) and len(scene.vents) != 1:
-        expected = 'one vent with a susceptibility map: the vent defines '
-        expected += 'the effusion rate, the map its position'
-        raise LavaError('scene.vents', len(scene.vents), expected)
-    for member in members:
-        member_scene(scene, member, rough=False)
+    threshold, samples = _sampling(threshold, samples, horizon)
+    return Plan(start.scene, horizon, start.accuracy, start.effects, threshold, samples, start)
 
 
 def batch_of(plan: Plan, device: str | None) -> int:
@@ -326,7 +263,7 @@ def running(
     yield from done
 
 
-class MemberRun(Looking):
+class MemberRun(SampledRun):
     """A run of a member from the plan's start to the horizon."""
 
     def __init__(
@@ -347,7 +284,7 @@ class MemberRun(Looking):
         super().__init__(
             simulation,
             [
-                *(start + look * plan.interval for look in range(1, plan.looks)),
+                *(start + number * plan.interval for number in range(1, plan.samples)),
                 # exactly the horizon, without a rounding error
                 start + plan.horizon,
             ],
@@ -366,8 +303,8 @@ class MemberRun(Looking):
             self._index, arrival, np.nan_to_num(seen.thickness), left, seen.corner, self._called
         )
 
-    def _note_look(self, time: float) -> None:
-        super()._note_look(time)
+    def _note_sample(self, time: float) -> None:
+        super()._note_sample(time)
         later = tuple(fraction for fraction in self._reviews if fraction > self.progress)
         if len(later) < len(self._reviews):
             self._called = find_called(
@@ -399,73 +336,8 @@ def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':
     return simulation
 
 
-def _sampling(threshold: float, looks: int | None, horizon: float) -> tuple[float, int]:
+def _sampling(threshold: float, samples: int | None, horizon: float) -> tuple[float, int]:
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
-    if looks is None:
-        looks = min(max(math.ceil(horizon / SAMPLE_INTERVAL), MIN_SAMPLES), MAX_SAMPLES)
-    return threshold, validation.whole('looks', looks, at_least=1, at_most=10_000)
-
-
-def _member_lava(lava: Lava, member: Member) -> Lava:
-    if member.constants:
-        lava = replace(lava, **dict(member.constants))
-    drawn = {'viscosity': lava.viscosity * member.viscosity}
-    if lava.is_vft:
-        drawn = {'vft_a': lava.vft_a + math.log10(member.viscosity)}
-    if 'yielding' in possible(lava):
-        drawn['yield_strength'] = lava.yield_strength * member.yield_strength
-    return replace(lava, **drawn)
-
-
-def _member_vent(vent: Vent, member: Member, terrain: Terrain) -> Vent:
-    discharge: float | tuple[tuple[float, float], ...]
-    if isinstance(vent.discharge, float):
-        discharge = vent.discharge * member.discharge
-    else:
-        discharge = tuple((time, flux * member.discharge) for time, flux in vent.series)
-    vent = replace(vent, discharge=discharge, temperature=vent.temperature + member.temperature)
-    if member.place is not None:
-        vent = _placed(vent, member.place, terrain)
-    return _displaced(vent, member.displacement, terrain)
-
-
-def _placed(vent: Vent, place: tuple[float, float], terrain: Terrain) -> Vent:
-    """Move a vent's centre to a place; a fissure is shortened to fit on the terrain."""
-    if vent.end is None:
-        return replace(vent, position=place)
-    half = [0.5 * (end - start) for start, end in zip(vent.position, vent.end, strict=True)]
-    for _ in range(_HALVINGS):
-        ends = [
-            (place[0] + sign * half[0], place[1] + sign * half[1]) for sign in (-1.0, 1.0)
-        ]
-        if all(terrain.covers(*end) for end in ends):
-            return replace(vent, position=ends[0], end=ends[1])
-        half = [0.5 * value for value in half]
-    return replace(vent, position=place, end=None)
-
-
-def _displaced(vent: Vent, shift: tuple[float, float], terrain: Terrain) -> Vent:
-    if not any(shift):
-        return vent
-    for halving in range(_HALVINGS):
-        dx, dy = (0.5**halving * value for value in shift)
-        position = (vent.position[0] + dx, vent.position[1] + dy)
-        end = None if vent.end is None else (vent.end[0] + dx, vent.end[1] + dy)
-        if terrain.covers(*position) and (end is None or terrain.covers(*end)):
-            return replace(vent, position=position, end=end)
-    return vent
-
-
-def _end_scenes(scene: Scene) -> list[Scene]:
-    """Return scenes with one uncertain quantity each at a quantile of ``_ENDS``."""
-    uncertainty, drawn = scene.uncertainty, list[dict[str, Any]]()
-    for fraction in _ENDS:
-        for name, distribution in vars(uncertainty).items():
-            if isinstance(distribution, Distribution):
-                drawn.append({name: distribution.quantile(fraction)})
-        for name, distribution in uncertainty.constants.items():
-            drawn.append({'constants': ((name, distribution.quantile(fraction)),)})
-        for kind in uncertainty.eruption:
-            ends = kind.duration.quantile(fraction), kind.volume.quantile(fraction)
-            drawn.append({'eruption': ends})
-    return [member_scene(scene, Member(0, **values), rough=False) for values in drawn]
+    if samples is None:
+        samples = min(max(math.ceil(horizon / SAMPLE_INTERVAL), MIN_SAMPLES), MAX_SAMPLES)
+    return threshold, validation.whole('samples', samples, at_least=1, at_most=10_000)

@@ -21,7 +21,7 @@ from lava_ros.scene import MAX_ELEVATION
 from lava_ros.simulation.output.budget import GONE
 from lava_ros.simulation.output.inundation import inundated_cells
 
-#: Stands for the observation ("look") in a cell without lava.
+#: Stands for the observation in a cell without lava.
 NEVER = np.iinfo(np.uint16).max
 
 
@@ -32,7 +32,7 @@ class Footprint:
     Attributes:
         index: The member's number.
         corner: Row and column of the rectangle's first cell.
-        look: Number of observations before the first with lava at or above the threshold,
+        first_sample: Number of observations before the first with lava at or above the threshold,
             uint16, shape [rows, columns] of the rectangle; ``NEVER`` without lava.
         millimetres: Peak thickness [mm], uint32, same shape.
         left: Fraction of the emitted volume that has left the map.
@@ -41,7 +41,7 @@ class Footprint:
 
     index: int
     corner: tuple[int, int]
-    look: np.ndarray
+    first_sample: np.ndarray
     millimetres: np.ndarray
     left: float = 0.0
     called: tuple[CalledEffect, ...] = ()
@@ -52,56 +52,57 @@ def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
     peak = np.nan_to_num(np.asarray(member.peak, dtype=np.float64))
     millimetres = np.rint(1000.0 * np.clip(peak, 0.0, MAX_ELEVATION)).astype(np.uint32)
     arrived = inundated_cells(member.arrival)
-    look = np.full(arrived.shape, NEVER, dtype=np.uint16)
+    sample = np.full(arrived.shape, NEVER, dtype=np.uint16)
     before = np.floor(member.arrival[arrived].astype(np.float64) / plan.interval)
-    look[arrived] = np.clip(before, 0, plan.looks - 1)
+    sample[arrived] = np.clip(before, 0, plan.samples - 1)
     wet = arrived | (millimetres > 0)
     rows, columns = (np.flatnonzero(wet.any(axis=axis)) for axis in (1, 0))
     if not rows.size:
-        nothing = look[:0, :0], millimetres[:0, :0]
+        nothing = sample[:0, :0], millimetres[:0, :0]
         return Footprint(member.index, (0, 0), *nothing, member.left, member.called)
     part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     corner = member.corner[0] + int(rows[0]), member.corner[1] + int(columns[0])
-    parts = look[part].copy(), millimetres[part].copy()
+    parts = sample[part].copy(), millimetres[part].copy()
     return Footprint(member.index, corner, *parts, member.left, member.called)
 
 
 def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
     """Return the cells a member has inundated by a time [s], bool, of the terrain's shape."""
     reached = np.zeros(plan.scene.terrain.shape, dtype=bool)
-    rows, columns = footprint.look.shape
+    rows, columns = footprint.first_sample.shape
     row, column = footprint.corner
-    arrived = (footprint.look.astype(np.float64) + 0.5) * plan.interval <= time
-    reached[row : row + rows, column : column + columns] = arrived & (footprint.look != NEVER)
+    arrived = (footprint.first_sample.astype(np.float64) + 0.5) * plan.interval <= time
+    arrived &= footprint.first_sample != NEVER
+    reached[row : row + rows, column : column + columns] = arrived
     return reached
 
 
-def first_looks(footprint: Footprint, places: Places) -> np.ndarray:
+def first_samples(footprint: Footprint, places: Places) -> np.ndarray:
     """Find the first observation with lava at each place, ``NEVER`` without: [places]."""
     rows, columns = (
         cells - first
         for cells, first in zip((places.rows, places.columns), footprint.corner, strict=True)
     )
-    height, width = footprint.look.shape
+    height, width = footprint.first_sample.shape
     inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-    result = np.full(len(places), NEVER, dtype=footprint.look.dtype)
-    looks = footprint.look[rows[inside], columns[inside]]
-    np.minimum.at(result, places.owner[inside], looks)
+    result = np.full(len(places), NEVER, dtype=footprint.first_sample.dtype)
+    samples = footprint.first_sample[rows[inside], columns[inside]]
+    np.minimum.at(result, places.owner[inside], samples)
     return result
 
 
-class Tally:
+class EnsembleAccumulator:
     """Accumulator of members, each added once, in any order."""
 
     def __init__(self, plan: Plan, places: Places | None = None) -> None:
         """Initialize without members; the maps include arrival times at ``places``, if any."""
         self._plan, self._places = plan, places
-        self._place_arrivals = np.zeros((len(places or ()), plan.looks), dtype=np.int64)
+        self._place_arrivals = np.zeros((len(places or ()), plan.samples), dtype=np.int64)
         shape = plan.scene.terrain.shape
         self._depth = np.zeros(shape, dtype=np.int64)
         # only cells that a member has reached have a row in the table of arrivals
         self._row = np.full(shape, -1, dtype=np.int64)
-        self._arrivals = np.zeros((1024, plan.looks), dtype=np.int64)
+        self._arrivals = np.zeros((1024, plan.samples), dtype=np.int64)
         self._rows = 0
         self._added: set[int] = set()
         self._total = self._squares = self._beyond = 0
@@ -119,7 +120,7 @@ class Tally:
         """
         if footprint.index in self._added:
             raise LavaError('member', footprint.index, 'a member that has not been added yet')
-        rows, columns = footprint.look.shape
+        rows, columns = footprint.first_sample.shape
         row, column = footprint.corner
         shape = self._plan.scene.terrain.shape
         if min(row, column) < 0 or row + rows > shape[0] or column + columns > shape[1]:
@@ -132,7 +133,7 @@ class Tally:
         self._squares += weight * weight
         part = np.s_[row : row + rows, column : column + columns]
         self._depth[part] += weight * footprint.millimetres.astype(np.int64)
-        arrived, row_of = footprint.look != NEVER, self._row[part]
+        arrived, row_of = footprint.first_sample != NEVER, self._row[part]
         new = arrived & (row_of < 0)
         row_of[new] = self._rows + np.arange(np.count_nonzero(new))
         self._rows += np.count_nonzero(new)
@@ -140,9 +141,9 @@ class Tally:
             more = max(self._rows - len(self._arrivals), len(self._arrivals))
             self._arrivals = np.pad(self._arrivals, ((0, more), (0, 0)))
         # a footprint contains each cell once, so that no sum is lost
-        self._arrivals[row_of[arrived], footprint.look[arrived]] += weight
+        self._arrivals[row_of[arrived], footprint.first_sample[arrived]] += weight
         if self._places is not None:
-            first = first_looks(footprint, self._places)
+            first = first_samples(footprint, self._places)
             reached = first != NEVER
             self._place_arrivals[np.flatnonzero(reached), first[reached]] += weight
 
@@ -179,7 +180,7 @@ class Tally:
         )
 
     def _when(self, arrivals: np.ndarray) -> PlaceForecast:
-        """Convert the weights that arrive at each observation, [places, looks], to a forecast."""
+        """Convert the weights that arrive at each sample, [places, samples], to a forecast."""
         sums = np.cumsum(arrivals, axis=1)
         times = {}
         for share in QUANTILES:

@@ -30,8 +30,8 @@ import time
 from typing import Any
 
 from lava_ros.forecast.assimilation import Outline
+from lava_ros.forecast.forecast_run import ForecastRun, N_FIRST_SAMPLES, N_SAMPLES
 from lava_ros.forecast.live_ensemble import Answer, LiveEnsembles
-from lava_ros.forecast.lookahead import LookAhead, LOOKS, N_FIRST_SAMPLES
 from lava_ros.forecast.sampling import prepare_sampling
 from lava_ros.simulation.output.checkpoint import Checkpoint
 
@@ -51,7 +51,7 @@ class Forecasting:
         """Initialize without a forecast; ``answer`` is called with each reply to ``orders``."""
         self._orders = orders
         self._answer = answer
-        self._ahead: LookAhead | None = None
+        self._ahead: ForecastRun | None = None
         self._ensembles = LiveEnsembles(answer)
         self._is_turn_of_ensemble = False
         self._number = 0
@@ -89,17 +89,17 @@ class Forecasting:
     ) -> None:
         """Replace the forecast in progress by a new one from a checkpoint.
 
-        ``number`` is that of the forecast, and ``how`` are further arguments of ``LookAhead``. The
-        first forecast of a scene (``is_first``) has fewer observations. ``ensemble`` has further
-        arguments of ``LiveEnsembles.order``, None for no ensemble.
+        ``number`` is that of the forecast, and ``how`` are further arguments of ``ForecastRun``.
+        The first forecast of a scene (``is_first``) has fewer observations. ``ensemble`` has
+        further arguments of ``LiveEnsembles.order``, None for no ensemble.
         """
         self._ahead, self._number = None, number
         if ensemble is not None:
             self._ensembles.order(checkpoint, number=number, **ensemble, **how)
         with self._guarded():
             # the first forecast should be early rather than precise
-            looks = N_FIRST_SAMPLES if is_first else LOOKS
-            self._ahead = LookAhead(checkpoint, looks=looks, **how)
+            samples = N_FIRST_SAMPLES if is_first else N_SAMPLES
+            self._ahead = ForecastRun(checkpoint, samples=samples, **how)
 
     def outline(self, number: int, outline: Outline) -> None:
         """Weight the members of the ensembles by an observed outline."""

@@ -20,7 +20,7 @@ from lava_ros.files.npz import read_arrays
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.assimilation import UNIT, Weights
 from lava_ros.forecast.members import Plan
-from lava_ros.forecast.probability import Footprint, NEVER, Tally
+from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, NEVER
 from lava_ros.forecast.sampling import Susceptibility
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.forecast import HazardMaps
@@ -101,7 +101,7 @@ class Store:
         with writing('--output', self._path(footprint.index)) as fresh, fresh.open('wb') as file:
             np.savez_compressed(
                 file,
-                look=footprint.look,
+                look=footprint.first_sample,
                 millimetres=footprint.millimetres,
                 corner=np.array(footprint.corner, dtype=np.int32),
                 left=np.array([footprint.left]),
@@ -156,7 +156,7 @@ class Store:
                 'effects': asdict(plan.effects),
                 'switched_on': [asdict(item) for item in plan.switched_on],
                 'threshold_m': plan.threshold,
-                'looks': plan.looks,
+                'looks': plan.samples,
                 'start_s': None if plan.start is None else plan.start.time,
             },
             'seed': self._seed,
@@ -190,7 +190,7 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     except (OSError, TypeError, ValueError) as error:
         expected = f'the weights of the members ({error})'
         raise LavaError('ensemble', str(folder / WEIGHTS), expected) from error
-    tally = Tally(plan, places)
+    tally = EnsembleAccumulator(plan, places)
     where = folder if (folder / 'members').is_dir() else folder.parent
 
     def refuse(error: LavaError) -> NoReturn:
@@ -244,7 +244,7 @@ def _read_member(path: Path, index: int, plan: Plan) -> Footprint:
     look = array('look', np.uint16)
     millimetres = array('millimetres', np.uint32, look.shape)
     corner, left = array('corner', np.int32, (2,)), array('left', np.float64, (1,))
-    check('look', (look < plan.looks) | (look == NEVER), f'less than {plan.looks}, or {NEVER}')
+    check('look', (look < plan.samples) | (look == NEVER), f'less than {plan.samples}, or {NEVER}')
     maximum = round(1e3 * MAX_ELEVATION)
     check('millimetres', millimetres <= maximum, f'a thickness of at most {maximum} mm')
     check('left', (left >= 0.0) & (left <= 1.0), 'a fraction from 0 to 1')

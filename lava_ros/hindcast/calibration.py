@@ -9,7 +9,7 @@ of a case after a date are not fitted: their scores are those of forecasts.
 
 A mapped outline constrains few constants, and the score jumps when a flow passes an obstacle on
 the other side. So the result is the set of all runs that are nearly as good as the best, the
-spread of each unknown in it, and the unknowns on which the score does not depend.
+spread of each parameter in it, and the parameters on which the score does not depend.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -30,19 +30,19 @@ from lava_ros.files import open_input, write_output
 from lava_ros.files.optional import require
 from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.replicates import agreement, Direction, directions, run_together
+from lava_ros.hindcast.free_parameters import changed, FreeParameter
+from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_together
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import judge_outlines
-from lava_ros.hindcast.unknowns import changed, Unknown
+from lava_ros.hindcast.score import score_outlines
 
 #: Maximum difference to the best score for a near-best run: the effect of the error of the terrain
 #: on the score (docs/VALIDATION.md).
 NEARLY = 0.03
 
-#: An unknown is not constrained if near-best runs span at least this fraction of its range.
+#: A free parameter is not constrained if near-best runs span at least this fraction of its range.
 WIDE = 0.6
 
-#: The score does not depend on an unknown with a rank correlation below this [standard errors].
+#: The score does not depend on a parameter with a rank correlation below this [standard errors].
 WEAK = 2.0
 
 #: Rank correlation that a search must be able to detect before its absence counts.
@@ -51,7 +51,7 @@ CLEAR = 0.5
 #: Number of sets per batch on a GPU: with four directions per set they fill it.
 BATCH = 16
 
-#: Columns of the table of runs in addition to the unknowns.
+#: Columns of the table of runs in addition to the parameters.
 COLUMNS = (
     *('jaccard', 'single', 'recall', 'precision', 'length_error', 'area_error'),
     *('fitted', 'directions', 'wall_time_s'),
@@ -59,8 +59,8 @@ COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Trial:
-    """A set of values of the unknowns, with its results by ``COLUMNS``.
+class ParameterSample:
+    """A set of values of the parameters, with its results by ``COLUMNS``.
 
     There are results for each case, or for each outline of a case with dated outlines.
     """
@@ -85,14 +85,14 @@ class Trial:
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of a search for an unknown: its values in the best run and in near-best runs.
+    """Result of a search for a free parameter: its values in the best run and in near-best runs.
 
     ``spread`` is the fraction of its range that near-best runs span, ``correlation`` the rank
-    correlation of its value with the score over all runs. An unknown is sensitive if near-best
+    correlation of its value with the score over all runs. A parameter is sensitive if near-best
     runs agree on it or the score depends on it.
     """
 
-    unknown: Unknown
+    unknown: FreeParameter
     best: float
     low: float
     high: float
@@ -107,19 +107,19 @@ Evaluate = Callable[[Sequence[Mapping[str, float]]], list[Numbers]]
 
 
 def search(
-    unknowns: Sequence[Unknown],
+    parameters: Sequence[FreeParameter],
     evaluate: Evaluate,
     *,
     runs: int,
     seed: int = 0,
     batch: int = BATCH,
-    known: Sequence[Trial] = (),
-    progress: Callable[[int, Trial], None] | None = None,
-) -> list[Trial]:
+    known: Sequence[ParameterSample] = (),
+    progress: Callable[[int, ParameterSample], None] | None = None,
+) -> list[ParameterSample]:
     """Search for good values: evenly distributed points, then differential evolution.
 
     ``evaluate`` returns the numbers of many sets of values, ``batch`` sets at once. ``known`` runs
-    of an earlier search of the same unknowns are not repeated. ``progress`` is called with the
+    of an earlier search of the same parameters are not repeated. ``progress`` is called with the
     number and the result of each run. Returns all runs, starting with the usual values.
 
     Raises:
@@ -128,83 +128,88 @@ def search(
     require('scipy.stats', 'calibrate')
     from scipy.stats import qmc
 
-    memory = {_key(trial.values): trial for trial in known}
-    trials: list[Trial] = []
+    memory = {_key(sample.values): sample for sample in known}
+    samples: list[ParameterSample] = []
 
     def tried(points: np.ndarray) -> None:
         sets = [
-            {u.name: u.value_at(float(x)) for u, x in zip(unknowns, point, strict=True)}
+            {u.name: u.value_at(float(x)) for u, x in zip(parameters, point, strict=True)}
             for point in points
         ]
         for first in range(0, len(sets), batch):
             part = sets[first : first + batch]
             missing = [values for values in part if _key(values) not in memory]
             for values, numbers in zip(missing, evaluate(missing), strict=True):
-                memory[_key(values)] = Trial(values, numbers)
+                memory[_key(values)] = ParameterSample(values, numbers)
             for values in part:
-                trials.append(memory[_key(values)])
+                samples.append(memory[_key(values)])
                 if progress is not None:
-                    progress(len(trials), trials[-1])
+                    progress(len(samples), samples[-1])
 
-    usual = np.clip([[item.share_of(item.usual) for item in unknowns]], 0.0, 1.0)
+    usual = np.clip([[item.share_of(item.usual) for item in parameters]], 0.0, 1.0)
     # the sequence is balanced for powers of two
-    even = qmc.Sobol(len(unknowns), seed=seed).random_base2(max(runs // 2 - 1, 0).bit_length())
+    even = qmc.Sobol(len(parameters), seed=seed).random_base2(max(runs // 2 - 1, 0).bit_length())
     tried(np.vstack([usual, even[: max(runs // 2, 1)]]))
     rng = np.random.default_rng(seed)
-    generation = max(4, 2 * len(unknowns))
-    while len(trials) < runs:
-        tried(_offspring(unknowns, trials, min(generation, runs - len(trials)), rng))
-    return trials[:runs]
+    generation = max(4, 2 * len(parameters))
+    while len(samples) < runs:
+        tried(_offspring(parameters, samples, min(generation, runs - len(samples)), rng))
+    return samples[:runs]
 
 
 def _offspring(
-    unknowns: Sequence[Unknown], trials: Sequence[Trial], count: int, rng: np.random.Generator
+    parameters: Sequence[FreeParameter],
+    samples: Sequence[ParameterSample],
+    count: int,
+    rng: np.random.Generator,
 ) -> np.ndarray:
     """Return new points by current-to-best differential evolution of the better half of runs."""
-    ranked = sorted(trials, key=lambda trial: -trial.jaccard)
+    ranked = sorted(samples, key=lambda sample: -sample.jaccard)
     better = ranked[: max(4, len(ranked) // 2)]
-    parents = np.array([[u.share_of(trial.values[u.name]) for u in unknowns] for trial in better])
-    points = np.empty((count, len(unknowns)))
+    parents = np.array([[u.share_of(one.values[u.name]) for u in parameters] for one in better])
+    points = np.empty((count, len(parameters)))
     for point in points:
         one, two, three = parents[rng.integers(len(parents), size=3)]
         scale = rng.uniform(0.4, 0.9)
         mutant = one + scale * (parents[0] - one) + scale * (two - three)
-        keeps = rng.random(len(unknowns)) < 0.2
+        keeps = rng.random(len(parameters)) < 0.2
         # reflect values outside the range at its limits
         mutant = np.abs(mutant)
         point[:] = np.where(keeps, one, np.clip(1.0 - np.abs(1.0 - mutant), 0.0, 1.0))
     return points
 
 
-def findings(unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> list[Finding]:
-    """Summarise a search for each unknown."""
+def findings(
+    parameters: Sequence[FreeParameter], samples: Sequence[ParameterSample]
+) -> list[Finding]:
+    """Summarise a search for each parameter."""
     from scipy.stats import spearmanr
 
-    scores = np.array([trial.jaccard for trial in trials])
+    scores = np.array([sample.jaccard for sample in samples])
     near = scores >= scores.max() - NEARLY
     result = []
-    for unknown in unknowns:
-        values = np.array([trial.values[unknown.name] for trial in trials])
+    for parameter in parameters:
+        values = np.array([sample.values[parameter.name] for sample in samples])
         best = float(values[scores.argmax()])
         low, high = float(values[near].min()), float(values[near].max())
-        spread = unknown.share_of(high) - unknown.share_of(low)
+        spread = parameter.share_of(high) - parameter.share_of(low)
         varies = np.ptp(values) > 0.0 and np.ptp(scores) > 0.0
         rank = float(spearmanr(values, scores).statistic) if varies else 0.0
         is_followed = abs(rank) * math.sqrt(len(values) - 1) > WEAK
         is_sensitive = is_followed or (spread < WIDE and near.sum() > 1)
-        result.append(Finding(unknown, best, low, high, spread, rank, bool(is_sensitive)))
+        result.append(Finding(parameter, best, low, high, spread, rank, bool(is_sensitive)))
     return result
 
 
-def near_best(trials: Sequence[Trial]) -> list[Trial]:
+def near_optimal(samples: Sequence[ParameterSample]) -> list[ParameterSample]:
     """Return the runs that are nearly as good as the best, best first."""
-    ranked = sorted(trials, key=lambda trial: -trial.jaccard)
-    return [trial for trial in ranked if trial.jaccard >= ranked[0].jaccard - NEARLY]
+    ranked = sorted(samples, key=lambda sample: -sample.jaccard)
+    return [sample for sample in ranked if sample.jaccard >= ranked[0].jaccard - NEARLY]
 
 
-def has_enough_samples(trials: Sequence[Trial]) -> bool:
+def has_enough_samples(samples: Sequence[ParameterSample]) -> bool:
     """Return True if there are enough runs to detect a rank correlation of ``CLEAR``."""
-    return CLEAR * math.sqrt(len(trials) - 1) > WEAK
+    return CLEAR * math.sqrt(len(samples) - 1) > WEAK
 
 
 @dataclass(frozen=True)
@@ -221,13 +226,13 @@ class CrossValidation:
     best: float
 
 
-def leave_one_out(trials: Sequence[Trial]) -> list[CrossValidation]:
+def leave_one_out(samples: Sequence[ParameterSample]) -> list[CrossValidation]:
     """Score each case with the set that is best for the other cases; empty for one case."""
-    cases, result = trials[0].fitted, []
+    cases, result = samples[0].fitted, []
     for case in cases if len(cases) > 1 else []:
         others = [other for other in cases if other != case]
-        chosen = max(trials, key=lambda trial: trial.mean(others))
-        best = max(trial.mean([case]) for trial in trials)
+        chosen = max(samples, key=lambda sample: sample.mean(others))
+        best = max(sample.mean([case]) for sample in samples)
         result.append(CrossValidation(case, chosen.values, chosen.mean([case]), best))
     return result
 
@@ -266,7 +271,7 @@ def evaluating(
 def _evaluate(
     cases: Sequence[Case],
     settings: Settings,
-    ways: Sequence[Direction],
+    ways: Sequence[Orientation],
     until: Mapping[str, float],
     sets: Sequence[Mapping[str, float]],
 ) -> list[Numbers]:
@@ -302,8 +307,8 @@ def _numbers(
     rows: list[tuple[float, Any, list[float]]] = []
     if case.outlines:
         snapshots = [result.snapshot for result in results]
-        alone = [judge_outlines(case, [snapshot]) for snapshot in snapshots]
-        for index, judged in enumerate(judge_outlines(case, snapshots)):
+        alone = [score_outlines(case, [snapshot]) for snapshot in snapshots]
+        for index, judged in enumerate(score_outlines(case, snapshots)):
             rows.append((judged.time, judged, [scores[index].jaccard for scores in alone]))
     else:
         found = agreement(case, [result.snapshot for result in results])
@@ -319,34 +324,39 @@ def _numbers(
         }
 
 
-def write_trials(path: Path, unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> None:
+def write_samples(
+    path: Path, parameters: Sequence[FreeParameter], samples: Sequence[ParameterSample]
+) -> None:
     """Write the table of runs; raise LavaError if that fails."""
-    names, text = [item.name for item in unknowns], StringIO()
+    names, text = [item.name for item in parameters], StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow([*names, 'case', *COLUMNS])
-    for trial in trials:
-        values = [repr(trial.values[name]) for name in names]
-        for case, numbers in trial.numbers.items():
+    for sample in samples:
+        values = [repr(sample.values[name]) for name in names]
+        for case, numbers in sample.numbers.items():
             writer.writerow([*values, case, *(repr(numbers[name]) for name in COLUMNS)])
     write_output('output', path, text.getvalue())
 
 
-def read_trials(path: Path, unknowns: Sequence[Unknown], cases: Sequence[str]) -> list[Trial]:
-    """Read a table of runs, empty without a file; LavaError for other unknowns or cases."""
+def read_samples(
+    path: Path, parameters: Sequence[FreeParameter], cases: Sequence[str]
+) -> list[ParameterSample]:
+    """Read a table of runs, empty without a file; LavaError for other parameters or cases."""
     if not path.is_file():
         return []
-    names = [item.name for item in unknowns]
+    names = [item.name for item in parameters]
     try:
         with TextIOWrapper(open_input(path), newline='', encoding='utf-8') as file:
             rows = list(csv.DictReader(file))
-        trials = []
+        samples = []
         for first in range(0, len(rows), len(cases)):
             part = rows[first : first + len(cases)]
             numbers = {row['case']: {key: float(row[key]) for key in COLUMNS} for row in part}
             if list(numbers) != list(cases):
                 raise ValueError(f'cases {", ".join(numbers)}')
-            trials.append(Trial({name: float(part[0][name]) for name in names}, numbers))
-        return trials
+            values = {name: float(part[0][name]) for name in names}
+            samples.append(ParameterSample(values, numbers))
+        return samples
     except (OSError, KeyError, TypeError, ValueError) as error:
         expected = f'a table of runs with {", ".join(names)} of {", ".join(cases)}, or --fresh'
         expected += f' ({error!r})'

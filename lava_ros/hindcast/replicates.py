@@ -22,7 +22,7 @@ from lava_ros import validation
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import regridded
 from lava_ros.hindcast.run import Result, Run, Settings
-from lava_ros.hindcast.score import judge, Score
+from lava_ros.hindcast.score import Score, score_case
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.batch import side_by_side
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -42,7 +42,7 @@ Place = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Direction:
+class Orientation:
     """Orientation of a run: rotated by 90 degrees counterclockwise ``quarters`` times.
 
     With ``mirror``, east and west are exchanged first. Finally vents are moved along the rows by
@@ -53,7 +53,7 @@ class Direction:
     mirror: bool = False
     moved: float = 0.0
 
-    def turn(self, case: Case) -> Case:
+    def rotate(self, case: Case) -> Case:
         """Rotate terrain, vents and outline of a case; the map origin remains a corner."""
         if self.mirror:
             case = _changed(case, lambda x, y, width, _: (width - x, y), np.fliplr)
@@ -69,15 +69,15 @@ class Direction:
             case = replace(case, scene=replace(case.scene, vents=vents))
         return case
 
-    def restore(self, values: np.ndarray) -> np.ndarray:
+    def rotate_back(self, values: np.ndarray) -> np.ndarray:
         """Rotate a map of the rotated case back, shape [rows, columns] of the case."""
         values = np.rot90(values, self.quarters)
         return np.ascontiguousarray(np.fliplr(values) if self.mirror else values)
 
 
-def directions(runs: int) -> list[Direction]:
+def directions(runs: int) -> list[Orientation]:
     """Return the directions of some runs: original, rotated, mirrored, then repeated."""
-    return [Direction(n % 4, n // 4 % 2 == 1, n // 8 * _MOVED) for n in range(runs)]
+    return [Orientation(n % 4, n // 4 % 2 == 1, n // 8 * _MOVED) for n in range(runs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ def run_replicates(
 
 
 def run_together(
-    jobs: Sequence[tuple[Case, Direction]],
+    jobs: Sequence[tuple[Case, Orientation]],
     settings: Settings,
     *,
     folder: Path | None = None,
@@ -140,19 +140,20 @@ def run_together(
     shares = np.zeros(len(jobs))
     results: dict[int, Result] = {}
 
-    def route(number: int, case: Case, direction: Direction) -> Iterator[None]:
+    def route(number: int, case: Case, direction: Orientation) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
         # the spacing is that of the original case in all directions
         same = replace(settings, spacing=settings.accuracy(case).spacing)
-        run = Run(direction.turn(case), same, folder=kept)
+        run = Run(direction.rotate(case), same, folder=kept)
         for snapshot in run.parts():
             if snapshot is not None and progress is not None:
                 shares[number] = snapshot.time / case.duration
                 progress(float(shares.mean()))
             yield
         result = run.result()
-        snapshot = regridded(result.snapshot, case.scene.terrain, direction.restore)
-        results[number] = replace(result, snapshot=snapshot, peak=direction.restore(result.peak))
+        snapshot = regridded(result.snapshot, case.scene.terrain, direction.rotate_back)
+        peak = direction.rotate_back(result.peak)
+        results[number] = replace(result, snapshot=snapshot, peak=peak)
 
     routes = (route(number, *job) for number, job in enumerate(jobs))
     for _ in side_by_side(routes, str(device_of(settings.device))):
@@ -203,5 +204,5 @@ def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
     mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)
     thickness = np.where(share >= 0.5, mean, 0.0)
     pairs = zip(snapshots, inundated, strict=True)
-    scores = tuple(judge(case, snapshot.thickness, cells) for snapshot, cells in pairs)
-    return Agreement(scores, share, thickness, judge(case, thickness, share >= 0.5))
+    scores = tuple(score_case(case, snapshot.thickness, cells) for snapshot, cells in pairs)
+    return Agreement(scores, share, thickness, score_case(case, thickness, share >= 0.5))

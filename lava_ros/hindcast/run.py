@@ -54,9 +54,6 @@ FORCED = {
     if effect.needs_extent and math.isfinite(effect.threshold)
 }
 
-#: Wall time between two reports of the progress [s].
-PROGRESS_INTERVAL = 1.0
-
 #: Name of the folder, inside the output, with the state of an unfinished run.
 UNFINISHED = '.unfinished'
 
@@ -152,18 +149,10 @@ class Run:
         if folder is not None and self.is_resumed:
             self._simulation = self._resumed(folder)
 
-    def snapshots(self) -> Iterator[tuple[float, Snapshot | None]]:
-        """Simulate.
-
-        Yields:
-            The simulated fraction of the time, and at each map a snapshot, otherwise None.
-        """
-        reported = wall_clock.monotonic()
-        for snapshot in self.parts():
-            if snapshot is None and wall_clock.monotonic() < reported + PROGRESS_INTERVAL:
-                continue
-            yield self._simulation.time / self.case.duration, snapshot
-            reported = wall_clock.monotonic()
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._simulation.time
 
     def parts(self) -> Iterator[Snapshot | None]:
         """Simulate in parts, so that the caller can do other work while a GPU computes.

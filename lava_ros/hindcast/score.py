@@ -103,65 +103,46 @@ class Reference:
         return f'{before}steepest descent: {self.descent:.3f}'
 
 
-def score(
-    thickness: np.ndarray,
-    inundated: np.ndarray,
-    footprint: np.ndarray,
-    *,
-    resolution: float,
-    vents: Sequence[tuple[int, int]],
-    emitted: float,
-) -> Score:
-    """Compare a simulated flow with a mapped one on the same cells.
+def score_case(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Score:
+    """Compare a simulated flow with the mapped flow field of a case, on the cells of the case.
 
-    ``thickness`` is that of the simulated lava [m], NaN without data, shape [rows, columns].
-    ``inundated`` and ``footprint`` are the simulated and the mapped cells, bool. ``vents`` are
-    rows and columns, the side of a cell is in m, and the emitted volume in m3.
+    Args:
+        case: The case.
+        thickness: Thickness of the simulated lava [m], NaN without data, shape [rows, columns].
+        inundated: Cells that it has inundated, bool, same shape.
     """
-    thickness = np.nan_to_num(thickness)
-    standing, cell = standing_cells(thickness), resolution**2
+    terrain, footprint, thickness = case.scene.terrain, case.footprint, np.nan_to_num(thickness)
+    standing, area = standing_cells(thickness), terrain.resolution**2
     layer = thickness[standing]
     hits = int((inundated & footprint).sum())
     mapped, simulated = int(footprint.sum()), int(inundated.sum())
-    jaccard = hits / (mapped + simulated - hits) if mapped + simulated else 0.0
-    ways = distances(inundated | footprint, vents) * resolution
+    index = jaccard(inundated, footprint)
+    ways = distances(inundated | footprint, case.vent_cells) * terrain.resolution
     length, mapped_length = _longest(ways, inundated), _longest(ways, footprint)
     return Score(
-        jaccard=jaccard,
+        jaccard=index,
         recall=hits / mapped if mapped else 0.0,
         precision=hits / simulated if simulated else 0.0,
-        fit=math.sqrt(jaccard),
+        fit=math.sqrt(index),
         hits=hits,
         misses=mapped - hits,
         false_alarms=simulated - hits,
-        area=simulated * cell,
-        standing_area=int(standing.sum()) * cell,
-        mapped_area=mapped * cell,
+        area=simulated * area,
+        standing_area=int(standing.sum()) * area,
+        mapped_area=mapped * area,
         length=length,
         mapped_length=mapped_length,
-        volume=float(thickness.sum()) * cell,
+        volume=float(thickness.sum()) * area,
         mean_thickness=float(layer.mean()) if layer.size else 0.0,
         median_thickness=float(np.median(layer)) if layer.size else 0.0,
         thickest=float(layer.max()) if layer.size else 0.0,
-        mapped_thickness=emitted / (mapped * cell) if mapped else math.nan,
+        mapped_thickness=case.volume / (mapped * area) if mapped else math.nan,
         length_error=length / mapped_length - 1.0 if mapped_length else math.nan,
-        area_error=simulated * cell / (mapped * cell) - 1.0 if mapped else math.nan,
+        area_error=simulated * area / (mapped * area) - 1.0 if mapped else math.nan,
     )
 
 
-def judge(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Score:
-    """Compare a flow on the cells of a case with its mapped flow field, as in ``score``."""
-    return score(
-        thickness,
-        inundated,
-        case.footprint,
-        resolution=case.scene.terrain.resolution,
-        vents=case.vent_cells,
-        emitted=case.volume,
-    )
-
-
-def judge_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineScore]:
+def score_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineScore]:
     """Score the area that at least half of some runs have inundated at the time of each outline.
 
     The area at an earlier time follows from the arrival times of a run.

@@ -280,11 +280,11 @@ class SimulationFactory:
 
     def _afford(self, scene: Scene, settings: Settings, begun: float) -> Accuracy:
         # this loads Warp, too
-        from lava_ros.forecast.planning import afford, sampling_error
+        from lava_ros.forecast.planning import plan_within, sampling_error
 
         asked = settings.ensemble_members
         how = partial(
-            afford,
+            plan_within,
             scene,
             within=settings.deadline,
             horizon=settings.forecast_horizon,

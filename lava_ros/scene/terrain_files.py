@@ -34,7 +34,6 @@ from lava_ros.scene.projection import (
     rasterio_for,
     to_square_metric_cells,
     vertical_unit,
-    WGS84,
     with_epsg,
 )
 from lava_ros.scene.terrain import check_epsg, crest_lines, MAX_SIDE_CELLS, Terrain
@@ -84,9 +83,6 @@ PIT_DEPTH = 2.0
 
 #: Maximum distance of interpolation into cells without data [cells].
 FILL_DISTANCE = 1000.0
-
-#: Minimum easting and northing, maximum easting and northing of the ridge, UTM zone 16 north [m].
-RIDGE_WINDOW = (744440.0, 4038400.0, 753440.0, 4046400.0)
 
 
 def terrain_path(name: str, folder: Path = Path()) -> Path:
@@ -411,32 +407,3 @@ def demo_terrain() -> Terrain:
     NAD27.
     """
     return replace(load_terrain(DEMO), source='United States Geological Survey')
-
-
-def ridge_terrain() -> Terrain:
-    """Return a ridge of real terrain, part of the elevation sample of matplotlib.
-
-    The sample is NASA's SRTM elevation of the Jacksboro fault, Tennessee, in cells of 3 seconds of
-    arc; the part is 9 km by 8 km, falls from 1070 to 250 m and has cells of 30 m.
-
-    Raises:
-        LavaError: If matplotlib or rasterio is not installed.
-    """
-    try:
-        from matplotlib import cbook
-    except ImportError as error:
-        raise LavaError('ridge', None, "pip install 'lava_ros[terrain,plot]'") from error
-    stored: Any = cbook.get_sample_data('jacksboro_fault_dem.npz')
-    with stored as sample:
-        # ymin of the sample is its northern edge, and row 0 is in the north
-        raster = Raster(
-            elevation=np.flipud(sample['elevation']).astype(np.float32),
-            dx=float(sample['dx']),
-            dy=float(sample['dy']),
-            corner=(float(sample['xmin']), float(sample['ymax'])),
-            epsg=WGS84,
-        )
-    raster = crop(to_square_metric_cells(raster, 30.0), RIDGE_WINDOW)
-    return Terrain(
-        elevation=raster.elevation, resolution=raster.dx, epsg=raster.epsg, offset=raster.corner
-    )

@@ -71,7 +71,7 @@ LITERAL = 4.74
 REPEATED_BELOW = 3.0
 
 #: Maximum expected time of a run [s], and that of a quick report.
-LONGEST, QUICK_MAX_RUN_TIME = 30.0, 2.0
+MAX_RUN_TIME, QUICK_MAX_RUN_TIME = 30.0, 2.0
 
 #: Factor by which a preset may take longer.
 PRESET_PATIENCE = 4.0
@@ -95,14 +95,14 @@ def all_settings(*, quick: bool = False) -> list[Setting]:
     refinements: Sequence[float] = QUICK_REFINEMENTS if quick else REFINEMENTS
     ratios: Sequence[float] = QUICK_RATIOS if quick else RATIOS
     names: Sequence[str] = QUICK_PRESETS if quick else tuple(PRESETS)
-    studied = [*convergence(), *stepping(), *from_paper().values()]
+    studied = [*convergence(), *stepping(), *paper_settings().values()]
     if quick:
         studied = [item for item in convergence() if item.refinement <= 1.0]
     presets = {PRESETS[name].accuracy: name for name in names}
     grid = [Accuracy(refinement=size, ratio=ratio) for size in refinements for ratio in ratios]
     everywhere = {*grid, *(item for item in presets if item.formulation == 'corrected')}
     some: dict[Accuracy, tuple[str, ...]] = {}
-    for accuracy in (*presets, *knobs(quick=quick), *studied):
+    for accuracy in (*presets, *one_at_a_time_settings(quick=quick), *studied):
         some[accuracy] = KNOB_CASES
     for accuracy in gradients().values():
         some[accuracy] = tuple(dict.fromkeys((*some.get(accuracy, ()), *GRADIENT_CASES)))
@@ -115,7 +115,7 @@ def all_settings(*, quick: bool = False) -> list[Setting]:
     return sorted(settings, key=lambda item: expected_cost(item.accuracy))
 
 
-def knobs(*, quick: bool = False) -> list[Accuracy]:
+def one_at_a_time_settings(*, quick: bool = False) -> list[Accuracy]:
     """Return the default preset with one setting changed at a time."""
     turned: list[dict[str, Any]] = [{'integrator': 'euler'}, {'kernel': 'poly6'}]
     if not quick:
@@ -146,7 +146,7 @@ def gradients() -> dict[str, Accuracy]:
     return {form: replace(STANDARD, gradient=form) for form in GRADIENTS}
 
 
-def from_paper() -> dict[str, Accuracy]:
+def paper_settings() -> dict[str, Accuracy]:
     """Return the paper's settings, then one correction after another, by description."""
     paper = PRESETS['as-published'].accuracy
     corrected = replace(paper, formulation='corrected')
@@ -224,7 +224,7 @@ def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
 
 def measure(
     pairs: Sequence[tuple[Case, Setting]], *, device: str, command: str, repetitions: int = 3,
-    longest: float = LONGEST,
+    longest: float = MAX_RUN_TIME,
     on_progress: Callable[[str, float], None] = lambda name, fraction: None,
 ) -> Iterator[list[Row]]:
     """Run every pair that does not take too long, case by case, each from fast to slow.

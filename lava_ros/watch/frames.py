@@ -39,9 +39,9 @@ COMMANDS = ('pause', 'resume', 'step', 'reset')
 class Level(IntEnum):
     """Severity of a status."""
 
-    WELL = 0
-    WAITING = 1
-    BAD = 2
+    OK = 0
+    WARN = 1
+    ERROR = 2
 
 
 class Status(NamedTuple):
@@ -139,9 +139,9 @@ class EnsembleFrames(Frames):
             source = ENSEMBLE_MAPS[name][0]
             layers[source] = LayerFrame(Layer(source, source, source, IMAGE), panel.values, False)
         self._frame = replace(next(iter(self._run.panels.values())).frame, layers=layers)
-        self.status = Status(Level.WELL, f'ensemble in {printable(str(path))}')
+        self.status = Status(Level.OK, f'ensemble in {printable(str(path))}')
 
-    status = Status(Level.WELL, '')
+    status = Status(Level.OK, '')
 
     def poll(self) -> None:
         """Do nothing: the maps do not change."""
@@ -162,7 +162,7 @@ class EnsembleFrames(Frames):
 class BagFrames(Frames):
     """The frames of a bag, which may still be recording."""
 
-    status = Status(Level.WAITING, '')
+    status = Status(Level.WARN, '')
 
     def __init__(self, path: str | Path) -> None:
         """Open a bag.
@@ -172,7 +172,7 @@ class BagFrames(Frames):
         """
         super().__init__()
         BagReader(path)
-        self.status = Status(Level.WAITING, f'{path} has no maps yet')
+        self.status = Status(Level.WARN, f'{path} has no maps yet')
         self._path = Path(path)
         self._layers = watched_layers(('forecast.yaml',))
         self._recording: Recording | None = None
@@ -190,9 +190,9 @@ class BagFrames(Frames):
             self._recording = Recording(self._path, more=self._layers)
             self.times = [item.time for item in self._recording.timeline.last_run] or [None]
             self.places = self._recording.places
-            self.status = Status(Level.WELL, f'recorded in {name}')
+            self.status = Status(Level.OK, f'recorded in {name}')
         except LavaError as error:
-            self.status = Status(Level.WAITING, str(error))
+            self.status = Status(Level.WARN, str(error))
         self._size = size
         self.version += 1
         self._next_look = time.monotonic() + max(PERIOD, REST * (time.monotonic() - begun))

@@ -50,7 +50,7 @@ LIFT = np.array([0.0, 0.0, 0.0005 * SIDE], dtype=np.float32)
 
 _BARRIER = (61, 43, 31)
 
-_LIGHTS = {Level.WELL: '#2f9e44', Level.WAITING: '#e8910c', Level.BAD: '#e03131'}
+_LIGHTS = {Level.OK: '#2f9e44', Level.WARN: '#e8910c', Level.ERROR: '#e03131'}
 
 
 def relief(frame: Frame) -> np.ndarray:
@@ -152,7 +152,7 @@ class Page:
                         self._show(index)
                 except LavaError as error:
                     self._problem = str(error)
-        problem = Status(Level.BAD, self._problem) if self._problem else None
+        problem = Status(Level.ERROR, self._problem) if self._problem else None
         if self._frames.times:
             _set(self.facts, 'content', _table(self._frames.facts(index)))
         level, words = problem or self._frames.status

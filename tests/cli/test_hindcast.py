@@ -94,20 +94,6 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
 
 
-def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
-    (tmp_path / 'vents.csv').write_text(
-        f'x,y,x_end,y_end,name\n{VENT[0] - 60},{VENT[1]},{VENT[0] + 60},{VENT[1]},fissure\n'
-        f'{VENT[0]},{VENT[1] - 60},,,cone\n'
-    )
-    words = (['--vents', tmp_path / 'vents.csv'], ['--discharge', '9'])
-    for more, emitted in zip(words, (15.0 * 1800, 9.0 * 1800), strict=True):
-        done(*valley, '--json', tmp_path / 'out.json', *more)
-        found = json.loads((tmp_path / 'out.json').read_text())
-        assert found['volume']['emitted'] == pytest.approx(emitted)
-        if '--vents' in more:
-            assert [vent['name'] for vent in found['vents']] == ['fissure', 'cone']
-            assert [vent['end'] is None for vent in found['vents']] == [False, True]
-    refused(*valley, '--vent', '1,2')
 
 
 def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):

@@ -80,9 +80,7 @@ def test_info_lists_checkpoints(tmp_path):
     lines, report = info(tmp_path / 'bag')
     start = next(index for index, line in enumerate(lines) if line.startswith('checkpoints  7, '))
     assert lines[start].endswith('; resume takes the newest')
-    assert lines[start + 1] == '  2 older ones'
-    assert lines[start + 2].startswith('  at 200.000 s simulated, 2.000 s, 2 particles, ')
-    assert lines[start + 6].startswith('  at 600.000 s simulated, 6.000 s, 6 particles, ')
+    assert lines[start + 1] == '  at 600.000 s simulated, 6.000 s, 6 particles'
     stored = report['checkpoints']
     assert [item['time'] for item in stored] == [100.0 * count for count in range(7)]
     assert stored[6]['size'] == len(checkpoint.to_bytes())

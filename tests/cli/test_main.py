@@ -56,7 +56,6 @@ TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
     ('verify --device tpu', '--device is'),
     ('bench effects --repetitions 0', '--repetitions is'),
     ('bench effects --json .', '--json is'),
-    ('bench effects --device cpu --particles 400 500', 'one number'),
     ('bench steps --device cpu --particles 400 3', '--particles is'),
     ('watch --port 70000', '--port is 70000'),
     ('watch bag --namespace /etna', 'no --namespace together with a bag'),
@@ -303,9 +302,6 @@ def test_shell_completes_commands_options_choices_and_files(line, words, tmp_pat
 
 
 PROGRAM = """
-import sys
-if '--bare' in sys.argv:
-    sys.modules['rich.progress'] = None
 from lava_ros.cli.console import Progress
 with Progress(has_lines=False) as progress:
     for part in range(11):
@@ -328,11 +324,10 @@ def test_progress_without_a_terminal_prints_each_tenth_once(capsys):
     assert capsys.readouterr().out == ''
 
 
-@pytest.mark.parametrize(('word', 'shown'), [('', '\x1b['), ('--bare', ' 50 %  counting')])
-def test_progress_on_a_terminal_is_a_bar_with_rich(word, shown):
+def test_progress_on_a_terminal_is_a_bar():
     outside, inside = os.openpty()
     process = subprocess.Popen(
-        [sys.executable, '-c', PROGRAM, word], stdin=inside, stdout=inside, stderr=inside,
+        [sys.executable, '-c', PROGRAM], stdin=inside, stdout=inside, stderr=inside,
         cwd=ROOT, env=os.environ | {'TERM': 'xterm-256color'},
     )
     os.close(inside)
@@ -346,6 +341,6 @@ def test_progress_on_a_terminal_is_a_bar_with_rich(word, shown):
     os.close(outside)
     assert process.wait(120.0) == 0, received
     text = received.decode()
-    assert shown in text
+    assert '\x1b[' in text
     assert 'counting' in text
     assert 'done' in text

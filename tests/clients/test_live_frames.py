@@ -91,7 +91,7 @@ def test_maps_become_frames_of_their_time(live):
     live.deliver_status(4, 400.0)
     assert live.times == [200.0, 300.0, 400.0]
     assert len(live.frame(0).vents) == 1
-    assert live.status == (Level.WELL, 'etna/lava: running')
+    assert live.status == (Level.OK, 'etna/lava: running')
     for index, time_s in enumerate(live.times):
         frame = live.frame(index)
         thickness = growing(time_s)
@@ -136,32 +136,32 @@ def test_probabilities_belong_to_later_frames(live, monkeypatch):
 
 
 def test_status_reports_each_fault(live, monkeypatch):
-    assert live.status.level is Level.WAITING
+    assert live.status.level is Level.WARN
     live.deliver_status(1, 100.0, name='other/lava')
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
     level, words = live.status
-    assert level is Level.BAD
+    assert level is Level.ERROR
     assert 'no node answers in namespace /etna of ROS domain' in words
     assert '(heard from other/lava)' in words
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
     live.deliver_status(1, 100.0)
-    assert live.status.level is Level.WELL
+    assert live.status.level is Level.OK
     with pytest.raises(LavaError, match='terrain'):
         live.frame(0)
     image = codec.float_image(TERRAIN.elevation, codec.header('map', START))
     image.step = 1
     live.deliver(LAYERS['thickness'].topic, image)
-    assert live.status.level is Level.BAD
+    assert live.status.level is Level.ERROR
     assert live.status.words.startswith('height_raw: height_raw.step is 1')
     live.deliver_maps(2, 'thickness')
     live.deliver_status(2, 200.0)
-    assert live.status.level is not Level.BAD
+    assert live.status.level is not Level.ERROR
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
     assert 'the node has been silent for' in live.status.words
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
     error = DiagnosticArray(status=[DiagnosticStatus(name='etna/lava: simulation', level=b'\2')])
     live.deliver('/diagnostics', error)
-    assert live.status == (Level.BAD, 'etna/lava: ')
+    assert live.status == (Level.ERROR, 'etna/lava: ')
 
 
 class FakeNode(Watcher):

@@ -25,7 +25,7 @@ from lava_ros.files import resources as share
 from lava_ros.files import yaml as yaml_files
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml, read_yaml
-from lava_ros.hindcast.calibration import read_trials
+from lava_ros.hindcast.calibration import read_samples
 from lava_ros.hindcast.case import load_case
 from lava_ros.scene.effusion_rates import read_effusion_rates
 from lava_ros.scene.features import ENDINGS, load_features
@@ -87,7 +87,7 @@ def test_opens_only_regular_files_and_links_to_them(tmp_path, alarm):
     os.mkfifo(tmp_path / 'case.yaml')
     with pytest.raises(LavaError, match='case.yaml.*not a regular file'):
         load_case(tmp_path)
-    assert read_trials(tmp_path / 'none.csv', [], []) == []
+    assert read_samples(tmp_path / 'none.csv', [], []) == []
 
 
 def test_file_to_write_checks_the_path_without_a_change(tmp_path, caplog, alarm):

@@ -214,7 +214,7 @@ Runs = Callable[..., HazardMaps]
 def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Runs, HazardMaps]:
     """Return a function that runs eight members on a slope, and the maps of one run."""
     scene = uncertain_scene(10.0)
-    plan, members = make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20), 8
+    plan, members = make_plan(scene, horizon=900.0, accuracy=Accuracy(), samples=20), 8
 
     def runs(folder: Path, runner: Any, **options: Any) -> HazardMaps:
         drawn, store = draw_members(scene, members), Store(folder, plan)

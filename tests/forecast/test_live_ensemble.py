@@ -14,7 +14,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.live_ensemble import FIRST_MAPS, LiveEnsemble, LiveEnsembles
 from lava_ros.forecast.members import plan_from, run_members
-from lava_ros.forecast.probability import footprint_of, reached_by, Tally
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of, reached_by
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
@@ -68,7 +68,7 @@ def test_live_members_equal_those_of_an_ensemble(moments: list[Checkpoint]) -> N
     assert (ensemble.count, ensemble.asked, ensemble.progress) == (0, MEMBERS, 0.0)
     maps = run(ensemble).maps(None)
     plan = plan_from(moments[0], horizon=120.0, threshold=0.01)
-    tally = Tally(plan)
+    tally = EnsembleAccumulator(plan)
     for fields in run_members(plan, draw_members(SCENE, MEMBERS), device='cpu'):
         tally.add(footprint_of(fields, plan))
     assert same(maps, tally.maps())

@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
+from lava_ros.forecast.member_scenes import check_members, member_scene
 from lava_ros.forecast.members import (
-    check_members,
     make_plan,
-    member_scene,
     MemberFields,
     plan_from,
     run_members,
     running,
 )
-from lava_ros.forecast.probability import footprint_of, Tally
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
@@ -133,14 +132,14 @@ def test_plan_has_the_effects_of_extreme_members() -> None:
     assert not make_plan(uncertain, horizon=600.0, effects={'yielding': False}).effects.yielding
 
 
-@pytest.mark.parametrize('name', ['horizon', 'threshold', 'looks'])
+@pytest.mark.parametrize('name', ['horizon', 'threshold', 'samples'])
 def test_plan_refuses_zero(name: str) -> None:
     with pytest.raises(LavaError, match=name):
         make_plan(SCENE, **{'horizon': 600.0, name: 0.0})
 
 
 def test_member_equals_the_simulation_of_its_scene(device: str) -> None:
-    plan = make_plan(SCENE, horizon=600.0, accuracy=Accuracy(refinement=0.5), looks=10)
+    plan = make_plan(SCENE, horizon=600.0, accuracy=Accuracy(refinement=0.5), samples=10)
     members = draw_members(SCENE, 2, seed=1)
     fractions: dict[int, float] = {}
     totals: list[float] = []
@@ -176,10 +175,10 @@ def test_member_equals_the_simulation_of_its_scene(device: str) -> None:
 def test_members_whose_lava_leaves_the_map_are_counted(device: str) -> None:
     (vent, _) = SCENE.vents
     scene = replace(SCENE, vents=(replace(vent, position=(240.0, 560.0)),))
-    plan = make_plan(scene, horizon=1800.0, accuracy=Accuracy(refinement=0.5), looks=4)
+    plan = make_plan(scene, horizon=1800.0, accuracy=Accuracy(refinement=0.5), samples=4)
     far, near = run_members(plan, [Member(0), Member(1, discharge=0.05)], device=device)
     assert far.left > 0.05 and near.left == 0.0
-    tally = Tally(plan)
+    tally = EnsembleAccumulator(plan)
     for member in (far, near):
         tally.add(footprint_of(member, plan))
     assert tally.maps().members_beyond == 1
@@ -191,7 +190,7 @@ def test_member_continues_a_running_simulation(device: str) -> None:
     # a review of the running simulation would switch it on later
     running = Simulation(scene, effects={'steep': True}, accuracy=accuracy, device=device)
     running.advance(300.0)
-    plan = plan_from(running.checkpoint(), horizon=300.0, looks=5)
+    plan = plan_from(running.checkpoint(), horizon=300.0, samples=5)
     same, more = run_members(plan, [Member(0), Member(1, discharge=3.0)], device=device)
     looks = running.looks(plan.threshold, 6)
     for look in range(6):

@@ -22,7 +22,13 @@ from disc_flow import (
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import effective_members, jaccard, Outline, UNIT, weigh
 from lava_ros.forecast.members import MemberFields, Plan
-from lava_ros.forecast.probability import Footprint, footprint_of, NEVER, reached_by, Tally
+from lava_ros.forecast.probability import (
+    EnsembleAccumulator,
+    Footprint,
+    footprint_of,
+    NEVER,
+    reached_by,
+)
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts, brier_score, entropy, reliability
 from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
@@ -38,7 +44,7 @@ def discs(count: int, seed: int) -> list[MemberFields]:
 
 def maps_of(members: Sequence[MemberFields], weights: Any = None, plan: Plan = PLAN) -> HazardMaps:
     """Return the maps of members, of equal weight by default."""
-    tally = Tally(plan)
+    tally = EnsembleAccumulator(plan)
     for fields, weight in zip(members, weights or [1] * len(members), strict=True):
         tally.add(footprint_of(fields, plan), weight)
     return tally.maps()
@@ -81,7 +87,7 @@ def test_maps_do_not_depend_on_the_order_of_members() -> None:
     assert single.effective_members == pytest.approx(36.0 / 14.0)
 
 
-def test_arrival_error_is_at_most_half_a_look() -> None:
+def test_arrival_error_is_at_most_half_a_sample() -> None:
     fields = disc_fields(0, 1.3)
     footprint, maps = footprint_of(fields, PLAN), maps_of([fields])
     arrived = np.isfinite(fields.arrival)
@@ -95,7 +101,7 @@ def test_arrival_error_is_at_most_half_a_look() -> None:
 
 def test_member_without_lava_counts_and_is_empty() -> None:
     nothing = MemberFields(0, np.full((24, 30), np.nan, np.float32), np.zeros((24, 30)))
-    assert footprint_of(nothing, PLAN).look.size == 0
+    assert footprint_of(nothing, PLAN).first_sample.size == 0
     assert maps_of([nothing, disc_fields(1, 1.0)]).probability.max() == 50.0
 
 
@@ -116,7 +122,7 @@ def test_occupancy_is_0_or_100_only_for_exact_values() -> None:
 
 
 def test_tally_refuses_repeated_and_misplaced_members() -> None:
-    tally = Tally(PLAN)
+    tally = EnsembleAccumulator(PLAN)
     with pytest.raises(LavaError, match='members'):
         tally.maps()
     tally.add(footprint_of(disc_fields(4, 1.0), PLAN))

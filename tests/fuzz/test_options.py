@@ -50,9 +50,8 @@ COMMANDS = {
 
 #: Functions that start the work, after arguments and files are checked.
 WORK = (
-    'lava_ros.maps.animation.new_figure', 'lava_ros.verification.benchmarks.convergence.compare',
-    'lava_ros.clients.monitor.Monitor.__init__', 'lava_ros.forecast.pool.Pool.__init__',
-    'lava_ros.simulation.simulation.Simulation.__init__',
+    'lava_ros.maps.animation.new_figure', 'lava_ros.clients.monitor.Monitor.__init__',
+    'lava_ros.forecast.pool.Pool.__init__', 'lava_ros.simulation.simulation.Simulation.__init__',
 )
 
 WHOLE = (
@@ -178,7 +177,6 @@ def test_command_lines_are_accepted_or_refused(in_part: Any, place: None, trial:
     ['demo', '--output', 'x' * 300],
     ['export', str(SAMPLE), '-o', '\udcff'],
     ['barrier', 'ground.npz', '-o', 'new.tif', '--height=5', '--line', '0,0', '0,1e-200'],
-    ['bench', 'convergence', '--runs=0'],
     ['export', str(SAMPLE), '-o', 'maps', '--at=nan'],
 ])
 def test_refuses_command_lines_that_fuzzing_found(words: list[str], place: None) -> None:

@@ -18,20 +18,20 @@ from lava_ros.hindcast.calibration import (
     findings,
     has_enough_samples,
     leave_one_out,
-    near_best,
+    near_optimal,
     Numbers,
-    read_trials,
+    ParameterSample,
+    read_samples,
     search,
-    Trial,
-    write_trials,
+    write_samples,
 )
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.unknowns import changed, free_parameters_of, Unknown
+from lava_ros.hindcast.free_parameters import changed, free_parameters_of, FreeParameter
 
 UNKNOWNS = (
-    Unknown('viscosity', 'Pa s', 1e2, 1e6, 1e5, 'made up', is_log=True),
-    Unknown('emissivity', '', 0.0, 1.0, 0.9, 'made up'),
-    Unknown('discharge', '', 0.5, 1.5, 1.0, 'made up'),
+    FreeParameter('viscosity', 'Pa s', 1e2, 1e6, 1e5, 'made up', is_log=True),
+    FreeParameter('emissivity', '', 0.0, 1.0, 0.9, 'made up'),
+    FreeParameter('discharge', '', 0.5, 1.5, 1.0, 'made up'),
 )
 
 
@@ -57,17 +57,17 @@ def _evaluated(sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
 
 
 @pytest.fixture(scope='module')
-def trials() -> list[Trial]:
+def trials() -> list[ParameterSample]:
     """Return the trials of a search with 80 runs."""
     return search(UNKNOWNS, _evaluated, runs=80, seed=1)
 
 
-def test_search_finds_the_best_inside_the_ranges(trials: list[Trial]) -> None:
+def test_search_finds_the_best_inside_the_ranges(trials: list[ParameterSample]) -> None:
     assert len(trials) == 80
     assert trials[0].values == pytest.approx(
         {'viscosity': 1e5, 'emissivity': 0.9, 'discharge': 1.0}
     )
-    best = near_best(trials)[0]
+    best = near_optimal(trials)[0]
     assert best.jaccard > 0.69
     assert 3e2 < best.values['viscosity'] < 3e3
     assert 0.2 < best.values['emissivity'] < 0.4
@@ -76,41 +76,41 @@ def test_search_finds_the_best_inside_the_ranges(trials: list[Trial]) -> None:
         assert unknown.low * (1 - 1e-12) <= min(values) < max(values) <= unknown.high * (1 + 1e-12)
 
 
-def test_findings_distinguish_sensitive_unknowns(trials: list[Trial]) -> None:
+def test_findings_distinguish_sensitive_unknowns(trials: list[ParameterSample]) -> None:
     found = {item.unknown.name: item for item in findings(UNKNOWNS, trials)}
     assert found['viscosity'].is_sensitive and found['emissivity'].is_sensitive
     assert not found['discharge'].is_sensitive and found['discharge'].spread > 0.6
     assert has_enough_samples(trials) and not has_enough_samples(trials[:4])
     assert found['viscosity'].low <= 1e3 <= found['viscosity'].high
-    near = near_best(trials)
+    near = near_optimal(trials)
     assert len(near) > 5
     assert all(trial.jaccard >= near[0].jaccard - 0.03 for trial in near)
 
 
-def test_each_case_is_scored_with_the_constants_of_the_others(trials: list[Trial]) -> None:
+def test_cases_are_scored_with_the_constants_of_others(trials: list[ParameterSample]) -> None:
     one, two = leave_one_out(trials)
     assert (one.case, two.case) == ('one', 'two')
     assert one.values['emissivity'] < 0.3 < two.values['emissivity']
     for item in (one, two):
         assert item.jaccard == pytest.approx(CASES[item.case](item.values))
         assert item.jaccard < item.best
-    alone = [Trial(trial.values, {'one': trial.numbers['one']}) for trial in trials]
+    alone = [ParameterSample(trial.values, {'one': trial.numbers['one']}) for trial in trials]
     assert leave_one_out(alone) == []
 
 
-def test_search_is_repeatable_and_resumes(trials: list[Trial], tmp_path: Path) -> None:
-    write_trials(tmp_path / 'runs.csv', UNKNOWNS, trials[:50])
-    known = read_trials(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
+def test_search_is_repeatable_and_resumes(trials: list[ParameterSample], tmp_path: Path) -> None:
+    write_samples(tmp_path / 'runs.csv', UNKNOWNS, trials[:50])
+    known = read_samples(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
     assert [trial.values for trial in known] == [trial.values for trial in trials[:50]]
     evaluate = Mock(side_effect=_evaluated)
     again = search(UNKNOWNS, evaluate, runs=80, seed=1, known=known)
     assert [trial.values for trial in again] == [trial.values for trial in trials]
     assert sum(len(call.args[0]) for call in evaluate.mock_calls) <= 30 + 2 * len(UNKNOWNS)
     # a table without a column for an unknown is refused
-    write_trials(tmp_path / 'runs.csv', UNKNOWNS[:1], trials[:3])
+    write_samples(tmp_path / 'runs.csv', UNKNOWNS[:1], trials[:3])
     with pytest.raises(LavaError, match='a table of runs'):
-        read_trials(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
-    assert read_trials(tmp_path / 'none.csv', UNKNOWNS, list(CASES)) == []
+        read_samples(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
+    assert read_samples(tmp_path / 'none.csv', UNKNOWNS, list(CASES)) == []
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import COARSER, difference, estimate_error, ORDER
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings, simulate
-from lava_ros.hindcast.score import judge
+from lava_ros.hindcast.score import score_case
 
 MEASURED = Path(__file__).parents[2] / 'docs/benchmarks/expected_error_h100.csv'
 
@@ -47,7 +47,7 @@ def test_error_of_the_spacing_is_that_of_a_pilot(valley: Case, result: Result) -
 
 def test_chance_is_the_expected_difference_of_two_runs(valley: Case, result: Result) -> None:
     covered = result.snapshot.inundated
-    one = judge(valley, result.snapshot.thickness, covered)
+    one = score_case(valley, result.snapshot.thickness, covered)
     fraction = covered * 1.0
     fork = np.argwhere(covered)[: int(covered.sum()) // 2]
     fraction[tuple(fork.T)] = 0.5

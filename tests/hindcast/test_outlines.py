@@ -15,7 +15,7 @@ from eruption import footprint, LAVA, write_case, write_grid
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.run import Result, Settings, simulate
-from lava_ros.hindcast.score import count_visits, descend, judge_outlines, PATHS, refer
+from lava_ros.hindcast.score import count_visits, descend, PATHS, refer, score_outlines
 
 #: Times of two outlines [s], and options of a run that takes a second.
 FIRST, SECOND = 900.0, 1800.0
@@ -52,7 +52,7 @@ def test_outlines_of_a_simulation_agree_with_it_at_each_time(mapped: tuple[Path,
     assert np.array_equal(case.footprint, case.outlines[-1].footprint)
     early, late = (item.footprint for item in case.outlines)
     assert 0 < early.sum() < late.sum()
-    for score in judge_outlines(case, [result.snapshot]):
+    for score in score_outlines(case, [result.snapshot]):
         assert score.jaccard == score.recall == score.precision == 1.0
         assert score.area_error == score.length_error == 0.0
     first, second = refer(case, dict.fromkeys(['900 s', '1800 s'], 0.0)).values()
@@ -68,18 +68,18 @@ def test_outlines_rotate_with_their_case(mapped: tuple[Path, Result]) -> None:
 
     case = load_case(mapped[0])
     for way in directions(8):
-        turned = way.turn(case)
+        turned = way.rotate(case)
         assert np.array_equal(turned.footprint, turned.outlines[-1].footprint)
         for item, original in zip(turned.outlines, case.outlines, strict=True):
-            assert np.array_equal(way.restore(item.footprint), original.footprint)
+            assert np.array_equal(way.rotate_back(item.footprint), original.footprint)
 
 
 def test_majority_of_runs_counts_at_each_time(mapped: tuple[Path, Result]) -> None:
     folder, result = mapped
     case, snapshot = load_case(folder), result.snapshot
     nothing = replace(snapshot, arrived=np.full_like(snapshot.arrived, np.nan))
-    assert judge_outlines(case, [snapshot, snapshot, nothing])[0].jaccard == 1.0
-    assert judge_outlines(case, [snapshot, nothing, nothing])[1].jaccard == 0.0
+    assert score_outlines(case, [snapshot, snapshot, nothing])[0].jaccard == 1.0
+    assert score_outlines(case, [snapshot, nothing, nothing])[1].jaccard == 0.0
 
 
 @pytest.mark.parametrize(('outlines', 'start', 'field', 'valid'), [
@@ -182,4 +182,4 @@ def test_hindcast_reports_each_outline(mapped: tuple[Path, Result], tmp_path: Pa
 
 
 def test_case_without_outlines_has_none(valley: Case) -> None:
-    assert valley.outlines == () and judge_outlines(valley, []) == []
+    assert valley.outlines == () and score_outlines(valley, []) == []

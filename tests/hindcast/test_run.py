@@ -15,9 +15,9 @@ from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
-from lava_ros.hindcast.replicates import agreement, Direction, directions, run_replicates
+from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
 from lava_ros.hindcast.run import LONGEST_STEP, Run, Settings, simulate
-from lava_ros.hindcast.score import judge
+from lava_ros.hindcast.score import score_case
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
@@ -36,7 +36,7 @@ def _snapshot(terrain: Terrain, thickness: np.ndarray, arrived: np.ndarray) -> S
 
 
 def _finished(run: Run) -> Run:
-    for _ in run.snapshots():
+    for _ in run.parts():
         pass
     return run
 
@@ -47,14 +47,14 @@ def whole(
 ) -> tuple[Run, list[tuple[float, Snapshot | None]]]:
     """Return a finished run with four maps, and its parts."""
     run = Run(valley, SETTINGS, folder=tmp_path_factory.mktemp('whole'))
-    return run, list(run.snapshots())
+    return run, [(run.time, snapshot) for snapshot in run.parts()]
 
 
 def test_lava_flows_down_the_valley(valley: Case, whole: Any) -> None:
     run, parts = whole
     done, maps = [part for part, _ in parts], [item for _, item in parts if item is not None]
     assert done == sorted(done)
-    assert done[-1] == pytest.approx(1.0)
+    assert done[-1] == valley.duration
     # each map is at the end of the step in which it was due
     times = [item.time for item in maps]
     dues = (900, 1800, 2700, 3600)
@@ -62,7 +62,7 @@ def test_lava_flows_down_the_valley(valley: Case, whole: Any) -> None:
     assert late.min() >= 0.0 and late.max() <= LONGEST_STEP
     assert times[-1] == valley.duration
     result = run.result()
-    judged = judge(valley, result.snapshot.thickness, result.snapshot.inundated)
+    judged = score_case(valley, result.snapshot.thickness, result.snapshot.inundated)
     assert judged.precision > 0.9 and judged.recall > 0.2
     budget = result.snapshot.budget
     assert budget.emitted == pytest.approx(valley.volume)
@@ -81,7 +81,7 @@ def test_lava_flows_down_the_valley(valley: Case, whole: Any) -> None:
 
 def test_interrupted_run_resumes(valley: Case, whole: Any, tmp_path: Path) -> None:
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
-    maps = (snapshot for _, snapshot in first.snapshots() if snapshot is not None)
+    maps = (snapshot for snapshot in first.parts() if snapshot is not None)
     for _ in range(2):
         next(maps)
     second = Run(valley, SETTINGS, folder=tmp_path / 'parts')
@@ -102,7 +102,7 @@ def test_finished_run_is_not_repeated(valley: Case, whole: Any, tmp_path: Path) 
     settings, folder = replace(SETTINGS, maps=1), tmp_path / 'kept'
     _finished(Run(valley, settings, folder=folder))
     again = Run(valley, settings, folder=folder)
-    assert list(again.snapshots()) == []
+    assert list(again.parts()) == []
     one, other = again.result().snapshot, whole[0].result().snapshot
     np.testing.assert_array_equal(one.thickness, other.thickness)
     np.testing.assert_array_equal(one.arrived, other.arrived)
@@ -226,15 +226,15 @@ def test_replicates_equal_single_runs(valley: Case) -> None:
     results = run_replicates(valley, settings, 5, progress=done.append)
     assert done == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     for direction, result in zip(directions(5), results, strict=True):
-        alone = simulate(direction.turn(valley), settings)
+        alone = simulate(direction.rotate(valley), settings)
         thickness = result.snapshot.thickness
-        np.testing.assert_array_equal(thickness, direction.restore(alone.snapshot.thickness))
+        np.testing.assert_array_equal(thickness, direction.rotate_back(alone.snapshot.thickness))
         np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
         assert result.snapshot.terrain is valley.scene.terrain
         assert result.peak.shape == valley.footprint.shape
         arrived = alone.snapshot.arrived
         assert arrived is not None
-        np.testing.assert_array_equal(result.snapshot.arrived, direction.restore(arrived))
+        np.testing.assert_array_equal(result.snapshot.arrived, direction.rotate_back(arrived))
         assert result.snapshot.budget.emitted == pytest.approx(valley.volume)
         assert result.effects == alone.effects
         assert result.accuracy == alone.accuracy
@@ -256,15 +256,15 @@ def test_a_rotated_case_has_the_same_replicates(
     # not a multiple of the step of positions
     vent = replace(vent, position=(x + 1e-3 / 3.0, y - 1e-3 / 7.0))
     case = replace(valley, scene=replace(valley.scene, vents=(vent,)))
-    direction = Direction(quarters, mirror)
+    direction = Orientation(quarters, mirror)
     found, other = (
         agreement(one, [item.snapshot for item in run_replicates(one, settings, runs)])
-        for one in (case, direction.turn(case))
+        for one in (case, direction.rotate(case))
     )
     one, another = (sorted(item.jaccard for item in of.scores) for of in (found, other))
     assert one == another
     assert found.majority.jaccard == other.majority.jaccard
-    np.testing.assert_array_equal(direction.restore(other.share), found.share)
+    np.testing.assert_array_equal(direction.rotate_back(other.share), found.share)
 
 
 def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -> None:
@@ -316,7 +316,7 @@ def test_interrupted_replicates_resume(valley: Case, tmp_path: Path) -> None:
     with pytest.raises(CutOffError):
         run_replicates(valley, TWO_MAPS, 2, folder=tmp_path, progress=cut_off)
     kept = tmp_path / 'run_01'
-    assert Run(directions(2)[1].turn(valley), TWO_MAPS, folder=kept).is_resumed
+    assert Run(directions(2)[1].rotate(valley), TWO_MAPS, folder=kept).is_resumed
     done: list[float] = []
     again = run_replicates(valley, TWO_MAPS, 3, folder=tmp_path, progress=done.append)
     assert len(done) == TWO_MAPS.maps * 3 - 3
@@ -333,13 +333,13 @@ def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley: Case) -> None
     before = valley.scene.terrain
     here = before.cell_at(*vent.position)
     for direction in directions(8):
-        case = direction.turn(valley)
+        case = direction.rotate(valley)
         ground, (moved,) = case.scene.terrain, case.scene.vents
         cell = ground.cell_at(*moved.position)
         assert cell is not None
         assert ground.elevation[cell] == before.elevation[here]
         assert case.footprint[cell] == valley.footprint[here]
-        np.testing.assert_array_equal(direction.restore(ground.elevation), before.elevation)
-        np.testing.assert_array_equal(direction.restore(case.footprint), valley.footprint)
-    quarter = Direction(1).turn(valley).scene.terrain.elevation
+        np.testing.assert_array_equal(direction.rotate_back(ground.elevation), before.elevation)
+        np.testing.assert_array_equal(direction.rotate_back(case.footprint), valley.footprint)
+    quarter = Orientation(1).rotate(valley).scene.terrain.elevation
     assert np.median(np.diff(quarter, axis=1)) < 0.0

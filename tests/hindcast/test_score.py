@@ -13,12 +13,13 @@ import pytest
 
 from eruption import footprint, SHAPE, write_case
 from lava_ros.errors import LavaError
-from lava_ros.forecast.members import member_scene
+from lava_ros.forecast.member_scenes import member_scene
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.hindcast.case import Case, Event, load_case
-from lava_ros.hindcast.chances import mapped_on, plan_of, score_probability
+from lava_ros.hindcast.probabilistic_score import mapped_on, plan_of, score_probability
 from lava_ros.hindcast.run import Settings
-from lava_ros.hindcast.score import distances, Score, score
+from lava_ros.hindcast.score import distances, Score, score_case
+from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation.output.inundation import standing_cells
 from scripts import load_script
@@ -40,10 +41,11 @@ def _flow() -> np.ndarray:
 def _scored(thickness: np.ndarray, footprint: np.ndarray, vent: Any = VENT,
             emitted: float = 1.0) -> Score:
     """Return the score of lava that has inundated only the cells where it stands."""
-    inundated = standing_cells(thickness)
-    return score(
-        thickness, inundated, footprint, resolution=10.0, vents=[vent], emitted=emitted
-    )
+    row, column = vent
+    vents = (Vent((10.0 * column + 5.0, 10.0 * row + 5.0), 1.0),)
+    scene = Scene(Terrain(np.zeros(footprint.shape), 10.0, origin=(0.0, 0.0)), vents)
+    case = Case('', '', '', scene, None, footprint, 0.0, 1.0, emitted)
+    return score_case(case, thickness, standing_cells(thickness))
 
 
 def test_score_counts_hits_misses_and_false_alarms() -> None:

@@ -18,7 +18,7 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.forecast import process as forecast_process
-from lava_ros.forecast.lookahead import LookAhead, LOOKS, N_FIRST_SAMPLES
+from lava_ros.forecast.forecast_run import ForecastRun, N_FIRST_SAMPLES, N_SAMPLES
 from lava_ros.live import forecaster
 from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import (
@@ -146,7 +146,7 @@ def test_forecasts_follow_the_live_simulation(bench):
     bench.worker.pause(True).result(PATIENCE)
     fork = bench.worker.fork().result(PATIENCE)
     last = bench.forecast(lambda item: item.shown.time == fork.checkpoint.time).shown
-    expected = LookAhead(fork.checkpoint, horizon=200.0, threshold=0.01, device='cpu').run()
+    expected = ForecastRun(fork.checkpoint, horizon=200.0, threshold=0.01, device='cpu').run()
     np.testing.assert_array_equal(last.arrival, expected.arrival)
     np.testing.assert_array_equal(last.thickness, expected.thickness)
     np.testing.assert_array_equal(last.temperature, expected.temperature)
@@ -269,7 +269,7 @@ class Slices(queue.SimpleQueue):
 
 def test_process_computes_only_for_its_share_of_time(monkeypatch):
     slices = Slices()
-    monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: slices)
+    monkeypatch.setattr(forecast_process, 'ForecastRun', lambda *_, **__: slices)
     # the worker of earlier tests still runs: patch only this module
     monkeypatch.setattr(forecast_process, 'time', slices)
     forecasting = forecast_process.Forecasting(slices, lambda *_, **__: None)
@@ -286,16 +286,16 @@ def test_process_computes_only_for_its_share_of_time(monkeypatch):
 
 
 def test_first_forecast_of_a_scene_has_fewer_observations(monkeypatch):
-    looks = []
+    samples = []
     monkeypatch.setattr(
-        forecast_process, 'LookAhead', lambda *_, **options: looks.append(options['looks'])
+        forecast_process, 'ForecastRun', lambda *_, **options: samples.append(options['samples'])
     )
     orders = queue.Queue()
     forecasting = forecast_process.Forecasting(orders, lambda *_, **__: None)
     for is_first in (True, False):
         orders.put(('fork', FORK | {'is_first': is_first}))
         forecasting.turn()
-    assert looks == [N_FIRST_SAMPLES, LOOKS] and 2 * N_FIRST_SAMPLES < LOOKS
+    assert samples == [N_FIRST_SAMPLES, N_SAMPLES] and 2 * N_FIRST_SAMPLES < N_SAMPLES
 
 
 def test_process_ends_when_the_node_is_killed():

@@ -11,7 +11,7 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast import planning as affordable
-from lava_ros.forecast.planning import Affordable
+from lava_ros.forecast.planning import RunPlan
 from lava_ros.ros import diagnostics
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.startup_inputs import SimulationFactory
@@ -30,17 +30,17 @@ def planned_members(monkeypatch):
     """Return a list that records the number of planned members; a plan has at most 20."""
     found = []
 
-    def afford(scene, *, within, horizon, members, device):
+    def plan_within(scene, *, within, horizon, members, device):
         found.append(members)
         assert (scene, within, horizon, device) == (SCENE, 20.0, 600.0, 'cpu')
         if members is not None and members > 20:
             raise LavaError('within', within, 'about 31 s: that is what the coarsest take')
-        return Affordable(
+        return RunPlan(
             preset='draft', spacing=25.0, refinement=0.4, members=members or 13, wall_time=9.0,
             error=0.02, cell_error=0.0, sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
         )
 
-    monkeypatch.setattr(affordable, 'afford', afford)
+    monkeypatch.setattr(affordable, 'plan_within', plan_within)
     return found
 
 
@@ -70,7 +70,7 @@ def test_deadline_reduces_the_number_of_members(planned_members):
 def test_impossible_deadline_is_a_warning(monkeypatch):
     chooser = SimulationFactory()
     too_late = LavaError('within', 20.0, 'longer: the coarsest runs take more')
-    monkeypatch.setattr(affordable, 'afford', Mock(side_effect=too_late))
+    monkeypatch.setattr(affordable, 'plan_within', Mock(side_effect=too_late))
     settings = replace(SETTINGS, ensemble_members=0)
     assert chooser.accuracy(SCENE, settings) == preset_accuracy('draft', spacing=None)
     assert not chooser.choice.is_met and 'the coarsest runs take more' in chooser.choice.reason

@@ -15,7 +15,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import image_array
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import outline_on
-from lava_ros.forecast.probability import footprint_of, Tally
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of
 from lava_ros.maps.forecast import occupancy
 from lava_ros.ros import codec
 from lava_ros.ros.codec import message_class
@@ -34,7 +34,7 @@ def seen(cells, resolution=10.0, origin=(100.0, 50.0)):
 
 
 def test_bag_has_the_topics_of_the_node(tmp_path):
-    plan, tally = disc_plan(), Tally(disc_plan())
+    plan, tally = disc_plan(), EnsembleAccumulator(disc_plan())
     for index, factor in enumerate((0.5, 1.0, 2.0)):
         tally.add(footprint_of(disc_fields(index, factor), plan))
     maps = tally.maps()

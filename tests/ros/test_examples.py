@@ -13,7 +13,7 @@ import pytest
 import rclpy
 
 from lava_ros.effects import Effects
-from lava_ros.forecast.lookahead import LookAhead
+from lava_ros.forecast.forecast_run import ForecastRun
 from lava_ros.ros import codec
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
@@ -244,7 +244,7 @@ def test_machine_survives_with_a_forecast_but_not_with_the_current_map():
     end = 960.0
     simulation.advance(60.0, limit=end)
     checkpoint = simulation.checkpoint()
-    forecast = LookAhead(checkpoint, horizon=900.0, threshold=0.01, device='cpu').run()
+    forecast = ForecastRun(checkpoint, horizon=900.0, threshold=0.01, device='cpu').run()
     with_forecast, with_map = (Machine((405.0, 205.0)) for _ in range(2))
     assert 300.0 < forecast.arrival[with_map.cell] < 700.0
     while simulation.time < end:

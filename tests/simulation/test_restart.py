@@ -140,7 +140,7 @@ def test_terrain_event_applies_to_every_member() -> None:
     found = []
     for events in ((), (same,), (wall,)):
         plan = make_plan(
-            replace(scene, events=events), horizon=900.0, looks=5, accuracy=KNOBS['accuracy'],
+            replace(scene, events=events), horizon=900.0, samples=5, accuracy=KNOBS['accuracy'],
         )
         found.append(run_members(plan, members, device='cpu'))
     for free, again, stopped in zip(*found, strict=True):

@@ -12,7 +12,7 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.lookahead import Looking
+from lava_ros.forecast.forecast_run import SampledRun
 from lava_ros.hindcast.case import Case, Event
 from lava_ros.hindcast.run import Run, Settings
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -123,7 +123,7 @@ def read_out(simulation, count, readings):
 
 def observe(simulation, count, is_in_a_batch):
     """Observe as a forecast does, in parts, or as the members of an ensemble do."""
-    looking = Looking(simulation, stops(count), threshold=0.1, max_particles=None)
+    looking = SampledRun(simulation, stops(count), threshold=0.1, max_particles=None)
 
     def route():
         while not looking.is_done:

@@ -81,7 +81,7 @@ def test_settings_are_distinct_and_include_the_presets(quick):
     [
         (measuring.convergence, measuring.KNOB_CASES),
         (measuring.stepping, measuring.KNOB_CASES),
-        (lambda: measuring.from_paper().values(), measuring.KNOB_CASES),
+        (lambda: measuring.paper_settings().values(), measuring.KNOB_CASES),
         (lambda: measuring.gradients().values(), measuring.GRADIENT_CASES),
     ],
 )

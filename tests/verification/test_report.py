@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 import math
+from pathlib import Path
 
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -16,8 +17,11 @@ from lava_ros.verification import measure
 from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.chart import draw
 from lava_ros.verification.measure import all_settings, name_of, Setting, STEPPED
-from lava_ros.verification.report import markdown, studies
 from lava_ros.verification.rows import points, presets_of
+from scripts import load_script
+
+report = load_script(Path(__file__).parents[2] / 'docs/accuracy_report.py')
+markdown, studies = report.markdown, report.studies
 
 
 def test_report_names_presets_and_the_front(fake_case, measured, row):
@@ -104,13 +108,13 @@ def test_corrections_lead_from_the_paper_to_the_default(row):
             setting=name_of(accuracy), preset={0: 'as-published', 7: 'standard'}.get(index, ''),
             quantity=quantity, error=scale * 0.5**index, wall_s_per_simulated_hour=100.0 - index,
         )
-        for index, accuracy in enumerate(measure.from_paper().values())
+        for index, accuracy in enumerate(measure.paper_settings().values())
         for quantity, scale in (('radius', 0.1), ('scatter', 1.28))
     ]
     title = "From the paper's settings to ours"
     head, *lines = table(rows, title)
     assert head[:3] == ['setting', 'radius', 'scatter']
-    assert [line[0] for line in lines] == list(measure.from_paper())
+    assert [line[0] for line in lines] == list(measure.paper_settings())
     assert (lines[0][2], lines[-1][2]) == ('128 %', '1 %')
     text = '\n'.join(section(rows, title))
     assert 'is standard: its largest error is 1 %, in 93 s instead of 100 s' in text

@@ -299,7 +299,7 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     path.write_bytes(source.read_bytes())
     frames.poll()
     assert frames.times == [200.0, 400.0, 600.0, 800.0]
-    assert frames.status.level is Level.WELL
+    assert frames.status.level is Level.OK
     seen, expected = frames.frame(1), Recording(whole).frame_at(400.0)
     assert seen.time == 400.0 and frames.facts(1)['simulated_time_s'] == '400.0'
     assert frames.particles(1) is None
@@ -316,7 +316,7 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
 def test_a_bag_without_maps_waits(tmp_path):
     frames = BagFrames(record(tmp_path / 'bag', []))
     frames.poll()
-    assert frames.status.level is Level.WAITING and frames.times == []
+    assert frames.status.level is Level.WARN and frames.times == []
     assert 'layers of a simulation' in frames.status.words
     with served(frames) as server:
         visitor = Visitor(server)

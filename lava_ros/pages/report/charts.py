@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lava_ros.bag.decoding import Moment
-from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
-from lava_ros.pages.report.survey import Survey
+from lava_ros.pages.report.summary import RunSummary
 
 #: Size of a chart and of the margins inside it [units of its view box].
 WIDTH, HEIGHT = 440.0, 240.0
@@ -75,7 +74,7 @@ class Chart(NamedTuple):
         }
 
 
-def charts_of(recording: Recording, survey: Survey) -> list[Chart]:
+def charts_of(recording: Recording, summary: RunSummary) -> list[Chart]:
     """Return charts of the volume, area, front and temperature of a run."""
     run = recording.timeline.last_run
     times = [item.time for item in run]
@@ -87,31 +86,27 @@ def charts_of(recording: Recording, survey: Survey) -> list[Chart]:
         item for item in volumes
         if item.label in _VOLUMES or any(value > 0.0 for value in item.values)
     ]
-    is_known = math.isfinite(survey.inundated[-1])
+    is_known = math.isfinite(summary.inundated[-1])
     return [
         _scaled('volume', 'Volume', 'm³', volumes),
         _scaled('area', 'Area', 'm²', [
-            *([Curve('inundated', survey.times, survey.inundated)] if is_known else []),
-            Curve('standing lava', survey.times, survey.standing),
+            *([Curve('inundated', summary.times, summary.inundated)] if is_known else []),
+            Curve('standing lava', summary.times, summary.standing),
         ]),
         _scaled(
             'front', 'Distance of the front', 'm',
-            [Curve('from the nearest vent', survey.times, survey.front)],
+            [Curve('from the nearest vent', summary.times, summary.front)],
         ),
-        Chart('temperature', 'Highest temperature', '°C', [_temperature(run, survey)]),
+        Chart('temperature', 'Highest temperature', '°C', [_temperature(run, summary)]),
     ]
 
 
-def _temperature(run: Sequence[Moment], survey: Survey) -> Curve:
+def _temperature(run: Sequence[Moment], summary: RunSummary) -> Curve:
     """Return the temperature of the hottest cell: of diagnostics, or of maps in older bags."""
     values = [item.number('highest_temperature_c') for item in run]
     if any(map(math.isfinite, values)):
         return Curve('hottest cell', [item.time for item in run], values)
-    shown = survey.frame.layers.get('temperature')
-    step = 2.0 * rounding(shown.layer) if shown is not None else 0.0
-    # the curve jumps between the rounded values of a grid
-    label = 'hottest cell' + (f', recorded in steps of {step:g} °C' if step else '')
-    return Curve(label, survey.times, survey.hottest)
+    return Curve('hottest cell', summary.times, summary.hottest)
 
 
 def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:

@@ -26,7 +26,7 @@ from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of, svg
-from lava_ros.pages.report.survey import pack_maps, relief, Survey, survey, view_of
+from lava_ros.pages.report.summary import pack_maps, relief, RunSummary, summarize, view_of
 
 
 def write_report(
@@ -66,7 +66,7 @@ def page(
     Raises:
         LavaError: If the bag is damaged or has no simulated times.
     """
-    summary = survey(recording, progress)
+    summary = summarize(recording, progress)
     charts = charts_of(recording, summary)
     data = _data(recording, summary, charts, progress)
     style, script = _file('report.css'), _file('report.js')
@@ -92,7 +92,6 @@ def page(
         hazard=sections.hazard_legend(recording),
         depth=sections.depth_table(summary),
         places=sections.place_tables(places),
-        rounding=sections.rounding_notes(summary),
         effects=sections.effects_tables(description),
         accuracy=sections.accuracy_table(recording, description),
         recorded=sections.recorded_tables(recording, summary),
@@ -102,7 +101,7 @@ def page(
 
 
 def _data(
-    recording: Recording, summary: Survey, charts: Sequence[Chart], progress: Progress
+    recording: Recording, summary: RunSummary, charts: Sequence[Chart], progress: Progress
 ) -> dict[str, Any]:
     frame, view = summary.frame, view_of(summary)
     place = placement_of(recording.scene)

@@ -11,21 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import (
     DEPTHS,
     DRAINED,
     HAZARD_CLASSES,
     HazardLimits,
-    OCCUPANCY_GRID,
     ZERO_CELSIUS,
 )
 from lava_ros.maps.numbers import percent, seconds
 from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
-from lava_ros.pages.report.survey import Survey
+from lava_ros.pages.report.summary import RunSummary
 from lava_ros.scene.projection import system_name
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.budget import VolumeBudget
@@ -41,7 +39,7 @@ class Table(NamedTuple):
     states: int | None = None
 
 
-def warnings(recording: Recording, survey: Survey) -> list[str]:
+def warnings(recording: Recording, summary: RunSummary) -> list[str]:
     """Return the warnings at the top of the page, as sentences."""
     found = []
     if recording.bag.recovered:
@@ -66,8 +64,8 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
             f'The flow is under-resolved: {across:.2g} particles across about {width:.2g} m. '
             'The inundated area would differ in a finer run.'
         )
-    if 'thickness' in survey.saturated:
-        layer = survey.frame.layers['thickness'].layer
+    if 'thickness' in summary.saturated:
+        layer = summary.frame.layers['thickness'].layer
         if layer.range is not None:
             found.append(
                 f'The lava is thicker in places than {layer.range[1]:g} m, the maximum of the '
@@ -76,7 +74,7 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
     return found
 
 
-def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
+def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
     """Return names and values of the main results of a run."""
     last = recording.timeline.last_run[-1]
     onset = recorded_onset(recording.bag.custom_data)
@@ -89,18 +87,18 @@ def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
         *(
             (f'{name}, {COVERED:g} m or more', area_words(area))
             for name, area in (
-                ('inundated area', survey.inundated[-1]), ('standing lava', survey.standing[-1])
+                ('inundated area', summary.inundated[-1]), ('standing lava', summary.standing[-1])
             )
             if math.isfinite(area)
         ),
     ]
-    thickest = survey.frame.thickest
+    thickest = summary.frame.thickest
     if math.isfinite(thickest):
-        prefix = 'over ' if survey.frame.layers['thickness'].is_saturated else ''
+        prefix = 'over ' if summary.frame.layers['thickness'].is_saturated else ''
         rows.append(('maximum thickness', f'{prefix}{thickest:.3g} m'))
-    if survey.largest.get('thickness', 0.0) > thickest:
-        rows.append(('peak thickness', f'{survey.largest["thickness"]:.3g} m'))
-    if math.isfinite(front := survey.front[-1]):
+    if summary.largest.get('thickness', 0.0) > thickest:
+        rows.append(('peak thickness', f'{summary.largest["thickness"]:.3g} m'))
+    if math.isfinite(front := summary.front[-1]):
         shown = f'{front / 1000.0:.2f} km' if front >= 1000.0 else f'{front:.0f} m'
         rows.append(('front, from the nearest vent', shown))
     budget = VolumeBudget.from_texts(last.values)
@@ -160,17 +158,17 @@ def hazard_legend(recording: Recording) -> Table:
     )
 
 
-def depth_table(survey: Survey) -> Table | None:
+def depth_table(summary: RunSummary) -> Table | None:
     """Return the area of standing lava at the end by classes of its thickness."""
-    thickness = survey.frame.layers.get('thickness')
+    thickness = summary.frame.layers.get('thickness')
     if thickness is None:
         return None
-    depth = thickness.values[survey.frame.standing]
+    depth = thickness.values[summary.frame.standing]
     counts = np.histogram(depth, [0.0, *DEPTHS, np.inf])[0]
     names = ('up to the knee', 'up to the height of a person', 'up to a roof', 'over a roof')
     ends = [f'below {DEPTHS[0]:g} m', *(f'{a:g} to {b:g} m' for a, b in pairwise(DEPTHS))]
     ends.append(f'{DEPTHS[-1]:g} m or more')
-    cell = survey.frame.resolution**2
+    cell = summary.frame.resolution**2
     rows = [
         (end, name, area_words(float(count) * cell))
         for end, name, count in zip(ends, names, counts, strict=True)
@@ -206,9 +204,9 @@ def accuracy_table(recording: Recording, description: Mapping[str, Any]) -> Tabl
     return Table(('this run', ''), rows)
 
 
-def recorded_tables(recording: Recording, survey: Survey) -> list[Table]:
+def recorded_tables(recording: Recording, summary: RunSummary) -> list[Table]:
     """Return tables of the contents of the bag."""
-    bag, frame = recording.bag, survey.frame
+    bag, frame = recording.bag, summary.frame
     rows, columns = frame.elevation.shape
     terrain = recording.scene.get('terrain')
     terrain = terrain if isinstance(terrain, dict) else {}
@@ -217,7 +215,7 @@ def recorded_tables(recording: Recording, survey: Survey) -> list[Table]:
         ('state', 'cut off; earlier messages are complete' if bag.recovered else 'finished'),
         ('size', f'{bag.size / 1e6:.2f} MB in {len(bag.files)} file(s)'),
         ('duration of the recording', duration(bag.duration_ns / 1e9)),
-        ('maps shown on this page', f'{len(survey.times)} frames of the last run'),
+        ('maps shown on this page', f'{len(summary.times)} frames of the last run'),
         ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
         ('coordinate system', system_name(terrain.get('epsg'), terrain.get('wkt'))),
         ('recorded by', f'lava_ros {bag.custom_data.get("version") or "of unknown version"}'),
@@ -238,18 +236,6 @@ def described_data(recording: Recording, description: Mapping[str, Any]) -> list
         for title, data in (('Scene', recording.scene), ('Parameters', description['parameters']))
         if data
     ]
-
-
-def rounding_notes(survey: Survey) -> list[str]:
-    """Return the step between recorded values of each layer, as texts."""
-    notes = []
-    for source, shown in sorted(survey.frame.layers.items()):
-        layer = shown.layer
-        if layer.message == OCCUPANCY_GRID and layer.range is not None and source != 'hazard':
-            step = 2.0 * rounding(layer)
-            unit = 'm' if source == 'thickness' else '°C'
-            notes.append(f'{layer.name} in steps of {step:g} {unit}')
-    return notes
 
 
 def place_tables(tables: Mapping[str, ArrivalTable]) -> list[tuple[str, str, Table]]:

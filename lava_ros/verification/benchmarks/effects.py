@@ -9,7 +9,8 @@ a step, and no effect changes the number of steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 import time as wall_clock
 from typing import Any
 
@@ -27,7 +28,7 @@ from lava_ros.verification.rows import OnProgress, row_of
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
 
 #: Minimum time of one measurement [s].
-LEAST = 0.5
+MIN_MEASURED_TIME = 0.5
 
 #: Steps that a GPU takes at once: idle ones past the last would be measured.
 _AT_ONCE = 16
@@ -91,21 +92,18 @@ def lava_field(
 
 
 def measure(
-    device: str, *, particles: int | None, repetitions: int, on_progress: OnProgress
+    device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Time a step with each set of effects.
-
-    ``particles`` is the number of particles, None for the device's default.
-    """
-    if particles is None:
-        particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
-    sets = effect_sets()
+    """Time a step with each set of effects; None uses the device's number of particles."""
+    numbers = particles or [PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']]
+    cases = list(product(numbers, effect_sets().items()))
     bare = 0.0
-    for index, (name, effects) in enumerate(sets.items()):
-        on_progress(name, index / len(sets))
-        times, count = step_times(lava_field(particles, effects, device), repetitions, LEAST)
+    for index, (number, (name, effects)) in enumerate(cases):
+        on_progress(name, index / len(cases))
+        field = lava_field(number, effects, device)
+        times, count = step_times(field, repetitions, MIN_MEASURED_TIME)
         row = row_of(name, count, times, 'ns per particle and step')
-        bare = bare or row['value']
+        bare = row['value'] if name == 'bare' else bare
         repeated = row.pop('repetitions')
         yield {**row, 'ratio': row['value'] / bare, 'repetitions': repeated}
 

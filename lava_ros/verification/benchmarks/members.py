@@ -17,7 +17,7 @@ import warp as wp
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.batch import Batch
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP, timed
-from lava_ros.verification.benchmarks.steps import memory_of, used_memory
+from lava_ros.verification.benchmarks.steps import used_memory
 from lava_ros.verification.rows import OnProgress, row_of
 
 #: Default particles per member, numbers of members by device, and maximum particles of all
@@ -57,8 +57,9 @@ def measure(
         rates = [_rate(simulations, steps, device) for _ in range(repetitions + 1)]
         # the first one compiles and captures
         yield row_of(what, number, rates[1:], 'M particle-steps/s')
-        memory = memory_of(simulations, device, before) / count
-        yield row_of(f'{what}: memory', number, [memory], 'B per particle')
+        memory = (used_memory(device) - before) / count
+        if memory:
+            yield row_of(f'{what}: memory', number, [memory], 'B per particle')
         # frees memory now, not while the next members are measured
         del simulations
 

@@ -3,9 +3,7 @@
 
 """Time of a step, from few particles to many, and of other operations that a user waits for.
 
-The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage. A plain step
-(``benchmarks/reference.py``) is measured in the same run, so that a gain is a ratio of two of its
-times.
+The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage.
 """
 
 from __future__ import annotations
@@ -14,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 import gc
 import math
-from statistics import median
 import subprocess
 import sys
 import time as wall_clock
@@ -23,7 +20,6 @@ from typing import Any
 import warp as wp
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation import Simulation
 from lava_ros.verification.benchmarks.effects import (
     effect_sets,
     lava_field,
@@ -31,7 +27,6 @@ from lava_ros.verification.benchmarks.effects import (
     step_times,
     timed,
 )
-from lava_ros.verification.benchmarks.reference import Reference
 from lava_ros.verification.rows import OnProgress, row_of
 
 #: Default numbers of particles: on a GPU, and on a CPU.
@@ -44,7 +39,7 @@ SETS = ('bare', 'green', 'everything with green')
 FEWER, FEWER_SETS = 2.6, ('bare', 'green')
 
 #: Minimum time of one measurement [s].
-LEAST = 0.25
+MIN_MEASURED_TIME = 0.25
 
 #: Cells along a side of the published grids, and particles that cover them.
 GRIDS, COVERED_BY = (500, 1000, 2000), 100_000
@@ -98,24 +93,18 @@ def _steps(
             simulation.set_effects(asdict(sets[name]))
         if simulation.effects != sets[name]:
             raise LavaError('effects', name, 'a set that steps of fixed length can have')
-        each, count = step_times(simulation, repetitions, LEAST)
+        each, count = step_times(simulation, repetitions, MIN_MEASURED_TIME)
         yield from _pace(name, count, each)
-        memory = memory_of(simulation, device, before) / count
-        yield row_of(f'{name}: memory', count, [memory], 'B per particle')
-        if index == 0:
-            bare = median(each)
-            show('reference', 1 / (len(SETS) + 1))
-            reference = _reference_times(simulation, repetitions)
-            yield next(_pace('reference', count, reference))
-            gains = [time / bare for time in reference]
-            yield row_of('bare: gain', count, gains, 'of the reference')
+        memory = (used_memory(device) - before) / count
+        if memory:
+            yield row_of(f'{name}: memory', count, [memory], 'B per particle')
     simulation = lava_field(number, sets[SETS[0]], device, ratio=FEWER)
     neighbours = round(math.pi * FEWER**2)
     for name in FEWER_SETS:
         what = f'{name}, {neighbours} neighbours'
         show(what, len(SETS) / (len(SETS) + 1))
         simulation.set_effects(asdict(sets[name]))
-        each, count = step_times(simulation, repetitions, LEAST)
+        each, count = step_times(simulation, repetitions, MIN_MEASURED_TIME)
         yield from _pace(what, count, each)
 
 
@@ -123,18 +112,6 @@ def _pace(what: str, count: int, each: Sequence[float]) -> Iterator[dict[str, An
     """Yield the time of a step and the rate, from times over the particles [ns]."""
     yield row_of(f'{what}: step', count, [1e-3 * count * time for time in each], 'us')
     yield row_of(f'{what}: rate', count, [1e3 / time for time in each], 'M particle-steps/s')
-
-
-def _reference_times(simulation: Simulation, repetitions: int) -> list[float]:
-    """Return times of a plain step over the particles [ns]."""
-    reference = Reference(simulation, STEP)
-
-    def elapsed(steps: int) -> float:
-        return timed(simulation.device, lambda: reference.advance(steps))
-
-    elapsed(2)
-    steps = 1 + int(LEAST / max(elapsed(4) / 4.0, 1e-9))
-    return [1e9 * elapsed(steps) / steps / reference.count for _ in range(repetitions)]
 
 
 def _snapshots(cells: int, device: str, repetitions: int) -> tuple[list[float], int]:
@@ -182,31 +159,3 @@ def used_memory(device: str) -> int:
     gc.collect()
     wp.synchronize_device(found)
     return int(wp.get_mempool_used_mem_current(found))
-
-
-def memory_of(root: Any, device: str, before: int) -> int:
-    """Return device memory of simulations [B]: growth of the pool, or the sum of their arrays."""
-    if wp.get_device(device).is_mempool_enabled:
-        return used_memory(device) - before
-    return sum(_arrays(root).values())
-
-
-def _arrays(root: Any) -> dict[int, int]:
-    """Return the sizes [B] of the arrays that an object of this package holds, by address."""
-    found: dict[int, int] = {}
-    seen: set[int] = set()
-    open_ones = [root]
-    while open_ones:
-        item = open_ones.pop()
-        if isinstance(item, wp.array):
-            address = int(item.ptr or 0)
-            found[address] = max(found.get(address, 0), int(item.capacity))
-        elif id(item) not in seen:
-            seen.add(id(item))
-            if isinstance(item, dict):
-                open_ones += item.values()
-            elif isinstance(item, list | tuple):
-                open_ones += item
-            elif type(item).__module__.startswith('lava_ros.'):
-                open_ones += getattr(item, '__dict__', {}).values()
-    return found

@@ -172,11 +172,11 @@ class Swing:
 
 
 def swing(
-    count: int, *, accuracy: Accuracy, periods: float = 2.0, looks: int = 20, device: str = 'cpu'
+    count: int, *, accuracy: Accuracy, periods: float = 2.0, samples: int = 20, device: str = 'cpu'
 ) -> Swing:
     """Let lava oscillate in a paraboloid (Thacker 1981), from rest at its narrowest.
 
-    There are about ``count`` particles, sampled ``looks`` times per period.
+    There are about ``count`` particles, sampled ``samples`` times per period.
     """
     solution = exact.OscillatingBowl(1.0, 50.0, 0.3, GRAVITY)
     narrow = solution.radius / math.sqrt(solution.narrowness(0.0))
@@ -199,7 +199,7 @@ def swing(
         spacing=spacing, thickness=0.5 * float(thickness.max()),
         longest_step=solution.period / STEPS,
     )
-    times = solution.period * np.arange(1 + round(periods * looks)) / looks
+    times = solution.period * np.arange(1 + round(periods * samples)) / samples
     # velocities belong to the middle of a step, so each sample follows a very short step
     instant = 1e-5 * solution.period
     spread, energy = [], []

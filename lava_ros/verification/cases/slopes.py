@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from lava_ros.forecast.lookahead import LookAhead
+from lava_ros.forecast.forecast_run import ForecastRun
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy, COVERED
@@ -106,7 +106,7 @@ def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
     end = solution.arrival(last, threshold)
     start = 0.3 * end
     trial.advance(start)
-    ahead = LookAhead(
+    ahead = ForecastRun(
         trial.simulation.checkpoint(), horizon=1.1 * end - start, threshold=COVERED,
         device=device,
     )

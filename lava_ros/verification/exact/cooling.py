@@ -15,8 +15,21 @@ from lava_ros.scene import Lava
 from lava_ros.verification.exact.heat import surface_loss
 from lava_ros.verification.exact.spreading import runge_kutta
 
-#: Where the flow of the case ``cooling_plane`` is thicker than 0.1 m, by ``cooling_flow`` on cells
-#: of 1.25 m (docs/benchmarks/cooling_plane.csv): the cells of 5 m on one side of the axis whose
+#: Thickness of the sheet of the case ``cooling_front`` [m], by finite volumes on cells of 1.25 m
+#: (docs/benchmarks/cooling_plane.py), from the upper edge of the source on.
+FRONT_PROFILE = (
+    0.936, 1.008, 1.067, 1.104, 1.115, 1.125, 1.136, 1.147, 1.158, 1.169, 1.18, 1.191, 1.203,
+    1.214, 1.226, 1.237, 1.249, 1.261, 1.272, 1.284, 1.296, 1.308, 1.321, 1.333, 1.345, 1.358,
+    1.37, 1.383, 1.396, 1.408, 1.421, 1.434, 1.447, 1.461, 1.474, 1.487, 1.501, 1.514, 1.528,
+    1.542, 1.556, 1.57, 1.584, 1.598, 1.612, 1.626, 1.641, 1.655, 1.67, 1.685, 1.7, 1.714,
+    1.73, 1.745, 1.76, 1.775, 1.791, 1.806, 1.822, 1.837, 1.853, 1.869, 1.885, 1.901, 1.917,
+    1.933, 1.949, 1.966, 1.982, 1.998, 2.014, 2.031, 2.047, 2.064, 2.08, 2.096, 2.112, 2.128,
+    2.144, 2.16, 2.175, 2.191, 2.205, 2.22, 2.234, 2.247, 2.259, 2.271, 2.281, 2.288, 2.291,
+    2.285, 2.257, 2.181, 1.975, 1.02, 0.006, 0.0,
+)
+
+#: Where the flow of the case ``cooling_plane`` is thicker than 0.1 m, by the same finite volumes
+#: (docs/benchmarks/cooling_plane.csv): the cells of 5 m on one side of the axis whose
 #: mean is, from the column whose middle is at the first place [m] on, and the front [m].
 PLANE_FIRST = -12.5
 PLANE_CELLS = (
@@ -104,92 +117,3 @@ class CoolingSheet:
                 carried *= (1.0 - 1.5 * b + 0.5 * b**3) / (3.0 * viscosity)
             low, high = (middle, high) if carried < self._flux else (low, middle)
         return middle
-
-
-def cooling_flow(
-    lava: Lava, source: np.ndarray, cell: float, slope: float, until: float, *, initial: float,
-    ambient: float, gravity: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Thickness [m] and temperature [K] of a cooling flow by finite volumes, from no lava.
-
-    Explicit steps for the volume and the heat of square cells with closed borders. Both are of
-    second order where the flow is smooth: the thickness that runs down the slope and the
-    temperature that it carries are extrapolated to the faces of cells, with van Leer's limiter.
-    Spreading is central, with the mean of h^3 along the line between two thicknesses. cos^4 b is
-    left out.
-
-    Args:
-        lava: Arrhenius law, heat capacity and heat loss; the yield strength is ignored.
-        source: Emission [m/s], shape [rows, columns]; the ground falls along a row.
-        cell: Side of a cell [m].
-        slope: tan b.
-        until: The end [s].
-        initial: Temperature of emitted lava [K].
-        ambient: Temperature of the air [K].
-        gravity: g [m/s2].
-    """
-    shape = source.shape
-    thickness, temperature = np.zeros(shape), np.full(shape, initial)
-    capacity = lava.density * lava.specific_heat
-    weight = lava.density * gravity / (3.0 * lava.viscosity)
-    time = 0.0
-    while time < until:
-        cooler = lava.reference_temperature - temperature
-        mobility = weight * np.exp(-lava.arrhenius * cooler)
-        fastest = float((mobility * thickness**2).max()) + 1e-9
-        step = min(
-            0.2 * cell**2 / (fastest * float(thickness.max()) + 1e-9),
-            0.1 * cell / (fastest * (slope + 0.3)), 0.8 * cell, until - time,
-        )
-        volume = thickness + step * source
-        heat = thickness * temperature + step * source * initial
-        for axis, fall in ((1, slope), (0, 0.0)):
-            fields = [
-                np.moveaxis(field, axis, 0)
-                for field in (thickness, temperature, mobility, volume, heat)
-            ]
-            _exchange(fields, fall, step / cell, cell)
-        is_wet = volume > 1e-12
-        thickness = np.where(is_wet, volume, 0.0)
-        mixed = np.where(is_wet, heat / np.maximum(volume, 1e-12), initial)
-        stored = capacity * np.maximum(thickness, 1e-9) * np.maximum(mixed - ambient, 1e-9)
-        rate = surface_loss(lava, mixed, ambient) / stored
-        cooled = ambient + (mixed - ambient) * np.exp(-rate * step)
-        temperature = np.where(is_wet, cooled, initial)
-        time += step
-    return thickness, temperature
-
-
-def _exchange(fields: list[np.ndarray], fall: float, ratio: float, cell: float) -> None:
-    """Move volume and heat, the last fields, between neighbours along the first axis.
-
-    The others are thickness, temperature and mobility before the step, which is ``ratio`` times as
-    long [s] as the cell [m].
-    """
-    h, t, mobility, volume, heat = fields
-    if len(h) == 1:
-        return
-    wet = h > 0.0
-    a, b = h[:-1], h[1:]
-    both = 0.5 * (mobility[:-1] + mobility[1:])
-    both = np.where(wet[:-1] & wet[1:], both, np.where(wet[:-1], mobility[:-1], mobility[1:]))
-    spread = 0.25 * (a + b) * (a * a + b * b) * (b - a) / cell
-    upper = np.maximum((h + 0.5 * _limited(h))[:-1], 0.0)
-    flux = np.clip(both * (upper**3 * fall - spread) * ratio, -0.25 * b, 0.25 * a)
-    # dry neighbours have no temperature
-    rise = 0.5 * _limited(t)
-    rise[1:-1] *= wet[:-2] & wet[2:]
-    carried = flux * np.where(flux > 0.0, (t + rise)[:-1], (t - rise)[1:])
-    for total, moved in ((volume, flux), (heat, carried)):
-        total[:-1] -= moved
-        total[1:] += moved
-
-
-def _limited(field: np.ndarray) -> np.ndarray:
-    """Return the difference across a cell along axis 0 by van Leer's limiter; 0 at borders."""
-    found = np.zeros_like(field)
-    before, after = field[1:-1] - field[:-2], field[2:] - field[1:-1]
-    product, total = before * after, before + after
-    is_smooth = product > 0.0
-    found[1:-1][is_smooth] = 2.0 * product[is_smooth] / total[is_smooth]
-    return found

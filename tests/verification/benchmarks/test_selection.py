@@ -17,12 +17,13 @@ from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import decide, effects_for
-from lava_ros.verification.benchmarks import selection as choice
-from lava_ros.verification.benchmarks.scenes import scenes
+from scripts import load_script
 
+FOLDER = Path(__file__).parents[3] / 'docs/benchmarks'
+TABLE = FOLDER / 'choice_cpu.csv'
 ACCURACY = preset_accuracy(DEFAULT)
-SCENES = {item.name: item for item in scenes()}
-TABLE = Path(__file__).parents[3] / 'docs/benchmarks/choice_cpu.csv'
+choice = load_script(FOLDER / 'choice.py')
+SCENES = {item.name: item for item in choice.scenes()}
 
 
 def decisions_of(item):
@@ -30,7 +31,7 @@ def decisions_of(item):
 
 
 def test_every_effect_is_on_in_a_scene_and_off_in_another():
-    assert len(SCENES) == len(scenes()) == 16
+    assert len(SCENES) == len(choice.scenes()) == 16
     chosen = [
         {decision.name for decision in decisions_of(item) if decision.is_on}
         for item in SCENES.values()

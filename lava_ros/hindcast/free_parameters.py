@@ -24,7 +24,7 @@ DISCHARGE = Constant(
     'measurement: a review. Bulletin of Volcanology 70, 1-22: errors of up to 50 %',
 )
 
-#: Units of the constants of ``Lava`` and of other possible unknowns, in the order in which they
+#: Units of the constants of ``Lava`` and of other possible parameters, in the order in which they
 #: are set in a case.
 UNITS = {
     **{item.name: item.metadata['unit'] for item in fields(Lava) if 'limits' in item.metadata},
@@ -36,7 +36,7 @@ _LOGARITHMIC = ('viscosity', 'yield_strength', 'crust_strength')
 
 
 @dataclass(frozen=True)
-class Unknown:
+class FreeParameter:
     """An uncertain number, with its published range and its value without calibration.
 
     With ``is_log``, its logarithm is searched.
@@ -67,13 +67,13 @@ def free_parameters_of(
     case: Case,
     names: tuple[str, ...] = (),
     ranges: Mapping[str, tuple[float, float]] | None = None,
-) -> tuple[Unknown, ...]:
-    """Return the unknowns of a case: those in ``names``, or all with a published range.
+) -> tuple[FreeParameter, ...]:
+    """Return the parameters of a case: those in ``names``, or all with a published range.
 
-    ``ranges`` adds unknowns by name, and replaces published ranges.
+    ``ranges`` adds parameters by name, and replaces published ranges.
 
     Raises:
-        LavaError: If a name is not valid, an unknown has no range, or there are no unknowns.
+        LavaError: If a name is not valid, a parameter has no range, or there are no parameters.
     """
     ranges, published, result = ranges or {}, _published(case), []
     chosen = [*names, *ranges]
@@ -96,12 +96,13 @@ def free_parameters_of(
         high = validation.number(f'{name}, highest', span[1], above=low)
         if is_log:
             validation.number(f'{name}, lowest', low, above=0.0)
-        result.append(Unknown(name, UNITS[name], low, high, _usual(case, name), source, is_log))
+        usual = _usual(case, name)
+        result.append(FreeParameter(name, UNITS[name], low, high, usual, source, is_log))
     return tuple(result)
 
 
 def changed(case: Case, values: Mapping[str, float]) -> Case:
-    """Return a copy of a case with values for unknowns."""
+    """Return a copy of a case with values for parameters."""
     for name in filter(values.__contains__, UNITS):
         value, lava = values[name], case.scene.lava
         if name == 'discharge':

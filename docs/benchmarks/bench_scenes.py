@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Small scenes that require different effects, for measuring the choice of effects.
+"""Small scenes that require different effects, for choice.py and plan.py.
 
 Every material has more constants than its scene requires: an effect is omitted by its number, not
 because the material lacks it.

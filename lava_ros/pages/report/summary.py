@@ -39,7 +39,7 @@ _MAX_ARRIVAL_CODE = 65_535
 
 
 @dataclass(eq=False)
-class Survey:
+class RunSummary:
     """Summary of a run: its last frame, and curves with one value for each frame.
 
     ``touched`` are the cells that have had lava, and ``vents`` the positions [m] of the vents that
@@ -63,7 +63,7 @@ class Survey:
     saturated: set[str] = field(default_factory=set)
 
 
-def survey(recording: Recording, progress: Progress = silent) -> Survey:
+def summarize(recording: Recording, progress: Progress = silent) -> RunSummary:
     """Read and summarise all frames of the last run.
 
     Raises:
@@ -75,11 +75,11 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
     # the inundation thickness, unless a layer shows only thicker lava
     layers = recording.layers.values()
     least = max([COVERED, *(item.threshold for item in layers if item.source == THICKNESS)])
-    result: Survey | None = None
+    result: RunSummary | None = None
     for frame in recording.frames():
         if result is None or frame.elevation.shape != result.touched.shape:
             # discards the frames of an earlier terrain
-            result = Survey(
+            result = RunSummary(
                 frame,
                 Arrival(least),
                 np.zeros(frame.elevation.shape, dtype=bool),
@@ -92,7 +92,7 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
     return result
 
 
-def _add(result: Survey, frame: Frame) -> None:
+def _add(result: RunSummary, frame: Frame) -> None:
     result.frame = frame
     result.arrival.add(frame)
     wet = frame.lava
@@ -152,14 +152,14 @@ class View:
         padded = np.pad(part.astype(float), missing, constant_values=np.nan)
         rows, columns = (size // self.factor for size in padded.shape)
         blocks = padded.reshape(rows, self.factor, columns, self.factor)
-        return reduce.reduce(blocks, axis=(1, 3))
+        return np.asarray(reduce.reduce(blocks, axis=(1, 3)))
 
 
-def view_of(survey: Survey) -> View:
+def view_of(summary: RunSummary) -> View:
     """Return the view of flow and vents with a margin, or of the whole terrain without lava."""
-    frame = survey.frame
-    rows, columns = np.nonzero(survey.touched)
-    places = (survey.vents - np.array(frame.origin)) / frame.resolution
+    frame = summary.frame
+    rows, columns = np.nonzero(summary.touched)
+    places = (summary.vents - np.array(frame.origin)) / frame.resolution
     spans = []
     for size, cells, vents in (
         (frame.elevation.shape[0], rows, places[:, 1]),
@@ -182,25 +182,25 @@ def view_of(survey: Survey) -> View:
 
 
 def pack_maps(
-    recording: Recording, survey: Survey, view: View, progress: Progress = silent
+    recording: Recording, summary: RunSummary, view: View, progress: Progress = silent
 ) -> dict[str, Any]:
     """Return the frames as plain data for the page: times, and the packed cells of each layer.
 
     Row 0 is the southernmost. The cells of a frame are its codes XOR those of the previous frame.
     Code 0 means no lava; the value of any other code is ``low + code * step``.
     """
-    shown = _shown(survey.times)
+    shown = _shown(summary.times)
     layers = {
-        item: survey.frame.layers[item].layer for item in SOURCES if item in survey.frame.layers
+        item: summary.frame.layers[item].layer for item in SOURCES if item in summary.frame.layers
     }
     scales = {
-        source: _scale(layer, survey.largest.get(source, 1.0)) for source, layer in layers.items()
+        source: _scale(layer, summary.largest.get(source, 1.0)) for source, layer in layers.items()
     }
     codes: dict[str, list[np.ndarray]] = {source: [] for source in layers}
     times: list[float] = []
     areas: list[float] = []
     fitting = (
-        frame for frame in recording.frames() if frame.elevation.shape == survey.touched.shape
+        frame for frame in recording.frames() if frame.elevation.shape == summary.touched.shape
     )
     for index, frame in enumerate(fitting):
         if index in shown:
@@ -221,17 +221,17 @@ def pack_maps(
                 'classes': list(STYLES[source].classes.items()),
                 'low': scales[source][0],
                 'step': scales[source][1],
-                'most': survey.largest.get(source, 0.0),
-                'saturated': source in survey.saturated,
+                'most': summary.largest.get(source, 0.0),
+                'saturated': source in summary.saturated,
                 'cells': _packed(frames),
             }
             for source, frames in codes.items()
         ],
-        'arrival': _arrival(survey, view),
+        'arrival': _arrival(summary, view),
     }
 
 
-def relief(survey: Survey, view: View) -> str:
+def relief(summary: RunSummary, view: View) -> str:
     """Return the shaded ground, north up, as a data URL of a JPEG.
 
     Raises:
@@ -240,7 +240,7 @@ def relief(survey: Survey, view: View) -> str:
     require('matplotlib', 'report', 'relief')
     from PIL import Image
 
-    ground = shaded_ground(survey.frame)[..., :3]
+    ground = shaded_ground(summary.frame)[..., :3]
     count = view.cut(np.ones(ground.shape[:2]), np.add)
     channels = [np.nan_to_num(view.cut(ground[..., i], np.add) / count) for i in range(3)]
     pixels = (255.0 * np.stack(channels, axis=-1)[::-1]).astype(np.uint8)
@@ -283,13 +283,13 @@ def _codes(frame: Frame, source: str, view: View, scale: tuple[float, float]) ->
     return np.where(np.isfinite(values), codes, 0).astype(np.uint8)
 
 
-def _arrival(survey: Survey, view: View) -> dict[str, Any] | None:
+def _arrival(summary: RunSummary, view: View) -> dict[str, Any] | None:
     """Return the arrival times with 16 bits per cell, rounded down; 0 means no arrival."""
-    times = survey.arrival.times
+    times = summary.arrival.times
     if times is None or not np.isfinite(times).any():
         return None
     earliest = view.cut(times, np.fmin)
-    start, end = survey.times[0], survey.times[-1]
+    start, end = summary.times[0], summary.times[-1]
     step = max(end - start, 1.0) / (_MAX_ARRIVAL_CODE - 1)
     codes = 1.0 + np.floor((np.nan_to_num(earliest, nan=start) - start) / step)
     codes = np.where(np.isfinite(earliest), np.clip(codes, 1, _MAX_ARRIVAL_CODE), 0)
@@ -298,7 +298,7 @@ def _arrival(survey: Survey, view: View) -> dict[str, Any] | None:
         'colours': list(STYLES['arrival'].colours),
         'start': start,
         'step': step,
-        'threshold': survey.arrival.threshold,
-        'gap': 0.0 if survey.arrival.is_noted else survey.arrival.longest_gap,
+        'threshold': summary.arrival.threshold,
+        'gap': 0.0 if summary.arrival.is_noted else summary.arrival.longest_gap,
         'cells': _packed([codes.astype('<u2')]),
     }

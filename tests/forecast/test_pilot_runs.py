@@ -10,8 +10,15 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import Effects
-from lava_ros.forecast import pilots
-from lava_ros.forecast.pilots import completed, cost_at, error_law, FLOOR, MARKS, Pilot
+from lava_ros.forecast import pilot_runs as pilots
+from lava_ros.forecast.pilot_runs import (
+    completed,
+    cost_at,
+    error_law,
+    MIN_RELATIVE_ERROR,
+    N_COMPARISON_TIMES,
+    Pilot,
+)
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.resolution import EDGES
 from lava_ros.simulation.setup.course import course_of
@@ -39,8 +46,8 @@ def test_pilot_is_timed_and_stopped_by_the_given_clock():
     )
     assert full.is_done and full.setup == 1.0
     # a tick for each part, before each look, and before and after all of them
-    assert full.wall_time == full.progress[-1, 2] + MARKS + 2.0
-    assert full.spent == full.wall_time + MARKS - 1
+    assert full.wall_time == full.progress[-1, 2] + N_COMPARISON_TIMES + 2.0
+    assert full.spent == full.wall_time + N_COMPARISON_TIMES - 1
     assert not stopped.is_done and stopped.progress[-1, 2] == 11.0
     assert 0.0 < stopped.progress[-1, 0] < 1.0 == full.progress[-1, 0]
     assert (np.diff(full.progress, axis=0) >= 0.0).all()
@@ -67,7 +74,8 @@ REFINEMENTS = (0.2, 0.28, 0.4, 0.56)
 def _run(refinement, time, evaluations=1000, effects=EFFECTS, covered=NOWHERE, setup=0.0):
     progress = np.array([[0.0] * 4, [1.0, time - setup, evaluations, 100.0]])
     return Pilot(
-        refinement, time, evaluations, effects, np.stack([covered] * MARKS), time, setup, progress
+        refinement, time, evaluations, effects, np.stack([covered] * N_COMPARISON_TIMES), time,
+        setup, progress,
     )
 
 
@@ -104,7 +112,7 @@ def _grown(refinement, constant, effects=EFFECTS, until=1.0):
     times = np.concatenate([[0.0], np.cumsum(np.diff(evaluations) * each)])
     progress = np.stack([fraction, times, evaluations, particles], axis=1)[fraction <= until]
     _, time, count, _ = progress[-1]
-    covered = np.zeros((int(MARKS * until), 1, 1), dtype=bool)
+    covered = np.zeros((int(N_COMPARISON_TIMES * until), 1, 1), dtype=bool)
     return Pilot(refinement, time + 0.1, count, effects, covered, time + 0.1, 0.1, progress)
 
 
@@ -171,9 +179,9 @@ def test_error_law_of_biased_and_scattered_edges(order, scatter):
 def test_stopped_run_predicts_the_error_at_the_horizon():
     place = np.arange(20_000.0)
 
-    def run(refinement, marks=MARKS):
+    def run(refinement, marks=N_COMPARISON_TIMES):
         # an edge whose error grows by a power that the coarse runs alone do not show
-        fraction = np.arange(1, marks + 1)[:, None, None] / MARKS
+        fraction = np.arange(1, marks + 1)[:, None, None] / N_COMPARISON_TIMES
         ends = 10_000.0 * fraction**0.5 * (1.0 + 0.04 * fraction / refinement**1.5)
         return replace(_run(refinement, 1.0), covered=place < ends)
 
@@ -190,6 +198,6 @@ def test_stopped_run_predicts_the_error_at_the_horizon():
 def test_error_of_equal_runs_has_a_floor():
     covered = np.arange(1_000_000)[None] < 500_000
     law = error_law([_run(refinement, 1.0, covered=covered) for refinement in REFINEMENTS])
-    assert law(2.0) == FLOOR
+    assert law(2.0) == MIN_RELATIVE_ERROR
     apart = [_run(0.2, 1.0, covered=~covered), _run(0.28, 1.0, covered=covered)]
     assert error_law(apart)(0.2) == 1.0

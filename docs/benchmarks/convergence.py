@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 
-"""Dependence of inundated areas on the resolution: scenes at presets from coarse to fine.
+"""Measure how inundated areas depend on the resolution: presets from coarse to fine.
+
+    python docs/benchmarks/convergence.py convergence_h200.csv --device cuda:0 --case etna2001
 
 The footprint of a scene is the area that at least half of several rotated and mirrored runs
 inundate (hindcast/replicates.py). Decimetres decide where a flow branches, so a single run's
@@ -12,87 +14,35 @@ footprints of the same resolution differ by chance. The expected error of a sing
 the actual error.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+import argparse
+from collections.abc import Iterator
 from itertools import combinations
 import math
+from pathlib import Path
+import shlex
+import sys
 from typing import Any
 
+from bench_scenes import scenes
+from choice import jaccard, noise
 import numpy as np
 
-from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.expected_error import difference, estimate_error
 from lava_ros.hindcast.replicates import agreement, run_replicates
 from lava_ros.hindcast.run import Result, Settings, simulate
-from lava_ros.hindcast.score import judge, Score
-from lava_ros.scene import Scene, Vent
-from lava_ros.scene.lava import Lava
-from lava_ros.scene.reshaping import finer
-from lava_ros.scene.terrain_files import ridge_terrain
+from lava_ros.hindcast.score import Score, score_case
+from lava_ros.scene import Scene
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
-from lava_ros.verification.benchmarks.scenes import ground
-from lava_ros.verification.benchmarks.scenes import scenes as scenes_of_effects
-from lava_ros.verification.benchmarks.selection import jaccard, noise
-from lava_ros.verification.rows import OnProgress
+from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import write_csv
 
 #: Presets, from coarse to fine; all are compared with the last.
 LADDER = ('draft', 'standard', 'fine')
 
 #: Refinement of the runs that single runs are compared with.
 FINEST = 2.83
-
-#: Names of scenes of the choice of effects in this benchmark, where their own are taken.
-_NAMES = {'valley': 'melt_valley', 'ridge': 'basalt_ridge'}
-
-#: Side of the cells over which the demo's terrain is averaged, like those of SRTM [m].
-COARSE = 90.0
-
-_LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
-
-#: A vent of the demo, and its lava.
-_CREST, _TONGUES = Vent((4110.0, 5580.0), 40.0, radius=20.0), Lava(viscosity=5e4)
-
-
-def scenes() -> tuple[Case, ...]:
-    """Return a ridge, the same on coarse cells, shapes of the ground, and scenes of effects."""
-    demo, falling = ridge_terrain(), math.tan(math.radians(5.0))
-    # cells like those of SRTM, with maps on finer ones
-    size = round(COARSE / demo.resolution)
-    rows, columns = (side // size for side in demo.shape)
-    blocks = demo.elevation[: rows * size, : columns * size].reshape(rows, size, columns, size)
-    wide = replace(demo, elevation=blocks.mean(axis=(1, 3)), resolution=size * demo.resolution)
-    # a Gaussian hill 150 m high, whose vent is 60 m from its top
-    hill = ground(
-        (0.0, 2000.0), (0.0, 2000.0), 5.0,
-        lambda x, y: 150.0
-        * np.exp(-((x - 1000.0) ** 2 + (y - 1000.0) ** 2) / (2.0 * 250.0**2)),
-    )
-    # a V-shaped valley, 5 degrees steep, with walls of 1:10
-    valley = ground(
-        (0.0, 2200.0), (0.0, 300.0), 5.0,
-        lambda x, y: 500.0 - falling * x + 0.1 * np.abs(y - 150.0),
-    )
-    # a slope of 5 degrees with a drop of 200 m in one cell
-    cliff = ground(
-        (0.0, 4000.0), (0.0, 2025.0), 25.0,
-        lambda x, y: 2000.0 - falling * x - 200.0 * (x > 1000.0),
-    )
-    return tuple(
-        case_of(name, Scene(terrain, (vent,), lava), 3600.0 * hours)
-        for name, terrain, vent, lava, hours in (
-            ('ridge', finer(demo, 2), _CREST, _TONGUES, 3.0),
-            ('coarse_ridge', finer(wide, 6), _CREST, _TONGUES, 3.0),
-            ('hill', hill, Vent((1060.0, 1000.0), 10.0), _LAVA, 2.0),
-            ('valley', valley, Vent((150.0, 150.0), 10.0), _LAVA, 2.0),
-            ('cliff', finer(cliff, 2), Vent((500.0, 1012.5), 20.0, radius=30.0),
-             replace(_LAVA, viscosity=5e3), 6.0),
-        )
-    ) + tuple(
-        case_of(_NAMES.get(item.name, item.name), item.scene, item.horizon)
-        for item in scenes_of_effects()
-    )
-
 
 def case_of(name: str, scene: Scene, horizon: float) -> Case:
     """Return a case without a mapped flow field."""
@@ -129,17 +79,7 @@ def _footprint(
         'chance': expected.chance,
         'actual': difference(alone.snapshot.inundated, finest.snapshot.inundated),
     }
-    return each, majority, judge(case, maps.mean(axis=0), majority), cost
-
-
-def measure(
-    device: str, *, cases: Sequence[Case], runs: int, on_progress: OnProgress
-) -> Iterator[dict[str, Any]]:
-    """Run each scene ``runs`` times at each preset; ``cases`` replace the default scenes."""
-    items = tuple(cases) or scenes()
-    for index, case in enumerate(items):
-        on_progress(case.name, index / len(items))
-        yield from compare(case, device=device, runs=runs)
+    return each, majority, score_case(case, maps.mean(axis=0), majority), cost
 
 
 def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
@@ -174,3 +114,28 @@ def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
             **cost,
             'simulated_s': case.duration,
         }
+
+
+def main() -> None:
+    """Run the cases, by default the scenes of choice.py, and write the rows so far after each."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('output', metavar='OUT.csv', type=Path)
+    parser.add_argument('--device', default='cpu')
+    parser.add_argument('--runs', type=int, default=8, help='number of runs of a footprint')
+    parser.add_argument('--case', action='append', default=[], help='folder of a mapped eruption')
+    args = parser.parse_args()
+    origin = {
+        'device': args.device,
+        'machine': machine_name(args.device),
+        'command': f'python {shlex.join(sys.argv)}',
+    }
+    cases = [load_case(folder) for folder in args.case]
+    rows: list[dict[str, Any]] = []
+    for case in cases or [case_of(item.name, item.scene, item.horizon) for item in scenes()]:
+        rows += ({**row, **origin} for row in compare(case, device=args.device, runs=args.runs))
+        write_csv(rows, args.output)
+        print(case.name, flush=True)
+
+
+if __name__ == '__main__':
+    main()

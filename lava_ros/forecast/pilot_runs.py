@@ -41,11 +41,11 @@ from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
 
 #: Number of times at which pilots are compared.
-MARKS = 10
+N_COMPARISON_TIMES = 10
 
 #: Minimum error of a run as a fraction of its inundated area: twice the finest preset's error of
 #: the edge in docs/accuracy, because an area is proportional to the square of its radius.
-FLOOR = 0.004
+MIN_RELATIVE_ERROR = 0.004
 
 #: Minimum ratios of two refinements for fitting the growth of evaluations and the fall of errors.
 APART, WELL_APART = 1.15, 1.3
@@ -70,8 +70,8 @@ class Pilot:
         wall_time: Wall time to the horizon [s], extrapolated (``completed``) for a stopped run.
         evaluations: Number of velocity evaluations, also extrapolated.
         effects: Its physics.
-        covered: Cells with lava at the ends of ``MARKS`` equal parts of the horizon, up to the
-            end of the run, bool, shape [marks, rows, columns].
+        covered: Cells with lava at the ends of ``N_COMPARISON_TIMES`` equal parts of the horizon,
+            up to the end of the run, bool, shape [times, rows, columns].
         spent: Wall time of the run [s].
         setup: Part of the wall time before the first step [s].
         progress: Simulated time as a fraction of the horizon, wall time after the setup [s],
@@ -90,7 +90,7 @@ class Pilot:
     @property
     def is_done(self) -> bool:
         """True if the run reached the horizon."""
-        return len(self.covered) == MARKS
+        return len(self.covered) == N_COMPARISON_TIMES
 
 
 def run_at(
@@ -121,8 +121,8 @@ def run_at(
     setup = clock() - begun
     progress, covered = [(0.0, 0.0, 0, 0)], []
     parts, looked, taken = 0, 0.0, 0.0
-    for mark in range(1, MARKS + 1):
-        until = horizon * (mark / MARKS)
+    for mark in range(1, N_COMPARISON_TIMES + 1):
+        until = horizon * (mark / N_COMPARISON_TIMES)
         for _ in simulation.advancing(until, limit=horizon):
             parts += 1
             taken = clock() - begun - setup - looked
@@ -140,7 +140,7 @@ def run_at(
         if simulation.time < until:
             break
         covered.append(snapshot.inundated)
-        if mark < MARKS:
+        if mark < N_COMPARISON_TIMES:
             # only the last observation is part of the run
             looked += clock() - before
     wall_time = clock() - begun - looked
@@ -275,11 +275,11 @@ def error_law(pilots: Sequence[Pilot]) -> Callable[[float], float]:
     """Fit laws C r^-p to the finest pilots, at least two of which reached the horizon.
 
     Returns:
-        Function from a refinement to the wrong fraction of the inundated area, from ``FLOOR`` to
-        1: the geometric mean of the laws.
+        Function from a refinement to the wrong fraction of the inundated area, from
+        ``MIN_RELATIVE_ERROR`` to 1: the geometric mean of the laws.
     """
-    done = _apart([pilot for pilot in pilots if pilot.is_done])[-4:]
-    begun = _apart([
+    done = _well_separated([pilot for pilot in pilots if pilot.is_done])[-4:]
+    begun = _well_separated([
         pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)
         and pilot.refinement > WELL_APART * done[-1].refinement
     ])[-2:]
@@ -304,12 +304,12 @@ def error_law(pilots: Sequence[Pilot]) -> Callable[[float], float]:
 
     def error(refinement: float) -> float:
         logarithms = np.log(sizes) - orders * math.log(refinement)
-        return min(max(math.exp(float(weights @ logarithms)), FLOOR), 1.0)
+        return min(max(math.exp(float(weights @ logarithms)), MIN_RELATIVE_ERROR), 1.0)
 
     return error
 
 
-def _apart(pilots: Sequence[Pilot]) -> list[Pilot]:
+def _well_separated(pilots: Sequence[Pilot]) -> list[Pilot]:
     """Select runs with well-separated refinements, coarsest first; of close runs the finest."""
     kept: list[Pilot] = []
     for pilot in sorted(pilots, key=lambda pilot: (pilot.refinement, pilot.spent), reverse=True):

@@ -10,12 +10,13 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
-from lava_ros.forecast.members import make_plan, median_scene, Plan
+from lava_ros.forecast.member_scenes import median_scene
+from lava_ros.forecast.members import make_plan, Plan
 from lava_ros.forecast.scores import brier_parts, reliability
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened
+from lava_ros.hindcast.free_parameters import published_uncertainty
 from lava_ros.hindcast.run import FORCED, Settings
-from lava_ros.hindcast.unknowns import published_uncertainty
 from lava_ros.scene.uncertainty import Uncertainty
 from lava_ros.simulation.accuracy import COVERED
 
@@ -49,7 +50,7 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
         accuracy=settings.accuracy(typical),
         effects={**FORCED, **settings.forced},
         threshold=threshold,
-        looks=settings.maps,
+        samples=settings.maps,
     )
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The accuracy report in Markdown: presets, studies by their settings, and every case."""
+"""The accuracy pages in Markdown, for conf.py: presets, studies by their settings, every case."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from lava_ros.maps.numbers import percent, seconds, table
+from lava_ros.maps.numbers import percent, seconds
 from lava_ros.simulation.presets import DEFAULT
 from lava_ros.verification import measure
 from lava_ros.verification.cases import EFFECT_CASES
@@ -23,6 +23,12 @@ Result = dict[str, Row]
 
 #: Relative difference within which errors count as equal.
 ALIKE = 0.01
+
+
+def table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
+    """Format a Markdown table as lines: the column titles, then rows of as many cells."""
+    lines = ['| ' + ' | '.join(head) + ' |', '|---' * len(head) + '|']
+    return lines + ['| ' + ' | '.join(line) + ' |' for line in body]
 
 
 def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
@@ -215,7 +221,7 @@ def _from_paper(rows: Sequence[Row]) -> list[str]:
     found = _results(rows)
     ways = {
         label: found.get(measure.name_of(accuracy))
-        for label, accuracy in measure.from_paper().items()
+        for label, accuracy in measure.paper_settings().items()
     }
     paper = next(iter(ways.values()))
     if paper is None:

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Test of the choice of effects: each scene with the chosen effects, and with more effects on.
+"""Compare the effects that are chosen for scenes with more effects.
+
+    python docs/benchmarks/choice.py choice_cpu.csv --runs 24
 
 For every effect that exists in a scene and is off to the end of the run, a row compares the run
 with one in which this effect is forced on. A last row compares it with all effects. If the effect
@@ -17,26 +19,29 @@ which differ by a factor of sqrt(2) more than two sets of all runs do. The time 
 separate run.
 """
 
-from __future__ import annotations
-
+import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
+from pathlib import Path
+import shlex
+import sys
 import time as wall_clock
 from typing import Any
 
+from bench_scenes import BenchScene, scenes
 import numpy as np
 
 from lava_ros.effects import compatible, Effects, excluded_by
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy, COVERED
-from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import Decision
 from lava_ros.verification.benchmarks.effects import timed
-from lava_ros.verification.benchmarks.scenes import BenchScene, scenes
-from lava_ros.verification.rows import OnProgress
+from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import write_csv
 
 #: Shift of the vents from one run to the next, in cells, along x and along y.
 SHIFT = 0.01
@@ -244,16 +249,6 @@ def front(cells: np.ndarray, scene: Scene) -> float:
     return float(np.hypot(*(places - scene.vents[0].position).T).max(initial=0.0))
 
 
-def measure(
-    device: str, *, preset: str, runs: int, particles: int | None = None, on_progress: OnProgress
-) -> Iterator[dict[str, Any]]:
-    """Compare the choice of effects with more effects on every scene (``compare``)."""
-    items = scenes()
-    for index, item in enumerate(items):
-        on_progress(item.name, index / len(items))
-        yield from compare(item, device=device, preset=preset, runs=runs, particles=particles)
-
-
 def compare(
     item: BenchScene, *, device: str, preset: str, runs: int, particles: int | None = None
 ) -> Iterator[dict[str, Any]]:
@@ -352,3 +347,31 @@ def _times(one: tuple[int, int, float], other: tuple[int, int, float]) -> dict[s
         'seconds': one[2],
         'seconds_with': other[2],
     }
+
+
+def main() -> None:
+    """Compare every scene, and write the rows so far after each."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('output', metavar='OUT.csv', type=Path)
+    parser.add_argument('--device', default='cpu')
+    parser.add_argument('--preset', default=DEFAULT)
+    parser.add_argument('--runs', type=int, default=24, help='number of runs of a footprint')
+    parser.add_argument('--particles', type=int, help='largest number of particles of a run')
+    args = parser.parse_args()
+    origin = {
+        'device': args.device,
+        'machine': machine_name(args.device),
+        'command': f'python {shlex.join(sys.argv)}',
+    }
+    rows: list[dict[str, Any]] = []
+    for item in scenes():
+        for row in compare(
+            item, device=args.device, preset=args.preset, runs=args.runs, particles=args.particles
+        ):
+            rows.append({**row, **origin})
+        write_csv(rows, args.output)
+        print(item.name, flush=True)
+
+
+if __name__ == '__main__':
+    main()

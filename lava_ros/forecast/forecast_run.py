@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs that observe the flow at scheduled times ("looks"): ensemble members and forecasts."""
+"""Runs that observe the flow at scheduled times: ensemble members and forecasts."""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: Number of observations within a horizon, from which peaks are taken. Arrival times are those of
 #: time steps; for a thickness other than ``COVERED`` they are accurate to half an interval.
-LOOKS = 240
+N_SAMPLES = 240
 
 #: Number of observations of a scene's first forecast, which takes less than half of the time.
 N_FIRST_SAMPLES = 60
@@ -28,7 +28,7 @@ N_FIRST_SAMPLES = 60
 N_EARLY_SAMPLES = 4
 
 
-class Looking:
+class SampledRun:
     """A simulation that runs from one observation to the next, up to a horizon.
 
     Attributes:
@@ -86,7 +86,7 @@ class Looking:
             self._check_size(self.simulation.particle_count)
             self.simulation.look(self._looks)
             self._check_flow(self._looks.flaw())
-            self._note_look(time)
+            self._note_sample(time)
 
     def advancing(self) -> Iterator[None]:
         """Run to the next observation, yielding so that callers can overlap work with the GPU.
@@ -100,7 +100,7 @@ class Looking:
         time = yield from self.simulation.advancing(due, limit=limit)
         self._check_size(self.simulation.most_particles)
         yield from self.simulation.looking(self._looks)
-        self._note_look(time)
+        self._note_sample(time)
 
     def seen(self, *, where_wet: bool = False) -> 'Seen':
         """Return the observations so far, of all cells or of the rectangle around wet cells.
@@ -112,7 +112,7 @@ class Looking:
         self._check_flow(seen.flaw)
         return seen
 
-    def _note_look(self, time: float) -> None:
+    def _note_sample(self, time: float) -> None:
         self._done = bisect_right(self._due, time)
 
     def _check_size(self, count: int) -> None:
@@ -125,7 +125,7 @@ class Looking:
             raise LavaError(f'flow{self._of}', flaw, 'one that can be shown as a map')
 
 
-class LookAhead(Looking):
+class ForecastRun(SampledRun):
     """A forecast by a simulation that runs ahead of the one it was forked from.
 
     The flow equals that of the original simulation advanced to the horizon; it is bitwise
@@ -138,7 +138,7 @@ class LookAhead(Looking):
         *,
         horizon: float,
         threshold: float,
-        looks: int = LOOKS,
+        samples: int = N_SAMPLES,
         device: str | None = None,
         max_particles: int | None = None,
     ) -> None:
@@ -148,7 +148,7 @@ class LookAhead(Looking):
             checkpoint: The state from which to start.
             horizon: Simulated duration of the forecast [s].
             threshold: Thickness at or above which lava has arrived [m].
-            looks: Number of regular observations within the horizon, after ``N_EARLY_SAMPLES``.
+            samples: Number of regular observations within the horizon, after ``N_EARLY_SAMPLES``.
             device: Warp device; None for the first GPU, or the CPU without one.
             max_particles: Maximum number of particles, None for no limit.
 
@@ -162,19 +162,19 @@ class LookAhead(Looking):
         begun = wall_clock.monotonic()
         self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
         self._threshold = validation.number('threshold', threshold, above=0.0, unit='m')
-        if looks < 1:
-            raise LavaError('looks', looks, 'at least 1')
+        if samples < 1:
+            raise LavaError('samples', samples, 'at least 1')
         self._start = checkpoint.time
         super().__init__(
             Simulation.resume(checkpoint, device=device),
-            [self._start + time for time in moments(horizon, looks)],
+            [self._start + time for time in moments(horizon, samples)],
             threshold=threshold,
             max_particles=max_particles,
         )
         self._duration = wall_clock.monotonic() - begun
 
     def advance(self, wall_limit: float | None = None) -> None:
-        """Run as ``Looking.advance``, and add the wall time to the forecast's duration."""
+        """Run as ``SampledRun.advance``, and add the wall time to the forecast's duration."""
         begun = wall_clock.monotonic()
         super().advance(wall_limit)
         self._duration += wall_clock.monotonic() - begun
@@ -205,8 +205,8 @@ class LookAhead(Looking):
         )
 
 
-def moments(horizon: float, looks: int) -> list[float]:
+def moments(horizon: float, samples: int) -> list[float]:
     """Return the times of observations after the start [s], the last one at the horizon."""
-    interval = horizon / looks
+    interval = horizon / samples
     early = [interval / 2.0**power for power in range(N_EARLY_SAMPLES, 0, -1)]
-    return early + [interval * number for number in range(1, looks)] + [horizon]
+    return early + [interval * number for number in range(1, samples)] + [horizon]

@@ -11,13 +11,13 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.lookahead import LookAhead, moments, N_EARLY_SAMPLES
+from lava_ros.forecast.forecast_run import ForecastRun, moments, N_EARLY_SAMPLES
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
 
-HORIZON, LOOKS, THRESHOLD = 150.0, 6, 0.1
+HORIZON, N_SAMPLES, THRESHOLD = 150.0, 6, 0.1
 
 
 def hill():
@@ -41,8 +41,8 @@ def flowing(device, effects):
 
 
 def ahead_of(checkpoint, device, **changes):
-    options = {'horizon': HORIZON, 'threshold': THRESHOLD, 'looks': LOOKS, 'device': device}
-    return LookAhead(checkpoint, **options | changes)
+    options = {'horizon': HORIZON, 'threshold': THRESHOLD, 'samples': N_SAMPLES, 'device': device}
+    return ForecastRun(checkpoint, **options | changes)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_forecast_equals_the_continued_simulation(device, effects):
     checkpoint = from_bytes(simulation.checkpoint().to_bytes())
     looks, start = simulation.looks(THRESHOLD, 100), simulation.time
     peak = np.full_like(simulation.snapshot().thickness, np.nan)
-    for time in (0.0, *moments(HORIZON, LOOKS)):
+    for time in (0.0, *moments(HORIZON, N_SAMPLES)):
         simulation.advance(start + time, limit=start + HORIZON)
         simulation.look(looks)
         peak = np.fmax(peak, simulation.snapshot().thickness)
@@ -75,7 +75,7 @@ def test_forecast_equals_the_continued_simulation(device, effects):
     assert forecast.particle_count == simulation.particle_count
 
 
-def test_looks_are_denser_near_the_start():
+def test_samples_are_denser_near_the_start():
     times = moments(60.0, 6)
     assert len(times) == 6 + N_EARLY_SAMPLES
     assert times[N_EARLY_SAMPLES:] == pytest.approx([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
@@ -88,7 +88,7 @@ def test_names_the_invalid_option():
         ({'horizon': 0.0}, 'horizon'),
         ({'horizon': math.nan}, 'horizon'),
         ({'threshold': 0.0}, 'threshold'),
-        ({'looks': 0}, 'looks'),
+        ({'samples': 0}, 'samples'),
         ({'max_particles': 10}, 'particles'),
     ):
         with pytest.raises(LavaError) as caught:
