@@ -56,7 +56,7 @@ def test_node_survives_hostile_messages(graph, figures):
     kinds, bad, longest = Counter(), Counter(), 0.0
     for item in itertools.islice(messages(seed), count):
         ways[item.topic].publish(item.data)
-        # a reader keeps only the last message of some topics: it must have this one before the next
+        # a reader keeps only the last message of some topics, so it must have this one first
         assert ways[item.topic].wait_for_all_acked(Duration(seconds=MAX_DELAY))
         start = time.monotonic()
         publisher.ask(GetParameters, '/lava/get_parameters', names=['time_scale'])
