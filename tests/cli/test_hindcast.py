@@ -14,8 +14,8 @@ from command_line import done, lava, refused
 from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_case_in_degrees
 from lava_ros.bag import BagReader
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
-from lava_ros.hindcast.run import LONGEST_STEP
 from lava_ros.maps.frames import Recording
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.scene.materials import material_named
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
@@ -87,7 +87,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     times = [frame.time for frame in Recording(out / 'bag').frames()]
     dues = (1200, 2400, 3600)
     late = np.subtract(times, dues)
-    assert late.min() >= 0.0 and late.max() <= LONGEST_STEP
+    assert late.min() >= 0.0 and late.max() <= Accuracy().longest_step
     frame = Recording(out / 'bag').frame_at()
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4

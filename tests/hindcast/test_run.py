@@ -16,9 +16,10 @@ from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
-from lava_ros.hindcast.run import LONGEST_STEP, Run, Settings, simulate
+from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import score_case
 from lava_ros.scene import Terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from lava_ros.simulation.presets import PRESETS
@@ -59,7 +60,7 @@ def test_lava_flows_down_the_valley(valley: Case, whole: Any) -> None:
     times = [item.time for item in maps]
     dues = (900, 1800, 2700, 3600)
     late = np.subtract(times, dues)
-    assert late.min() >= 0.0 and late.max() <= LONGEST_STEP
+    assert late.min() >= 0.0 and late.max() <= Accuracy().longest_step
     assert times[-1] == valley.duration
     result = run.result()
     judged = score_case(valley, result.snapshot.thickness, result.snapshot.inundated)
