@@ -6,31 +6,41 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 import csv
+import math
 from typing import TYPE_CHECKING
 
-from lava_ros.cli.console import write_json
-from lava_ros.cli.options import command, forced_effects, seconds_of
+from lava_ros.cli.console import Progress, write_json
+from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.scene_options import SCENE
 from lava_ros.files.resources import share_path
 from lava_ros.maps.numbers import percent
 
 if TYPE_CHECKING:
     from lava_ros.effects.effect import Effect
+    from lava_ros.scene import Scene
+    from lava_ros.simulation.accuracy import Accuracy
+    from lava_ros.simulation.selection import Decision
 
 #: Costs of effects, measured by `lava bench effects`.
 COSTS = 'docs/benchmarks/effects_h200.csv'
 
 
 @command(
-    *SCENE, '--preset', '--horizon', '--on', '--off', '--json',
+    *SCENE, '--preset', '--horizon', '--on', '--off', '--device',
+    argument(
+        '--measure', None, 'simulate the scene up to the horizon, and print the numbers of the '
+        'flow itself', action='store_true',
+    ),
+    '--json',
 )
 def effects(args: argparse.Namespace) -> int:
     """Print which physical effects a scene needs, and why.
 
     A dimensionless number decides about each effect. The command prints the number that is
     expected of the flow, its threshold, the time that the effect takes, and the accuracy that
-    leaving it out costs.
+    leaving it out costs. With --measure it also prints the largest number in a run.
     """
     from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.simulation.presets import preset_accuracy
@@ -39,15 +49,19 @@ def effects(args: argparse.Namespace) -> int:
     horizon = seconds_of('--horizon', args.horizon)
     scene, forced = scene_from_arguments(args), forced_effects(args)
     accuracy = preset_accuracy(args.preset)
-    decisions = decide(scene, forced, accuracy=accuracy, horizon=horizon)
+    if args.measure:
+        decisions = _measured(scene, forced, accuracy, horizon, args.device)
+    else:
+        decisions = decide(scene, forced, accuracy=accuracy, horizon=horizon)
     costs = step_costs()
     width = max(len(item.reason) for item in decisions)
-    line = f'{{:16}} {{:3}} {{:{width}}}  {{:>6}}  {{}}'.format
-    print(line('effect', '', 'because', 'step', 'without it, at the threshold'))
+    line = f'{{:16}} {{:3}} {{:{width}}}  {{:>8}}  {{:>6}}  {{}}'.format
+    print(line('effect', '', 'because', 'measured', 'step', 'without it, at the threshold'))
     for item in decisions:
         cost = f'x {costs[item.name]:.2f}' if item.name in costs else '?'
         switch = 'on' if item.is_on else '-'
-        print(line(item.name, switch, item.reason, cost, _without(item.effect)))
+        measured = '-' if math.isnan(item.measured) else f'{item.measured:.2g}'
+        print(line(item.name, switch, item.reason, measured, cost, _without(item.effect)))
     print(f'step: time of a step with this effect alone over one without ({COSTS}); ?: unknown')
     # None where the time of a step has not been measured
     rows = [
@@ -56,6 +70,26 @@ def effects(args: argparse.Namespace) -> int:
     ]
     write_json(rows, args.json)
     return 0
+
+
+def _measured(
+    scene: Scene, forced: Mapping[str, bool], accuracy: Accuracy, horizon: float,
+    device: str | None,
+) -> tuple[Decision, ...]:
+    from lava_ros.effects import EFFECTS
+    from lava_ros.maps.plot import duration
+
+    # the solver loads Warp, which the expected numbers do not need
+    from lava_ros.simulation.simulation import Simulation
+
+    simulation = Simulation(
+        scene, effects=forced, accuracy=accuracy, device=device, horizon=horizon
+    )
+    with Progress() as progress:
+        for _ in simulation.advancing(horizon):
+            progress.show(duration(simulation.time), simulation.time / horizon)
+    simulation.review(EFFECTS)
+    return simulation.decisions()
 
 
 def _without(effect: Effect) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 import json
 from pathlib import Path
 import shutil
@@ -18,6 +18,7 @@ import lava_ros
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command, forced_effects
+from lava_ros.cli.scene_options import vent_arguments
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from lava_ros.hindcast.expected_error import ExpectedError
     from lava_ros.hindcast.run import Result, Run, Settings
     from lava_ros.hindcast.score import Score
+    from lava_ros.scene import Terrain
+    from lava_ros.scene.vent_files import VentRow
 
 #: Files and folders of a hindcast in its folder.
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
@@ -34,10 +37,10 @@ RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html',
 @command(
     argument('case', 'CASE_DIR', 'folder of the case'),
     '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh', '--json',
-    '--material',
     argument(
         '-o --output', 'DIR', 'folder for maps, bag and page (default: hindcasts/<case>_<preset>)'
     ),
+    *vent_arguments('case'),
     argument(
         '--runs', 'N', 'make N more runs, rotated and mirrored, and report their scatter and the '
         'area that at least half of them cover; from 2 to 8, which are all directions (default: '
@@ -62,7 +65,12 @@ def hindcast(args: argparse.Namespace) -> int:
 
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
-    case = load_case(args.case, material=args.material, low_pass_width=args.low_pass)
+    case = load_case(
+        args.case,
+        material=args.material,
+        low_pass_width=args.low_pass,
+        vents=lambda rows, ground: _vents(args, rows, ground),
+    )
     settings = Settings(
         args.preset, args.spacing, args.device, forced_effects(args), args.maps
     )
@@ -131,6 +139,24 @@ def _dated(
         f'{references[item.outline].words})'
         for item in scores
     }
+
+
+def _vents(
+    args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
+) -> tuple[VentRow, ...]:
+    from lava_ros.cli.scenes import vents_as_given
+
+    if isinstance(args.discharge, str):
+        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', args.discharge, expected)
+    given = vents_as_given(args, ground)
+    if not given:
+        return tuple(replace(row, discharge=args.discharge) for row in rows)
+    is_own = [vent.discharge is not None for vent in given]
+    if any(is_own) and not all(is_own):
+        expected = 'one for every vent, or for none'
+        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, expected)
+    return tuple(given)
 
 
 def _prepare(output: Path) -> None:

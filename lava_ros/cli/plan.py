@@ -61,9 +61,12 @@ def plan(args: argparse.Namespace) -> int:
 
     found = plan_within(
         scene, within=within, horizon=horizon, members=members, device=args.device,
-        on_pilot=report,
+        may_force=True, on_pilot=report,
     )
     print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
+    for name, is_on in found.forced.items():
+        state = 'on' if is_on else 'off'
+        print(f'effect {name} {state}: the choice for the scene takes too long at this spacing')
     print(
         f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
         f'{within:g} s' + ('; more time would not help' if found.is_finest else '')

@@ -10,15 +10,15 @@ numerical method, without errors of terrain, discharge and material.
 The planned run is then started with the effects that it calls for (selection.py), and stopped
 after a seventh of the time; its full duration follows from the coarse runs. If it differs from the
 prediction, the plan is changed and started again. Otherwise the full run is made, and a somewhat
-coarser one, whose difference determines most of the error. No effect is omitted: if effects that
-finer runs call for do not fit, the plan stays just too coarse to need them.
+coarser one, whose difference determines most of the error. If effects do not fit and much of the
+time is left, a plan may omit them if ``may_force`` is set.
 
 Members of an ensemble share the time. The probability from n members has a sampling error of up to
 1 / (2 sqrt(n)). If n is not given, it is the number with the smallest sum of both errors.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 import math
@@ -87,6 +87,10 @@ MIN_PLANNED_TIME_FRACTION = 0.6
 #: Maximum fraction of the time in that case.
 MAX_PLANNED_TIME_FRACTION = 0.9
 
+#: Maximum increase of the refinement by omitting effects that are called for: on a ridge, omitting
+#: the lateral stress changes the area as much as moving a vent by 3 cm.
+WITHOUT = 2.0
+
 #: Maximum number of members, which has a sampling error of 1 %.
 _MAX_MEMBERS = 2500
 
@@ -112,6 +116,7 @@ class RunPlan:
         is_finest: Whether more time would not increase the refinement.
         pilots: Number of pilots.
         spent: Wall time of the pilots, without compilation [s].
+        forced: Effects that differ from those that the scene calls for at this spacing.
     """
 
     preset: str
@@ -125,6 +130,7 @@ class RunPlan:
     is_finest: bool
     pilots: int
     spent: float
+    forced: dict[str, bool] = field(default_factory=dict)
 
 
 def plan_within(
@@ -134,12 +140,14 @@ def plan_within(
     horizon: float,
     members: int | None = 1,
     device: str | None = None,
+    may_force: bool = False,
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> RunPlan:
     """Find the finest runs that fit in a wall time, with pilots that take one to three times that.
 
-    The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``.
+    The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``, and their
+    effects are ``plan.forced``.
 
     Args:
         scene: The scene; for an ensemble, the one with median inputs.
@@ -147,6 +155,8 @@ def plan_within(
         horizon: Simulated duration of each run [s].
         members: Number of successive runs; None for the number with the smallest error.
         device: Warp device; None for the first GPU, or the CPU without one.
+        may_force: Whether a plan may omit effects that do not fit (``RunPlan.forced``) if most
+            of the time would otherwise be left.
         on_pilot: Called after each pilot.
         clock: Returns the time [s]; ``time.process_time`` on a shared CPU.
 
@@ -157,7 +167,7 @@ def plan_within(
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
-    search = _Search(scene, within, horizon, members, device, on_pilot, clock)
+    search = _Search(scene, within, horizon, members, device, may_force, on_pilot, clock)
     search.refine_pilots()
     best = search.choose()
     refinement, count = best.refinement, best.members
@@ -166,6 +176,7 @@ def plan_within(
         expected = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
         raise LavaError('within', within, expected)
     resolution = resolution_of(scene, accuracy_at(scene, refinement, horizon), horizon=horizon)
+    called_for, given = asdict(search.effects_at(refinement)), asdict(best.effects)
     return RunPlan(
         preset=preset_below(refinement),
         spacing=resolution.spacing,
@@ -176,6 +187,7 @@ def plan_within(
         cell_error=resolution.cell_error,
         sampling_error=sampling_error(count),
         is_finest=refinement >= 0.999 * FINEST,
+        forced={name: is_on for name, is_on in given.items() if called_for[name] != is_on},
         pilots=len(search.runs),
         spent=search.spent,
     )
@@ -198,6 +210,7 @@ class _Search:
     horizon: float
     members: int | None
     device: str | None
+    may_force: bool
     on_pilot: Callable[[Pilot], None]
     clock: Callable[[], float]
     runs: list[Pilot] = field(default_factory=list)
@@ -321,7 +334,7 @@ class _Search:
             if best is None:
                 best = _Choice(refinement, self.members or 1, effects, 0.0)
             # at a jump of the cost, prefer to use nearly all of the time instead of half
-            is_leap = 0.0 < best.used < MIN_PLANNED_TIME_FRACTION
+            is_leap = 0.0 < best.used < MIN_PLANNED_TIME_FRACTION and not self.may_force
             most = MAX_PLANNED_TIME_FRACTION if is_leap else PLANNED_TIME_FRACTION
             fitting = int(min(most * self.within / each, _MAX_MEMBERS))
             count = fitting if self.members is None else self.members
@@ -333,6 +346,16 @@ class _Search:
                 best = _Choice(refinement, count, effects, count * each / self.within)
                 least = error
         assert best is not None
+        is_small = best.used < MIN_PLANNED_TIME_FRACTION
+        return self._without(best) if self.may_force and is_small else best
+
+    def _without(self, best: _Choice) -> _Choice:
+        """Find the finest run that fits with the effects of a choice, even if others are due."""
+        finest = min(FINEST, WITHOUT * best.refinement)
+        for refinement in np.geomspace(best.refinement, finest, 50).tolist():
+            used = best.members * self.cost(refinement, best.effects) / self.within
+            if used <= PLANNED_TIME_FRACTION:
+                best = replace(best, refinement=refinement, used=used)
         return best
 
     def effects_at(self, refinement: float) -> Effects:

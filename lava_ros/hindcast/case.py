@@ -40,7 +40,7 @@ from lava_ros.scene.on_terrain import read_polygons_on, read_raster_on
 from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import Distribution, Uncertainty, uncertainty_from_dict
-from lava_ros.scene.vent_files import read_vents
+from lava_ros.scene.vent_files import read_vents, VentRow
 
 
 def _vector_files(stem: str) -> tuple[str, ...]:
@@ -158,6 +158,7 @@ def load_case(
     *,
     material: str | None = None,
     low_pass_width: float | None = None,
+    vents: Callable[[tuple[VentRow, ...], Terrain], tuple[VentRow, ...]] | None = None,
 ) -> Case:
     """Read a case from its folder.
 
@@ -165,6 +166,7 @@ def load_case(
         directory: The folder.
         material: Name of a material in place of the case's.
         low_pass_width: Width of the filter of the terrain [m] in place of the case's.
+        vents: Returns the vents to use for those of the case and its terrain.
 
     Raises:
         LavaError: If a file is missing or not valid, or the files are not consistent.
@@ -196,6 +198,8 @@ def load_case(
     choices = options_from_dict('case.effusion_rate', options.get('effusion_rate', {}))
     rates = read_effusion_rates('case', rate_table, choices)
     rows = read_vents('case', vent_table, ground)
+    if vents is not None:
+        rows = vents(rows, ground)
     series = series_of(rows, rates)
     lava, used = lava_from_dict('case.lava', options.get('lava', {}), material)
     width = validation.number('case.low_pass', options.get('low_pass', 0.0), at_least=0.0)

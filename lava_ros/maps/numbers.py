@@ -1,11 +1,18 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers formatted for people."""
+"""Markdown tables, and numbers formatted for people."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 import math
+
+
+def table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
+    """Format a Markdown table as lines: the column titles, then rows of as many cells."""
+    lines = ['| ' + ' | '.join(head) + ' |', '|---' * len(head) + '|']
+    return lines + ['| ' + ' | '.join(line) + ' |' for line in body]
 
 
 def percent(value: float) -> str:

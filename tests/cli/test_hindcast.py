@@ -15,8 +15,8 @@ from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_cas
 from lava_ros.bag import BagReader
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
 from lava_ros.maps.frames import Recording
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.scene.materials import material_named
+from lava_ros.simulation.accuracy import Accuracy
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 
@@ -94,6 +94,26 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
 
 
+
+
+def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
+    (tmp_path / 'vents.csv').write_text(
+        f'x,y,x_end,y_end,name\n{VENT[0] - 60},{VENT[1]},{VENT[0] + 60},{VENT[1]},fissure\n'
+        f'{VENT[0]},{VENT[1] - 60},,,cone\n'
+    )
+    found = []
+    for more in (
+        ['--vents', tmp_path / 'vents.csv'],
+        ['--vent', f'{VENT[0]},{VENT[1]}', '--discharge', '12'],
+        ['--discharge', '9'],
+    ):
+        done(*valley, '--json', tmp_path / 'out.json', *more)
+        found.append(json.loads((tmp_path / 'out.json').read_text()))
+    assert [vent['name'] for vent in found[0]['vents']] == ['fissure', 'cone']
+    assert found[0]['vents'][0]['end'] is not None and found[0]['vents'][1]['end'] is None
+    emitted = [item['volume']['emitted'] for item in found]
+    assert emitted == pytest.approx([15.0 * 1800, 12.0 * 1800, 9.0 * 1800])
+    refused(*valley, '--vent', '1,2')
 
 
 def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):

@@ -129,6 +129,20 @@ def test_pilot_near_the_plan_corrects_it(monkeypatch, within, worse):
     assert plan.pilots == len(asked)
 
 
+def test_plan_may_switch_off_a_slow_effect(monkeypatch):
+    for fraction, gain in ((0.3, 1.2), (0.1, 1.5)):
+        _machine(monkeypatch, slow_from=0.9, slower=40.0)
+        within = _wall_time(0.9) / fraction
+        kept = _plan(within)
+        assert kept.refinement < 0.9 and kept.forced == {}
+        plan = _plan(within, may_force=True)
+        assert plan.forced == {'green': False}
+        assert plan.refinement >= gain * kept.refinement
+        assert plan.refinement <= affordable.WITHOUT * 0.9
+        assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.05)
+        assert plan.wall_time <= 1.01 * PLANNED_TIME_FRACTION * within
+
+
 def test_stopped_run_shows_a_jump_in_cost(monkeypatch):
     _machine(monkeypatch, leap=0.7)
     within = 4.0 * _wall_time(0.7) / 2.0
@@ -197,12 +211,14 @@ def test_command_plans_with_real_pilots(scene_file, tmp_path):
     assert 0.0 < json.loads((tmp_path / 'plan.json').read_text())['wall_time'] <= 3.0
 
 
-def test_command_prints_the_plan(monkeypatch, scene_file, tmp_path):
+def test_command_prints_the_plan_and_effects_that_are_off(monkeypatch, scene_file, tmp_path):
     _machine(monkeypatch, slow_from=0.45, slower=40.0)
     words = ['plan', scene_file, '--within', '1s', '--device', 'cpu']
     status, printed, _ = lava(*words, '--json', tmp_path / 'plan.json')
     assert status == 0
     plan = json.loads((tmp_path / 'plan.json').read_text())
+    assert plan['forced'] == {'green': False}
+    assert 'effect green off: the choice for the scene takes too long' in printed
     assert re.search(r'^pilot: spacing [0-9.]+ m took ', printed, re.MULTILINE)
     assert f'preset {plan["preset"]}, spacing {plan["spacing"]:.3g} m\n' in printed
     for option, value in (('--json', tmp_path / 'none/plan.json'), ('--members', 'many')):
