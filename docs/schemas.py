@@ -363,7 +363,7 @@ def case_file() -> Schema:
                 'description': 'Time of the map [s], or its date', 'type': ['number', 'string']
             },
             'file': {'description': 'Mapped outline, like footprint.asc', 'type': 'string'},
-        }, ['time', 'file'])),
+        }, ['time', 'file']), 1),
     }
     known = {name: known[name] for name in case.KEYS}
     return mapping(

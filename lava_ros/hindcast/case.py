@@ -268,7 +268,11 @@ def _onset(first: str | None, start: float) -> Onset | None:
         return None
     zero = datetime.fromisoformat(first.strip().upper().replace('Z', '+00:00'))
     zero = zero if zero.tzinfo else zero.replace(tzinfo=timezone.utc)
-    return Onset(zero + timedelta(seconds=start))
+    try:
+        return Onset(zero + timedelta(seconds=start))
+    except OverflowError as error:
+        expected = 'a time [s] at which the year is from 1 to 9999'
+        raise LavaError('case.start', start, expected) from error
 
 
 def _options(folder: Path) -> dict[str, Any]:

@@ -94,13 +94,13 @@ def test_each_node_has_its_own_names_vents_and_bag(start, tmp_path):
 
 
 def test_terrain_of_the_node_is_no_input(start, monkeypatch):
-    is_own, received = ScenePublisher.is_own, []
+    is_echo, received = ScenePublisher.is_echo, []
 
     def note(publisher, topic, data):
-        received.append((topic, is_own(publisher, topic, data)))
+        received.append((topic, is_echo(publisher, topic, data)))
         return received[-1][1]
 
-    monkeypatch.setattr(ScenePublisher, 'is_own', note)
+    monkeypatch.setattr(ScenePublisher, 'is_echo', note)
     # as an input, the terrain would be scaled, and refused for its hole
     node = start(HEKLA, terrain_scale=2.0)
     node.wait_until(lambda: len(received) == 2)

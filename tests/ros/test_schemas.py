@@ -129,6 +129,10 @@ VALID = {
                 {'time': 950.0, 'barriers': 'dams_of_case.csv'},
             ],
             'effusion_rate': {'start': '2021-09-19T14:10:00Z', 'gaps': 'zero', 'porosity': 0.2},
+            'outlines': [
+                {'time': 600.0, 'file': 'footprint.asc'},
+                {'time': '2021-09-19T15:10:00Z', 'file': 'footprint.asc'},
+            ],
         },
         {'material': 'etna_basalt'},
     ],
@@ -173,7 +177,7 @@ DEPENDENT = re.compile(
     # the widest filter depends on the size of the grid
     r'|case\.(start|end|epsg|low_pass)|\w+\.events\[.\]\.(time|terrain|barriers)'
     r'|scene\.emplaced_flows\[.\]\.(file|temperature)'
-    r'|case\.(vent_temperature|effusion_rate\.porosity)'
+    r'|case\.(vent_temperature|effusion_rate\.porosity|outlines\[.\]\.(time|file))'
     r'|layers\.layers\.(height\.(range|scale)\[.\]|depth\.classes\[.\])'
     r'|layers\.layers\.mask\.hazard\.(safe|lethal)_temperature'
 )

@@ -266,8 +266,8 @@ def test_unrounded_layers_are_packed_in_250_steps(tmp_path):
 
 def test_page_of_a_large_run_combines_cells_and_frames(tmp_path, monkeypatch):
     """Combined cells have their maximum."""
-    monkeypatch.setattr('lava_ros.pages.report.survey.MAX_CELLS', 900)
-    monkeypatch.setattr('lava_ros.pages.report.survey.MAX_FRAMES', 12)
+    monkeypatch.setattr('lava_ros.pages.report.summary.MAX_CELLS', 900)
+    monkeypatch.setattr('lava_ros.pages.report.summary.MAX_FRAMES', 12)
     terrain = Terrain(np.add.outer(np.arange(31.0), np.arange(51.0)), 5.0, TERRAIN.origin, 32633)
 
     def flow(time: float) -> np.ndarray:
