@@ -56,7 +56,6 @@ TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
     ('verify --device tpu', '--device is'),
     ('bench effects --repetitions 0', '--repetitions is'),
     ('bench effects --json .', '--json is'),
-    ('bench effects --device cpu --particles 400 500', 'one number'),
     ('bench steps --device cpu --particles 400 3', '--particles is'),
     ('watch --port 70000', '--port is 70000'),
     ('watch bag --namespace /etna', 'no --namespace together with a bag'),
