@@ -115,6 +115,7 @@ class Row:
     preset: str
     spacing_m: float
     refinement: float
+    forced: str
     pilots: int
     pilots_s: float
     foreseen_s: float
@@ -154,12 +155,12 @@ def shifted(scene, distance):
     return replace(scene, vents=tuple(vents))
 
 
-def runs_of(scene, refinement, horizon, count, device, clock, limit=math.inf):
+def runs_of(scene, refinement, horizon, count, device, clock, forced=None, limit=math.inf):
     """Run a scene with its vents moved by centimetres, each run up to a wall time limit [s]."""
     return [
         run_at(
             shifted(scene, SHIFT * number), refinement, horizon,
-            device=device, wall_limit=limit, clock=clock,
+            device=device, wall_limit=limit, effects=forced, clock=clock,
         )
         for number in range(count)
     ]
@@ -174,7 +175,11 @@ def compile_for(name, options):
     """Compile all kernels of a scene, so that compilation does not disturb measurements."""
     scene = scene_of(name).scene
     for refinement in np.geomspace(0.2, 3.0, 8):
-        run_at(scene, refinement, 0.01, device=options['device'], wall_limit=math.inf)
+        for effects in (None, {'helmholtz': False}):
+            run_at(
+                scene, refinement, 0.01, device=options['device'], wall_limit=math.inf,
+                effects=effects,
+            )
 
 
 def measure(name, within, fraction, members, options):
@@ -185,12 +190,14 @@ def measure(name, within, fraction, members, options):
     try:
         plan = plan_within(
             item.scene, within=within, horizon=horizon, members=members, device=options['device'],
-            clock=clock,
+            may_force=True, clock=clock,
         )
     except LavaError as error:
         return f'{name}, {within:g} s: {error}', []
     count = max(RUNS, members)
-    runs = runs_of(item.scene, plan.refinement, horizon, count, options['device'], clock)
+    runs = runs_of(
+        item.scene, plan.refinement, horizon, count, options['device'], clock, plan.forced
+    )
     times = [run.wall_time for run in runs]
     taken = statistics.median(times) if members == 1 else sum(times)
     # the finest plan may need less than the available time
@@ -204,6 +211,7 @@ def measure(name, within, fraction, members, options):
         preset=plan.preset,
         spacing_m=plan.spacing,
         refinement=plan.refinement,
+        forced=' '.join(f'{name}={"on" if on else "off"}' for name, on in plan.forced.items()),
         pilots=plan.pilots,
         pilots_s=plan.spent,
         foreseen_s=plan.wall_time,
