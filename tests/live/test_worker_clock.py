@@ -1,0 +1,105 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Simulated time follows the clock of a worker: its steps, jumps and lags."""
+
+import time
+
+import pytest
+
+from lava_ros.live.clock import MAX_LAG
+from worker_bench import TERRAIN
+
+
+@pytest.mark.parametrize('step', [0.01, 0.3, 1.0, 5.0, 30.0, MAX_LAG])
+@pytest.mark.parametrize(
+    'bench', [{'time_scale': scale} for scale in (0.01, 1.0, 1e5)], indirect=True
+)
+def test_time_follows_steps_of_the_clock(bench, step):
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    scale = bench.worker.time_scale
+    for count in range(1, 6):
+        set_clock(bench, bench.now + step)
+        bench.wait(lambda: bench.simulation.time == pytest.approx(count * step * scale))  # noqa: B023
+    status = bench.worker.status
+    assert (status.lost, status.jumps, status.is_behind) == (0.0, 0, False)
+    # a new scale applies to later steps
+    before = bench.simulation.time
+    bench.run(bench.worker.set('time_scale', 2.0))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(before + 1.0, abs=1e-6))
+
+
+def set_clock(bench, now):
+    """Set the clock, and wait until the worker has read it."""
+    bench.now = now
+    bench.wait_for_clock()
+
+
+@pytest.mark.parametrize('step', [0.01, 5.0, 30.0])
+def test_snapshot_shows_the_time_of_the_clock(bench, step):
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    for count in range(1, 4):
+        # a blocked worker processes the clock and the request together
+        bench.simulation.is_compiled.clear()
+        held = bench.worker.set_effects({}, horizon=float(count))
+        bench.wait(lambda: bench.worker.status.current_task == 'effects')
+        bench.now += step
+        bench.worker.request_snapshot()
+        bench.simulation.is_compiled.set()
+        bench.run(held)
+        bench.wait(lambda: bench.shown[-1].time == pytest.approx(count * step))  # noqa: B023
+
+
+@pytest.mark.parametrize('jump', [2.0 * MAX_LAG, 3600.0, 1e6, -2.0, -30.0, -1e6])
+@pytest.mark.parametrize('bench', [{'time_scale': 1.0}, {'time_scale': 1e5}], indirect=True)
+def test_jumps_of_the_clock_are_counted_but_not_followed(bench, jump):
+    bench.now = 1e7
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    scale = bench.worker.time_scale
+    bench.go_on(0.5, scale)
+    set_clock(bench, bench.now + jump)
+    bench.wait(lambda: bench.worker.status.jumps == 1)
+    status = bench.worker.status
+    assert bench.simulation.time == pytest.approx(0.5 * scale)
+    assert (status.jump, status.lost) == pytest.approx((jump, max(0.0, jump)))
+    assert not status.is_behind
+    bench.go_on(0.5, scale)
+    assert bench.worker.status.jumps == 1
+    # a new start resets the counts
+    bench.run(bench.worker.reset())
+    bench.wait(lambda: (bench.worker.status.jumps, bench.worker.status.lost) == (0, 0.0))
+
+
+def test_first_time_and_jitter_of_the_clock_are_not_jumps(bench):
+    bench.now = 0.0
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.wait_for_clock()
+    set_clock(bench, 1.7e9)
+    bench.go_on(0.5)
+    for step in (-0.25, 0.125, 0.25):
+        bench.now += step
+        time.sleep(0.25)
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.625))
+    assert (bench.worker.status.jumps, bench.worker.status.lost) == (0, 0.0)
+
+
+@pytest.mark.parametrize('bench', [{'speed': 5.0, 'time_scale': 100.0}], indirect=True)
+def test_time_beyond_the_maximum_lag_is_lost(bench):
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    for _ in range(10):
+        bench.now += 0.05
+        time.sleep(0.05)
+    bench.wait(lambda: bench.worker.status.is_behind)
+    # 5 on an idle machine
+    assert 0.0 < bench.worker.status.speed < 6.5
+    assert bench.worker.status.lost == 0.0
+    for _ in range(3):
+        set_clock(bench, bench.now + 0.9 * MAX_LAG)
+    # the clock continues, but the target does not advance
+    assert bench.worker._target <= bench.simulation.time + MAX_LAG * 100.0 + 1e-6
+    bench.wait(lambda: bench.worker.status.lost > MAX_LAG)
+    assert bench.worker.status.jumps == 0
+    # the lag is in time of the clock, at each scale
+    bench.run(bench.worker.set('time_scale', 1e-3))
+    bench.wait(lambda: not bench.worker.status.is_behind)
