@@ -62,7 +62,7 @@ def read_outlines(
         path = folder / data['file']
         if not path.is_file():
             raise LavaError(f'{where}.file', data['file'], f'a file in {folder}')
-        text = f'{start + time:g} s' if onset is None else onset.utc(time)
+        text = f'{start + time:.10g} s' if onset is None else onset.utc(time)
         outlines.append(Outline(time, text, read(path)))
     return tuple(outlines)
 
