@@ -23,7 +23,7 @@ NAMES = {
     'merging': (),
 }
 
-#: Those that have been deleted.
+#: Effects that have been deleted.
 DELETED = NAMES.keys() - EFFECTS.keys()
 
 

@@ -172,7 +172,7 @@ def heat_type(real: Any) -> Any:
 
 @lru_cache
 def column_type(real: Any) -> Any:
-    """Return the struct of what a term of the heat balance depends on.
+    """Return the struct of the inputs of a term of the heat balance.
 
     Thickness [m], temperature [K], age [s], height that the column falls [m/s], speed [m/s].
     """

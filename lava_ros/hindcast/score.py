@@ -7,7 +7,7 @@ All numbers are invariant if both are rotated by 90 degrees or mirrored.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 import math
 
@@ -155,17 +155,18 @@ def score_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineSco
     arrived = [item.arrived for item in snapshots if item.arrived is not None]
     for outline in case.outlines:
         inundated = np.mean([times <= outline.time for times in arrived], axis=0) >= 0.5
-        hits = int((inundated & outline.footprint).sum())
-        mapped, simulated = int(outline.footprint.sum()), int(inundated.sum())
-        ways = distances(inundated | outline.footprint, case.vent_cells)
+        # the scores of an outline do not depend on the thickness, which is that at the end
+        found = score_case(
+            replace(case, footprint=outline.footprint), snapshots[0].thickness, inundated
+        )
         scores.append(OutlineScore(
             outline=outline.text,
             time=outline.time,
-            jaccard=jaccard(inundated, outline.footprint),
-            recall=hits / mapped,
-            precision=hits / simulated if simulated else 0.0,
-            area_error=simulated / mapped - 1.0,
-            length_error=_longest(ways, inundated) / _longest(ways, outline.footprint) - 1.0,
+            jaccard=found.jaccard,
+            recall=found.recall,
+            precision=found.precision,
+            area_error=found.area_error,
+            length_error=found.length_error,
         ))
     return scores
 

@@ -136,7 +136,7 @@ class Solver:
         self.cover()
 
     def _place_terrain(self) -> None:
-        """Put the terrain, and the grids and kernels that depend on it, on the device.
+        """Copy the terrain to the device, with the grids and kernels that depend on it.
 
         The neighbour grid covers nothing yet.
         """

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every effect needs: an exact case, a test, a heading in the model, and a measured cost."""
+"""Every effect has an exact case, a test, a heading in the model, and a measured cost."""
 
 from pathlib import Path
 import re

@@ -18,7 +18,7 @@ YIELDING, STEEP = only('yielding'), only('yielding', 'steep')
 
 
 def mean_temperatures(sample, radius):
-    """What viscosity and strength follow (simulation/step/flow.py), by sums over all pairs [K]."""
+    """Return the means that simulation/step/flow.py uses, by sums over all pairs [K]."""
     apart = sample.position[:, None] - sample.position[None]
     q = np.minimum(np.linalg.norm(apart, axis=-1) / radius, 1.0)
     norm = 7.0 / (math.pi * radius**2)

@@ -82,6 +82,15 @@ def test_majority_of_runs_counts_at_each_time(mapped: tuple[Path, Result]) -> No
     assert score_outlines(case, [snapshot, nothing, nothing])[1].jaccard == 0.0
 
 
+def test_outline_of_the_vent_alone_has_no_length(mapped: tuple[Path, Result]) -> None:
+    case = load_case(mapped[0])
+    alone = np.zeros_like(case.footprint)
+    alone[case.vent_cells[0]] = True
+    case = replace(case, outlines=(replace(case.outlines[0], footprint=alone),))
+    (score,) = score_outlines(case, [mapped[1].snapshot])
+    assert np.isnan(score.length_error) and score.recall == 1.0
+
+
 @pytest.mark.parametrize(('outlines', 'start', 'field', 'valid'), [
     ('3', '', 'outlines', 'a list of outlines'),
     ('[]', '', 'outlines', 'at least one'),

@@ -67,7 +67,7 @@ def full_name(name):
 
 
 def endpoints(node, name):
-    """Return type, reliability and durability of what a node has on a topic of the graph."""
+    """Return type, reliability and durability of a node's endpoints on a topic of the graph."""
     return {
         kind: {
             'type': info.topic_type, 'reliability': info.qos_profile.reliability.name,

@@ -106,7 +106,7 @@ def test_terrain_of_the_node_is_no_input(start, monkeypatch):
     node.wait_until(lambda: len(received) == 2)
     assert sorted(received) == [('terrain', True), ('terrain_info', True)]
     status = node.status_now('inputs', node='hekla/lava2')
-    # that of the file
+    # the one accepted input is the terrain of the file
     assert (status['accepted'], status['rejected']) == ('1', '0')
     node.publish('terrain_info', 'terrain')
     node.wait_for_log('terrain: 40 x 30 cells of 10 m')

@@ -111,7 +111,7 @@ READINGS = {
 
 
 def read_out(simulation, count, readings):
-    """Take the readings one after the other, one at each stop."""
+    """Call the readings in turn, one at each stop."""
     for time, reading in zip(stops(count), cycle(readings), strict=False):
         reached = simulation.advance(time, limit=END)
         assert reached == simulation.time
