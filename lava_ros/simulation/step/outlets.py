@@ -16,7 +16,7 @@ DISC_GROUP, FISSURE_GROUP = 8, 4
 
 @wp.struct
 class Outlet:
-    """A vent: its line from the terrain's centre [m], and the temperature and velocity of its lava.
+    """A vent: its line from the terrain's centre [m], and temperature and velocity of its lava.
 
     ``radius`` and ``length`` are in m, ``temperature`` in K, ``velocity`` in m/s, and ``phase``
     and ``downhill`` (``Emission``) in half turns.
