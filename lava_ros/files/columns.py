@@ -232,21 +232,16 @@ def angle(field: str, value: object, axis: str) -> float:
         return validation.number(field, value, at_least=-limit, at_most=limit)
     except LavaError:
         parts = _ANGLE.fullmatch(value) if isinstance(value, str) else None
-    if parts is None:
-        raise LavaError(field, value, expected)
-    hemisphere = (parts['before'] or parts['after'] or '').upper()
-    whole = [float(parts[name] or 0.0) for name in ('degrees', 'minutes', 'seconds')]
-    given = [name for name in ('degrees', 'minutes', 'seconds') if parts[name]]
-    is_right = (
-        hemisphere in letters
-        and not (parts['before'] and parts['after'])
-        and not (hemisphere and parts['sign'])
-        and max(whole[1:]) < 60.0
-        # only the last may have a fraction
-        and not any('.' in parts[name] for name in given[:-1])
-    )
-    size = whole[0] + whole[1] / 60.0 + whole[2] / 3600.0
-    if not is_right or size > limit:
-        raise LavaError(field, value, expected)
-    is_negative = parts['sign'] == '-' or (hemisphere and hemisphere in letters[:-1])
-    return -size if is_negative else size
+    if parts is not None:
+        before, sign, *numbers, after = parts.groups()
+        given = list(filter(None, numbers))
+        size = sum(float(text) / 60.0**power for power, text in enumerate(given))
+        # one mark of the sign; only the last number may have a fraction
+        marks = ''.join(filter(None, (before, sign, after))).upper()
+        if (
+            size <= limit and len(marks) <= 1 and marks in f'-+{letters}'
+            and all(float(text) < 60.0 for text in given[1:])
+            and not any('.' in text for text in given[:-1])
+        ):
+            return -size if marks and marks in f'-{letters[0]}' else size
+    raise LavaError(field, value, expected)

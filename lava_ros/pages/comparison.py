@@ -4,15 +4,14 @@
 """Comparison of an ensemble with barriers and an ensemble of the same members without."""
 
 from collections.abc import Sequence
-import csv
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lava_ros.files import write_output
+from lava_ros.files.csv import format_table
 from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.sheet import draw_sheet
@@ -100,11 +99,7 @@ def compare_ensembles(
             }
             for one, other in zip(*tables, strict=True)
         ]
-        text = StringIO()
-        writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
-        writer.writeheader()
-        writer.writerows(rows)
-        write_output('--output', output / TABLE, text.getvalue())
+        write_output('--output', output / TABLE, format_table(COLUMNS, rows))
         files.append(output / TABLE)
     return {'area_m2': areas, 'places': rows, 'files': [str(path) for path in files]}
 

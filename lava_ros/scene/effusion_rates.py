@@ -87,11 +87,6 @@ class Options:
             object.__setattr__(self, 'porosity', value)
 
 
-def options_from_dict(label: str, data: object) -> Options:
-    """Build options from the plain data of a YAML file; raise LavaError for an invalid field."""
-    return validation.build(Options, label, data)
-
-
 def read_effusion_rates(
     field: str, path: str | Path, options: Options | None = None
 ) -> tuple[Interval, ...]:
@@ -218,13 +213,7 @@ class _Clock:
 
 def _date(label: str, text: object, other: str = '') -> datetime:
     """Parse a date, in UTC unless it has a time zone."""
-    try:
-        if not isinstance(text, str):
-            raise ValueError
-        # Python 3.10 cannot parse the Z
-        date = datetime.fromisoformat(text.strip().replace('Z', '+00:00').replace('z', '+00:00'))
-    except ValueError:
-        raise LavaError(label, text, f'{other}a date such as 2021-09-19T14:10:00Z') from None
+    date = validation.date(label, text, f'{other}a date such as 2021-09-19T14:10:00Z')
     return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
 
 

@@ -246,12 +246,11 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
     if high > MAX_THICKNESS:
         expected = f'at most {MAX_THICKNESS:g} m: a thickness [m], not an elevation'
         raise LavaError(where, high, expected)
+    from rasterio.transform import xy
+
     row, column = np.nonzero(lava > 0.0)
-    x, y = (
-        start + across * (column + 0.5) + down * (row + 0.5)
-        for start, across, down in ((place.c, place.a, place.b), (place.f, place.d, place.e))
-    )
-    area = abs(place.a * place.e - place.b * place.d)
+    x, y = xy(place, row, column)
+    area = abs(place.determinant)
     degree = METRES_PER_DEGREE if crs is not None and crs.is_geographic else 1.0
     if not is_ground:
         terrain = _subdivide(terrain, math.sqrt(area) * degree)

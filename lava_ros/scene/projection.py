@@ -20,9 +20,8 @@ from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RA
 
 _LOG = logging.getLogger(__name__)
 
-#: EPSG code of WGS 84 longitude and latitude.
-WGS84 = 4326
-DEGREES = f'EPSG:{WGS84}'
+#: Longitude and latitude of WGS 84.
+DEGREES = 'EPSG:4326'
 
 #: Length of a degree of latitude [m].
 METRES_PER_DEGREE = 111_195.0
@@ -187,30 +186,26 @@ def _target_epsg(raster: Raster) -> int | None:
     y = raster.corner[1] + 0.5 * rows * raster.dy
     try:
         (longitude,), (latitude,) = transformed(crs, DEGREES, [x], [y])
+        zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
+        utm = int((32600 if latitude >= 0.0 else 32700) + zone)
+        if crs.is_projected:
+            places = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
     except ValueError as error:
         if not crs.is_geographic:
             return raster.epsg
         expected = f'a place on Earth in {raster.system} ({error})'
         raise LavaError('terrain file corner', raster.corner, expected) from error
-    if crs.is_projected and not abs(latitude) <= MAX_UTM_LATITUDE:
-        return raster.epsg
-    validation.number('terrain longitude', longitude, unit='degrees')
-    if not abs(latitude) <= MAX_UTM_LATITUDE:
+    if abs(latitude) > MAX_UTM_LATITUDE:
+        if crs.is_projected:
+            return raster.epsg
         expected = 'at most 84 degrees north or south, or metres'
         raise LavaError('terrain latitude', latitude, expected)
-    zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
-    utm = int((32600 if latitude >= 0.0 else 32700) + zone)
     if crs.is_projected:
-        try:
-            places = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
-        except ValueError:
-            return raster.epsg
         true = math.hypot(*(ends[1] - ends[0] for ends in places))
         if true == 0.0:
             expected = f'at least {SMALLEST_CELL:g} m'
             raise LavaError('terrain file cell size', raster.dx, expected)
-        # NaN, a place outside the domain of UTM, keeps the system
-        if not abs(raster.dx / true - 1.0) > MAX_DISTORTION:
+        if abs(raster.dx / true - 1.0) <= MAX_DISTORTION:
             return raster.epsg
     return utm
 

@@ -19,7 +19,7 @@ from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
     Interval,
-    options_from_dict,
+    Options,
     read_effusion_rates,
     series_of_rates,
 )
@@ -289,7 +289,8 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         if not isinstance(name, str):
             raise LavaError(f'{label}.file', name, 'the name of a table')
         rest = {key: value for key, value in rate.items() if key != 'file'}
-        rates = read_effusion_rates(label, folder / name, options_from_dict(label, rest))
+        options = validation.build(Options, label, rest)
+        rates = read_effusion_rates(label, folder / name, options)
         read += rates
         vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
     error, uncertain = error_of_rates(read), data.get('uncertainty', {})
