@@ -32,7 +32,7 @@ from lava_ros.maps.onset import Onset, recorded_onset, stated_onset
 from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
-from lava_ros.scene.projection import coordinate_system, system_name
+from lava_ros.scene.projection import coordinate_system, name_in_wkt, system_name
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.output.budget import VolumeBudget
 
@@ -76,8 +76,8 @@ class Run:
     """A bag or an ensemble: its maps by name, its facts by term, and the ground.
 
     ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None if it is
-    unknown. ``ensemble`` is None for a bag. ``onset`` is the date of simulated time 0; None if it
-    is unknown.
+    unknown. ``onset`` is the date of simulated time 0; None if it is unknown. ``ensemble`` is None
+    for a bag.
     """
 
     name: str
@@ -86,15 +86,14 @@ class Run:
     panels: Mapping[str, Panel]
     facts: Mapping[str, str]
     terrain: Terrain
-    is_ensemble: bool
     end: float | None
+    onset: Onset | None
     ensemble: Members | None = None
-    onset: Onset | None = None
 
     @property
     def usual(self) -> list[str]:
         """Names of the default maps."""
-        return [name for name in _USUAL[self.is_ensemble] if name in self.panels]
+        return [name for name in _USUAL[self.ensemble is not None] if name in self.panels]
 
 
 def is_ensemble(path: str | Path) -> bool:
@@ -154,9 +153,8 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
             frame.elevation, frame.resolution, frame.origin, terrain.get('epsg'),
             terrain.get('offset', (0.0, 0.0)), wkt=terrain.get('wkt'),
         ),
-        is_ensemble=False,
-        end=frame.time,
-        onset=recorded_onset(recording.bag.custom_data),
+        frame.time,
+        recorded_onset(recording.bag.custom_data),
     )
 
 
@@ -277,10 +275,9 @@ def system_words(epsg: int | None, wkt: str | None) -> str:
     if not epsg:
         return system_name(None, wkt) if wkt else 'of the map frame: no coordinate system'
     try:
-        known = coordinate_system(epsg).to_wkt()
+        return f'{name_in_wkt(coordinate_system(epsg).to_wkt())} (EPSG:{epsg})'
     except LavaError:
         return f'EPSG:{epsg}'
-    return f'{known.split(chr(34))[1]} (EPSG:{epsg})'
 
 
 def _ensemble(folder: Path) -> Run:
@@ -346,8 +343,8 @@ def _ensemble(folder: Path) -> Run:
     if observation != 'none':
         title += ' weighted by observed lava'
     return Run(
-        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
-        end=horizon, ensemble=Members(ran, int(members), effective), onset=onset,
+        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, horizon, onset,
+        Members(ran, int(members), effective),
     )
 
 

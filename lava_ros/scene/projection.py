@@ -71,7 +71,12 @@ def system_name(epsg: int | None, wkt: str | None) -> str:
     """Return the EPSG code of a coordinate system, or its name if it has no code."""
     if epsg is not None:
         return f'EPSG:{epsg}'
-    return f'{[*wkt.split(chr(34)), "", ""][1]}, no EPSG code' if wkt else 'no coordinate system'
+    return f'{name_in_wkt(wkt)}, no EPSG code' if wkt else 'no coordinate system'
+
+
+def name_in_wkt(wkt: str) -> str:
+    """Return the name of a coordinate system; may be empty."""
+    return [*wkt.split('"'), '', ''][1]
 
 
 def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:

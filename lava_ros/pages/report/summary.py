@@ -28,9 +28,6 @@ MAX_FRAMES, MAX_CELLS = 120, 90_000
 #: Margin around the flow, as a fraction of its size, and minimum size of the map [cells].
 MARGIN, MIN_CELLS = 0.15, 48
 
-#: Units of the layers on the page, by source.
-_UNITS = {'thickness': 'm', 'temperature': '°C', 'hazard': ''}
-
 #: Maximum code of a cell; 0 means no lava.
 _MAX_CODE = 250
 
@@ -216,7 +213,7 @@ def pack_maps(
             {
                 'name': source,
                 'title': STYLES[source].title,
-                'unit': _UNITS[source],
+                'unit': STYLES[source].label,
                 'colours': list(STYLES[source].colours),
                 'classes': list(STYLES[source].classes.items()),
                 'low': scales[source][0],

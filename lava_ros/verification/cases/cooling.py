@@ -34,9 +34,6 @@ HOT, COLD, SLOPE = 1360.0, 300.0, math.radians(6.0)
 #: Flux of the sheets [m2/s], their width and length [m].
 FLUX, WIDTH, LENGTH = 0.1, 180.0, 130.0
 
-#: Times at which the steady sheets are sampled [s].
-MOMENTS = (400.0, 600.0, 800.0, 1000.0)
-
 #: Half of the length along the slope over which lava is emitted [m].
 REACH = 2.5
 
@@ -113,7 +110,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
         )
         trial = _steady(solution, lava, accuracy, device)
         thicknesses, excesses = [], []
-        for moment in MOMENTS:
+        for moment in (400.0, 600.0, 800.0, 1000.0):
             trial.advance(moment)
             grid = trial.field((first, -half, last, half))
             line, expected = grid.along_x(half), solution.thickness(grid.x + REACH)

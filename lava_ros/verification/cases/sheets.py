@@ -36,9 +36,6 @@ from lava_ros.verification.benchmarks.effects import timed
 from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, SLOPING
 
-#: Angles of the slopes [degrees].
-SLOPES = (3.0, 10.0, 25.0)
-
 #: Half the side of the middle of a sheet, which the ends do not influence [m].
 MIDDLE = 24.0
 
@@ -65,10 +62,6 @@ MARGIN = 3.0
 
 #: Number of velocity evaluations that are timed.
 EVALUATIONS = 5
-
-#: Maximum slope of the driving terrain along y. Across it is larger by the distance from the
-#: middle over a wavelength, so it must be small for a layer of thousands of rows.
-DRIVE = 1e-3
 
 
 def sheet_speed(
@@ -103,7 +96,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
             f'speed at {degrees:g} degrees', ISOTHERMAL, accuracy, device,
             slope=math.radians(degrees),
         )
-        for degrees in SLOPES
+        for degrees in (3.0, 10.0, 25.0)
     )
 
 
@@ -164,7 +157,8 @@ def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
         start + (np.arange(count) + 0.5) * cell
         for start, count in zip(reversed(terrain.origin), terrain.shape, strict=True)
     )
-    return replace(terrain, elevation=-DRIVE * np.outer(rows, np.cos(q * columns)))
+    # the slope across is larger by the distance from the middle over a wavelength
+    return replace(terrain, elevation=-1e-3 * np.outer(rows, np.cos(q * columns)))
 
 
 def _evaluation_time(simulation: Simulation) -> float:
