@@ -125,9 +125,9 @@ def export_bag(
         if 'tif' in formats:
             tags = {'bag': Path(path).name, **tags}
             terrain = _terrain_of(frame, placement)
-            files = gis.write_grid(target / file_name, name, made[0], terrain, origin, tags)
-            # the style file is not listed
-            written.append(files[0])
+            written.append(
+                gis.write_grid(target / file_name, name, made[0], terrain, origin, tags)
+            )
 
     def write_layers(frame: Frame, suffix: str = '') -> None:
         for name in SOURCES:
@@ -183,8 +183,7 @@ def placement_of(
     Raises:
         LavaError: If ``offset`` alone contradicts the scene, or the scene is not valid.
     """
-    terrain = scene.get('terrain')
-    terrain = terrain if isinstance(terrain, Mapping) else {}
+    terrain = scene.get('terrain', {})
     known, wkt = terrain.get('epsg'), terrain.get('wkt')
     check_epsg("the bag's terrain.epsg", known)
     own = validation.pair("the bag's terrain.offset", terrain.get('offset', (0.0, 0.0)))

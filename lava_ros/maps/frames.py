@@ -69,6 +69,7 @@ class Frame:
         scene: The scene in the bag, in the form of ``scene_to_dict``.
         arrived: First arrival time [s], float32, shape [rows, columns], NaN in cells without
             arrival; None if the bag does not contain it.
+        fissures: Ends of vents that are lines [m], shape [count, 2, 2].
     """
 
     elevation: np.ndarray
@@ -79,6 +80,7 @@ class Frame:
     time: float | None
     scene: Mapping[str, Any]
     arrived: np.ndarray | None = None
+    fissures: Any = ()
 
     @property
     def standing(self) -> np.ndarray:

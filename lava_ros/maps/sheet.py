@@ -47,7 +47,6 @@ class Panel:
         values: float, shape [rows, columns]; NaN leaves the ground.
         title: Its title; that of the style if empty.
         is_saturated: True if true values may be larger than these.
-        fissures: Ends of vents that are lines [m], shape [count, 2, 2].
         outlines: Cells whose outline is drawn, bool, shape [rows, columns], by name.
     """
 
@@ -56,7 +55,6 @@ class Panel:
     values: np.ndarray
     title: str = ''
     is_saturated: bool = False
-    fissures: Any = ()
     outlines: Mapping[str, np.ndarray] | None = None
 
     @property
@@ -166,7 +164,7 @@ def _draw_panel(
     """Draw a map of an area in projected coordinates."""
     frame, window = panel.frame, _moved(view, panel, -1.0)
     picture = picture_of(panel.values, plot.shaded_ground(frame), scale)
-    plot.draw_map(axes, frame, picture, window, panel.fissures)
+    plot.draw_map(axes, frame, picture, window)
     plot.draw_contours(axes, frame, window, interval)
     system = placement_of(frame.scene).system
     plot.draw_ticks(axes, panel.offset if system else None)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lava_ros.files import write_output
 from lava_ros.files.csv import format_table
-from lava_ros.maps.gis import Provenance, write_grid
+from lava_ros.maps.gis import PROBABILITIES, Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.sheet import draw_sheet
 from lava_ros.pages.arrivals import table_of
@@ -21,9 +21,6 @@ from lava_ros.scene.features import read_features
 
 #: Files of a comparison: the map of the difference, the picture, and the table of places.
 CHANGE, PICTURE, TABLE = 'probability_change', 'barriers.png', 'places.csv'
-
-#: Minimum probabilities of areas [%].
-MIN_PROBABILITIES = (10, 50, 90)
 
 #: Columns of the table of places: each place, and its values without and with barriers.
 _VALUES = ('probability_percent', 'arrival_p10_s', 'arrival_p50_s', 'arrival_p90_s')
@@ -57,14 +54,14 @@ def compare_ensembles(
     likely = [np.nan_to_num(run.panels['inundation_probability'].values) for run in runs]
     terrain = runs[1].terrain
     change = np.where(terrain.has_data, likely[1] - likely[0], np.nan)
-    files = write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)[:1]
+    files = [write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)]
     cell = terrain.resolution**2
     areas = {
-        f'at least {least} %': {
+        f'at least {least:g} %': {
             name: float((values >= least).sum() * cell)
             for name, values in zip(_CASES, likely, strict=True)
         }
-        for least in MIN_PROBABILITIES
+        for least in PROBABILITIES
     }
     panels = [
         replace(run.panels['inundation_probability'], title=title)

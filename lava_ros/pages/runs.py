@@ -28,6 +28,7 @@ from lava_ros.forecast.store import MANIFEST
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Recording
+from lava_ros.maps.gis import PROBABILITIES
 from lava_ros.maps.onset import Onset, recorded_onset, stated_onset
 from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
@@ -121,12 +122,13 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
     recording = Recording(path)
     frame = recording.frame_at(time)
     scene = _scene(frame)
-    if scene is not None and not len(frame.vents):
+    if scene is not None:
+        known = frame_of(scene)
         # the page shows vents also after the end of the emission
-        frame = replace(frame, vents=frame_of(scene).vents)
-    fissures = _fissures(scene)
+        vents = frame.vents if len(frame.vents) else known.vents
+        frame = replace(frame, vents=vents, fissures=known.fissures)
     maps = {
-        name: Panel(frame, name, item.values, '', item.is_saturated, fissures)
+        name: Panel(frame, name, item.values, '', item.is_saturated)
         for name, item in frame.layers.items()
         if name in STYLES
     }
@@ -134,7 +136,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
         times = _arrival(recording, frame)
         if times is not None:
             title = f'Time of arrival of the lava, {COVERED:g} m thick'
-            maps['arrival'] = Panel(frame, 'arrival', times, title, fissures=fissures)
+            maps['arrival'] = Panel(frame, 'arrival', times, title)
     terrain = frame.scene.get('terrain') or {}
     note = time_note(time, frame)
     if note:
@@ -182,12 +184,6 @@ def _changes(known: Mapping[str, Any]) -> dict[str, str]:
     events = [f'{item["text"]} at {duration(item["time"])}' for item in known.get('events') or ()]
     facts = {'emplaced at the start': '; '.join(flows), 'changes of the ground': '; '.join(events)}
     return {term: text for term, text in facts.items() if text}
-
-
-def _fissures(scene: Scene | None) -> np.ndarray:
-    vents = scene.vents if scene is not None else ()
-    ends = [(vent.position, vent.end) for vent in vents if vent.end is not None]
-    return np.array(ends).reshape(-1, 2, 2)
 
 
 def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
@@ -298,7 +294,7 @@ def _ensemble(folder: Path) -> Run:
             most = {'probability': 100.0, 'arrival': float(plan['horizon_s'])}.get(source)
             values, tags = _raster(folder / f'{stem}.tif', shape, 0.0, most or MAX_ELEVATION)
             values = np.where(values > 0.0, values, np.nan)
-            maps[name] = Panel(frame, source, values, title, fissures=_fissures(scene))
+            maps[name] = Panel(frame, source, values, title)
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
         observation = tags.get('observation', 'none')
@@ -318,8 +314,8 @@ def _ensemble(folder: Path) -> Run:
     likely = np.nan_to_num(maps['inundation_probability'].values)
     cell = terrain.resolution**2
     areas = [
-        f'{area_words(float((likely >= least).sum()) * cell)} at {least} % or more'
-        for least in (10, 50, 90)
+        f'{area_words(float((likely >= least).sum()) * cell)} at {least:g} % or more'
+        for least in PROBABILITIES
     ]
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
     facts = {
