@@ -221,15 +221,13 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
     Interpolation is cubic. Cells at least twice as large as those of the file are averages.
     """
     rasterio = rasterio_for('resampling')
-    source_crs = _crs(raster)
-    target_crs = source_crs if target == raster.epsg else rasterio.crs.CRS.from_epsg(target)
+    source_crs, is_same = _crs(raster), target == raster.epsg
+    target_crs = source_crs if is_same else rasterio.crs.CRS.from_epsg(target)
     rows, columns = raster.elevation.shape
-    west, south = raster.corner
-    east, north = west + columns * raster.dx, south + rows * raster.dy
-    if target_crs == source_crs:
-        native = min(raster.dx, raster.dy)
-        left, bottom, right, top = west, south, east, north
-    else:
+    left, bottom = west, south = raster.corner
+    right, top = east, north = west + columns * raster.dx, south + rows * raster.dy
+    native = min(raster.dx, raster.dy)
+    if not is_same:
         natural, width, height = rasterio.warp.calculate_default_transform(
             source_crs, target_crs, columns, rows, west, south, east, north
         )
@@ -238,7 +236,7 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
         left, top = natural.c, natural.f
         right, bottom = left + width * natural.a, top - height * natural.a
     cell = resolution or native
-    if target_crs != source_crs:
+    if not is_same:
         # corners at multiples of the cell size are easier to read
         left, bottom = math.floor(left / cell) * cell, math.floor(bottom / cell) * cell
     shape = (math.ceil((top - bottom) / cell - 1e-6), math.ceil((right - left) / cell - 1e-6))
@@ -265,8 +263,8 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
         dy=cell,
         corner=(left, bottom),
         epsg=target,
-        offset=raster.offset if target_crs == source_crs else None,
-        wkt=raster.wkt if target_crs == source_crs else None,
+        offset=raster.offset if is_same else None,
+        wkt=raster.wkt if is_same else None,
     )
 
 
@@ -278,22 +276,19 @@ def crop(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
         validation.number(f'terrain.window[{index}]', value, unit='m')
         for index, value in enumerate(window)
     )
-    rows, columns = raster.elevation.shape
-    west, south = raster.corner
-    first_column = max(math.floor((x0 - west) / raster.dx + 1e-6), 0)
-    first_row = max(math.floor((y0 - south) / raster.dy + 1e-6), 0)
-    last_column = min(math.ceil((x1 - west) / raster.dx - 1e-6), columns)
-    last_row = min(math.ceil((y1 - south) / raster.dy - 1e-6), rows)
-    if last_column - first_column < 2 or last_row - first_row < 2:
-        east, north = west + columns * raster.dx, south + rows * raster.dy
+    corner, cell = np.array(raster.corner), np.array((raster.dx, raster.dy))
+    size = raster.elevation.shape[::-1]
+    # columns and rows
+    first = np.clip(np.floor(((x0, y0) - corner) / cell + 1e-6), 0, size).astype(int)
+    last = np.clip(np.ceil(((x1, y1) - corner) / cell - 1e-6), 0, size).astype(int)
+    if min(last - first) < 2:
+        (west, south), (east, north) = corner, corner + size * cell
         expected = 'x0, y0, x1, y1 that overlap the file, which covers '
         expected += f'x {west:.0f} to {east:.0f} m and y {south:.0f} to {north:.0f} m'
         raise LavaError('terrain.window', tuple(window), expected)
-    return replace(
-        raster,
-        elevation=raster.elevation[first_row:last_row, first_column:last_column],
-        corner=(west + first_column * raster.dx, south + first_row * raster.dy),
-    )
+    west, south = (corner + first * cell).tolist()
+    part = np.s_[first[1] : last[1], first[0] : last[0]]
+    return replace(raster, elevation=raster.elevation[part], corner=(west, south))
 
 
 def is_degrees(place: Sequence[float]) -> bool:
