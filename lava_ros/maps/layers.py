@@ -236,10 +236,15 @@ class Layer:
         Raises:
             LavaError: If the layer has no range, step or classes.
         """
-        if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
-            return self._probabilities(snapshot)
         flow, source = self._flow(snapshot), plain_source(self.source)
-        wet, quantity = self._quantity(source, flow)
+        is_probability = isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY
+        if is_probability:
+            # a step of 0 also marks cells that no member reaches
+            percent = self.raw_values(snapshot)
+            wet = np.isfinite(percent) if self.step is not None else percent > 0.0
+            quantity = percent[wet]
+        else:
+            wet, quantity = self._quantity(source, flow)
         is_time = isinstance(flow, Forecast) and source == ARRIVAL
         distance = self.margin / flow.terrain.resolution
         values = np.zeros(flow.thickness.shape, dtype=np.int8)
@@ -251,6 +256,8 @@ class Layer:
             values[within(reached, distance)] = 100
         elif self.classes is not None:
             values[wet] = self._classed(quantity, is_time=is_time)
+        elif is_probability:
+            values = occupancy(percent)
         else:
             ends = self.range
             if ends is None and isinstance(flow, Forecast) and is_time:
@@ -278,18 +285,6 @@ class Layer:
         if isinstance(shown, EnsembleForecast):
             return shown.forecast(QUANTILE_SOURCES.get(self.source, 0.5))
         return shown
-
-    def _probabilities(self, ensemble: EnsembleForecast) -> np.ndarray:
-        values = occupancy(ensemble.maps.probability)
-        if self.step is not None:
-            distance = self.margin / ensemble.terrain.resolution
-            likely = within(ensemble.maps.probability >= np.float32(self.step), distance)
-            values = np.where(likely, np.int8(100), np.int8(0))
-        elif self.classes is not None:
-            classed = self._classed(ensemble.maps.probability, is_time=False)
-            values = np.where(values > 0, classed, values)
-        values[np.isnan(ensemble.maps.probability)] = self.outside
-        return values
 
     def _classed(self, quantity: np.ndarray, *, is_time: bool) -> np.ndarray:
         """Return the grid values of classes; unknown values are in the worst class."""
