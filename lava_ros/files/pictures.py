@@ -16,9 +16,6 @@ from lava_ros.files.optional import require
 #: Maximum length of a title and of an author in metadata [characters].
 _MAX_TEXT = 400
 
-#: Maximum side of a logo [pixels].
-_MAX_LOGO = 1200
-
 #: Settings of matplotlib that replace those of the user.
 _SETTINGS = {
     # a $ in a title or a place name is not the start of a formula
@@ -74,7 +71,7 @@ def save_picture(figure: Any, path: str | Path, *, title: str = '', author: str 
         figure.savefig(partial, metadata=known)
 
 
-def read_picture(field: str, path: str | Path, max_side: int = _MAX_LOGO) -> Any:
+def read_picture(field: str, path: str | Path, max_side: int = 1200) -> Any:
     """Read a picture as an RGBA image of Pillow with at most ``max_side`` pixels a side.
 
     Raises:

@@ -62,9 +62,6 @@ ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
 #: Source of messages with several quantities.
 LAVA = 'lava'
 
-#: QoS deadline and liveliness lease of a layer with a heartbeat, in heartbeats.
-DEADLINE_HEARTBEATS = 2
-
 #: Hazard index of a cell that lava has reached and left. The cell must not be entered: its ground
 #: is hot, and real lava leaves a crust that is not modelled. Nothing can be buried there now.
 DRAINED = 50
@@ -163,10 +160,10 @@ class Layer:
 
     @property
     def offered_qos(self) -> QosProfile:
-        """QoS of the publisher: with a heartbeat, also a deadline and a liveliness lease."""
+        """QoS of the publisher: deadline and liveliness lease are two heartbeats, if there are."""
         if not self.heartbeat:
             return self.qos
-        deadline_ns = round(DEADLINE_HEARTBEATS * self.heartbeat * 1e9)
+        deadline_ns = round(2.0 * self.heartbeat * 1e9)
         return replace(self.qos, deadline=deadline_ns, liveliness_lease_duration=deadline_ns)
 
     @property

@@ -204,13 +204,6 @@ def _distance_to_segment(
     return np.hypot(dx - fraction * along[0], dy - fraction * along[1])
 
 
-#: Radius of the filter in standard deviations; the rest would weigh 1e-4.
-_TRUNCATION = 4.0
-
-#: Minimum standard deviation of the filter [cells]: a neighbour weighs exp(-50).
-_MIN_DEVIATION = 0.1
-
-
 def low_pass(terrain: Terrain, width: float) -> Terrain:
     """Filter a terrain with a Gaussian of a standard deviation ``width`` [m]; 0 changes nothing.
 
@@ -223,7 +216,8 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
     rows, columns = terrain.shape
     most = 0.25 * min(rows, columns) * terrain.resolution
     width = validation.number('low_pass', width, at_least=0.0, at_most=most, unit='m')
-    if width < _MIN_DEVIATION * terrain.resolution:
+    # a neighbour would weigh exp(-50)
+    if width < 0.1 * terrain.resolution:
         return terrain
     require('scipy', 'low_pass', width)
     from scipy.ndimage import gaussian_filter
@@ -233,7 +227,7 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
     level = float(np.mean(terrain.elevation[known], dtype=np.float64))
     cells = width / terrain.resolution
     heights, weights = (
-        gaussian_filter(values, cells, mode='constant', radius=math.ceil(_TRUNCATION * cells))
+        gaussian_filter(values, cells, mode='constant', radius=math.ceil(4.0 * cells))
         for values in (
             np.where(known, terrain.elevation - level, 0.0).astype(np.float64),
             known.astype(np.float64),

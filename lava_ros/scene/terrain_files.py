@@ -81,9 +81,6 @@ LOWEST, HIGHEST = -12_000.0, 9_000.0
 #: Depth of a cell below all its neighbours, in cells, above which it is an error of the file.
 PIT_DEPTH = 2.0
 
-#: Maximum distance of interpolation into cells without data [cells].
-FILL_DISTANCE = 1000.0
-
 
 def terrain_path(name: str, folder: Path = Path()) -> Path:
     """Return the path of an elevation file, relative to a folder.
@@ -396,7 +393,7 @@ def _interpolate(terrain: Terrain, wrong: np.ndarray) -> np.ndarray:
 
     known = terrain.has_data & ~wrong
     around = np.where(known, terrain.elevation, np.float32(0.0))
-    filled = fillnodata(around, mask=known, max_search_distance=FILL_DISTANCE)
+    filled = fillnodata(around, mask=known, max_search_distance=1000.0)
     return np.where(wrong, filled, terrain.elevation)
 
 
