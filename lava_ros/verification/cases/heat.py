@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Cases of lava that gains and loses heat, and solidifies.
 
 Errors of temperatures are relative to the change of temperature.

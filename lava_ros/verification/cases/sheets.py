@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Layers of uniform thickness: speed on a slope, and lateral stress over wavy ground.
 
 The driving force is along y and a wave along x, so that lateral stress is shear across the flow.
@@ -52,13 +51,6 @@ WAVELENGTHS = (4.0, 8.0, 20.0)
 
 #: Shortest wavelength that is resolved, over the spacing.
 RESOLVED = 4.0
-
-#: Number of particles at a refinement of 1; more if the margins need them.
-PARTICLES = 10_000
-
-#: Width of the layer around the measured part, in addition to a kernel radius, over the
-#: thickness: five times the reach 1 / k of the lateral stress.
-MARGIN = 3.0
 
 #: Number of velocity evaluations that are timed.
 EVALUATIONS = 5
@@ -114,10 +106,11 @@ def response(
     q = 2.0 * math.pi / wavelength
     # half a wave on both sides of the largest drive, or a part of it where waves are long
     half = min(0.5 * wavelength, max(2.5, RESOLVED * spacing))
-    margin = radius + MARGIN
+    # five times the reach 1 / k of the lateral stress
+    margin = radius + 3.0
     columns = 2 * math.ceil((half + margin) / spacing)
     least = 2 * math.ceil((spacing + margin) / spacing)
-    rows = max(least, round(PARTICLES * accuracy.refinement**2 / columns))
+    rows = max(least, round(10_000 * accuracy.refinement**2 / columns))
     sides = (columns * spacing, rows * spacing)
 
     def amplitude(simulation: Simulation) -> float:
