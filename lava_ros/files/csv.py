@@ -16,9 +16,6 @@ from lava_ros.files import check_exists, open_input
 #: Maximum size of a table [bytes].
 MAX_BYTES = 64 * 2**20
 
-#: A number with a decimal comma.
-_COMMA = re.compile(r'[-+]?\d*,\d+(?:[eE][-+]?\d+)?')
-
 
 def read_table(
     field: str, path: Path, columns: Sequence[str] | None = None
@@ -78,7 +75,8 @@ def read_table(
 def _cell(text: str, separator: str) -> str:
     """Return the text of a cell, with a decimal point instead of a decimal comma."""
     text = text.strip()
-    return text.replace(',', '.') if separator != ',' and _COMMA.fullmatch(text) else text
+    is_number = re.fullmatch(r'[-+]?\d*,\d+(?:[eE][-+]?\d+)?', text)
+    return text.replace(',', '.') if is_number and separator != ',' else text
 
 
 def format_table(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:

@@ -56,12 +56,6 @@ ENSEMBLE_MAPS = {
     'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
 }
 
-#: Default maps of a bag and of an ensemble.
-_USUAL = (
-    ('thickness', 'temperature', 'hazard'),
-    ('inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90'),
-)
-
 
 @dataclass(frozen=True, eq=False)
 class Members:
@@ -94,7 +88,10 @@ class Run:
     @property
     def usual(self) -> list[str]:
         """Names of the default maps."""
-        return [name for name in _USUAL[self.ensemble is not None] if name in self.panels]
+        names = ['thickness', 'temperature', 'hazard']
+        if self.ensemble is not None:
+            names = ['inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90']
+        return [name for name in names if name in self.panels]
 
 
 def is_ensemble(path: str | Path) -> bool:

@@ -32,12 +32,6 @@ _SETS = (
     ('time', 'cumulative_volume'),
 )
 
-#: Cells without a rate.
-_MISSING = ('', '-', '--', 'na', 'n/a', 'nan', 'nodata', 'no data')
-
-#: Maximum overlap of two intervals, due to rounding, as a fraction of the later one.
-_OVERLAP = 1e-6
-
 
 @dataclass(frozen=True)
 class Interval:
@@ -233,7 +227,7 @@ def _number(
 ) -> float | None:
     """Return a number of a row, at least 0; None for a missing number that may be missing."""
     text, label = row[column.header], f'{where}, {column.header}'
-    is_missing = text.lower() in _MISSING
+    is_missing = text.lower() in ('', '-', '--', 'na', 'n/a', 'nan', 'nodata', 'no data')
     if is_missing and may_be_missing:
         return None
     try:
@@ -274,7 +268,8 @@ def _intervals(
             header = columns['time' if is_instant else 'end'].header
             raise LavaError(f'{where}, {header}', end, expected)
         before = filled[-1].end if filled else start
-        if start < before - _OVERLAP * (end - start):
+        # rounded times may overlap
+        if start < before - 1e-6 * (end - start):
             expected = f'at least {before:g} s, where the row before ends'
             raise LavaError(f'{where}, {columns["start"].header}', start, expected)
         if filled and start > before * (1.0 + 1e-12) + 1e-9:

@@ -26,15 +26,8 @@ DEGREES = 'EPSG:4326'
 #: Length of a degree of latitude [m].
 METRES_PER_DEGREE = 111_195.0
 
-#: Maximum latitude of UTM [degrees].
-MAX_UTM_LATITUDE = 84.0
-
 #: Smaller cells [m] in a file without a coordinate system are in degrees.
 SMALLEST_CELL = 0.05
-
-#: Maximum relative difference of lengths between a projected system and UTM: national grids differ
-#: by less than 0.1 %, Mercator at 60 degrees by 100 %.
-MAX_DISTORTION = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +193,7 @@ def _target_epsg(raster: Raster) -> int | None:
             return raster.epsg
         expected = f'a place on Earth in {raster.system} ({error})'
         raise LavaError('terrain file corner', raster.corner, expected) from error
-    if abs(latitude) > MAX_UTM_LATITUDE:
+    if abs(latitude) > 84.0:
         if crs.is_projected:
             return raster.epsg
         expected = 'at most 84 degrees north or south, or metres'
@@ -210,7 +203,8 @@ def _target_epsg(raster: Raster) -> int | None:
         if true == 0.0:
             expected = f'at least {SMALLEST_CELL:g} m'
             raise LavaError('terrain file cell size', raster.dx, expected)
-        if abs(raster.dx / true - 1.0) <= MAX_DISTORTION:
+        # national grids stretch lengths by less than 0.1 %, Mercator at 60 degrees by 100 %
+        if abs(raster.dx / true - 1.0) <= 0.01:
             return raster.epsg
     return utm
 

@@ -37,9 +37,6 @@ _LOG = logging.getLogger(__name__)
 #: Maximum viscosity of erupting lava [Pa s], including the effect of crystals.
 MAX_VENT_VISCOSITY = 1e15
 
-#: Minimum and maximum acceleration of gravity [m/s2]: from a small moon to a star.
-GRAVITY_RANGE = (1e-3, 1e3)
-
 #: 0 Celsius [K].
 KELVIN = 273.15
 
@@ -66,7 +63,8 @@ class Scene:
     vents: tuple[Vent, ...] = ()
     lava: Lava = field(default_factory=default_lava)
     ambient_temperature: float = number(300.0, 'Temperature of the air', 100.0, 600.0, 'K')
-    gravity: float = number(9.81, 'Acceleration of gravity', *GRAVITY_RANGE, 'm/s2')
+    # from a small moon to a star
+    gravity: float = number(9.81, 'Acceleration of gravity', 1e-3, 1e3, 'm/s2')
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     emplaced_flows: tuple[EmplacedFlow, ...] = ()
     events: tuple[TerrainEvent, ...] = ()

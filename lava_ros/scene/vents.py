@@ -21,12 +21,6 @@ from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 #: Maximum discharge of a vent [m3/s]: a hundred times that of the largest flood basalts.
 MAX_DISCHARGE = 1e8
 
-#: Maximum radius of a vent [m].
-MAX_RADIUS = 1e5
-
-#: Maximum velocity of erupting lava [m/s].
-MAX_VENT_VELOCITY = 1e3
-
 #: Minimum and maximum eruption temperature [K]: from carbonatite to komatiite.
 VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
 
@@ -34,8 +28,8 @@ VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
 VENT_CHECKS: Mapping[str, Callable[[str, object], object]] = {
     'position': partial(validation.pair, most=MAX_COORDINATE),
     'end': partial(validation.pair, most=MAX_COORDINATE),
-    'velocity': partial(validation.pair, unit='m/s', most=MAX_VENT_VELOCITY),
-    'radius': partial(validation.number, above=0.0, at_most=MAX_RADIUS, unit='m'),
+    'velocity': partial(validation.pair, unit='m/s', most=1e3),
+    'radius': partial(validation.number, above=0.0, at_most=1e5, unit='m'),
     'temperature': partial(
         validation.number,
         at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
@@ -252,9 +246,6 @@ def vents_from_list(
 #: Maximum number of closed vents in a schedule, and of entries of a vent's series.
 MAX_CLOSED, MAX_SERIES = 100, 1000
 
-#: Maximum number of nearest vents with which a vent is compared.
-MAX_CANDIDATES = 16
-
 #: Maximum change of a vent's temperature that counts as sensor noise [K].
 _TEMPERATURE_NOISE = 10.0
 
@@ -338,7 +329,7 @@ def match_vents(
     for new, vent, size, apart in zip(
         news, moved, extents(moved, least), distances(moved, candidates), strict=True
     ):
-        nearest = np.argsort(apart, kind='stable')[:MAX_CANDIDATES]
+        nearest = np.argsort(apart, kind='stable')[:16]
         for place in nearest[apart[nearest] <= np.maximum(sizes[nearest], size)]:
             old = candidates[place]
             is_other = not vent.name or vent.name != old.name

@@ -31,9 +31,6 @@ MARGIN, MIN_CELLS = 0.15, 48
 #: Maximum code of a cell; 0 means no lava.
 _MAX_CODE = 250
 
-#: Maximum code of a cell in the map of arrival times.
-_MAX_ARRIVAL_CODE = 65_535
-
 
 @dataclass(eq=False)
 class RunSummary:
@@ -287,9 +284,10 @@ def _arrival(summary: RunSummary, view: View) -> dict[str, Any] | None:
         return None
     earliest = view.cut(times, np.fmin)
     start, end = summary.times[0], summary.times[-1]
-    step = max(end - start, 1.0) / (_MAX_ARRIVAL_CODE - 1)
+    most = 65_535
+    step = max(end - start, 1.0) / (most - 1)
     codes = 1.0 + np.floor((np.nan_to_num(earliest, nan=start) - start) / step)
-    codes = np.where(np.isfinite(earliest), np.clip(codes, 1, _MAX_ARRIVAL_CODE), 0)
+    codes = np.where(np.isfinite(earliest), np.clip(codes, 1, most), 0)
     return {
         'title': 'Arrival',
         'colours': list(STYLES['arrival'].colours),

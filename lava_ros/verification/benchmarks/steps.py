@@ -48,9 +48,6 @@ GRIDS, COVERED_BY = (500, 1000, 2000), 100_000
 _FIRST = f'from {__name__} import first_snapshot; first_snapshot({{device!r}})'
 _FIRST_PARTICLES = 10_000
 
-#: Maximum time of a process to its first snapshot [s]: it may have to compile.
-_PATIENCE = 300.0
-
 
 def measure(
     device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress,
@@ -142,7 +139,8 @@ def _starts(device: str, repetitions: int) -> list[float]:
     for _ in range(repetitions + 1):
         start = wall_clock.perf_counter()
         try:
-            subprocess.run(command, check=True, capture_output=True, timeout=_PATIENCE, text=True)
+            # it may have to compile
+            subprocess.run(command, check=True, capture_output=True, timeout=300.0, text=True)
         except subprocess.SubprocessError as error:
             output = getattr(error, 'stderr', None) or str(error)
             expected = f'a device on which a new process takes a snapshot ({output[-500:]})'

@@ -26,9 +26,6 @@ THIN = Lava(density=2600.0, viscosity=1e-6, arrhenius=0.0, emissivity=0.0, conve
 #: Length of a fan behind a dam when it is measured, and the thickness behind it [m].
 REACH, HEIGHT = 10.0, 1.0
 
-#: Half of the width of the measured band in the middle [m].
-BAND = 1.0
-
 #: Minimum number of steps in a period of the bowl.
 STEPS = 400
 
@@ -81,7 +78,9 @@ def _broken_dams(
         ``ahead``; distances outwards from a dam [m]; the mean thickness of both sides there [m].
     """
     time = REACH / math.sqrt(GRAVITY * HEIGHT)
-    half, side = 1.1 * REACH, 1.1 * REACH + BAND
+    # half of the width of the measured band
+    band = 1.0
+    half, side = 1.1 * REACH, 1.1 * REACH + band
     if bed:
         outer = half + ahead + 1.1 * math.sqrt(GRAVITY * bed) * time
         parts = [(-outer, -half, bed, 1.0), (-half, half, HEIGHT, 1.0), (half, outer, bed, 1.0)]
@@ -106,8 +105,8 @@ def _broken_dams(
         spacing=spacing, thickness=HEIGHT,
     )
     trial.advance(time)
-    field = trial.field((-far, -2.0 * BAND, far, 2.0 * BAND))
-    line = field.along_x(BAND)
+    field = trial.field((-far, -2.0 * band, far, 2.0 * band))
+    line = field.along_x(band)
     right = field.x > 0.0
     distance, found = field.x[right] - half, 0.5 * (line + line[::-1])[right]
     inside = (distance > -REACH) & (distance < ahead)
