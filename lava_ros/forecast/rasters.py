@@ -82,7 +82,8 @@ def write_atlas(
         name = f'arrival_time_p{round(100 * fraction)}'
         layers[name], shapes[name] = values, gis.isochrones(values, terrain, origin.onset)
     written = [
-        gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)
+        # the style belongs to its GeoTIFF
+        gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)[0]
         for name, values in layers.items()
     ]
     if formats is None:

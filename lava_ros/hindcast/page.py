@@ -215,7 +215,7 @@ def write_maps(
         write_grid(
             folder / f'{name}.tif', name, np.where(terrain.has_data, values, np.float32(np.nan)),
             terrain, compared if name == 'comparison' else origin, tags,
-        )
+        )[0]
         for name, values in maps.items()
     ]
 

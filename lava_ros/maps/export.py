@@ -125,9 +125,9 @@ def export_bag(
         if 'tif' in formats:
             tags = {'bag': Path(path).name, **tags}
             terrain = _terrain_of(frame, placement)
-            written.append(
-                gis.write_grid(target / file_name, name, made[0], terrain, origin, tags)
-            )
+            files = gis.write_grid(target / file_name, name, made[0], terrain, origin, tags)
+            # the style file is not listed
+            written.append(files[0])
 
     def write_layers(frame: Frame, suffix: str = '') -> None:
         for name in SOURCES:

@@ -70,8 +70,8 @@ def write_grid(
     terrain: Terrain,
     origin: Provenance,
     tags: Mapping[str, str] | None = None,
-) -> Path:
-    """Write a map as GeoTIFF, north up, with its QGIS style, and return the path of the GeoTIFF.
+) -> list[Path]:
+    """Write a map as GeoTIFF, north up, with its QGIS style.
 
     Args:
         path: The GeoTIFF.
@@ -80,6 +80,9 @@ def write_grid(
         terrain: Terrain with these cells.
         origin: Origin of the map.
         tags: Further tags by name.
+
+    Returns:
+        The paths of the files.
 
     Raises:
         LavaError: If the name is unknown, a file cannot be written, rasterio is missing, or GDAL
@@ -122,8 +125,7 @@ def write_grid(
         )
         file.close()
         write_output('output', path, memory.read())
-    write_style(path, name, values)
-    return path
+    return [path, write_style(path, name, values)]
 
 
 def area(cells: np.ndarray, terrain: Terrain, **properties: Any) -> list[dict[str, Any]]:

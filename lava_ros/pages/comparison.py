@@ -54,7 +54,7 @@ def compare_ensembles(
     likely = [np.nan_to_num(run.panels['inundation_probability'].values) for run in runs]
     terrain = runs[1].terrain
     change = np.where(terrain.has_data, likely[1] - likely[0], np.nan)
-    files = [write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)]
+    files = write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)[:1]
     cell = terrain.resolution**2
     areas = {
         f'at least {least:g} %': {

@@ -286,7 +286,7 @@ def test_every_raster_describes_itself(name, tmp_path):
     values = np.array([[0.0, 3.0], [np.nan, 2.0]])
     origin = gis.Provenance('etna.yaml', ('steep', 'cooling'), 'draft', '9.9', 'seen.geojson')
     terrain = Terrain(np.zeros((2, 2)), 1.0)
-    path = gis.write_grid(tmp_path / 'map.tif', name, values, terrain, origin, {'members': '4'})
+    path, _ = gis.write_grid(tmp_path / 'map.tif', name, values, terrain, origin, {'members': '4'})
     with rasterio.open(path) as file:
         assert file.nodata == NODATA and file.descriptions == (name,)
         assert file.units == (RASTER_LAYERS[name].unit,)
