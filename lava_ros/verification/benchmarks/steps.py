@@ -44,8 +44,7 @@ MIN_MEASURED_TIME = 0.25
 #: Cells along a side of the published grids, and particles that cover them.
 GRIDS, COVERED_BY = (500, 1000, 2000), 100_000
 
-#: Command of a new process that takes a first snapshot with every effect, and its particles.
-_FIRST = f'from {__name__} import first_snapshot; first_snapshot({{device!r}})'
+#: Particles of a first snapshot with every effect.
 _FIRST_PARTICLES = 10_000
 
 
@@ -135,7 +134,8 @@ def _starts(device: str, repetitions: int) -> list[float]:
         LavaError: If a process fails.
     """
     times = []
-    command = [sys.executable, '-c', _FIRST.format(device=device)]
+    program = f'from {__name__} import first_snapshot; first_snapshot({device!r})'
+    command = [sys.executable, '-c', program]
     for _ in range(repetitions + 1):
         start = wall_clock.perf_counter()
         try:
