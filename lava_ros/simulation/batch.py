@@ -25,7 +25,7 @@ from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.memory import Readback
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.particles.state import FULLEST, State
+from lava_ros.simulation.particles.state import State
 
 #: Default maximum number of active simulations.
 AT_ONCE = 256
@@ -106,7 +106,7 @@ class _Group:
     def put(self, row: int, launches: Sequence[Launch], state: State) -> None:
         """Assign a row to a member."""
         self._stages.put(row, launches)
-        self._room[row] = FULLEST * state.capacity
+        self._room[row] = state.ample
         if self._put.get(row, (None, 0))[0] is not state:
             # assume a full state until the first readback
             self._particles[row], self._is_guess[row] = state.capacity, True
