@@ -101,9 +101,10 @@ def _advance_in_batch(
         batch.bring(solver.state, launches, until)
         yield
         clock, counts = batch.seen
+        is_over = solver.note(counts)
         if clock[at.TIME] >= until:
             return clock, counts
-        if solver.note(counts):
+        if is_over:
             # only the remaining stages of the current step
             until = float(clock[at.TIME])
             solver.state.write_target(until)
