@@ -115,6 +115,9 @@ FORMATS = (
     ),
 )
 
+#: Drivers of the source files of a virtual raster.
+_TILES = ('GTiff', 'HFA', 'SRTMHGT')
+
 #: Allowed elements of a virtual raster: ``SourceFilename``, and those without files or code.
 _VIRTUAL = {
     'VRTDataset', 'SRS', 'GeoTransform', 'Metadata', 'MDI', 'BlockXSize', 'BlockYSize', 'MaskBand',
@@ -245,7 +248,6 @@ def _check_virtual(field: str, path: Path) -> None:
         if len(text) > MAX_VIRTUAL or b'<!' in text:
             raise ValueError(f'at most {MAX_VIRTUAL} bytes, and no document type')
         elements = list(ElementTree.fromstring(text).iter())
-    drivers = ('GTiff', 'HFA', 'SRTMHGT')
     advice = 'of the same folder (gdal_translate makes a GeoTIFF of the virtual raster)'
     for item in elements:
         name, value = f'{item.tag} of {path.name}', (item.text or '').strip()
@@ -258,8 +260,8 @@ def _check_virtual(field: str, path: Path) -> None:
                 raise LavaError(name, value, f'the name of a file {advice}')
             source = path.with_name(value)
             kind = _format_of(field, source)
-            if kind.driver not in drivers:
-                raise LavaError(name, value, f'a {" or ".join(drivers)} file {advice}')
+            if kind.driver not in _TILES:
+                raise LavaError(name, value, f'a {" or ".join(_TILES)} file {advice}')
             with _opened(field, source, kind):
                 pass
     if not any(item.tag == 'SourceFilename' for item in elements):
