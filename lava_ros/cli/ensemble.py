@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 HORIZON = '6h'
 
 #: Folder of the bag in the output, and folders of the maps that are weighted by an observation
-#: and of new members near those that agree with it.
+#: and, with its time, of new members near those that agree with it.
 BAG, WEIGHTED, POSTERIOR = 'atlas', 'weighted', 'posterior'
 
 #: Folders of the same members with barriers, and of the comparison.
@@ -76,7 +76,7 @@ WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
     ),
     argument(
         '--posterior', 'N', 'number of further members to draw near those that agree with the '
-        'observed lava, with their maps in the folder posterior (default: none)', int,
+        'observed lava, with their maps in the folder posterior_<time> (default: none)', int,
     ),
     argument(
         '--workers', 'N', 'number of processes (default: one for each GPU, else one for each '
@@ -139,6 +139,8 @@ def ensemble(args: argparse.Namespace) -> int:
             raise LavaError('--posterior', args.posterior, 'a number together with --observed')
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
+    if case is not None and case.outlines:
+        require('matplotlib.figure', 'reliability', str(args.output))
     barriers = _barriers(args, plan)
     scene, output = plan.scene, Path(args.output)
     crs = coordinate_system(scene.terrain.epsg, scene.terrain.wkt)
@@ -221,8 +223,9 @@ def ensemble(args: argparse.Namespace) -> int:
         files += write_maps(done.weighted, folder, observation)
         files += _write_bag(folder / BAG, plan, done.weighted, report)
     if args.posterior:
-        assert done.weights is not None
-        folder, posterior = output / POSTERIOR, Posterior(members, done.weights.values)
+        assert outline is not None and done.weights is not None
+        folder = output / f'{POSTERIOR}_{outline.time:.10g}s'
+        posterior = Posterior(members, done.weights.values)
         drawn = draw_members(scene, args.posterior, posterior=posterior, **kept)
         check_members(scene, drawn)
         # keep the effects that sentinels have switched on for the first members

@@ -6,11 +6,12 @@
 from dataclasses import replace
 import json
 from pathlib import Path
+import shutil
 
 import numpy as np
 import pytest
 
-from command_line import done, refused
+from command_line import done, lava, refused
 from disc_flow import disc_fields, disc_plan, HORIZON
 from eruption import footprint, LAVA, write_case, write_grid
 from lava_ros.errors import LavaError
@@ -204,7 +205,10 @@ def test_hindcast_reports_each_outline(mapped: tuple[Path, Result], tmp_path: Pa
 def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(
     mapped: tuple[Path, Result], tmp_path: Path
 ) -> None:
-    words = ['ensemble', mapped[0], '-o', tmp_path / 'out', '--members', '4', '--spacing', '40']
+    case = Path(shutil.copytree(mapped[0], tmp_path / 'valley'))
+    with (case / 'case.yaml').open('a') as file:
+        file.write('uncertainty: {discharge: {distribution: uniform, low: 0.2, high: 2.0}}\n')
+    words = ['ensemble', case, '-o', tmp_path / 'out', '--members', '4', '--spacing', '40']
     words += ['--device', 'cpu', '--workers', '1', '--json', tmp_path / 'report.json']
     assert '--observed' in refused(*words, '--posterior', '4')
     text = done(*words)
@@ -213,7 +217,7 @@ def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(
     assert dates['dates'][0]['brier_skill_persistence'] is None
     assert sum(item['count'] for item in dates['reliability']) == 2 * footprint().size // 4
     assert f'{dates["brier_score"]:.3f}' in text and 'all dates' in text
-    seen = ['--observed', mapped[0] / 'early.asc', '--observed-at', '900s', '--posterior', '4']
+    seen = ['--observed', case / 'early.asc', '--observed-at', '900s', '--posterior', '4']
     text = done(*words, *seen)
     report = json.loads((tmp_path / 'report.json').read_text())
     new = report['posterior']
@@ -224,14 +228,15 @@ def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(
     assert new['jaccard_mean'] > report['observed']['jaccard_mean']
     assert new['dates']['brier_score'] < dates['dates'][1]['brier_score']
     assert '4 members drawn near' in text
-    for folder in ('.', 'weighted', 'posterior'):
+    for folder in ('.', 'weighted', 'posterior_900s'):
         assert (tmp_path / 'out' / folder / 'reliability.png').stat().st_size > 5000
     # the new members are kept, and those of another outline are not taken for them
     assert json.loads(
-        (tmp_path / 'out/posterior/ensemble.json').read_text()
+        (tmp_path / 'out/posterior_900s/ensemble.json').read_text()
     )['posterior'] is not None
-    seen[1] = mapped[0] / 'late.asc'
-    assert 'posterior is' in refused(*words, *seen)
+    seen[1] = case / 'late.asc'
+    status, _, error = lava(*words, *seen)
+    assert status == 2 and 'posterior is' in error and 'another folder' in error
 
 
 def cells(*values: int) -> np.ndarray:
