@@ -54,6 +54,13 @@ matplotlib.use('Agg')
 #: Number of members of the first row.
 FIRST = 16
 
+#: Columns that are printed.
+PRINTED = (
+    'case', 'ensemble', 'date', 'members', 'brier_score', 'brier_skill', 'brier_skill_of_terrain',
+    'brier_skill_persistence', 'half_jaccard', 'persistence_jaccard', 'largest_gap', 'twin_skill',
+    'twin_skill_with_outline',
+)
+
 #: Time of the observed outline, as a fraction of the horizon.
 OUTLINE_TIME = 1.0 / 3.0
 
@@ -289,13 +296,15 @@ def main() -> None:
             rows = list(csv.DictReader(file))
     for case in map(load_case, args.case):
         for row in (dated_rows_of if case.outlines else rows_of)(case, args, command):
-            print(', '.join(f'{name} {value}' for name, value in vars(row).items()), flush=True)
+            shown = {name: vars(row)[name] for name in PRINTED if name in vars(row)}
+            print(', '.join(f'{name} {value}' for name, value in shown.items()), flush=True)
             keys = ('case', 'members', 'ensemble', 'date')
             same = {name: str(vars(row)[name]) for name in keys if name in vars(row)}
             rows = [old for old in rows if {k: str(old[k]) for k in same} != same] + [vars(row)]
             write_csv(rows, args.output)
-            with args.output.open(newline='', encoding='utf-8') as file:
-                draw(list(csv.DictReader(file)), args.output.with_suffix('.png'))
+            if row.reliability:
+                with args.output.open(newline='', encoding='utf-8') as file:
+                    draw(list(csv.DictReader(file)), args.output.with_suffix('.png'))
 
 
 if __name__ == '__main__':
