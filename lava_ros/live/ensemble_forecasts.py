@@ -79,7 +79,7 @@ class ForecastStatus:
         progress: Completed fraction of the horizon or of the members, None when idle.
         error: Reason why the last one failed, empty if it did not.
         share: Fraction of the time in which forecasts may currently compute.
-        outlines: Number of outlines used to weight the members of this scene.
+        outlines: Number of outlines used to weight and draw the members of this scene.
         jaccard_mean: Mean agreement with the newest outline, 0 to 1; None without one.
         members_left: Effective number of members after the newest outline, near which those of
             the next ensemble are drawn; None without one.
