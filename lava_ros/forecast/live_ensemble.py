@@ -266,8 +266,8 @@ class LiveEnsembles:
             first = [item for item in self._first if item.covers(ensemble.start)]
             if all(item.population is not ensemble.population for item in first):
                 first.append(ensemble)
-            # an outline may be older than the newest population, seldom than the one before
-            self._first = first[-2:]
+            # the oldest for outlines that come late, and few others because of their memory
+            self._first = [*first[:1], *first[1:][-2:]]
             self._send_maps(ensemble)
             waiting, self._waiting = self._waiting, []
             for number, outline in waiting:
@@ -283,18 +283,22 @@ class LiveEnsembles:
     def observe(self, number: int, outline: Outline) -> None:
         """Weight the members by an outline, and draw those of the next ensemble near them.
 
-        They are compared with it in the first complete ensemble of the newest population that
-        covers its time. An outline waits if that is the ensemble in progress, and is refused if no
-        ensemble covers its time.
+        They are compared with it in the first complete ensemble that covers its time, of the
+        population that contains most outlines, and of the newest such population. An outline waits
+        if that is the ensemble in progress, and is refused if no ensemble covers its time.
         """
         known = [item for item in (*self._first, self._shown, self.current) if item is not None]
         covering = [item for item in known if item.covers(outline.time)]
+
+        def rank(item: LiveEnsemble) -> tuple[int, int]:
+            return item.population.outlines, item.population.generation
+
         # the first of equal ones
-        newest = max(covering, key=lambda item: item.population.generation, default=None)
-        if newest is not None and newest is self.current:
+        best = max(covering, key=rank, default=None)
+        if best is not None and best is self.current:
             self._waiting.append((number, outline))
-        elif newest is not None:
-            self._weigh(number, outline, newest)
+        elif best is not None:
+            self._weigh(number, outline, best)
         else:
             since = 'there is none'
             if known:

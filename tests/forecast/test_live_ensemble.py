@@ -173,6 +173,20 @@ def test_outline_weighs_members_and_the_next_are_drawn_near_them(
     assert restarted[-1]['outlines'] == 2
 
 
+def test_outlines_that_come_late_are_not_forgotten(moments: list[Checkpoint]) -> None:
+    bench = Bench()
+    bench.run(1, moments[0])
+    bench.ensembles.observe(1, outline_of(moments[0], 2, 20.0))
+    bench.run(2, moments[1])
+    # from before the start of the new members, which therefore know nothing of it
+    bench.ensembles.observe(2, outline_of(moments[0], 2, 29.0))
+    bench.take_answers()
+    bench.ensembles.observe(3, outline_of(moments[0], 2, 90.0))
+    weighed, _ = bench.take_answers()
+    assert weighed['outlines'] == 3
+    assert weighed['posterior'].parents == draw_members(SCENE, MEMBERS)
+
+
 def test_an_outline_waits_for_an_ensemble_or_is_refused(moments: list[Checkpoint]) -> None:
     bench, outline = Bench(), outline_of(moments[1], 1, 60.0)
     bench.ensembles.observe(1, outline)
