@@ -156,9 +156,9 @@ def calibrate(args: argparse.Namespace) -> int:
     for item in found:
         shown = ' '.join(f'{value:9.4g}' for value in item.quantiles)
         print(f'{item.unknown.name:17} {shown} {item.unknown.unit}'.rstrip())
-    for item in forecasts:
-        print(f'forecast of {item["outline"]}: Jaccard {item["jaccard"]:.3f}, of the last fitted '
-              f'outline {item["persistence"]:.3f}, of steepest descent {item["descent"]:.3f}')
+    for one in forecasts:
+        print(f'forecast of {one["outline"]}: Jaccard {one["jaccard"]:.3f}, of the last fitted '
+              f'outline {one["persistence"]:.3f}, of steepest descent {one["descent"]:.3f}')
     for path in (table, output / CALIBRATION, output / INTERVALS):
         print(f'written to {path}')
     return 0

@@ -218,7 +218,7 @@ def ensemble(args: argparse.Namespace) -> int:
         if case is not None:
             report |= score_against_case(
                 case, plan, done.weighted, store.finished(len(members)), folder,
-                weights=done.weights.values, outline=outline,
+                weights=done.weights.values.tolist(), outline=outline,
             )
         files += write_maps(done.weighted, folder, observation)
         files += _write_bag(folder / BAG, plan, done.weighted, report)

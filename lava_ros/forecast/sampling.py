@@ -221,8 +221,9 @@ def draw_members(
     constants = [name for name in CONSTANTS if name in uncertainty.constants]
     names = (*COORDINATES, *constants, *(ERUPTION if uncertainty.eruption else ()))
     sums = np.cumsum([item.probability for item in uncertainty.eruption])
+    seeds: list[tuple[int, ...]] = [(seed, index) for index in range(count)]
     if posterior is None:
-        points, seeds = _points(count, (seed,), len(names)), [(seed, k) for k in range(count)]
+        points = _points(count, (seed,), len(names))
     else:
         uncertain = {name for name in COORDINATES[:4] if getattr(uncertainty, name)}
         uncertain |= {*constants, *ERUPTION[1:]}
