@@ -130,7 +130,7 @@ class ForecastTopics:
             None if ensemble is None or forecaster.staleness(ensemble) else ensemble.shown,
         )
 
-    def observe(self, mask: Mask, clock: float) -> 'Future[None]':
+    def observe(self, mask: Mask, clock: float) -> 'Future[str]':
         """Weight members by the lava observed at ROS time ``clock`` [s].
 
         Raises:
