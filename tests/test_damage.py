@@ -30,6 +30,9 @@ from small_checkpoint import small_checkpoint
 #: Bits that are flipped in each bag; `make nightly` tries more.
 FLIPS = int(os.environ.get('LAVA_FLIPS', '2'))
 
+#: The file that describes a bag.
+YAML = 'metadata.yaml'
+
 TIMES = (200.0, 400.0, 600.0, 800.0)
 
 
@@ -152,7 +155,7 @@ def test_each_section_has_a_checksum(bag: Path, opcode: Opcode, offset: int, rep
 
 
 def test_changed_metadata_yaml_is_reported(bag: Path) -> None:
-    path = bag / 'metadata.yaml'
+    path = bag / YAML
     path.write_text(path.read_text().replace('500000.0', '500001.0'))
     (damage,) = BagReader(bag).damage
     assert 'metadata.yaml is damaged or changed' in damage
@@ -237,21 +240,23 @@ def test_missing_messages_are_reported(
         shutil.rmtree('out', ignore_errors=True)
         status, _, report = lava(command, bag, *BAG_COMMANDS[command], *option)
         assert status == expected
-        yaml = bag / 'metadata.yaml'
-        assert f'{lost} of the {whole.message_count} messages that {yaml} lists are' in report
+        listed = f'{whole.message_count} messages that {bag / YAML} lists'
+        assert f'{lost} of the {listed} are' in report
         hazard = whole.topics['/hazard'].count - left.topics['/hazard'].count
         assert f'{hazard} of /hazard' in report
 
 
 @pytest.mark.parametrize('count', ['many', '-1', '1.5', '[1]'])
 def test_refuses_an_invalid_message_count(bag: Path, count: str) -> None:
-    path = bag / 'metadata.yaml'
+    path = bag / YAML
     path.write_text(re.sub(r'(?<=^    message_count: )\d+', count, path.read_text(), flags=re.M))
     with pytest.raises(LavaError, match=r'message_count of .*metadata\.yaml is'):
         BagReader(bag)
 
 
-@pytest.mark.parametrize('kind', ['finished', 'cut off', 'metadata.yaml'])
+@pytest.mark.parametrize('kind', [
+    'finished', *(pytest.param(kind, marks=pytest.mark.nightly) for kind in ('cut off', YAML)),
+])
 def test_a_flipped_bit_is_never_silent(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, trial: Any
 ) -> None:
@@ -270,11 +275,11 @@ def test_a_flipped_bit_is_never_silent(
         for _, place, end in records(path)
         for byte in range(place, min(end, place + 60))
     ]
-    if kind == 'metadata.yaml':
+    if kind == YAML:
         path = bag / kind
         places = list(range(path.stat().st_size))
     if kind == 'cut off':
-        (bag / 'metadata.yaml').unlink()
+        (bag / YAML).unlink()
         end = places_of(path, Opcode.DATA_END)[0] - 30
         os.truncate(path, end)
         places = [place for place in places if place < end]

@@ -249,6 +249,11 @@ def test_vent_has_a_marker_a_label_and_a_line_to_the_ground():
     pole, frame = (item for item in others if item.ns == ELEVATIONS)
     assert pole.type == frame.type == Marker.LINE_STRIP
     assert points(pole) == [(105.0, 205.0, 0.0), (105.0, 205.0, 0.0)]
+    # below RViz's camera, which is at 500 m, and opaque: it draws translucent maps above them
+    for item in others:
+        heights = [item.pose.position.z, *(point.z for point in item.points)]
+        assert item.ns == ELEVATIONS or (0.0 <= min(heights) and max(heights) <= 1.0)
+        assert item.ns == ELEVATIONS or item.color.a == 1.0
     assert points(frame) == [
         (125.0, 215.0, 0.0), (125.0, 215.0, 32.0), (115.0, 205.0, 1.0), (115.0, 205.0, 0.0)
     ]

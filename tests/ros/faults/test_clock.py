@@ -30,6 +30,7 @@ layers:
 """
 
 
+@pytest.mark.nightly
 def test_node_waits_for_the_clock_of_a_replay_and_follows_it(graph, tmp_path):
     (graph.directory / 'mine.yaml').write_text(CONFIG, encoding='utf-8')
     node = graph.node(
