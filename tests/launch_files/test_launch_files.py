@@ -51,21 +51,8 @@ def test_only_given_arguments_become_parameters(monkeypatch):
         assert value == SPECS[name].default or f'{SPECS[name].default}\n' == value, name
     (file,) = node.files
     assert Path(file) == ROOT / 'params/lava.yaml'
-
-
-def test_arguments_reach_the_node_with_their_type(monkeypatch):
     (node,), _ = start(monkeypatch, LAVA, scene='etna.yaml', namespace='etna')
     assert (node.namespace, node.parameters) == ('etna', {'scene': 'etna.yaml'})
-    values = {
-        'time_scale': 60.0, 'record': True, 'preset': 'fine', 'use_sim_time': True,
-        'resume': 'bags/etna', 'bag_max_size': 10**9, 'bag_max_duration': 3600.0,
-        'forecast_horizon': 6.0, 'ensemble_members': 32, 'deadline': 60.0, 'forecast_share': 0.5,
-    }
-    words = {name: str(value).lower() for name, value in values.items()}
-    (node,), _ = start(monkeypatch, LAVA, **words)
-    assert node.parameters.pop('resume_since') > 1e9
-    assert node.parameters == values
-    assert all(type(node.parameters[name]) is type(value) for name, value in values.items())
 
 
 def test_launch_arguments_are_up_to_date():

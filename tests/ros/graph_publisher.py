@@ -128,14 +128,12 @@ CASES = {
     'no_vents': ('vents', lambda: cloud({'x': []})),
     'click': ('clicked_point', lambda: click(100.0, 155.0)),
     'nan_hole': ('terrain', lambda: image(spoilt(np.nan))),
-    'size_mismatch': ('terrain_info', lambda: info(width=COLUMNS + 1)),
     'cloud_with_hole': (
         'terrain_cloud',
         lambda: cloud({name: np.delete(column, 77) for name, column in points().items()}),
     ),
     'vents_without_fields': ('vents', lambda: vents(without=('discharge', 'radius'))),
     'click_off_map': ('clicked_point', lambda: click(9e6, 0.0)),
-    'lying_info': ('terrain_info', lambda: info(width=2**32 - 1)),
     # another size, with the same valley
     'higher': ('terrain', lambda: image(elevation(505.0, COLUMNS + 8))),
     'higher_info': ('terrain_info', lambda: info(width=COLUMNS + 8)),

@@ -29,14 +29,12 @@ def check_advance(node):
     assert float(node.status_now('simulation')['volume_error']) < 1e-5
 
 
-#: Rejected messages, the topic in the error, and its text.
+#: A rejected message of each topic, and the text of its error.
 MALFORMED = (
     ('nan_hole', 'terrain', '1 of 1200 cells without data'),
-    ('size_mismatch', 'terrain', "terrain_info.size is '41 x 30'"),
     ('cloud_with_hole', 'terrain_cloud', '1 of 1200 cells without data'),
     ('vents_without_fields', 'vents', 'missing: discharge, radius'),
     ('click_off_map', 'clicked_point', 'a place on the terrain'),
-    ('lying_info', 'terrain_info', "'4294967295 x 30', expected 2 to 32767 cells a side"),
 )
 
 

@@ -59,7 +59,7 @@ UNCERTAINTY = {
     ],
 }
 
-#: Keys whose values the parsers of a case and of a scene share.
+#: Keys that a case shares with a scene: it reads its rasters each time, so they are nightly.
 SHARED = (('case', 'events'), ('case', 'uncertainty'))
 
 #: Valid files of each kind, which together have every key.
@@ -250,11 +250,6 @@ def _places(value, path=()):
         yield from _places(item, (*path, key))
 
 
-def _named(kind, path):
-    words = (f'[{key}]' if isinstance(key, int) else f'.{key}' for key in path)
-    return kind + ''.join(words)
-
-
 def _with(data, path, value):
     data = deepcopy(data)
     *parents, last = path
@@ -285,8 +280,9 @@ def _wrong(kind, data, path):
         yield {**data, 'wrong': 1}
 
 
-def _around_limits(kind, data, path):
-    """Yield the limits of a place and the numbers next to them."""
+def _wrong_and_limits(kind, data, path):
+    """Yield also the limits of numbers at a place, and the numbers next to them."""
+    yield from _wrong(kind, data, path)
     key = next(name for name in reversed(path) if isinstance(name, str))
     for limit in sorted(set(_limits(_generator().schema(kind), key))):
         step = 1 if isinstance(limit, int) else math.ulp(limit)
@@ -354,32 +350,25 @@ def test_valid_files_have_every_key():
 
 
 @pytest.mark.parametrize(
-    'values', [_wrong, pytest.param(_around_limits, marks=pytest.mark.nightly)]
+    'values', [_wrong, pytest.param(_wrong_and_limits, marks=pytest.mark.nightly)]
 )
 @pytest.mark.parametrize(
-    ('kind', 'number', 'path'),
-    [
-        pytest.param(
-            kind, number, path,
-            # a case has them in common with a scene, but reads its rasters each time
-            marks=[pytest.mark.nightly] * ((kind, path[0]) in SHARED),
-        )
-        for kind, files in VALID.items()
-        for number, data in enumerate(files)
-        for path in _places(data)
-    ],
-    ids=lambda item: _named('', item) if isinstance(item, tuple) else str(item),
+    ('kind', 'number'), [(kind, number) for kind in VALID for number in range(len(VALID[kind]))]
 )
-def test_schema_and_parser_agree_on_wrong_values(kind, number, path, values, folder):
-    place, valid = _named(kind, path), VALID[kind][number]
-    for value in values(kind, valid, path):
-        data = _with(valid, path, value)
-        refusal, fits = _refusal(kind, data, folder), _fits(kind, data)
-        if not fits:
-            # an editor has to accept every file that the program accepts
-            assert refusal is not None, f'{place}: only the schema refuses {data}'
-        elif not DEPENDENT.fullmatch(place):
-            assert refusal is None, f'{place}: the schema accepts {data}'
+def test_schema_and_parser_agree_on_wrong_values(kind, number, values, folder):
+    valid = VALID[kind][number]
+    for path in _places(valid):
+        if values is _wrong and (kind, path[0]) in SHARED:
+            continue
+        place = kind + ''.join(f'[{key}]' if isinstance(key, int) else f'.{key}' for key in path)
+        for value in values(kind, valid, path):
+            data = _with(valid, path, value)
+            refusal, fits = _refusal(kind, data, folder), _fits(kind, data)
+            if not fits:
+                # an editor has to accept every file that the program accepts
+                assert refusal is not None, f'{place}: only the schema refuses {data}'
+            elif not DEPENDENT.fullmatch(place):
+                assert refusal is None, f'{place}: the schema accepts {data}'
 
 
 #: Parameters are never mappings; in JSON an integer is also a valid double.

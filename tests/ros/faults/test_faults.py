@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the simulation in a running node, and overload by other nodes."""
+"""Faults of the simulation and of the clock in a running node, and overload by other nodes."""
 
 from pathlib import Path
 import signal
@@ -93,6 +93,34 @@ def test_fault_is_reported_and_the_last_maps_remain(running, monkeypatch, fault,
     running.status_now('simulation', lambda item: item['state'] == 'running')
     running.run(2.0)
     running.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
+
+
+def test_jumps_of_the_clock_are_reported_and_not_followed(running):
+    for to, where in ((1e6, 'ahead'), (500.0, 'back')):
+        before = running.worker.session.time
+        running.jump(to)
+        status = running.status_now(
+            'simulation', lambda item: f'the clock jumped {where}' in item['message']  # noqa: B023
+        )
+        assert status['level'] == 1
+        assert running.worker.session.time == before
+        running.run(1.0)
+        assert running.worker.session.time == pytest.approx(before + running.worker.time_scale)
+
+
+def test_rejects_a_negative_time_of_the_clock(running):
+    now, before = running.now, running.worker.session.time
+    for _ in range(2):
+        with pytest.raises(ValueError, match='must not be negative') as caught:
+            running.jump(-20.0)
+        # as the executor of the program does
+        running.node.report_callback(caught.value)
+    status = running.status_now('inputs')
+    assert (status['rejected.message'], status['level']) == ('2', 1)
+    assert running.log.count('must not be negative') == 1
+    running.now = now
+    running.run(1.0)
+    assert running.worker.session.time > before
 
 
 @pytest.fixture
