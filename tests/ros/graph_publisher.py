@@ -4,6 +4,7 @@
 """Valid and malformed messages for nodes, and clients that publish them and call services."""
 
 from abc import ABC, abstractmethod
+from array import array
 import hashlib
 import time
 
@@ -19,7 +20,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import Image, PointCloud2
+from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.ros import codec
@@ -83,6 +84,22 @@ def info(width=COLUMNS, angle=0.0, x=0.0, **changes):
 
 def cloud(columns, frame_id='map'):
     return codec.point_cloud(columns, codec.header(frame_id, 0))
+
+
+def cloud_of(points, is_bigendian=False, padding=0):
+    """Return a cloud of structured points, shape [rows, columns], with padding after each row."""
+    kinds = {'f4': PointField.FLOAT32, 'f8': PointField.FLOAT64, 'i4': PointField.INT32}
+    fields = [
+        PointField(name=name, offset=offset, datatype=kinds[dtype.str[1:]], count=1)
+        for name, (dtype, offset) in points.dtype.fields.items()
+    ]
+    rows, columns = points.shape
+    data = b''.join(row.tobytes() + b'\xee' * padding for row in points)
+    return PointCloud2(
+        header=codec.header('map', 0), height=rows, width=columns, fields=fields,
+        is_bigendian=is_bigendian, point_step=points.itemsize,
+        row_step=columns * points.itemsize + padding, data=array('B', data),
+    )
 
 
 def vents(frame_id='map', without=(), **changes):

@@ -14,13 +14,14 @@ from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData
 import numpy as np
 import pytest
-from sensor_msgs.msg import Image, PointField
+from sensor_msgs.msg import Image
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import outline_on
 from lava_ros.ros import codec, inputs
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Terrain, Vent
+from ros.graph_publisher import cloud_of
 
 RULES = Settings()
 
@@ -169,18 +170,10 @@ def test_rejects_a_malformed_terrain_cloud(x, y, z, rules, field):
         inputs.terrain_from_cloud(_cloud(x, y, z), replace(RULES, **rules))
 
 
-def _wide_cloud(columns, **datatypes):
-    """Return a point cloud of FLOAT64 columns, or of given datatypes."""
-    kinds = {PointField.INT32: '<i4', PointField.FLOAT64: '<f8'}
-    types = {name: datatypes.get(name, PointField.FLOAT64) for name in columns}
-    dtype = np.dtype([(name, kinds[datatype]) for name, datatype in types.items()])
-    points = np.array(list(zip(*columns.values(), strict=True)), dtype)
-    cloud = codec.point_cloud({name: np.zeros(len(points)) for name in columns}, _header())
-    for item in cloud.fields:
-        item.datatype, item.offset = types[item.name], dtype.fields[item.name][1]
-    cloud.point_step, cloud.row_step = dtype.itemsize, points.nbytes
-    cloud.data = array.array('B', points.tobytes())
-    return cloud
+def _wide_cloud(columns, **kinds):
+    """Return a point cloud of float64 columns, or of given kinds."""
+    dtype = np.dtype([(name, kinds.get(name, '<f8')) for name in columns])
+    return cloud_of(np.array([*zip(*columns.values(), strict=True)], dtype)[None])
 
 
 @pytest.mark.parametrize('axis', ['x', 'y', 'z'])
@@ -208,7 +201,7 @@ def test_cloud_becomes_vents():
     assert inputs.vents_from_cloud(_vents(), RULES) == ()
     # the id may be an integer, and the other fields doubles
     columns = {name: [value] for name, value in {'id': 42, **VENT}.items()}
-    (vent,) = inputs.vents_from_cloud(_wide_cloud(columns, id=PointField.INT32), RULES)
+    (vent,) = inputs.vents_from_cloud(_wide_cloud(columns, id='<i4'), RULES)
     assert vent == replace(first, name='vent 42')
 
 
