@@ -288,6 +288,7 @@ def test_first_forecast_of_a_scene_has_fewer_observations(monkeypatch):
     assert samples == [N_FIRST_SAMPLES, N_SAMPLES] and 2 * N_FIRST_SAMPLES < N_SAMPLES
 
 
+@pytest.mark.nightly
 def test_process_ignores_ctrl_c_and_ends_when_the_node_is_killed():
     code = (
         'import time\nfrom lava_ros.live.forecaster import ForecastProcess\n'

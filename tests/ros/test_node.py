@@ -1,20 +1,17 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node: inputs, log, topics and bags, in the test's process and in a graph."""
+"""The node in the process of the test: inputs, log, topics and bags."""
 
 from collections import Counter
 import json
 import re
 
-from nav_msgs.msg import OccupancyGrid
 import pytest
 import yaml
 
 from lava_ros.bag import BagReader
 from ros.conftest import start_flow
-from ros.graph_listener import line_of
-from ros.graph_publisher import LATCHED
 
 #: Topics of the grids that are published by default.
 GRIDS = ('height', 'temperature', 'hazard')
@@ -124,48 +121,3 @@ def test_log_has_each_event_once_and_the_bag_inputs_scene_and_effects(local, tmp
     refused = node.call('record', True)
     assert not refused['success']
     assert 'does not exist yet' in refused['message']
-
-
-def test_late_subscribers_and_the_bag_have_the_grids_of_a_managed_process(graph):
-    bag = graph.directory / 'bag'
-    node = graph.node(
-        time_scale=60.0, device='cpu', autostart=False, record=True, bag_directory=str(bag)
-    )
-    publisher, listener = graph.publisher(), graph.listener(*GRIDS)
-    assert publisher.state() == 'unconfigured'
-    assert publisher.change('configure') and publisher.change('activate'), node.log
-    publisher.publish('vents', 'terrain_info', 'terrain')
-    for topic in GRIDS:
-        grid = listener.newest(topic, condition=lambda newest: newest[topic]['wet'] > 0)[topic]  # noqa: B023
-        place = {name: grid[name] for name in ('frame_id', 'shape', 'resolution', 'origin')}
-        assert list(place.values()) == ['map', [30, 40], 10.0, [0.0, 0.0]]
-        assert grid['min'] == 0 and grid['max'] <= 100
-    # Warp prints a warning if there is no GPU
-    assert not [line for line in node.log.splitlines() if line.startswith('Warp ')]
-    assert publisher.call('pause', True)['success']
-    last = listener.at_rest(*GRIDS)
-    late = {}
-    for topic in GRIDS:
-        publisher.node.create_subscription(
-            OccupancyGrid, topic,
-            lambda data, topic=topic: late.update({topic: line_of(topic, OccupancyGrid, data)}),
-            LATCHED, raw=True,
-        )
-    publisher.spin_until(lambda: late == last)
-    assert publisher.call('record', False) == {'success': True, 'message': f'recorded {bag}'}
-    listener.hear()
-    reader = BagReader(bag)
-    recorded = [
-        line_of(item.topic.removeprefix('/'), OccupancyGrid, bytes(item.data))
-        for item in reader.messages({f'/{topic}' for topic in GRIDS})
-    ]
-    received = [
-        item for item in listener.seen
-        if item['topic'] in GRIDS and item['stamp_ns'] <= reader.end_ns
-    ]
-    assert {item['topic'] for item in received} == set(GRIDS)
-    assert all(item in recorded for item in received)
-    assert publisher.change('shutdown'), node.log
-    assert node.end() == 0
-    assert 'stopped' in node.log.splitlines()[-1]
-    assert 'Traceback' not in node.log
