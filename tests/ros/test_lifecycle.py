@@ -94,13 +94,13 @@ def test_inactive_node_accepts_inputs_while_time_stands_still(start):
     change(node, 'deactivate')
     before = node.status_now('simulation', lambda item: item['state'] == 'paused')
     assert before['lifecycle'] == 'inactive'
-    assert node.call('pause', False)['success']
-    since = len(node.seen)
     node.publish('click')
-    node.jump(node.now + 100.0)
-    node.run_commands()
     inputs = node.status_now('inputs', lambda item: item['accepted'] == '3')
     assert inputs['rejected'] == '0'
+    assert node.call('pause', False)['success']
+    since = len(node.seen)
+    node.jump(node.now + 100.0)
+    node.run_commands()
     after = node.status_now('simulation')
     assert (after['lifecycle'], after['state']) == ('inactive', 'paused')
     assert after['simulated_time_s'] == before['simulated_time_s']
