@@ -210,7 +210,7 @@ def test_accuracy_and_material_apply_at_the_next_reset(paused):
     assert paused.set(**values)['success']
     place = {'epsg': 32633, 'offset_easting': 499000.0, 'offset_northing': 4180000.0}
     assert paused.set(**place)['success']
-    paused.wait_for_log('spacing: the new value is used from the next start or reset on')
+    paused.wait_for_log('spacing, lava.density: the new value is used from the next start')
     paused.publish('terrain_info', 'terrain')
     assert paused.call('reset')['success']
     paused.run_commands()
