@@ -133,7 +133,7 @@ def test_large_checkpoints_wait_for_the_bag_to_grow(tmp_path, recording):
     session.particles = 10_000
     size = len(state(0.0, 10_000))
     assert size > 100_000
-    run(*recording, 3600, bytes_a_second=size // 100)
+    run(*recording, 1800, bytes_a_second=size // 100)
     recorder.stop()
     stored = checkpoints_of(tmp_path / 'bag')
     waits = np.diff([item.time for item in stored])

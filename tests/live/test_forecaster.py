@@ -212,16 +212,6 @@ def test_killed_process_of_low_priority_is_reported_and_replaced(bench):
     assert bench.worker.status.error == ''
 
 
-def test_process_blocks_sigint():
-    process = ForecastProcess()
-    try:
-        status = Path(f'/proc/{process.pid}/status').read_text()
-    finally:
-        process.end()
-    (blocked,) = [line.split()[1] for line in status.splitlines() if line.startswith('SigBlk')]
-    assert int(blocked, 16) & 1 << signal.SIGINT - 1
-
-
 def test_failed_forecast_is_reported_without_affecting_the_simulation(bench):
     bench.rules = replace(RULES, max_particles=3)
     error = wait_until(lambda: bench.worker.request_snapshot() or bench.forecaster.status.error)
@@ -298,19 +288,23 @@ def test_first_forecast_of_a_scene_has_fewer_observations(monkeypatch):
     assert samples == [N_FIRST_SAMPLES, N_SAMPLES] and 2 * N_FIRST_SAMPLES < N_SAMPLES
 
 
-def test_process_ends_when_the_node_is_killed():
+@pytest.mark.nightly
+def test_process_ignores_ctrl_c_and_ends_when_the_node_is_killed():
     code = (
         'import time\nfrom lava_ros.live.forecaster import ForecastProcess\n'
         'process = ForecastProcess()\nprint(process.pid, flush=True)\ntime.sleep(100.0)\n'
     )
     with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True) as node:
-        status = Path(f'/proc/{int(node.stdout.readline())}/stat')
-        assert status.exists()
+        process = Path(f'/proc/{int(node.stdout.readline())}')
+        lines = (process / 'status').read_text(encoding='ascii').splitlines()
+        (blocked,) = [line.split()[1] for line in lines if line.startswith('SigBlk')]
+        assert int(blocked, 16) & 1 << signal.SIGINT - 1
         node.kill()
 
     def has_ended():
         with suppress(OSError):
-            return status.read_text(encoding='ascii').rpartition(')')[2].split()[0] == 'Z'
+            stat = (process / 'stat').read_text(encoding='ascii')
+            return stat.rpartition(')')[2].split()[0] == 'Z'
         return True
 
     wait_until(has_ended)

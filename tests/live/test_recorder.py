@@ -135,21 +135,6 @@ def test_later_link_in_the_path_is_not_followed(tmp_path):
     assert list(outside.iterdir()) == []
 
 
-def test_bag_is_split_into_files(tmp_path):
-    recorder = Recorder()
-    recorder.arm(tmp_path / 'bag', max_duration=10.0)
-    recorder.begin({'scene': 'Etna'})
-    for second in range(25):
-        _write(recorder, f'word {second}', second * 10**9)
-        recorder.flush()
-    assert recorder.status.files == 3
-    assert recorder.status.messages == 25
-    recorder.stop()
-    assert len(BagReader(tmp_path / 'bag').files) == 3
-    recorder.arm(tmp_path / 'next')
-    assert (recorder.status.files, recorder.status.messages) == (0, 0)
-
-
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     (tmp_path / 'outside').mkdir()

@@ -115,15 +115,6 @@ def test_terrain_does_not_depend_on_the_layout_of_the_buffer(start, row_major, o
     assert (terrain.epsg, terrain.offset) == (32633, (5e5, 4e6))
 
 
-def test_rejects_a_value_that_may_mean_missing_data():
-    ground = 500.0 + np.add.outer(np.arange(20.0), np.arange(20.0))
-    ground[4:8, 4:8] = -999.0
-    terrain = Terrain(ground, 10.0)
-    message = codec.grid_map_message({'elevation': ground}, terrain, Header(frame_id='map'))
-    with pytest.raises(LavaError, match='terrain_grid.data is .-999 in 16 cells'):
-        inputs.terrain_from_grid(message, Settings())
-
-
 def spoilt(**changes):
     """Return a map with fields replaced; ``_`` in a name separates nested fields."""
     message = moved(1, 1)
