@@ -5,7 +5,6 @@
 
 from pathlib import Path
 import re
-import sys
 from typing import Any
 
 from matplotlib.mathtext import MathTextParser
@@ -16,7 +15,7 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.files import pictures
-from lava_ros.files.pictures import new_figure, read_picture, save_picture
+from lava_ros.files.pictures import read_picture, save_picture
 from lava_ros.forecast.picture import draw_reliability
 from lava_ros.maps.animation import animate_bag
 from lava_ros.maps.frames import Frame
@@ -169,13 +168,3 @@ def test_draws_a_logo_and_rejects_other_files(tmp_path):
     for name in ('text.png', 'none.png', '.'):
         with pytest.raises(LavaError, match='--logo is .*a PNG or JPEG'):
             read_picture('--logo', tmp_path / name)
-
-
-def test_error_names_the_extra_for_matplotlib(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'matplotlib.figure', None)
-    match = r"pip install 'lava_ros\[plot\]'"
-    with (
-        pytest.raises(LavaError, match=match),
-        new_figure('plot', 'a.png', (1.0, 1.0), 100),
-    ):
-        pass

@@ -17,7 +17,6 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 import lava_ros.simulation.solver as solver_module
-from lava_ros.simulation.solver import Solver
 from lava_ros.simulation.step.vents import Emission, MAX_PARTICLES_PER_SECOND, VentSet
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
@@ -54,16 +53,6 @@ def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatc
     assert simulation.time == 40.0
     assert budget.late == 0.0 and budget.pending < 1.0
     assert simulation.particle_count == pytest.approx(800, abs=1)
-
-
-def test_lava_beyond_the_capacity_is_overdue(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_module, '_FIRST_CAPACITY', 64)
-    simulation = flow(VENT)
-    monkeypatch.setattr(Solver, 'make_room', lambda self, counts: None)
-    simulation.advance(40.0)
-    budget = simulation.budget()
-    assert budget.late == pytest.approx(budget.pending, abs=1.1) and budget.late > 600.0
-    assert budget.error < 1e-9
 
 
 @pytest.mark.parametrize('discharges', [(1e7,), (6e5, 6e5)])

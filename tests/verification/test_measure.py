@@ -76,20 +76,6 @@ def test_settings_are_distinct_and_include_the_presets(quick):
     assert costs == sorted(costs)
 
 
-@pytest.mark.parametrize(
-    ('study', 'cases'),
-    [
-        (measuring.convergence, measuring.KNOB_CASES),
-        (measuring.stepping, measuring.KNOB_CASES),
-        (lambda: measuring.paper_settings().values(), measuring.KNOB_CASES),
-        (lambda: measuring.gradients().values(), measuring.GRADIENT_CASES),
-    ],
-)
-def test_every_setting_of_a_study_is_measured_once(study, cases):
-    pairs = [(case.name, item.accuracy) for case, item in all_pairs()]
-    assert all(pairs.count((case, accuracy)) == 1 for accuracy in study() for case in cases)
-
-
 def test_all_lateral_experiments_are_measured_at_the_default_preset():
     names = list(EXPERIMENTS)
     found = [item for case, item in all_pairs() if case.name == LATERAL]
