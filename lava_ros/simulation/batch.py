@@ -331,8 +331,9 @@ def side_by_side(
 ) -> Iterator[None]:
     """Run all routes to their ends, and yield in between so that the caller can do other work.
 
-    On a GPU they run as a batch. On the CPU they run one after the other, each on all cores. A
-    route starts only when it is its turn.
+    On a GPU several run as a batch. A single one runs alone, which takes two thirds of the time,
+    and on the CPU they run one after the other, each on all cores. A route starts only when it is
+    its turn.
 
     Args:
         routes: The routes (``Simulation.advancing``).
@@ -342,6 +343,9 @@ def side_by_side(
     Raises:
         Exception: If a route raises; the other routes are abandoned.
     """
-    if wp.get_device(device).is_cuda:
+    rest = iter(routes)
+    first = list(islice(rest, 2))
+    routes = chain(first, rest)
+    if wp.get_device(device).is_cuda and len(first) > 1:
         return Batch(at_once=at_once).running(routes)
     return chain.from_iterable(routes)
