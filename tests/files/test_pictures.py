@@ -155,7 +155,7 @@ def test_files_contain_title_author_and_fonts(tmp_path):
 def test_draws_a_logo_and_rejects_other_files(tmp_path):
     Image.new('P', (300, 100), 1).save(tmp_path / 'logo.png')
     assert read_picture('--logo', tmp_path / 'logo.png').mode == 'RGBA'
-    Image.new('RGB', (4000, 4000), (255, 0, 255)).save(tmp_path / 'logo.jpg')
+    Image.new('RGB', (2000, 2000), (255, 0, 255)).save(tmp_path / 'logo.jpg')
     assert max(read_picture('--logo', tmp_path / 'logo.jpg').size) <= 1200
     sheet(tmp_path / 'map.png', imprint=Imprint(logo=str(tmp_path / 'logo.jpg')))
     pixels = np.asarray(Image.open(tmp_path / 'map.png').convert('RGB')).astype(int)

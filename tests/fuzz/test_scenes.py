@@ -64,5 +64,5 @@ def test_random_scenes_keep_the_invariants(in_part, device, trial):
             row['cut_off'] = row.get('cut_off', 0) + (not is_whole)
 
     # a scene takes up to 0.4 s
-    tried = settings(max_examples=15) if is_ci else settings()
+    tried = settings(max_examples=10) if is_ci else settings()
     in_part(keeps_the_invariants, tried, scene=trials(all_effects=not is_ci))

@@ -129,16 +129,17 @@ def test_watch_detects_steps_that_are_too_short(effects, monkeypatch):
         watch.check()
 
 
-EACH_SAFEGUARD = pytest.mark.parametrize('safeguard', SAFEGUARDS, ids=lambda item: item.name)
-
-
-@EACH_SAFEGUARD
+@pytest.mark.parametrize('safeguard', SAFEGUARDS, ids=lambda item: item.name)
 def test_line_of_the_safeguard_occurs_once(safeguard):
     text = (ROOT / safeguard.file).read_text(encoding='utf-8')
     assert text.count(safeguard.line) == 1
 
 
-@EACH_SAFEGUARD
+@pytest.mark.parametrize('safeguard', [
+    # lateral stress takes a second
+    pytest.param(item, marks=pytest.mark.nightly if item.name in ('thickest', 'drag') else ())
+    for item in SAFEGUARDS
+], ids=lambda item: item.name)
 def test_scene_that_misses_it(safeguard):
     """The scene does not hold if the line is removed."""
     compare = safeguard.invariant == 'halving'

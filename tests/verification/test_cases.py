@@ -25,11 +25,12 @@ def test_error_is_relative_to_the_exact_value_or_the_scale():
     assert not Measurement('front', math.nan, 100.0, 'm').error <= 1e9
 
 
-#: Cases of one second or more; tests/effects has a smaller scene of each process.
+#: The longest cases; tests/effects has a smaller scene of each process.
 LONG = (
-    'channel', 'cooling_current', 'cooling_front', 'cooling_plane', 'cooling_sheet',
-    'freezing_lens', 'herschel_bulkley', 'inertial_sheet', 'lister', 'material_laws', 'pond',
-    'radiating_sheet', 'smith', 'thacker', 'viscous_heating',
+    'channel', 'conduction', 'cooling_current', 'cooling_front', 'cooling_plane', 'cooling_sheet',
+    'critical_thickness', 'freezing_lens', 'herschel_bulkley', 'inertial_sheet', 'lister',
+    'material_laws', 'pond', 'radiating_sheet', 'silicone_oil', 'smith', 'stoker', 'thacker',
+    'viscous_heating',
 )
 
 

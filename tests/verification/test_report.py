@@ -91,6 +91,12 @@ def test_committed_measurements_fill_every_study():
     assert [line[0] for line in lines] == [*settings]
 
 
+def test_tables_of_the_page_of_other_codes_are_up_to_date():
+    script = load_script(ROOT / 'docs/benchmarks/other_codes.py')
+    page = script.PAGE.read_text(encoding='utf-8')
+    assert script.written(page, script.TABLES) == page
+
+
 @pytest.mark.parametrize('count', [1, 4])
 def test_chart_is_not_blank(tmp_path, count, fake_case, measured):
     cases = [fake_case(f'case{index}') for index in range(count)]
