@@ -81,11 +81,10 @@ def write_atlas(
     for fraction, values in maps.arrival.items():
         name = f'arrival_time_p{round(100 * fraction)}'
         layers[name], shapes[name] = values, gis.isochrones(values, terrain, origin.onset)
-    written = [
+    written = []
+    for name, values in layers.items():
         # the style belongs to its GeoTIFF
-        gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)[0]
-        for name, values in layers.items()
-    ]
+        written += gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)[:1]
     if formats is None:
         formats = gis.usual_formats(coordinate_system(terrain.epsg, terrain.wkt))
     title = f'lava flow, {maps.members} members'

@@ -9,6 +9,9 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 
+#: Number of bins of a reliability diagram.
+BINS = 10
+
 
 @dataclass(frozen=True)
 class ReliabilityBin:
@@ -80,7 +83,7 @@ def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
 
 
 def reliability(
-    probability: np.ndarray, outcome: np.ndarray, *, bins: int = 10
+    probability: np.ndarray, outcome: np.ndarray, *, bins: int = BINS
 ) -> list[ReliabilityBin]:
     """Return the points of a reliability diagram with ``bins`` bins of equal width.
 

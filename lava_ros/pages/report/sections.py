@@ -208,7 +208,8 @@ def recorded_tables(recording: Recording, summary: RunSummary) -> list[Table]:
     """Return tables of the contents of the bag."""
     bag, frame = recording.bag, summary.frame
     rows, columns = frame.elevation.shape
-    terrain = recording.scene.get('terrain', {})
+    terrain = recording.scene.get('terrain')
+    terrain = terrain if isinstance(terrain, dict) else {}
     lines = [
         ('bag', bag.path.name),
         ('state', 'cut off; earlier messages are complete' if bag.recovered else 'finished'),

@@ -221,7 +221,7 @@ class Trial:
             origin=(x0 - beyond * cell, y0 - beyond * cell),
         )
         sample = self.sample()
-        inside = fine.covered(sample.position)
+        inside = np.array([fine.covers(*place) for place in sample.position], dtype=bool)
         copy = Simulation(
             replace(simulation.scene, terrain=fine, vents=()), effects=simulation.effects,
             accuracy=simulation.accuracy, device=simulation.device,
