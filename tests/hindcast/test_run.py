@@ -85,6 +85,7 @@ def test_interrupted_run_resumes(
     valley: Case, whole: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The state is stored at the second map, not at the first."""
+    monkeypatch.setattr('lava_ros.hindcast.run.KEEP_EVERY', np.inf)
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
     times = (time for time in first.parts() if time is not None)
     next(times)
