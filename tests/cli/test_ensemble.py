@@ -249,3 +249,14 @@ def test_ensemble_of_a_case_is_scored(tmp_path):
     # on cells of 40 m
     assert sum(item['count'] for item in score['reliability']) == footprint().size // 4
     assert f'skill {score["brier_skill"]:.2f}' in output
+
+
+def test_susceptibility_map_places_the_vents(scene, tmp_path):
+    likelihood = np.zeros((30, 24))
+    likelihood[5:8, 3] = 1.0
+    where = raster(tmp_path / 'where.tif', likelihood)
+    words = ['ensemble', scene, '-o', tmp_path / 'out', '--horizon', '10min']
+    done(*words, '--members', '1', '--workers', '1', '--device', 'cpu', '--susceptibility', where)
+    wet = np.argwhere(read(tmp_path / 'out/inundation_probability.tif') > 0.0)
+    assert len(wet) > 3
+    assert np.hypot(*(wet - [6.0, 3.0]).T).max() < 10.0

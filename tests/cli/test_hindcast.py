@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import rasterio
 
-from command_line import done, refused
-from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case
+from command_line import done, lava, refused
+from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_case_in_degrees
 from lava_ros.bag import BagReader
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
 from lava_ros.maps.frames import Recording
@@ -240,3 +240,31 @@ def test_materials_are_listed():
     (one,) = json.loads(done('materials', 'reunion_basalt', '--json'))
     assert one['constants']['vft_b']['value'] == 5558.0
     assert 'etna_basalt' in refused('materials', 'obsidian')
+
+
+def test_calibration_cross_validates_two_cases(tmp_path):
+    cases = [write_case(tmp_path / name, hours=0.5, yaml=LAVA) for name in ('one', 'two')]
+    words = ['--device', 'cpu', '--spacing', '40', '--runs', '4', '--unknown', 'crust_cover=0:1']
+    words += ['-o', tmp_path / 'out']
+    output = done('calibrate', *cases, *words)
+    assert 'two: ' in output and 'with the set that is best for the others' in output
+    rows = (tmp_path / 'out/runs.csv').read_text().splitlines()
+    assert rows[0].startswith('crust_cover,case,jaccard,single')
+    assert [row.split(',')[1] for row in rows[1:]] == ['one', 'two'] * 4
+    result = json.loads((tmp_path / 'out/calibration.json').read_text())
+    assert [item['case'] for item in result['leave_one_out']] == ['one', 'two']
+    assert 'folders with different names' in refused('calibrate', cases[0], cases[0])
+    output = refused('calibrate', cases[1], *words)
+    assert 'a table of runs with crust_cover of two' in output
+
+
+def test_a_case_in_degrees_runs_without_a_warning(tmp_path):
+    folder, _ = write_case_in_degrees(tmp_path / 'degrees', hours=0.5)
+    words = ['hindcast', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
+    status, out, err = lava(*words, '-o', tmp_path / 'out')
+    output = [line for line in err.splitlines() if line.startswith('lava hindcast: ')]
+    # without ROS 2 another line reports that there is no bag
+    ground, rates = (line for line in output if 'no bag' not in line)
+    assert 'EPSG:4326 taken to EPSG:32633' in ground
+    assert '2 intervals of mean rates, 0 to 1800 s, 2.7e+04 m3 in all' in rates
+    assert status == 0 and 'area' in out

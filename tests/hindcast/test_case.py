@@ -361,3 +361,10 @@ def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path: Path) -> None:
         (folder / f'{name}.asc').unlink()
     with pytest.raises(LavaError, match=r'the footprint.*data on the terrain'):
         load_case(folder)
+
+
+def test_reads_a_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
+    folder = write_case(tmp_path / 'valley')
+    table = 'start_s;end_s;discharge_m3_per_s\r\n0;5400;20,5\r\n5400;10800;9,5\r\n'
+    (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8-sig')
+    assert load_case(folder).volume == pytest.approx(162_000.0)
