@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Iterator
 import math
-import time
 from typing import NamedTuple
 
 from lava_ros import validation
@@ -108,30 +107,3 @@ def pace(
             return
         clock_ns, current_round = due.clock_ns, due.round
         yield due
-
-
-class StopRequest:
-    """A request to stop that a signal handler can set.
-
-    ``threading.Event`` would deadlock: a handler runs in the main thread, also during ``wait``,
-    and ``set`` needs the lock that ``wait`` holds.
-    """
-
-    def __init__(self) -> None:
-        """Initialize without a request."""
-        self._is_set = False
-
-    def set(self) -> None:
-        """Request a stop."""
-        self._is_set = True
-
-    def is_set(self) -> bool:
-        """Return True if a stop has been requested."""
-        return self._is_set
-
-    def wait(self, seconds: float) -> bool:
-        """Wait for ``seconds`` unless a stop is requested; return True if one is."""
-        if not self._is_set:
-            time.sleep(seconds)
-        return self._is_set
-
