@@ -84,7 +84,7 @@ class CheckpointRecording:
         return self._write(stamp_ns, timeout)
 
     def _is_recording(self) -> bool:
-        directory = self.recorder.status.directory
+        directory = self.recorder.directory
         if not self.recorder.is_recording or directory != self._directory:
             self._pending = self._asked = self.last = None
             self._data, self._written = b'', 0

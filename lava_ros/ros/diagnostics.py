@@ -14,7 +14,7 @@ import numpy as np
 
 from lava_ros.live.checkpoint_recording import LastCheckpoint
 from lava_ros.live.ensemble_forecasts import ForecastStatus, StampedForecast
-from lava_ros.live.recorder import Recorder, RecorderStatus
+from lava_ros.live.recorder import Recorder
 from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layers import ZERO_CELSIUS
@@ -199,7 +199,7 @@ def deadline_status(
 
 
 def recorder_status(
-    recorder: RecorderStatus, checkpoint: LastCheckpoint | None = None
+    recorder: Recorder, checkpoint: LastCheckpoint | None = None
 ) -> DiagnosticStatus:
     """Return the status of the recorder, with the time up to which its bag can be resumed."""
     values: dict[str, object] = {
@@ -301,11 +301,10 @@ class NodeLog:
 
     def recorder(self, recorder: Recorder) -> None:
         """Log the location of the bag, and its error."""
-        status = recorder.status
         if recorder.is_recording:
-            place = Path(status.directory).absolute()
+            place = Path(recorder.directory).absolute()
             self._log_change('recorder', place, f'recording to {place}')
-        self._log_change('recorder error', status.error, status.error, 'error')
+        self._log_change('recorder error', recorder.error, recorder.error, 'error')
 
     def _log_change(self, about: str, thing: object, text: str, severity: str = 'info') -> None:
         """Log ``text`` when ``thing`` has changed; an empty text is not logged."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start of rclpy with checked arguments, execution of callbacks, and entities of a node."""
+"""Start of rclpy with checked arguments, and execution of callbacks."""
 
 from collections.abc import Callable, Sequence
 import os
@@ -117,27 +117,3 @@ def spin(
         except Exception as error:
             on_error(error)
             time.sleep(PAUSE)
-
-
-class EntityRegistry:
-    """The ROS entities that a node creates when configured and destroys at cleanup."""
-
-    def __init__(self, node: Node) -> None:
-        """Initialize without entities."""
-        self.node = node
-        self._made: dict[Any, str] = {}
-
-    def create(self, kind: str, *args: Any, **options: Any) -> Any:
-        """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""
-        made = getattr(self.node, f'create_{kind}')(*args, **options)
-        self._made[made] = kind
-        return made
-
-    def drop(self, made: Any) -> None:
-        """Destroy one entity."""
-        getattr(self.node, f'destroy_{self._made.pop(made)}')(made)
-
-    def destroy(self) -> None:
-        """Destroy all entities, newest first."""
-        while self._made:
-            self.drop(next(reversed(self._made)))

@@ -23,8 +23,10 @@ from rclpy.parameter import Parameter
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import node_parameters, parameters
-from lava_ros.ros.executor import check_words, EntityRegistry, spin, start_ros
+from lava_ros.ros.executor import check_words, spin, start_ros
+from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.runtime import NodeRuntime
+from lava_ros.ros.services import create_services
 from lava_ros.ros.startup_inputs import (
     load_startup_inputs,
     overrides_from_checkpoint,
@@ -168,13 +170,12 @@ class LavaNode(LifecycleNode):
         # a later configure starts from the scene: the bags of this process are finished
         startup = load_startup_inputs(self, may_restart=self._constants is None)
         settings = self._declare_parameters(startup)
-        entities = EntityRegistry(self)
+        graph = NodeGraph(self, settings.frame_id)
         try:
-            self.runtime = NodeRuntime(
-                self, settings, lambda: self._values, startup, entities=entities
-            )
+            self.runtime = NodeRuntime(graph, settings, lambda: self._values, startup)
+            create_services(self.runtime, graph)
         except Exception:
-            entities.destroy()
+            graph.destroy()
             raise
         node_parameters.fix(self, _DECLARED, fixed=True)
 

@@ -11,7 +11,7 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.live.clock import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
-from lava_ros.live.recorder import RecorderStatus
+from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.ros import diagnostics
 from lava_ros.ros.subscribers import InputLog
@@ -183,10 +183,14 @@ def test_effects_status_lists_effects_with_reasons():
 
 
 def test_failed_recording_is_an_error():
-    good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 1, 5, ''))
+    recorder = Recorder()
+    recorder.directory, recorder.files, recorder.messages = 'bags/x', 1, 5
+    recorder.state = 'recording'
+    good = diagnostics.recorder_status(recorder)
     assert (good.name, good.level, good.message) == ('recorder', OK, 'recording')
     assert _values(good) == {'state': 'recording', 'bag': 'bags/x', 'files': '1', 'messages': '5'}
-    bad = diagnostics.recorder_status(RecorderStatus('off', 'bags/x', 1, 5, 'disk full'))
+    recorder.state, recorder.error = 'off', 'disk full'
+    bad = diagnostics.recorder_status(recorder)
     assert (bad.level, bad.message) == (ERROR, 'disk full')
 
 

@@ -34,7 +34,7 @@ from lava_ros.ros.outputs import (
     vent_markers,
 )
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.publishers import LayerPublishers, published_layers
+from lava_ros.ros.publishers import LayerPublishers, NodeGraph, published_layers
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
@@ -317,11 +317,10 @@ class _Published:
 
     def __init__(self, file, recorder=None):
         self.sent, self.profiles, self.now = [], {}, 100.0
-        self.publishers = LayerPublishers(
-            SimpleNamespace(create=self._create),
-            [layer for layer in load_layers(CONFIGS / file) if layer.enabled],
-            recorder or Recorder(), frame_id='map', clock=lambda: self.now,
-        )
+        graph = NodeGraph(None, 'map')
+        graph.create, graph.recorder = self._create, recorder or graph.recorder
+        layers = [layer for layer in load_layers(CONFIGS / file) if layer.enabled]
+        self.publishers = LayerPublishers(graph, layers, clock=lambda: self.now)
 
     def _create(self, kind, message_class, topic, profile):
         self.profiles[topic] = profile

@@ -12,8 +12,8 @@ import yaml
 
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.cli.main import main
-from lava_ros.live.recorder import Recorder
 from lava_ros.live.session import Origin
+from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import snapshot_at
@@ -32,11 +32,10 @@ class FrameRecording:
         self.schedule = self.scene.vents
         self.origin = None
         self.parameters = {}
-        self.recorder = Recorder()
-        self.recording = SceneRecording(
-            SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/'),
-            self.recorder, frame_id='map', configs={}, parameters=lambda: self.parameters,
-        )
+        node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
+        graph = NodeGraph(node, 'map')
+        self.recorder = graph.recorder
+        self.recording = SceneRecording(graph, configs={}, parameters=lambda: self.parameters)
 
     def write(self, time, effects):
         terrain = self.scene.terrain

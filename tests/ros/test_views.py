@@ -16,11 +16,10 @@ from visualization_msgs.msg import Marker
 import yaml
 
 from lava_ros.bag import BagReader, LATCHED
-from lava_ros.live.recorder import Recorder
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import outputs
 from lava_ros.ros.codec import message_class
-from lava_ros.ros.publishers import LayerPublishers
+from lava_ros.ros.publishers import LayerPublishers, NodeGraph
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.ros.snapshot_bags import write_snapshots
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -51,17 +50,17 @@ SNAPSHOTS = [snapshot_at(time, growing(time, TERRAIN), TERRAIN) for time in (200
 
 
 def record_node(directory: Path) -> Path:
-    recorder = Recorder()
-    node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
-    recording = SceneRecording(node, recorder, frame_id='map', configs={}, parameters=dict)
+    node: Any = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
+    graph: Any = NodeGraph(node, 'map')
+    recorder = graph.recorder
+    recording = SceneRecording(graph, configs={}, parameters=dict)
 
     def create(kind: str, message: Any, topic: str, given: Any) -> Any:
         return SimpleNamespace(publish=lambda data: None, topic_name=f'/{topic}')
 
     enabled = [layer for layer in load_layers(ROOT / 'msg_configs/default.yaml') if layer.enabled]
-    layers: Any = LayerPublishers(
-        SimpleNamespace(create=create), enabled, recorder, frame_id='map'
-    )
+    graph.create = create
+    layers: Any = LayerPublishers(graph, enabled)
     recorder.arm(directory)
     for snapshot in SNAPSHOTS:
         stamp = int(snapshot.time * 1e9)
