@@ -120,10 +120,8 @@ class ForecastWatch(DiagnosticsWatch):
 
     def open_vents(self, vents: Sequence[Vent], terrain: Terrain) -> float:
         """Publish vents, and return the monotonic time [s]."""
-        rows, stamp_ns = outputs.vent_rows(vents, 0.0), now_ns(self._node)
-        self._vents.publish(
-            outputs.vents_message(rows, terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
-        )
+        rows, header = outputs.vent_rows(vents, 0.0), codec.header(_FRAME, now_ns(self._node))
+        self._vents.publish(outputs.vents_message(rows, terrain, header))
         return time.monotonic()
 
     def show_outline(self, lava: np.ndarray, terrain: Terrain, stamp_ns: int) -> float:
@@ -131,9 +129,9 @@ class ForecastWatch(DiagnosticsWatch):
 
         ``lava`` is bool, shape [rows, columns]; every cell counts as observed.
         """
-        info = codec.map_metadata(terrain, stamp_ns)
-        cells = np.where(lava, 100, 0).astype(np.int8)
-        self._outline.publish(codec.occupancy_grid(cells, info, codec.header(_FRAME, stamp_ns)))
+        header = codec.header(_FRAME, stamp_ns)
+        info, cells = codec.map_metadata(terrain, header.stamp), np.where(lava, 100, 0)
+        self._outline.publish(codec.occupancy_grid(cells.astype(np.int8), info, header))
         return time.monotonic()
 
     @staticmethod

@@ -51,13 +51,13 @@ def message_array(values: np.ndarray, typecode: str) -> 'array.array[int]':
     return result
 
 
-def map_metadata(terrain: Terrain, stamp_ns: int) -> MapMetaData:
+def map_metadata(terrain: Terrain, stamp: Time) -> MapMetaData:
     """Return the grid of a terrain: size, resolution and origin."""
     rows, columns = terrain.shape
     origin = Pose()
     origin.position.x, origin.position.y = terrain.origin
     return MapMetaData(
-        map_load_time=time_message(stamp_ns),
+        map_load_time=stamp,
         resolution=terrain.resolution,
         width=columns,
         height=rows,

@@ -18,7 +18,7 @@ from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.maps.place_arrivals import live_arrivals, LiveArrivals
 from lava_ros.maps.places import Places, places_on
-from lava_ros.ros import codec, diagnostics, qos
+from lava_ros.ros import diagnostics, qos
 from lava_ros.ros.diagnostics import ERROR, OK, WARN
 from lava_ros.ros.executor import now_ns
 from lava_ros.ros.parameters import Settings
@@ -259,7 +259,7 @@ class PlaceTopic:
             if self._places is not None:
                 self._latest = live_arrivals(self._places, snapshot, forecast, ensemble)
                 statuses = _statuses(self._latest, self._places)
-            header = codec.header(self._graph.frame_id, stamp_ns)
+            header = self._graph.header(stamp_ns)
             self._message = DiagnosticArray(header=header, status=statuses)
         self._graph.send(self._publisher, self._message, recorded_ns, qos.LATCHED)
 

@@ -16,6 +16,7 @@ from nav_msgs.srv import GetMap
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lava_ros.bag import QosProfile
@@ -87,6 +88,10 @@ class NodeGraph:
         self.frame_id = frame_id
         self.recorder = Recorder()
         self._made: dict[Any, str] = {}
+
+    def header(self, stamp_ns: int) -> Header:
+        """Make the header of a message."""
+        return codec.header(self.frame_id, stamp_ns)
 
     def create(self, kind: str, *args: Any, **options: Any) -> Any:
         """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""
@@ -233,8 +238,7 @@ class LayerPublishers(Generic[Shown]):
         return response
 
     def _message(self, layer: Layer, shown: Shown, stamp_ns: int) -> Any:
-        frame_id = self._graph.frame_id
-        return outputs.layer_message(layer, shown, frame_id=frame_id, stamp_ns=stamp_ns)
+        return outputs.layer_message(layer, shown, self._graph.header(stamp_ns))
 
 
 class ScenePublisher:
@@ -243,7 +247,7 @@ class ScenePublisher:
     def __init__(self, graph: NodeGraph) -> None:
         """Create the publishers."""
         self._graph = graph
-        self._messages = outputs.SceneMessages(graph.frame_id)
+        self._messages = outputs.SceneMessages()
         self._sent: dict[str, bytes] = {}
         self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
         self._drawn = self._create(relief=OccupancyGrid, vents_markers=MarkerArray)
@@ -254,7 +258,7 @@ class ScenePublisher:
         Once a terrain is received from elsewhere (``is_heard``), the one published here is
         withdrawn. ``time`` is simulated [s], ``stamp_ns`` the ROS time [ns].
         """
-        messages = self._messages.update(scene, time, stamp_ns)
+        messages = self._messages.update(scene, time, self._graph.header(stamp_ns))
         for topic in self._drawn.keys() & messages.keys():
             self._drawn[topic].publish(codec.serialise(messages[topic]))
         changed = self._publishers.keys() & messages.keys()

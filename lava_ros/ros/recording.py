@@ -42,7 +42,7 @@ class SceneRecording:
         """Initialize without a bag."""
         self._scene: Scene | None = None
         self._origin: Origin | None = None
-        self._messages = outputs.SceneMessages(self.graph.frame_id)
+        self._messages = outputs.SceneMessages()
         self._written_ns = self._written_size = 0
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
@@ -62,9 +62,8 @@ class SceneRecording:
             self._scene = scene
         if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._messages.forget()
-        messages = self._messages.update(
-            scene, snapshot.time, stamp_ns, ground=snapshot.terrain
-        )
+        header = self.graph.header(stamp_ns)
+        messages = self._messages.update(scene, snapshot.time, header, ground=snapshot.terrain)
         for topic, message in messages.items():
             name, kind = self.graph.node.resolve_topic_name(topic), codec.type_name(type(message))
             recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)

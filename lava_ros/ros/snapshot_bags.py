@@ -43,18 +43,19 @@ class _Bag(BagWriter):
         }
         super().__init__(path, custom_data=described)
         self._namespace = namespace
-        self._messages = outputs.SceneMessages(_FRAME)
+        self._messages = outputs.SceneMessages()
 
     def put(self, topic: str, message: Any, stamp_ns: int, qos: QosProfile = LATCHED) -> None:
         name, data = f'{self._namespace}/{topic}', codec.serialise(message)
         self.write(name, codec.type_name(type(message)), data, stamp_ns, qos=qos)
 
     def put_scene(self, scene: Scene, time: float, stamp_ns: int) -> None:
-        for topic, message in self._messages.update(scene, time, stamp_ns).items():
+        header = codec.header(_FRAME, stamp_ns)
+        for topic, message in self._messages.update(scene, time, header).items():
             self.put(topic, message, stamp_ns)
 
     def put_layer(self, layer: Layer, shown: Snapshot | EnsembleForecast, stamp_ns: int) -> None:
-        message = outputs.layer_message(layer, shown, frame_id=_FRAME, stamp_ns=stamp_ns)
+        message = outputs.layer_message(layer, shown, codec.header(_FRAME, stamp_ns))
         self.put(layer.topic, message, stamp_ns, layer.qos)
 
 

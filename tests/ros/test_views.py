@@ -17,7 +17,7 @@ import yaml
 
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.ros import outputs
+from lava_ros.ros import codec, outputs
 from lava_ros.ros.codec import message_class
 from lava_ros.ros.publishers import LayerPublishers, NodeGraph
 from lava_ros.ros.recording import SceneRecording
@@ -118,7 +118,7 @@ def test_vents_are_below_the_camera(elevation: float, resolution: float) -> None
         Vent((x, y), 1.0, 1423.0, radius=min(resolution, 1e4)),
         Vent((x, y), 1.0, 1423.0, radius=0.1, end=(2.0 * x, y)),
     )
-    _, *markers = outputs.vent_markers(vents, 0.0, terrain, frame_id='map', stamp_ns=0).markers
+    _, *markers = outputs.vent_markers(vents, 0.0, terrain, codec.header('map', 0)).markers
     for item in markers:
         if item.ns == outputs.ELEVATIONS:
             assert max(point.z for point in item.points) == max(elevation, 0.0)
