@@ -4,6 +4,7 @@
 """Timing of a replay: when to publish each message of a bag."""
 
 from collections.abc import Callable, Iterator
+from itertools import count
 import math
 from typing import NamedTuple
 
@@ -53,23 +54,19 @@ def schedule(
     if begin > bag.end_ns:
         expected = f'at most the {bag.duration_ns / 1e9:g} s the bag lasts'
         raise LavaError('start_offset', start_offset, expected)
-    return _schedule(bag, rate, loop, begin)
-
-
-def _schedule(bag: BagReader, rate: float, loop: bool, start: int) -> Iterator[Step]:
-    assert bag.end_ns is not None
     latched = [name for name, topic in bag.topics.items() if topic.qos.is_latched]
-    count, base = 0, 0.0
-    while True:
-        for message in bag.newest(latched, start):
-            yield Step(base, start, message, count)
-        for message in bag.messages(start_ns=start):
-            at = base + (message.stamp_ns - start) / 1e9 / rate
-            yield Step(at, message.stamp_ns, message, count)
-        if not loop:
-            return
-        base += (bag.end_ns - start) / 1e9 / rate + LOOP_PAUSE
-        count += 1
+    duration = (bag.end_ns - begin) / 1e9 / rate + LOOP_PAUSE
+
+    def steps() -> Iterator[Step]:
+        for number in count() if loop else range(1):
+            start = number * duration
+            for message in bag.newest(latched, begin):
+                yield Step(start, begin, message, number)
+            for message in bag.messages(start_ns=begin):
+                at = start + (message.stamp_ns - begin) / 1e9 / rate
+                yield Step(at, message.stamp_ns, message, number)
+
+    return steps()
 
 
 def pace(

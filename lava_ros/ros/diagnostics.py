@@ -12,7 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
-from lava_ros.live.checkpoint_recording import LastCheckpoint
+from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.ensemble_forecasts import ForecastStatus, StampedForecast
 from lava_ros.live.recorder import Recorder
 from lava_ros.live.session import is_on, SimulationSession
@@ -198,20 +198,19 @@ def deadline_status(
     return status('deadline', OK if is_well else WARN, reason, values)
 
 
-def recorder_status(
-    recorder: Recorder, checkpoint: LastCheckpoint | None = None
-) -> DiagnosticStatus:
+def recorder_status(checkpoints: CheckpointRecording) -> DiagnosticStatus:
     """Return the status of the recorder, with the time up to which its bag can be resumed."""
+    recorder, last = checkpoints.recorder, checkpoints.last
     values: dict[str, object] = {
         'state': recorder.state,
         'bag': recorder.directory,
         'files': recorder.files,
         'messages': recorder.messages,
     }
-    if checkpoint is not None:
-        values['checkpoints'] = checkpoint.count
-        values['checkpoint_time_s'] = repr(checkpoint.time)
-        values['checkpoint_bytes'] = checkpoint.size
+    if last is not None:
+        values['checkpoints'] = checkpoints.count
+        values['checkpoint_time_s'] = repr(last.time)
+        values['checkpoint_bytes'] = last.size
     level = ERROR if recorder.error else OK
     return status('recorder', level, recorder.error or recorder.state, values)
 

@@ -380,7 +380,7 @@ class NodeRuntime:
                 ),
                 diagnostics.effects_status(self.worker.session.effects),
                 self.inputs.log.status(),
-                diagnostics.recorder_status(self._recorder, self._checkpoints.last),
+                diagnostics.recorder_status(self._checkpoints),
                 *self._forecasts.statuses(),
                 *self._places.statuses(),
             ],

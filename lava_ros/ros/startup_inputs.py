@@ -20,8 +20,9 @@ from rclpy.node import Node
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
+from lava_ros.bag.decoding import DIAGNOSTICS, moment_of
+from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
-from lava_ros.files.yaml import parse_yaml
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.session import Origin
 from lava_ros.maps.onset import recorded_onset
@@ -119,12 +120,10 @@ def _restarted(node: Node) -> StartupInputs | None:
 
 def _reached(bag: BagReader) -> float:
     """Return the simulated time [s] of the newest diagnostics in a bag, 0 without any."""
-    topic = '/diagnostics'
-    for item in bag.newest({topic}, (bag.end_ns or 0) + 1):
-        message = codec.decode(item.data, DiagnosticArray, topic, max_bytes=len(item.data))
-        values = {pair.key: pair.value for status in message.status for pair in status.values}
-        with suppress(KeyError, ValueError):
-            return float(values['simulated_time_s'])
+    for item in bag.newest({DIAGNOSTICS}, (bag.end_ns or 0) + 1):
+        message = codec.decode(item.data, DiagnosticArray, DIAGNOSTICS, max_bytes=len(item.data))
+        for moment in filter(None, map(moment_of, message.status)):
+            return moment.time
     return 0.0
 
 
@@ -138,21 +137,15 @@ def _resumed(node: Node, bag: str) -> StartupInputs:
         f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
     )
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
+    before: tuple[Vent, ...] = ()
     description = BagReader(bag).custom_data
-    onset = recorded_onset(description)
+    scene, onset = described(description)['scene'] or {}, recorded_onset(description)
+    with suppress(LavaError):
+        before = vents_from_list(scene.get('vents', []), checkpoint.scene.terrain)
     return StartupInputs(
-        scene=checkpoint.scene, checkpoint=checkpoint, origin=origin,
-        before=_vents_of(description, checkpoint.scene.terrain), onset=onset.text if onset else '',
+        scene=checkpoint.scene, checkpoint=checkpoint, origin=origin, before=before,
+        onset=onset.text if onset else '',
     )
-
-
-def _vents_of(description: Mapping[str, str], terrain: Terrain) -> tuple[Vent, ...]:
-    try:
-        scene = parse_yaml('scene', description.get('scene', ''))
-        listed = scene['vents'] if isinstance(scene, Mapping) else []
-        return vents_from_list(listed, terrain)
-    except (LavaError, KeyError):
-        return ()
 
 
 def overrides_from_checkpoint(

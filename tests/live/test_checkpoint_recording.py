@@ -76,7 +76,7 @@ def test_checkpoints_are_written_at_the_start_each_period_and_at_the_end(tmp_pat
     stored = checkpoints_of(tmp_path / 'bag')
     assert [item.time for item in stored] == [0.5, 60.5, 120.5, 150.0]
     assert stored[-1].log_time_ns == 150 * 10**9
-    assert (checkpoints.last.time, checkpoints.last.count) == (150.0, 4)
+    assert (checkpoints.last.time, checkpoints.count) == (150.0, 4)
     assert checkpoints.last.size == stored[-1].size
     assert checkpoints.poll(PERIOD, 0) == ''
     assert checkpoints.last is None
@@ -157,7 +157,7 @@ def test_failed_checkpoint_is_reported_and_repeated(recording):
         assert checkpoints.finish(PERIOD, 1, timeout=1.0) == str(failure)
     checkpoints.take = session.take
     run(*recording, 1)
-    assert checkpoints.last.count == 1
+    assert checkpoints.count == 1
 
 
 def test_new_bag_starts_with_a_checkpoint(tmp_path, recording):
