@@ -86,11 +86,13 @@ class _File:
 
     Attributes:
         record: The file's entry in metadata.yaml.
+        custom_data: The current description, which a later ``flush`` writes if it has changed.
     """
 
     def __init__(self, directory: _Directory, name: str, custom_data: Mapping[str, str]) -> None:
         """Create the file and write its header and metadata."""
         self.record = FileRecord(name)
+        self.custom_data = custom_data
         # channel ID of each topic, and its number of messages in this file
         self._channels: dict[str, tuple[int, TopicRecord]] = {}
         self._schema_ids: dict[str, int] = {}
@@ -104,7 +106,7 @@ class _File:
                 enable_data_crcs=True,
             )
             self._mcap.start(profile='ros2', library=f'lava_ros {LIBRARY_IDENTIFIER}')
-            self._describe(custom_data)
+            self._describe()
             self._mcap.flush()
         except OSError:
             self._stream.close()
@@ -125,17 +127,14 @@ class _File:
             self.record.start_ns = log_time
         self.record.end_ns = log_time
 
-    def attach(
-        self, name: str, media_type: str, data: bytes, log_time: int,
-        custom_data: Mapping[str, str],
-    ) -> None:
+    def attach(self, name: str, media_type: str, data: bytes, log_time: int) -> None:
         """Append an attachment, after flushing all messages and the current description."""
         self._mcap.flush()
-        if custom_data is not self._described:
-            self._describe(custom_data)
+        if self.custom_data is not self._described:
+            self._describe()
         self._mcap.add_attachment(log_time, log_time, name, media_type, data)
 
-    def flush(self, custom_data: Mapping[str, str]) -> None:
+    def flush(self) -> None:
         """Pass all buffered data to the operating system.
 
         A changed description is written again only after the file has grown by twice its size, so
@@ -145,14 +144,14 @@ class _File:
             OSError: If the file cannot be written or was removed.
         """
         self._mcap.flush()
-        if custom_data is not self._described:
+        if self.custom_data is not self._described:
             grown = self.size - self._described_at
-            if grown >= 2 * sum(map(len, custom_data.values())):
-                self._describe(custom_data)
+            if grown >= 2 * sum(map(len, self.custom_data.values())):
+                self._describe()
                 self._mcap.flush()
         self._directory.check(self._stream)
 
-    def finish(self, custom_data: Mapping[str, str]) -> None:
+    def finish(self) -> None:
         """Write the index and close the file, also after an error.
 
         Raises:
@@ -160,7 +159,7 @@ class _File:
         """
         with self._stream:
             self._mcap.flush()
-            self._describe(custom_data)
+            self._describe()
             self._mcap.finish()
             self._directory.check(self._stream)
 
@@ -178,11 +177,11 @@ class _File:
         self._channels[topic.name] = number, replace(topic, message_count=0, latest=None)
         return self._channels[topic.name]
 
-    def _describe(self, custom_data: Mapping[str, str]) -> None:
+    def _describe(self) -> None:
         topics = (topic for _, topic in self._channels.values())
-        data = bag_metadata.describe([self.record], topics, custom_data)
+        data = bag_metadata.describe([self.record], topics, self.custom_data)
         self._mcap.add_metadata(bag_metadata.RECORD, bag_metadata.to_record(data))
-        self._described, self._described_at = custom_data, self.size
+        self._described, self._described_at = self.custom_data, self.size
 
 
 class BagWriter:
@@ -262,8 +261,7 @@ class BagWriter:
         Raises:
             LavaError: If a key or a value is not text, or the bag is closed.
         """
-        self._open()
-        self._custom_data = _texts(custom_data)
+        self._open().custom_data = self._custom_data = _texts(custom_data)
 
     def write(
         self,
@@ -316,7 +314,7 @@ class BagWriter:
             for other in self._topics.values():
                 if other.latest is not None and other is not item:
                     file.write(other, other.latest[0], log_time, other.latest[1])
-            file.flush(self._custom_data)
+            file.flush()
             self._repeated_size = file.size
         self._last_stamp_ns, self._end_ns = stamp_ns, log_time
         self._topics[topic] = item
@@ -335,7 +333,7 @@ class BagWriter:
             OSError: If the file cannot be written.
         """
         log_time = max(stamp_ns, self._end_ns)
-        self._open().attach(name, media_type, data, log_time, self._custom_data)
+        self._open().attach(name, media_type, data, log_time)
 
     def start_next_file(self) -> None:
         """Finish the current file and start a new one, without repeated messages.
@@ -346,7 +344,7 @@ class BagWriter:
         """
         file, self._file = self._open(), None
         self._finished_size += file.size
-        file.finish(self._custom_data)
+        file.finish()
         self._repeated_size = 0
         self._open_file()
 
@@ -359,7 +357,7 @@ class BagWriter:
             LavaError: If the bag is closed.
             OSError: If the file cannot be written, or is no longer in the bag.
         """
-        self._open().flush(self._custom_data)
+        self._open().flush()
 
     def close(self) -> None:
         """Finish the file and write metadata.yaml; a second call does nothing.
@@ -372,7 +370,7 @@ class BagWriter:
         self._closed = True
         try:
             if self._file is not None:
-                self._file.finish(self._custom_data)
+                self._file.finish()
             data = bag_metadata.describe(self._records, self._topics.values(), self._custom_data)
             text = bag_metadata.to_text({bag_metadata.ROOT: data})
             self._directory.put(bag_metadata.FILE_NAME, text)

@@ -19,7 +19,7 @@ from lava_ros.cli.console import Progress, write_json
 from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scene_options import SCENE_OPTIONS
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 
 if TYPE_CHECKING:
     from lava_ros.scene import Scene
@@ -146,11 +146,9 @@ def _own_domain(number: int | None) -> int:
 
 def _remove_earlier_demo(output: Path) -> None:
     """Remove the output of an earlier demo; raise LavaError for any other file or folder."""
-    try:
+    with refusing('--output', str(output), 'a folder that can be made', OSError):
         if not output.exists():
             return
-    except OSError as error:
-        raise LavaError('--output', str(output), f'a folder that can be made ({error})') from error
     own = {RESULT, PICTURE, 'metadata.yaml'}
     names = {item.name for item in output.iterdir()} if output.is_dir() else set()
     foreign = {name for name in names - own if not name.endswith('.mcap')}

@@ -12,7 +12,7 @@ import time
 from typing import Any
 
 from lava_ros.bag import BagWriter, QosProfile
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 
 
 class Recorder:
@@ -123,14 +123,12 @@ class Recorder:
 def _new_place(directory: Path) -> Path:
     """Return the resolved path of a new bag; raise LavaError if it cannot be created."""
     name = str(directory)
-    try:
+    with refusing('bag_directory', name, 'a path', OSError, RuntimeError):
         place = directory.resolve()
         if directory.exists() or directory.is_symlink():
             raise LavaError('bag_directory', name, 'a folder that does not exist yet')
         parent = next(path for path in directory.absolute().parents if path.exists())
         is_usable = parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)
-    except (OSError, RuntimeError) as error:
-        raise LavaError('bag_directory', name, f'a path ({error})') from error
     if not is_usable:
         raise LavaError('bag_directory', name, f'a new folder: {parent} cannot be written to')
     return place
@@ -198,10 +196,8 @@ class BagFolder:
         if name == self._given:
             path = Path(name)
             return _unused(path) if path in self.written() else path
-        try:
+        with refusing('bag_directory', name, 'a path', OSError, RuntimeError, ValueError):
             root, path = self._root.resolve(), Path(name).resolve()
-        except (OSError, RuntimeError, ValueError) as error:
-            raise LavaError('bag_directory', name, f'a path ({error})') from error
         if root not in path.parents:
             raise LavaError('bag_directory', name, f'a new folder inside {root} (bag_root)')
         return Path(name)

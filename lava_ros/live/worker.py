@@ -175,7 +175,7 @@ class SimulationWorker:
             vents = check_vents(vents, terrain)
         except LavaError as refused:
             vents, error = (), refused
-        self.session.begin(terrain, vents)
+        self.session.start(Scene(terrain, vents=vents, **self.session.constants))
         self._waiting_vents = None
         if future is not None:
             finish(future, error)

@@ -15,7 +15,7 @@ import yaml
 
 import lava_ros
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
-from lava_ros.errors import LavaError
+from lava_ros.errors import refusing
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.members import Plan
 from lava_ros.maps.forecast import EnsembleForecast, HazardMaps
@@ -88,7 +88,7 @@ def write_atlas_bag(
         duration=0.0,
     )
     data = {'version': lava_ros.__version__, **custom_data}
-    try:
+    with refusing('bag', str(directory), 'a bag that can be written', OSError):
         if directory.exists():
             shutil.rmtree(directory)
         with closing(_Bag(directory, NAMESPACE, plan.scene, data)) as bag:
@@ -96,8 +96,6 @@ def write_atlas_bag(
             for layer in load_layers(share_path('msg_configs/forecast.yaml')):
                 if layer.is_ensemble:
                     bag.put_layer(layer, shown, stamp_ns)
-    except OSError as error:
-        raise LavaError('bag', str(directory), f'a bag that can be written ({error})') from error
 
 
 def write_snapshots(
