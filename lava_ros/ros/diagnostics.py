@@ -182,11 +182,12 @@ def deadline_status(
     """
     values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
     if choice is not None:
+        plan = choice.plan
         values |= {
-            'spacing_m': '' if choice.spacing is None else f'{choice.spacing:.4g}',
+            'spacing_m': '' if plan is None else f'{plan.spacing:.4g}',
             'members': '' if choice.members is None else choice.members,
-            'expected_s': f'{choice.wall_time:.3g}',
-            'expected_error': f'{choice.error:.2g}',
+            'expected_s': '0' if plan is None else f'{plan.wall_time:.3g}',
+            'expected_error': '0' if plan is None else f'{plan.error:.2g}',
             'expected_sampling_error': f'{choice.sampling_error:.2g}',
             'choosing_took_s': f'{choice.spent:.3g}',
         }
@@ -194,7 +195,7 @@ def deadline_status(
     is_late = took > deadline
     if is_late:
         reason = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
-    is_well = not is_late and (choice is None or choice.is_met)
+    is_well = not is_late and (choice is None or choice.plan is not None)
     return status('deadline', OK if is_well else WARN, reason, values)
 
 

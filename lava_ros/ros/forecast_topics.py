@@ -235,7 +235,6 @@ class PlaceTopic:
         ensemble: EnsembleForecast | None,
         stamp_ns: int,
         *,
-        recorded_ns: int,
         repeat: bool = False,
     ) -> None:
         """Publish the arrivals if they have changed, or if ``repeat``.
@@ -245,7 +244,6 @@ class PlaceTopic:
             forecast: The newest forecast, None if none is valid.
             ensemble: The newest ensemble, None if none is valid.
             stamp_ns: ROS time of the newest maps [ns].
-            recorded_ns: ROS time of the message in the bag [ns].
             repeat: Publish again, even if nothing has changed.
         """
         # snapshots and forecasts are equal only if they are the same object
@@ -261,7 +259,8 @@ class PlaceTopic:
                 statuses = _statuses(self._latest, self._places)
             header = self._graph.header(stamp_ns)
             self._message = DiagnosticArray(header=header, status=statuses)
-        self._graph.send(self._publisher, self._message, recorded_ns, qos.LATCHED)
+        node = self._graph.node
+        self._graph.send(self._publisher, self._message, now_ns(node), qos.LATCHED)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Return the status of the places; none without features."""

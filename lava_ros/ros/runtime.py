@@ -340,12 +340,9 @@ class NodeRuntime:
     def _publish_places(self, *, repeat: bool = False) -> None:
         snapshot = self._layers.shown
         if snapshot is not None and self.is_active:
+            stamp_ns = self._layers.shown_stamp_ns
             self._places.publish(
-                snapshot,
-                *self._forecasts.valid,
-                stamp_ns=self._layers.shown_stamp_ns,
-                recorded_ns=now_ns(self._node),
-                repeat=repeat,
+                snapshot, *self._forecasts.valid, stamp_ns=stamp_ns, repeat=repeat
             )
 
     def _is_at_rest(self) -> bool:

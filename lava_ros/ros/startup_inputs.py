@@ -36,6 +36,7 @@ from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.resolution import resolved_accuracy
 
 if TYPE_CHECKING:
+    from lava_ros.forecast.planning import RunPlan
     from lava_ros.simulation import Simulation
 
 
@@ -212,23 +213,17 @@ class DeadlineChoice:
 
     Attributes:
         reason: Reason of the choice, for the diagnostics.
-        is_met: Whether forecasts are expected to meet the deadline.
-        spacing: Distance between particles [m], None for that of the parameters.
-        members: Maximum number of members of an ensemble, None for ``ensemble_members``.
-        wall_time: Expected wall time of a forecast with its ensemble [s].
-        error: Expected fraction of the inundated area that is wrong because of the spacing.
-        sampling_error: Expected standard error of a probability of one half, 0 without members.
         spent: Wall time of the choice [s].
+        plan: Spacing, time and error of the runs; None if none is expected to meet the deadline.
+        members: Maximum number of members of an ensemble, None for ``ensemble_members``.
+        sampling_error: Expected standard error of a probability of one half, 0 without members.
     """
 
     reason: str
-    is_met: bool
-    spacing: float | None = None
+    spent: float
+    plan: 'RunPlan | None' = None
     members: int | None = None
-    wall_time: float = 0.0
-    error: float = 0.0
     sampling_error: float = 0.0
-    spent: float = 0.0
 
 
 class SimulationFactory:
@@ -268,7 +263,7 @@ class SimulationFactory:
             except LavaError as error:
                 # a late forecast is better than none
                 reason = f'preset {settings.preset}, as without a deadline: {error}'
-                self.choice = DeadlineChoice(reason, False, spent=time.monotonic() - begun)
+                self.choice = DeadlineChoice(reason, time.monotonic() - begun)
         return preset_accuracy(settings.preset, spacing=settings.spacing)
 
     def _afford(self, scene: Scene, settings: Settings, begun: float) -> Accuracy:
@@ -298,12 +293,9 @@ class SimulationFactory:
             + f': {plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
             f'{settings.deadline:g} s, from {plan.pilots} pilot runs'
             + ('; more time would not help' if plan.is_finest else ''),
-            is_met=True,
-            spacing=plan.spacing,
-            members=members,
-            wall_time=plan.wall_time,
-            error=plan.error,
-            sampling_error=sampling_error(members),
-            spent=time.monotonic() - begun,
+            time.monotonic() - begun,
+            plan,
+            members,
+            sampling_error(members),
         )
         return preset_accuracy(plan.preset, spacing=plan.spacing)
