@@ -14,7 +14,6 @@ from rclpy.executors import Executor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -62,21 +61,6 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
         raise _refusal(error) from None
     finally:
         set_logger_level('rcl', LoggingSeverity.UNSET)
-
-
-def check_words(args: Sequence[str]) -> None:
-    """Check that all arguments are ROS arguments.
-
-    Args:
-        args: Arguments without the name of the program.
-
-    Raises:
-        LavaError: If there is another argument.
-    """
-    rest = remove_ros_args(['lava_node', *args])[1:]
-    if rest:
-        expected = '--ros-args and its arguments (lava node --help)'
-        raise LavaError('an argument', rest[0], expected)
 
 
 def _refusal(error: RuntimeError) -> LavaError:

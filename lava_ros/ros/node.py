@@ -20,10 +20,11 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rclpy.utilities import remove_ros_args
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import node_parameters, parameters
-from lava_ros.ros.executor import check_words, spin, start_ros
+from lava_ros.ros.executor import spin, start_ros
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.services import create_services
@@ -271,7 +272,10 @@ def main(args: list[str] | None = None) -> int:
     words = sys.argv[1:] if args is None else args
     try:
         start_ros(args)
-        check_words(words)
+        rest = remove_ros_args(['lava_node', *words])[1:]
+        if rest:
+            expected = '--ros-args and its arguments (lava node --help)'
+            raise LavaError('an argument', rest[0], expected)
         node = LavaNode(typed=node_parameters.typed(words))
     except (LavaError, ParameterException) as error:
         print(f'lava_node cannot start: {error}', file=sys.stderr)
