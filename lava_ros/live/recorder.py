@@ -18,7 +18,7 @@ from lava_ros.errors import LavaError, refusing
 class Recorder:
     """Records bags, one at a time.
 
-    ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
+    ``arm`` chooses the bag; ``describe`` opens it once there is a scene. A bag that
     cannot be written is closed and reported in ``error``; the node continues without it.
 
     Attributes:
@@ -66,8 +66,12 @@ class Recorder:
         self.state, self.directory, self.error = 'armed', str(directory), ''
         self.files = self.messages = 0
 
-    def begin(self, custom_data: Mapping[str, str]) -> None:
-        """Open the chosen bag; ``custom_data`` is its description."""
+    def describe(self, custom_data: Mapping[str, str]) -> None:
+        """Open the chosen bag with a description, or replace the description of the open bag."""
+        if self._writer is not None:
+            self._writer.set_custom_data(custom_data)
+        if not self.is_armed:
+            return
         self.state = 'off'
         try:
             if Path(self.directory).resolve() != self._place:
@@ -76,11 +80,6 @@ class Recorder:
             self.state, self.files = 'recording', 1
         except (OSError, LavaError) as error:
             self.error = f'cannot record to {self.directory}: {error}'
-
-    def describe(self, custom_data: Mapping[str, str]) -> None:
-        """Replace the description of the recording if a bag is open."""
-        if self._writer is not None:
-            self._writer.set_custom_data(custom_data)
 
     def write(
         self, topic: str, message_type: str, data: bytes, stamp_ns: int, *, qos: QosProfile

@@ -13,10 +13,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
 from lava_ros.live.checkpoint_recording import CheckpointRecording
-from lava_ros.live.ensemble_forecasts import ForecastStatus, StampedForecast
+from lava_ros.live.ensemble_forecasts import ForecastStatus
 from lava_ros.live.recorder import Recorder
 from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
+from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import suspicious_temperatures, Terrain
@@ -115,7 +116,7 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
 def forecast_status(
     task: str,
     state: ForecastStatus,
-    latest: StampedForecast[Any] | None,
+    latest: Forecast | EnsembleForecast | None,
     *,
     age: float,
     staleness: str,
@@ -138,30 +139,30 @@ def forecast_status(
     message = 'up to date'
     if latest is not None:
         values |= {
-            'start_time_s': repr(latest.shown.time),
-            'horizon_s': repr(latest.shown.horizon),
-            'duration_s': f'{latest.shown.duration:.3g}',
+            'start_time_s': repr(latest.time),
+            'horizon_s': repr(latest.horizon),
+            'duration_s': f'{latest.duration:.3g}',
             'age_s': f'{age:.6g}',
             'is_stale': str(bool(staleness)).lower(),
             'frame_stamp_ns': latest.stamp_ns,
         }
-    if latest is not None and not is_ensemble:
-        values['particles'] = latest.shown.particle_count
-        values['cells_reached'] = int(inundated_cells(latest.shown.arrival).sum())
+    if isinstance(latest, Forecast):
+        values['particles'] = latest.particle_count
+        values['cells_reached'] = int(inundated_cells(latest.arrival).sum())
     elif latest is not None:
-        ensemble, maps = latest.shown, latest.shown.maps
+        maps = latest.maps
         values |= {
             'members': maps.members,
-            'members_asked': ensemble.asked,
+            'members_asked': latest.asked,
             'members_effective': f'{maps.effective_members:.1f}',
             'sampling_error_percent': f'{maps.sampling_error:.1f}',
             'arrival_error_s': f'{maps.arrival_error:.6g}',
             'members_beyond': maps.members_beyond,
         }
-        message = f'{maps.members} of {ensemble.asked} members'
-        if not ensemble.is_done:
+        message = f'{maps.members} of {latest.asked} members'
+        if not latest.is_done:
             message += ' so far'
-        elif maps.members < ensemble.asked:
+        elif maps.members < latest.asked:
             message += ': the others were left out to meet the deadline'
     level = OK
     if state.error:

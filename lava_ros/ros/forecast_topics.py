@@ -5,13 +5,14 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.live.ensemble_forecasts import ForecastRules, ForecastT, StampedForecast
+from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import Forecaster
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
@@ -27,6 +28,9 @@ from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature, load_features
 from lava_ros.simulation.output.snapshot import Snapshot
+
+#: A forecast, or the maps of an ensemble.
+ForecastT = TypeVar('ForecastT', Forecast, EnsembleForecast)
 
 #: Arrival threshold if no layer shows the arrival: minimum lava thickness [m].
 _THRESHOLD = 0.1
@@ -105,8 +109,8 @@ class ForecastTopics:
         forecaster = self.forecaster
         latest, ensemble = forecaster.latest, forecaster.ensembles.latest
         return (
-            None if latest is None or forecaster.staleness(latest) else latest.shown,
-            None if ensemble is None or forecaster.staleness(ensemble) else ensemble.shown,
+            None if forecaster.staleness(latest) else latest,
+            None if forecaster.staleness(ensemble) else ensemble,
         )
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
@@ -136,7 +140,7 @@ class ForecastTopics:
         ]
         if settings.deadline:
             # the duration of an ensemble includes that of its forecast
-            known = [latest.shown.duration for *_, latest in tasks if latest is not None]
+            known = [latest.duration for *_, latest in tasks if latest is not None]
             took = max(known, default=0.0)
             result.append(
                 diagnostics.deadline_status(settings.deadline, self._choice(), took=took)
@@ -167,25 +171,23 @@ class _Withdrawable(LayerPublishers[ForecastT]):
     def __init__(self, name: str, graph: NodeGraph, layers: Sequence[Layer]) -> None:
         super().__init__(graph, layers)
         self._node, self._name = graph.node, name
-        self._withdrawn: tuple[ForecastT, ForecastT, int] | None = None
+        self._withdrawn: tuple[ForecastT, ForecastT] | None = None
         self._is_valid = False
 
-    def publish_valid(
-        self, latest: StampedForecast[ForecastT] | None, staleness: str, *, repeat: bool
-    ) -> None:
+    def publish_valid(self, latest: ForecastT | None, staleness: str, *, repeat: bool) -> None:
         """Publish ``latest`` if it is new, or maps of unknown cells if it is stale."""
         if latest is None:
             return
-        shown, stamp_ns, time_ns = latest.shown, latest.stamp_ns, now_ns(self._node)
+        shown, time_ns = latest, now_ns(self._node)
         if staleness:
-            if self._withdrawn is None or self._withdrawn[0] is not shown:
+            if self._withdrawn is None or self._withdrawn[0] is not latest:
                 self._node.get_logger().info(f'{self._name} withdrawn: {staleness}')
-                self._withdrawn = shown, shown.withdrawn(), time_ns
-            _, shown, stamp_ns = self._withdrawn
+                self._withdrawn = latest, replace(latest.withdrawn(), stamp_ns=time_ns)
+            shown = self._withdrawn[1]
         # the first valid maps and a withdrawal are published immediately
         is_urgent = bool(staleness) or not self._is_valid
         self.publish(
-            shown, stamp_ns, also_not_due=is_urgent, repeat=repeat, recorded_ns=time_ns
+            shown, shown.stamp_ns, also_not_due=is_urgent, repeat=repeat, recorded_ns=time_ns
         )
         self._is_valid = not staleness
 

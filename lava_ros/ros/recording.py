@@ -57,8 +57,7 @@ class SceneRecording:
             self._effects, self._history, self._origin = {}, [], session.origin
         has_changed = self._note_effects(session.effects, snapshot, stamp_ns)
         if is_new or has_changed or scene is not self._scene:
-            put = recorder.begin if is_new else recorder.describe
-            put(self._description(scene, session))
+            recorder.describe(self._description(scene, session))
             self._scene = scene
         if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._messages.forget()

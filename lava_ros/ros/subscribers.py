@@ -12,7 +12,7 @@ from functools import partial
 import threading
 import time
 import traceback
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakValueDictionary
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -45,21 +45,10 @@ LOG_INTERVAL = 60.0
 _OUTLINE = 'observed_outline'
 
 
-class Limit(NamedTuple):
-    """A rate limit: a burst of ``calls`` requests, then one more every ``period`` [s]."""
-
-    calls: int
-    period: float
-
-
-#: Limits by name of the service or of the group of parameters. A reset or a change of effects may
-#: compile kernels and so delay the simulation; bags use disk space.
-LIMITS = {
-    'reset': Limit(5, 2.0),
-    'effects': Limit(5, 2.0),
-    'record': Limit(5, 10.0),
-    'save': Limit(5, 10.0),
-}
+#: Rate limits by name of the service or of the group of parameters: a burst of requests, and the
+#: time after which one more is allowed [s]. A reset or a change of effects may compile kernels and
+#: so delay the simulation; bags use disk space.
+LIMITS = {'reset': (5, 2.0), 'effects': (5, 2.0), 'record': (5, 10.0), 'save': (5, 10.0)}
 
 
 class Allowance:
@@ -78,7 +67,7 @@ class Allowance:
         """
         self._refused = refused
         self._clock = clock
-        self._left = {name: (float(limit.calls), clock()) for name, limit in LIMITS.items()}
+        self._left = {name: (float(calls), clock()) for name, (calls, _) in LIMITS.items()}
 
     def take(self, name: str) -> None:
         """Count a request.

@@ -48,7 +48,7 @@ def recording(tmp_path):
     """Return a recorder with an open bag, a session, and the recording of its checkpoints."""
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag')
-    recorder.begin({})
+    recorder.describe({})
     session = Session()
     checkpoints = CheckpointRecording(recorder, session.take, clock=lambda: session.time)
     yield recorder, session, checkpoints
@@ -143,7 +143,7 @@ def test_large_checkpoints_wait_for_the_bag_to_grow(tmp_path, recording):
     assert sum(item.size for item in stored) <= 0.52 * bag
     session.time = 0.0
     recorder.arm(tmp_path / 'next')
-    recorder.begin({})
+    recorder.describe({})
     run(*recording, 1500)
     recorder.stop()
     waits = np.diff([item.time for item in checkpoints_of(tmp_path / 'next')])
@@ -165,7 +165,7 @@ def test_new_bag_starts_with_a_checkpoint(tmp_path, recording):
     run(*recording, 10)
     recorder.stop()
     recorder.arm(tmp_path / 'second')
-    recorder.begin({})
+    recorder.describe({})
     run(*recording, 2)
     assert checkpoints.last.time == 10.5
     recorder.stop()

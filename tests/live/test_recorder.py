@@ -23,7 +23,7 @@ def _write(recorder, text, stamp_ns=1):
 def recorder(tmp_path):
     result = Recorder()
     result.arm(tmp_path / 'bag')
-    result.begin({})
+    result.describe({})
     return result
 
 
@@ -37,7 +37,7 @@ def test_bag_has_the_recorded_bytes_and_description(tmp_path):
     with pytest.raises(LavaError, match='one recording at a time'):
         recorder.arm(tmp_path / 'two')
     _write(recorder, 'too early')
-    recorder.begin({'scene': 'old'})
+    recorder.describe({'scene': 'old'})
     assert recorder.state == 'recording'
     data = _write(recorder, 'word', 42)
     recorder.describe({'scene': 'new'})
@@ -62,7 +62,7 @@ def test_invalid_folder_is_an_error(tmp_path):
             recorder.arm(tmp_path / name)
     recorder.arm(tmp_path / 'later' / 'bag')
     (tmp_path / 'later').write_text('')
-    recorder.begin({})
+    recorder.describe({})
     assert recorder.state == 'off'
     assert 'cannot record to' in recorder.error
 
@@ -95,7 +95,7 @@ def test_removed_bag_is_reported(tmp_path, fault, is_flushed):
     outside.mkdir()
     recorder = Recorder()
     recorder.arm(bag)
-    recorder.begin({})
+    recorder.describe({})
     _write(recorder, 'kept')
     recorder.flush()
     assert recorder.error == ''
@@ -129,7 +129,7 @@ def test_later_link_in_the_path_is_not_followed(tmp_path):
     recorder.arm(deep / 'bag')
     deep.rmdir()
     deep.symlink_to(outside)
-    recorder.begin({})
+    recorder.describe({})
     assert recorder.state == 'off'
     assert 'a link has come into its path' in recorder.error
     assert list(outside.iterdir()) == []
@@ -138,7 +138,7 @@ def test_later_link_in_the_path_is_not_followed(tmp_path):
 def test_bag_is_split_into_files(tmp_path):
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag', max_duration=10.0)
-    recorder.begin({'scene': 'Etna'})
+    recorder.describe({'scene': 'Etna'})
     for second in range(25):
         _write(recorder, f'word {second}', second * 10**9)
         recorder.flush()

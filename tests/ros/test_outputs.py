@@ -361,7 +361,7 @@ def test_grid_is_padded_to_its_minimum_size():
 def test_heartbeat_repeats_the_newest_map(tmp_path):
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag')
-    recorder.begin({})
+    recorder.describe({})
     world = _Published('nav2_speed.yaml', recorder)
     first, _ = _small_flow()
 
