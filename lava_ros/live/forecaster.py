@@ -336,12 +336,9 @@ class Forecaster:
             raise LavaError('forecast', values['reason'], 'a flow that can be simulated ahead')
         if name == 'forecast':
             self._current_fork = None
-            self.latest = Forecast(
-                terrain=fork.checkpoint.scene.terrain,
-                stamp_ns=round(fork.clock * 1e9),
-                changes=fork.changes,
-                **values,
-            )
+            values['terrain'] = fork.checkpoint.scene.terrain
+            values |= {'stamp_ns': round(fork.clock * 1e9), 'changes': fork.changes}
+            self.latest = Forecast(**values)
             self._failures = 0
             self._put_status(progress=None, count=self.status.count + 1, error='')
             self.on_change()
