@@ -48,6 +48,13 @@ _FIRST_CAPACITY = 4096
 #: Stages per launch, by whether the device is a GPU.
 _GRAPH_STAGES = {True: 16, False: 1}
 
+#: Stages that may run before the host reacts to the counts of particles: two launches are in
+#: flight while it reads those of a third.
+_STAGES_AHEAD = {True: 3 * _GRAPH_STAGES[True], False: 1}
+
+#: Maximum number of particles for which room is kept in advance.
+_MAX_AHEAD = 2**20
+
 #: Positions of no particles.
 _NOWHERE = np.empty((0, 2))
 
@@ -220,6 +227,15 @@ class Solver:
             self.scene.vents, self.scene.terrain, self.accuracy, self.particle_volume,
             self.device, since=since, before=before,
         )
+        # without room lava would wait in the vents, and come out all at once
+        state, accuracy = self.state, self.accuracy
+        assert accuracy.thickness is not None
+        step = min(self.vents.longest_step(accuracy.thickness), accuracy.longest_step)
+        rate = sum(vent.peak for vent in self.scene.vents) / self.particle_volume
+        # steps have at least two stages with RKL2
+        steps = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
+        state.particles_ahead = math.ceil(min(steps * step * rate, _MAX_AHEAD))
+        state.make_room(state.read_clock()[1])
 
     def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
         """Update the elevation of the highest ground that lava came from, for places and vents.

@@ -124,6 +124,8 @@ class State:
         self.has_surface = accuracy.gradient != 'energy' and not self.has_velocity
         self.device = device
         self.launches = Launches(device)
+        #: Maximum number of particles that vents emit before the host reads the counts again.
+        self.particles_ahead = 0
         self._allocate(capacity)
         self.top.fill_(-at.FAR)
         if not device.is_cuda:
@@ -234,11 +236,17 @@ class State:
         if self.needs_room(counts):
             # spare capacity is cheap while there are few particles
             twice = 2 * self.capacity if self.capacity < FEW else 0
-            self.grow(max(room_for(at.count_in(counts)), room_for(self.capacity), twice))
+            expected = at.count_in(counts) + self.particles_ahead
+            self.grow(max(room_for(expected), room_for(self.capacity), twice))
 
     def needs_room(self, counts: np.ndarray) -> bool:
         """Return True if the capacity is almost used up or a vent found none."""
-        return bool(counts[at.FULL] or at.count_in(counts) > FULLEST * self.capacity)
+        return bool(counts[at.FULL] or at.count_in(counts) > self.ample)
+
+    @property
+    def ample(self) -> float:
+        """Maximum number of particles for which the capacity suffices until the next readback."""
+        return FULLEST * self.capacity - self.particles_ahead
 
     def grow(self, capacity: int) -> None:
         """Grow to a capacity of ``capacity`` particles and keep the existing ones.

@@ -20,7 +20,7 @@ from lava_ros.simulation.selection import decide, effects_for
 from scripts import load_script
 
 FOLDER = Path(__file__).parents[3] / 'docs/benchmarks'
-TABLE = FOLDER / 'choice_cpu.csv'
+TABLE = FOLDER / 'choice_h100.csv'
 ACCURACY = preset_accuracy(DEFAULT)
 choice = load_script(FOLDER / 'choice.py')
 SCENES = {item.name: item for item in choice.scenes()}
