@@ -323,7 +323,8 @@ class Forecaster:
         future = self.worker.fork()
         while not (self._stopping.is_set() or future.cancelled()):
             with suppress(FutureTimeoutError, CancelledError):
-                return future.result(_WATCH_TIME)
+                fork: Fork = future.result(_WATCH_TIME)
+                return fork
         return None
 
     def _handle_reply(self, name: str, **values: Any) -> None:
