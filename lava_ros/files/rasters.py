@@ -195,7 +195,8 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
         # the declared no-data value may be beyond float32
         warnings.filterwarnings('ignore', 'overflow encountered in cast', RuntimeWarning)
         with rasterio.open(path, driver=kind.driver) as source:
-            if source.height * source.width > MAX_CELLS:
+            cells = source.width * source.height
+            if cells > MAX_CELLS:
                 shown = f'{source.height} x {source.width} cells'
                 expected = f'at most {MAX_CELLS} (gdal_translate -srcwin extracts a part)'
                 raise LavaError(f'size of {path.name}', shown, expected)
@@ -213,7 +214,6 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
                 text = header.read_bytes()[:MAX_HEADER]
                 lines = re.findall(rb'^\s*(\S+)[ \t]*(\S*)', text, re.MULTILINE)
                 _check_header(field, header, lines)
-            cells = source.width * source.height
             if numbers not in (None, cells):
                 expected = f'{cells}, as many as the header has cells'
                 raise LavaError(f'number of values in {path.name}', numbers, expected)

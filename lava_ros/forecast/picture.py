@@ -46,6 +46,7 @@ def draw_narrowing(
 def frame_of(scene: Scene) -> Frame:
     """Return the terrain and the vents of a scene as a frame without layers."""
     terrain = scene.terrain
+    fissures = [(vent.position, vent.end) for vent in scene.vents if vent.end is not None]
     return Frame(
         elevation=terrain.elevation,
         resolution=terrain.resolution,
@@ -54,6 +55,7 @@ def frame_of(scene: Scene) -> Frame:
         vents=np.array([vent.position for vent in scene.vents]).reshape(-1, 2),
         time=None,
         scene=scene_to_dict(scene),
+        fissures=np.array(fissures).reshape(-1, 2, 2),
     )
 
 

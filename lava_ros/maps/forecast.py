@@ -15,9 +15,6 @@ UNKNOWN = -1.0
 #: Fractions of the members for which maps show arrival times.
 QUANTILES = (0.1, 0.5, 0.9)
 
-#: Minimum and maximum grid value of a probability above 0 and below 100 %.
-_MIN_UNCERTAIN, _MAX_UNCERTAIN = 1, 99
-
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
@@ -161,6 +158,6 @@ def occupancy(probability: np.ndarray) -> np.ndarray:
     Returns:
         int8, same shape: 0 only if no member has lava, 100 only if all have, -1 if unknown.
     """
-    cells = np.clip(np.rint(probability), _MIN_UNCERTAIN, _MAX_UNCERTAIN)
+    cells = np.clip(np.rint(probability), 1, 99)
     cells = np.where(probability <= 0.0, 0, np.where(probability >= 100.0, 100, cells))
     return np.where(np.isnan(probability), -1, cells).astype(np.int8)

@@ -28,7 +28,8 @@ def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndar
             or has an unknown coordinate system.
     """
     with open_raster(field, path) as source:
-        band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
+        band = source.read(1, masked=True).astype(np.float64) * source.scales[0]
+        band = (band + source.offsets[0]).filled(np.nan)
         place, crs, count = source.transform, source.crs, source.count
     if count != 1:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')

@@ -169,6 +169,8 @@ class _Group:
             clocks, counts = copied()
             particles = counts[:, at.PARTICLES] + counts[:, at.NEWCOMERS]
             is_due = ~(clocks[:, at.TIME] < self._until) | (particles > self._room)
+            # when no lava is left, a member may have nothing to do
+            is_due |= (particles == 0) & (self._particles > 0)
             is_due |= (counts[:, at.FULL] != 0) | (counts[:, at.NEAR_BORDER] != 0)
             is_current = asked == self._asked
             self._particles[is_current] = particles[is_current]

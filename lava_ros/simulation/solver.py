@@ -78,6 +78,7 @@ class Solver:
         vents: The vents on the device.
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of particles at any readback so far.
+        is_bare: True if there were none at the latest readback.
     """
 
     def __init__(
@@ -101,6 +102,7 @@ class Solver:
         self._diagnostics, self._reader = FlowDiagnostics(), Reader(device)
         self.volume_before = 0.0
         self.most_particles = 0
+        self.is_bare = False
         self.after_step: dict[str, Any] = {}
         self._arrived: tuple[Terrain, Any] | None = None
         self._place_terrain()
@@ -293,6 +295,19 @@ class Solver:
     def record_launches(self, take: Callable[[], None]) -> list[Launch]:
         """Return the launches of a function without running them, for a batch."""
         return self.state.launches.taken_down(take, self.state.capacity)
+
+    def note(self, counts: np.ndarray) -> bool:
+        """Note the number of particles at a readback; return True if it has become 0."""
+        count, was_bare = at.count_in(counts), self.is_bare
+        self.most_particles, self.is_bare = max(self.most_particles, count), count == 0
+        return self.is_bare and not was_bare
+
+    def rest(self, until: float, end: float) -> None:
+        """Advance only the clock to a time, if there is no lava before ``end``, both in s."""
+        clock, counts = self.state.read_clock()
+        is_still = not at.count_in(counts) and not self.vents.emit_by(end)
+        if is_still and clock[at.TIME] < until:
+            self.state.write_time(until)
 
     def make_room(self, counts: np.ndarray) -> None:
         """Enlarge the arrays or the neighbour grid if the counts of the state require it."""

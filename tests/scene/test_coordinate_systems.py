@@ -95,6 +95,15 @@ def test_transforms_places_in_degrees(tmp_path: Path, crs: CRS) -> None:
     np.testing.assert_array_equal(values, GROUND[::-1])
 
 
+def test_raster_on_a_terrain_has_the_scale_of_its_band(tmp_path: Path) -> None:
+    terrain = load_terrain(write(tmp_path / 'a.tif', CRS.from_epsg(32633)))
+    percent = np.full(GROUND.shape, 250, np.int16)
+    percent[0, 0] = -1
+    path = write_raster(tmp_path / 'b.tif', percent, nodata=-1, scale=(0.1, 5.0))
+    values = read_raster_on(terrain, path, field='x')
+    assert np.isnan(values[-1, 0]) and np.nanmin(values) == np.nanmax(values) == 30.0
+
+
 def test_error_names_a_local_system_without_longitudes(tmp_path: Path) -> None:
     terrain = load_terrain(write(tmp_path / 'a.tif', SITE))
     with pytest.raises(LavaError, match='the domain of quarry grid, no EPSG code'):

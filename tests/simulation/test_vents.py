@@ -20,7 +20,7 @@ from lava_ros.simulation.particles.layout import FULL
 from lava_ros.simulation.particles.state import State
 import lava_ros.simulation.solver as solver_module
 import lava_ros.simulation.step.vents as vents_module
-from lava_ros.simulation.step.vents import Emission, MAX_PARTICLES_PER_SECOND, VentSet
+from lava_ros.simulation.step.vents import Emission, VentSet
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 

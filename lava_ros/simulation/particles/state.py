@@ -131,7 +131,9 @@ class State:
         if not device.is_cuda:
             # a view of the current values: creating it takes 10 us
             self._seen_counts = self.counts.numpy()
-        self._target = self.clock[at.TARGET : at.TARGET + 1]
+        self._time, self._target = (
+            self.clock[place : place + 1] for place in (at.TIME, at.TARGET)
+        )
         self._readbacks = [Readback((self.clock, self.counts))]
 
     @property
@@ -297,6 +299,10 @@ class State:
         self._target.fill_(time)
         if limit is not None:
             self.limit_time.fill_(limit)
+
+    def write_time(self, time: float) -> None:
+        """Replace the simulated time [s], between two steps."""
+        self._time.fill_(time)
 
     def write_count(self, place: int, value: int) -> None:
         """Replace one of the ``counts``."""
