@@ -116,7 +116,7 @@ class EnsembleForecast:
         maps: Probability, arrival times and thickness.
         asked: Number of requested members, of which ``maps.members`` are finished.
         is_done: True if no more members will be added.
-        outlines: Number of observed outlines that weight the members.
+        outlines: Number of observed outlines by which the members are weighted or drawn.
         duration: Wall time from the fork to the maps [s].
     """
 

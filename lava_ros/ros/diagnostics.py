@@ -136,6 +136,8 @@ def forecast_status(
         values['share'] = f'{state.share:.2g}'
     if state.jaccard_mean is not None:
         values['jaccard_mean'] = f'{state.jaccard_mean:.3f}'
+    if state.members_left is not None:
+        values['members_left_by_outline'] = f'{state.members_left:.1f}'
     message = 'up to date'
     if latest is not None:
         values |= {

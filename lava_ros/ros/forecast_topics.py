@@ -113,7 +113,7 @@ class ForecastTopics:
             None if forecaster.staleness(ensemble) else ensemble,
         )
 
-    def observe(self, mask: Mask, clock: float) -> 'Future[None]':
+    def observe(self, mask: Mask, clock: float) -> 'Future[str]':
         """Weight members by the lava observed at ROS time ``clock`` [s].
 
         Raises:

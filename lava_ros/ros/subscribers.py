@@ -191,7 +191,7 @@ class InputSubscribers:
     worker: SimulationWorker
     settings: Callable[[], Settings]
     steady: Clock
-    observe: Callable[[Mask, float], 'Future[None]'] | None = None
+    observe: Callable[[Mask, float], 'Future[str]'] | None = None
     is_echo: Callable[[str, bytes], bool] = lambda topic, data: False
 
     def __post_init__(self) -> None:
@@ -231,11 +231,11 @@ class InputSubscribers:
                 )
         self.graph.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
 
-    def command(self, topic: str, future: 'Future[None]') -> None:
+    def command(self, topic: str, future: 'Future[Any]') -> None:
         """Report the result of a worker command, in the worker's thread."""
         number = self.log.arrive()
 
-        def report(done: 'Future[None]') -> None:
+        def report(done: 'Future[Any]') -> None:
             error = None if done.cancelled() else done.exception()
             if isinstance(error, LavaError):
                 self._reject(topic, error, number)
@@ -243,6 +243,8 @@ class InputSubscribers:
                 self.log.supersede(topic, number)
             elif error is None:
                 self.log.accept(topic, number)
+                if isinstance(done.result(), str):
+                    self._logger.info(f'{topic}: {done.result()}')
 
         future.add_done_callback(report)
 
