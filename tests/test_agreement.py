@@ -309,7 +309,7 @@ def test_forecast_equals_the_later_run(run):
     read = {}
     for layer in load_layers(share_path('msg_configs/forecast.yaml')):
         if not layer.is_ensemble:
-            message = outputs.layer_message(layer, forecast, frame_id='map', stamp_ns=0)
+            message = outputs.layer_message(layer, forecast, codec.header('map', 0))
             name = codec.type_name(type(message))
             read[layer.topic] = types.deserialize_cdr(codec.serialise(message), name)
     inundated, before = np.isfinite(run.arrival), run.arrival <= start

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 import queue
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -18,30 +18,13 @@ from lava_ros.forecast.assimilation import Mask, outline_on
 from lava_ros.forecast.sampling import Posterior
 from lava_ros.live.commands import finish
 from lava_ros.live.session import Fork
-from lava_ros.maps.forecast import EnsembleForecast, Forecast
+from lava_ros.maps.forecast import EnsembleForecast
 from lava_ros.maps.places import Places, places_on
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
 
 #: Maximum number of (ROS time, simulated time) pairs kept to convert a stamp.
 _MOMENTS = 512
-
-#: A forecast, or the maps of an ensemble.
-ForecastT = TypeVar('ForecastT', Forecast, EnsembleForecast)
-
-
-@dataclass(frozen=True, eq=False)
-class StampedForecast(Generic[ForecastT]):
-    """A forecast or the maps of an ensemble, ``shown``, with the state from which they start.
-
-    ``stamp_ns`` is the ROS time of that state [ns], ``changes`` its count of changes of scene or
-    effects.
-    """
-
-    shown: ForecastT
-    stamp_ns: int
-    changes: int
-
 
 @dataclass(frozen=True)
 class ForecastRules:
@@ -102,7 +85,7 @@ class EnsembleForecasts:
 
     def __init__(self) -> None:
         """Initialize without an ensemble."""
-        self.latest: StampedForecast[EnsembleForecast] | None = None
+        self.latest: EnsembleForecast | None = None
         self.status = ForecastStatus()
         # observed outlines that wait to be sent to the process
         self._waiting: queue.SimpleQueue[tuple[Mask, float, Future[str]]] = queue.SimpleQueue()
@@ -240,15 +223,14 @@ class EnsembleForecasts:
             return float(times[-1] + (clock - clocks[-1]) * time_scale)
         return float(np.interp(clock, clocks, times))
 
-    def _accept(
-        self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
-    ) -> bool:
+    def _accept(self, number: int, changes: int, *, is_done: bool, **values: Any) -> bool:
         """Replace ``latest``, unless the reply belongs to an earlier scene."""
         if changes != self._changes:
             return False
         assert self._terrain is not None
-        ensemble = EnsembleForecast(terrain=self._terrain, is_done=is_done, **values)
-        self.latest = StampedForecast(ensemble, stamp_ns, changes)
+        self.latest = EnsembleForecast(
+            terrain=self._terrain, is_done=is_done, changes=changes, **values
+        )
         self._put_status(error='')
         if is_done and number == self._current:
             self._current = None

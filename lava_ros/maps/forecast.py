@@ -33,6 +33,8 @@ class Forecast:
             shape; NaN without lava.
         duration: Wall time of the computation [s].
         particle_count: Number of particles at its end.
+        stamp_ns: ROS time of its start [ns], of a live simulation.
+        changes: Number of changes of scene or effects before its start, of a live simulation.
     """
 
     time: float
@@ -44,6 +46,8 @@ class Forecast:
     temperature: np.ndarray
     duration: float
     particle_count: int
+    stamp_ns: int = 0
+    changes: int = 0
 
     def withdrawn(self) -> 'Forecast':
         """Return the forecast with all cells unknown."""
@@ -108,7 +112,7 @@ class EnsembleForecast:
     """An ensemble forecast from one moment of a simulation, on the cells of its terrain.
 
     Attributes:
-        time, horizon, threshold, terrain: As in ``Forecast``.
+        time, horizon, threshold, terrain, stamp_ns, changes: As in ``Forecast``.
         maps: Probability, arrival times and thickness.
         asked: Number of requested members, of which ``maps.members`` are finished.
         is_done: True if no more members will be added.
@@ -125,6 +129,8 @@ class EnsembleForecast:
     is_done: bool
     outlines: int
     duration: float
+    stamp_ns: int = 0
+    changes: int = 0
 
     def forecast(self, quantile: float) -> Forecast:
         """Return a forecast with mean thickness, and arrival times of one of ``QUANTILES``."""

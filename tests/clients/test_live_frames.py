@@ -45,9 +45,9 @@ class Received(LiveFrames):
         taker.callback(message)
 
     def deliver_ground(self):
-        messages = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START)
+        messages = outputs.terrain_messages(TERRAIN, codec.header('map', START))
         ground = replace(TERRAIN, barriers=[BARRIER])
-        markers = vent_markers((VENT,), 0.0, ground, frame_id='map', stamp_ns=START)
+        markers = vent_markers((VENT,), 0.0, ground, codec.header('map', START))
         for topic, message in {**messages, 'vents_markers': markers}.items():
             self.deliver(topic, message)
 
@@ -57,7 +57,7 @@ class Received(LiveFrames):
         snapshot = snapshot_at(time_s, growing(time_s), TERRAIN)
         for source in sources:
             layer = LAYERS[source]
-            message = outputs.layer_message(layer, snapshot, frame_id='map', stamp_ns=stamp)
+            message = outputs.layer_message(layer, snapshot, codec.header('map', stamp))
             self.deliver(layer.topic, message)
 
     def deliver_status(self, second, simulated, name='etna/lava'):
@@ -123,7 +123,7 @@ def test_probabilities_belong_to_later_frames(live, monkeypatch):
         if second == 3:
             cells = np.full(TERRAIN.shape, 40, dtype=np.int8)
             cells[0] = -1
-            info = codec.map_metadata(TERRAIN, START)
+            info = codec.map_metadata(TERRAIN, codec.time_message(START))
             grid = codec.occupancy_grid(cells, info, codec.header('map', START))
             live.deliver(LAYERS[PROBABILITY].topic, grid)
         live.deliver_maps(second, 'thickness')

@@ -90,7 +90,7 @@ def test_one_ensemble_is_requested_per_state():
     assert not ensembles.handle_reply('ensemble', changes=0, **answer)
     assert ensembles.handle_reply('ensemble', changes=1, **answer)
     latest = ensembles.latest
-    assert (latest.shown.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
+    assert (latest.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
     assert ensembles.status.count == 1
     assert ensembles.is_wanted(1, 6.0) and not ensembles.is_wanted(1, 5.0)
     order(ensembles, 4, fork(4.0, 7.0))

@@ -16,8 +16,8 @@ from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.diagnostics import WARN
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.runtime import NodeRuntime
-from lava_ros.ros.services import Allowance, create_services, LIMITS
-from lava_ros.ros.subscribers import InputSubscribers
+from lava_ros.ros.services import create_services
+from lava_ros.ros.subscribers import Allowance, InputSubscribers, LIMITS
 
 N_CALLS = 400
 
@@ -38,10 +38,9 @@ class NodeServices:
         self.inputs = InputSubscribers(entities, self.worker, settings=Settings, steady=Clock())
         self.allowance = Allowance(self.inputs.refuse, lambda: self.now)
         entities.create.reset_mock()
-        create_services(
-            self.active, entities, worker=self.worker, inputs=self.inputs,
-            allowance=self.allowance,
-        )
+        self.active.worker, self.active.inputs = self.worker, self.inputs
+        self.active.allowance = self.allowance
+        create_services(self.active, entities)
         self.services = {
             call.args[2].removeprefix('~/'): (call.args[1], call.args[3])
             for call in entities.create.call_args_list
@@ -54,7 +53,7 @@ class NodeServices:
     def set_effects(self):
         """Change a setting of the effects and return the result as a response."""
         node = SimpleNamespace(
-            _settings=Settings(), _allowance=self.allowance, _bag_folder=self.active
+            _settings=Settings(), allowance=self.allowance, _bag_folder=self.active
         )
         try:
             NodeRuntime.check(node, Settings(effects_on=('inertia',)))
@@ -117,7 +116,7 @@ def test_total_size_of_saves_is_limited():
     services = NodeServices()
     node = SimpleNamespace(
         worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
-        _allowance=services.allowance,
+        allowance=services.allowance,
     )
     with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
         NodeRuntime.save(node)

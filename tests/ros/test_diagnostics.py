@@ -3,6 +3,7 @@
 
 """Diagnostics and log of the node."""
 
+from concurrent.futures import Future
 from socket import gethostname
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -10,8 +11,9 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
+from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
-from lava_ros.live.recorder import RecorderStatus
+from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.ros import diagnostics
 from lava_ros.ros.subscribers import InputLog
@@ -183,10 +185,15 @@ def test_effects_status_lists_effects_with_reasons():
 
 
 def test_failed_recording_is_an_error():
-    good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 1, 5, ''))
+    recorder = Recorder()
+    recorder.directory, recorder.files, recorder.messages = 'bags/x', 1, 5
+    recorder.state = 'recording'
+    recording = CheckpointRecording(recorder, Future)
+    good = diagnostics.recorder_status(recording)
     assert (good.name, good.level, good.message) == ('recorder', OK, 'recording')
     assert _values(good) == {'state': 'recording', 'bag': 'bags/x', 'files': '1', 'messages': '5'}
-    bad = diagnostics.recorder_status(RecorderStatus('off', 'bags/x', 1, 5, 'disk full'))
+    recorder.state, recorder.error = 'off', 'disk full'
+    bad = diagnostics.recorder_status(recording)
     assert (bad.level, bad.message) == (ERROR, 'disk full')
 
 

@@ -55,7 +55,7 @@ def planner():
 
 def grid(rows):
     cells = np.array(rows, dtype=np.int8)
-    info = codec.map_metadata(Terrain(np.zeros(cells.shape), CELL), 0)
+    info = codec.map_metadata(Terrain(np.zeros(cells.shape), CELL), codec.time_message(0))
     return codec.occupancy_grid(cells, info, codec.header('map', 0))
 
 

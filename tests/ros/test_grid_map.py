@@ -168,7 +168,7 @@ def layer(**changes):
 
 def test_layer_has_elevation_and_unscaled_quantities():
     assert outputs.message_class(layer()) is GridMap
-    message = outputs.layer_message(layer(), SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
+    message = outputs.layer_message(layer(), SNAPSHOT, codec.header('map', 3_000_000_004))
     assert message.layers == ['elevation', 'thickness', 'temperature', 'hazard']
     assert (message.header.frame_id, message.header.stamp.nanosec) == ('map', 4)
     for source in ('thickness', 'temperature', 'hazard'):
@@ -182,7 +182,7 @@ def test_layer_has_elevation_and_unscaled_quantities():
 def test_hazard_limits_apply_to_the_grid_map():
     milder = {'lethal_thickness': 1e3, 'safe_temperature': 1e3, 'lethal_temperature': 1e4}
     messages = [
-        outputs.layer_message(item, SNAPSHOT, frame_id='map', stamp_ns=0)
+        outputs.layer_message(item, SNAPSHOT, codec.header('map', 0))
         for item in (layer(), layer(hazard=milder))
     ]
     lethal = [(codec.layer_values(item, 'hazard', 'map') == 100.0).sum() for item in messages]

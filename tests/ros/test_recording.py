@@ -12,7 +12,7 @@ import yaml
 
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.cli.main import main
-from lava_ros.live.recorder import Recorder
+from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import snapshot_at
@@ -29,11 +29,10 @@ class FrameRecording:
         self.directory = directory
         self.scene = Scene(terrain, (Vent((25.0, 15.0), 2.0),), lava=Lava())
         self.schedule = self.scene.vents
-        self.recorder = Recorder()
-        self.recording = SceneRecording(
-            SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/'),
-            self.recorder, frame_id='map', configs={}, parameters=dict,
-        )
+        node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
+        graph = NodeGraph(node, 'map')
+        self.recorder = graph.recorder
+        self.recording = SceneRecording(graph, configs={}, parameters=dict)
 
     def write(self, time, effects):
         terrain = self.scene.terrain
