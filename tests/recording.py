@@ -149,6 +149,9 @@ def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
     budget = snapshot.budget
     values = {
         'simulated_time_s': repr(snapshot.time), 'frame_stamp_ns': str(stamp_ns),
+        'epsg': str(snapshot.terrain.epsg),
+        'offset_easting': repr(snapshot.terrain.offset[0]),
+        'offset_northing': repr(snapshot.terrain.offset[1]),
         **budget.texts(), 'mean_speed': '50', 'spacing_m': '2.5', 'flow_width_m': '40',
         'particles_across': '16', 'footprint_error': '0.15', 'particles': '1', 'steps': '1',
         'highest_temperature_c': repr(

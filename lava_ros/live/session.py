@@ -19,6 +19,7 @@ from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.output.snapshot import ParticleSample
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.selection import Decision
 
@@ -151,9 +152,16 @@ class SimulationSession:
 
     def checkpoint(self) -> Checkpoint:
         """Copy the state to a checkpoint."""
+        return self._running('checkpoint').checkpoint()
+
+    def sample(self) -> ParticleSample:
+        """Read the particles."""
+        return self._running('particles').sample()
+
+    def _running(self, what: str) -> 'Simulation':
         if self.simulation is None:
-            raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
-        return self.simulation.checkpoint()
+            raise LavaError(what, 'no simulation', 'one that has started and not failed')
+        return self.simulation
 
     def advance(self, until: float, *, wall_limit: float, max_particles: int) -> float:
         """Simulate up to ``until`` [s] for at most ``wall_limit`` [s].

@@ -83,6 +83,19 @@ class Frame:
     fissures: Any = ()
 
     @property
+    def terrain(self) -> Terrain:
+        """The ground in the coordinate system of the scene.
+
+        Raises:
+            LavaError: If the scene, which may be that of another program, is not valid.
+        """
+        known = self.scene.get('terrain') or {}
+        return Terrain(
+            self.elevation, self.resolution, self.origin, known.get('epsg'),
+            known.get('offset', (0.0, 0.0)), wkt=known.get('wkt'),
+        )
+
+    @property
     def standing(self) -> np.ndarray:
         """Cells with lava now, bool; without a thickness, those with lava in any layer."""
         thickness = self.layers.get('thickness')

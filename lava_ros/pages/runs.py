@@ -134,7 +134,6 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
         if times is not None:
             title = f'Time of arrival of the lava, {COVERED:g} m thick'
             maps['arrival'] = Panel(frame, 'arrival', times, title)
-    terrain = frame.scene.get('terrain') or {}
     note = time_note(time, frame)
     if note:
         _LOG.warning(f'{path.resolve().name}: {note}')
@@ -148,10 +147,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
             **_model(recording),
             **_ground(frame),
         },
-        Terrain(
-            frame.elevation, frame.resolution, frame.origin, terrain.get('epsg'),
-            terrain.get('offset', (0.0, 0.0)), wkt=terrain.get('wkt'),
-        ),
+        frame.terrain,
         frame.time,
         recorded_onset(recording.bag.custom_data),
     )

@@ -79,6 +79,10 @@ def simulation_status(
         }
     if snapshot is not None:
         values |= snapshot_values(snapshot, frame_stamp_ns)
+        terrain = snapshot.terrain
+        if terrain.epsg is not None:
+            values['epsg'] = terrain.epsg
+            values['offset_easting'], values['offset_northing'] = map(repr, terrain.offset)
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)

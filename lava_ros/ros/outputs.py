@@ -20,7 +20,10 @@ from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
+
+#: Maximum number of particles in a message.
+MAX_PARTICLES = 20_000
 
 
 def message_class(layer: Layer) -> Any:
@@ -55,6 +58,20 @@ def layer_message(
     if layer.message == POINT_CLOUD:
         return codec.point_cloud(layer.points(snapshot), header)
     return codec.grid_map_message(layer.maps(snapshot), snapshot.terrain, header)
+
+
+def particle_message(sample: ParticleSample, snapshot: Snapshot, header: Header) -> PointCloud2:
+    """Make a cloud of at most ``MAX_PARTICLES`` particles, on the surface of the lava."""
+    # the particles are sorted by place, so that every n-th one shows all of the lava
+    chosen = slice(None, None, len(sample.volume) // MAX_PARTICLES + 1)
+    place, terrain = sample.position[chosen], snapshot.terrain
+    columns = {
+        'x': place[:, 0],
+        'y': place[:, 1],
+        'z': terrain.values_at(terrain.elevation + snapshot.thickness, place),
+        'temperature': sample.temperature[chosen] - ZERO_CELSIUS,
+    }
+    return codec.point_cloud(columns, header)
 
 
 def _extend(values: np.ndarray, added: Sequence[int], info: MapMetaData) -> np.ndarray:

@@ -4,6 +4,7 @@
 """Publication of layers and of the scene; the recorder gets the same bytes."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
@@ -15,20 +16,21 @@ from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lava_ros.bag import QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.live.recorder import Recorder
+from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layer_files import load_layers, switched
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Scene
-from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 
 #: A snapshot, forecast or ensemble that layers show.
 Shown = TypeVar('Shown', Snapshot, Forecast, EnsembleForecast)
@@ -284,3 +286,32 @@ class ScenePublisher:
             topic: self._graph.create('publisher', kind, topic, latched)
             for topic, kind in kinds.items()
         }
+
+
+class ParticlePublisher:
+    """Publishes a sample of the particles with each map, while somebody subscribes."""
+
+    def __init__(self, graph: NodeGraph, worker: SimulationWorker) -> None:
+        """Create the publisher."""
+        profile = qos.ros_profile(qos.NEWEST)
+        self._publisher = graph.create('publisher', PointCloud2, 'lava_particles', profile)
+        self._read = graph.create('guard_condition', self._publish)
+        self._worker, self._graph = worker, graph
+        self._asked: tuple[Snapshot, int, Future[ParticleSample]] | None = None
+
+    def request(self, snapshot: Snapshot, stamp_ns: int) -> None:
+        """Read the particles and publish them with the stamp [ns] of the maps of a snapshot."""
+        if self._asked is None and self._publisher.get_subscription_count():
+            sample = self._worker.commands.submit(self._worker.session.sample, 'particles')
+            self._asked = snapshot, stamp_ns, sample
+            sample.add_done_callback(lambda _: self._read.trigger())
+
+    def _publish(self) -> None:
+        if self._asked is None:
+            return
+        (snapshot, stamp_ns, sample), self._asked = self._asked, None
+        # a simulation that has failed, or ended meanwhile, has no particles
+        if not sample.cancelled() and sample.exception() is None:
+            header = self._graph.header(stamp_ns)
+            message = outputs.particle_message(sample.result(), snapshot, header)
+            self._publisher.publish(codec.serialise(message))

@@ -26,6 +26,7 @@ from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
 from lava_ros.ros.publishers import (
     LayerPublishers,
     NodeGraph,
+    ParticlePublisher,
     published_layers,
     ScenePublisher,
 )
@@ -120,6 +121,7 @@ class NodeRuntime:
         for rate in sorted(self._layers.rates | self._forecasts.rates):
             graph.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
         self._scene = ScenePublisher(graph)
+        self._particles = ParticlePublisher(graph, self.worker)
         self._diagnostics = graph.create(
             'publisher', DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
         )
@@ -332,6 +334,7 @@ class NodeRuntime:
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
+        self._particles.request(snapshot, stamp_ns)
         if repeat:
             self._publish_places(repeat=True)
         self._recorder.flush()

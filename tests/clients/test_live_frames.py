@@ -104,6 +104,7 @@ def test_maps_become_frames_of_their_time(live):
     (vent,) = frame.scene['vents']
     assert vent['name'].startswith('open: 10 m3/s')
     np.testing.assert_allclose(vent['position'], VENT.position)
+    assert (frame.terrain.epsg, frame.terrain.offset) == (TERRAIN.epsg, TERRAIN.offset)
     (crest,) = barriers_of(frame)
     np.testing.assert_allclose(crest, np.subtract(BARRIER, TERRAIN.offset))
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation.astype(np.float32))
@@ -114,6 +115,29 @@ def test_maps_become_frames_of_their_time(live):
     # a reset: frames of the previous run are dropped
     live.deliver_status(5, 0.0)
     assert live.times == []
+
+
+def test_receives_particles_only_while_they_are_shown(live, monkeypatch):
+    live.deliver_ground()
+    for second in (1, 2):
+        live.deliver_maps(second, 'thickness')
+        live.deliver_status(second, 100.0 * second)
+    assert live.particles(1) is None
+    columns = {'x': [10.0, 20.0], 'y': [90.0, 95.0], 'temperature': [900.0, 950.0]}
+    version = live.version
+    live.deliver('lava_particles', codec.point_cloud(columns, codec.header('map', START)))
+    assert live.version > version
+    # only the newest ones are kept
+    assert live.particles(0) is None
+    assert live.particles(1).tolist() == [[10.0, 90.0, 900.0], [20.0, 95.0, 950.0]]
+    live.poll()
+    topic = '/etna/lava_particles'
+    assert topic in {item.topic_name for item in live._node.subscriptions}
+    monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
+    live.poll()
+    assert topic not in {item.topic_name for item in live._node.subscriptions}
+    live.deliver_status(3, 0.0)
+    assert live._particles is None
 
 
 def test_probabilities_belong_to_later_frames(live, monkeypatch):
@@ -158,7 +182,10 @@ def test_status_reports_each_fault(live, monkeypatch):
     assert live.status.level is not Level.ERROR
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
     assert 'the node has been silent for' in live.status.words
+    # the node is back
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
+    live.deliver_status(3, 0.0)
+    assert live.status == (Level.OK, 'etna/lava: running')
     error = DiagnosticArray(status=[DiagnosticStatus(name='etna/lava: simulation', level=b'\2')])
     live.deliver('/diagnostics', error)
     assert live.status == (Level.ERROR, 'etna/lava: ')

@@ -4,6 +4,7 @@
 """Diagnostics and log of the node."""
 
 from concurrent.futures import Future
+from dataclasses import replace
 from socket import gethostname
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -142,6 +143,11 @@ def test_simulation_values_are_those_of_the_frame():
         'steps': '40', 'step_s': '0.25', 'step_limit': 'advection', 'step_stages': '1',
         'highest_temperature_c': '-273.15',
     }
+    snapshot = _snapshot()
+    placed = replace(snapshot.terrain, epsg=32633, offset=(500_000.0, 0.5))
+    values = _values(_simulation(snapshot=replace(snapshot, terrain=placed)))
+    system = values['epsg'], values['offset_easting'], values['offset_northing']
+    assert system == ('32633', '500000.0', '0.5')
 
 
 @pytest.mark.parametrize(

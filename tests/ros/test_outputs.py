@@ -37,7 +37,7 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers, NodeGraph, published_layers
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot, StepReport
 from recording import snapshot_at
 from ros.graph_publisher import cloud_of
 
@@ -269,6 +269,19 @@ def test_label_and_color_show_the_current_discharge(time, color, words):
     _, disc, label, *_ = vent_markers(VENTS, time, HILL, codec.header('map', 0)).markers
     assert (disc.color.r, disc.color.g, disc.color.b, disc.color.a) == pytest.approx(color)
     assert label.text == words
+
+
+def test_particles_are_on_the_surface_and_few(monkeypatch):
+    monkeypatch.setattr(outputs, 'MAX_PARTICLES', 3)
+    position = np.column_stack([100.0 + np.arange(8.0), np.full(8, 215.0)])
+    sample = ParticleSample(
+        position, np.ones(8), np.full(8, 1273.15), np.ones(8), np.zeros((8, 2)),
+    )
+    cloud = outputs.particle_message(sample, SNAPSHOT, codec.header('map', 7))
+    found = cloud_columns(cloud, 'lava_particles', ('x', 'y', 'z', 'temperature'))
+    assert found['x'].tolist() == [100.0, 103.0, 106.0]
+    # the ground is at 3 m there, below 3 m of lava
+    assert set(found['z']) == {6.0} and set(found['temperature']) == {1000.0}
 
 
 GROUND, SPRINGS = {'terrain', 'terrain_info', 'relief'}, {'vents', 'vents_markers'}

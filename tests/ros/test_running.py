@@ -125,6 +125,28 @@ def test_layers_are_switched_on_and_off_and_saved(local):
     assert (state['state'], state['level']) == ('off', 0)
 
 
+def test_particles_are_published_to_subscribers_only(local):
+    node = started(local)
+    node.run(2.0)
+    publisher = next(
+        item for item in node.node.publishers if item.topic_name == '/lava_particles'
+    )
+    publisher.get_subscription_count = lambda: 1
+    node.hear()
+    assert 'lava_particles' not in {item['topic'] for item in node.seen}
+    node.run(1.0)
+    newest = node.newest('lava_particles', 'height', condition=lambda newest: (
+        newest['lava_particles']['stamp_ns'] == newest['height']['stamp_ns']
+    ))
+    cloud = newest['lava_particles']
+    status = node.status_now('simulation', lambda status: int(status['particles']) > 3)
+    assert 3 < cloud['points'] <= int(status['particles'])
+    mean = cloud['mean']
+    assert list(mean) == ['x', 'y', 'z', 'temperature']
+    assert 300.0 < mean['temperature'] < 1150.0
+    assert 460.0 < mean['z'] < 512.0 and 0.0 < mean['x'] < 400.0
+
+
 def test_recording_parameters_can_be_changed(local):
     node = started(local)
     values = {'bag_directory': 'bags/split', 'bag_max_duration': 0.4}

@@ -12,6 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 from PIL import Image
 import pytest
+import rasterio
+from rasterio.transform import from_origin
+from rasterio.warp import reproject
 
 pytest.importorskip('viser')
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -285,8 +288,37 @@ def test_drapes_a_picture_with_north_at_the_top(frames, tmp_path):
     # a texture begins at the top, its coordinates at the bottom
     is_north = mesh.vertices[:, 1] > 0.5
     assert (image[0] == 255).all() and (mesh.visual.uv[is_north, 1] > 0.5).all()
-    with pytest.raises(LavaError, match='--drape'):
-        draped(str(tmp_path / 'none.png'))
+    Image.new('I;16', (20, 30)).save(tmp_path / 'deep.png')
+    (tmp_path / 'deep.pgw').write_text('5\n0\n0\n-5\n2.5\n147.5\n')
+    for name in ('none.png', 'deep.png'):
+        with pytest.raises(LavaError, match=f'--drape is .*{name}'):
+            draped(str(tmp_path / name))
+
+
+@pytest.mark.parametrize('kind', ['other system', 'world file'])
+def test_drapes_a_georeferenced_picture(frames, tmp_path, kind):
+    """The west of the terrain is red; the rest keeps its relief."""
+    frame, (west, south) = frames.frame(3), TERRAIN.corner
+    if kind == 'world file':
+        path = tmp_path / 'west.png'
+        picture = Image.new('P', (20, 30))
+        picture.putpalette([200, 40, 10])
+        picture.save(path)
+        (tmp_path / 'west.pgw').write_text(f'5\n0\n0\n-5\n{west + 2.5}\n{south + 147.5}\n')
+    else:
+        path = tmp_path / 'west.tif'
+        place = from_origin(west - 1000.0, south + 1000.0, 10.0, 10.0)
+        bands = np.broadcast_to(np.array([200, 40, 10], np.uint8)[:, None, None], (3, 200, 110))
+        systems = {'src_crs': 'EPSG:32633', 'dst_crs': 'EPSG:4326'}
+        bands, place = reproject(bands.copy(), src_transform=place, **systems, dst_nodata=0)
+        with rasterio.open(
+            path, 'w', width=bands.shape[2], height=bands.shape[1], count=3, dtype='uint8',
+            crs='EPSG:4326', transform=place, nodata=0,
+        ) as file:
+            file.write(bands)
+    colours = draped(str(path))(frame)
+    assert (colours[2:-2, 2:18] == (200, 40, 10)).all()
+    np.testing.assert_array_equal(colours[:, 22:], relief(frame)[:, 22:])
 
 
 def test_a_bag_that_grows(tmp_path, monkeypatch):
