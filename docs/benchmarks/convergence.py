@@ -4,7 +4,7 @@
 
 """Measure how inundated areas depend on the resolution: presets from coarse to fine.
 
-    python docs/benchmarks/convergence.py convergence_h200.csv --device cuda:0 --case etna2001
+    python docs/benchmarks/convergence.py convergence_h100.csv --device cuda:0 --case etna2001
 
 The footprint of a scene is the area that at least half of several rotated and mirrored runs
 inundate (hindcast/replicates.py). Decimetres decide where a flow branches, so a single run's

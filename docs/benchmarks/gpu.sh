@@ -24,12 +24,12 @@ declare -A command=(
     [live]="python3 docs/benchmarks/forecast.py cuda:0 GPU 256"
     [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
     [steps]="$lava bench steps --device cuda:0 --repetitions 5 --output $out/steps_h200.csv"
-    [choice]="python3 docs/benchmarks/choice.py $out/choice_gpu.csv --device cuda:0 --preset standard --runs 24"
+    [choice]="python3 docs/benchmarks/choice.py $out/choice_gpu.csv --device cuda:0 --preset standard --runs 12"
     [effects]="$lava bench effects --device cuda:0 --repetitions 5 --output $out/effects_h200.csv"
     [accuracy]="$lava accuracy --device cuda:0 --case green --case radiating_sheet --longest 20 --output $out/accuracy"
     [calibrate]="$lava calibrate $cases/etna2001 $cases/etna2006 --preset standard --directions 4 --device cuda:0 -o $out/calibration"
     [eruptions]="python3 docs/benchmarks/eruptions.py $out/eruptions_h200.csv $both --preset standard --runs 8 --device cuda:0 --machine GPU"
-    [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0 --machine GPU"
+    [probability]="python3 docs/benchmarks/probability.py $out/probability_h100.csv $both --folder $out/members --members 64 --preset draft --device cuda:0 --machine GPU"
 )
 declare -A limit=(
     [batch]=120 [members]=280 [day]=100 [day_standard]=120 [whole]=400 [atlas]=400 [live]=110 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80

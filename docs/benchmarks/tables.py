@@ -53,7 +53,7 @@ def chances() -> Iterator[Line]:
     yield ('flow', 'ensemble', 'Brier score', 'skill where lava could come',
            'skill over all of the ground', 'largest gap', 'a member as the truth: largest gap',
            'its skill', 'with its outline at a third')
-    rows = {row['case']: row for row in lines_of('probability_h200.csv')}.values()
+    rows = {row['case']: row for row in lines_of('probability_h100.csv')}.values()
     for row in rows:
         yield (
             row['case'].removeprefix('etna'),

@@ -18,6 +18,9 @@ from lava_ros.files import file_to_write, write_output
 #: Arguments that name output files.
 OUTPUTS = ('json', 'output', 'picture')
 
+#: Wall time after which progress is shown again [s].
+_SHOW_EVERY = 0.2
+
 
 class Printable:
     """A text stream that shows control characters instead of writing them to ``raw``.
@@ -118,7 +121,7 @@ class Progress:
         """Show progress on a stream, by default stdout; ``has_lines`` is for long work."""
         self._stream = sys.stdout if stream is None else stream
         self._tenths = -1 if has_lines or self._stream.isatty() else 10
-        self._started = time.monotonic()
+        self._started = self._due = time.monotonic()
         self._bar = None
         if self._stream.isatty():
             from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
@@ -147,8 +150,14 @@ class Progress:
         if self._bar is not None:
             self._bar.stop()
 
+    @property
+    def is_due(self) -> bool:
+        """Return True if what is shown is old enough to be replaced."""
+        return time.monotonic() > self._due
+
     def show(self, what: str, done: float) -> None:
         """Show the current activity, and the completed fraction of the work."""
+        self._due = time.monotonic() + _SHOW_EVERY
         if self._bar is not None:
             self._bar.update(self._task, completed=done, description=printable(what))
             return

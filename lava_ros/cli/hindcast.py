@@ -83,17 +83,20 @@ def hindcast(args: argparse.Namespace) -> int:
     if run.is_resumed:
         print(f'continuing the unfinished run in {output}', file=sys.stderr)
     with Progress() as progress:
-        for _ in run.parts():
-            progress.show(duration(run.time), run.time / case.duration)
+        for time in run.parts():
+            if time is not None or progress.is_due:
+                progress.show(duration(run.time), run.time / case.duration)
     result = run.result()
     judged = score_case(case, result.snapshot.thickness, result.snapshot.inundated)
     several, results = None, [result]
     if runs > 1:
+        run.keep()
         with Progress() as progress:
             results = run_replicates(
                 case,
                 settings,
                 runs,
+                original=result,
                 folder=unfinished / 'several',
                 progress=lambda done: progress.show(f'{runs} runs', done),
             )

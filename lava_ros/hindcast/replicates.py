@@ -113,13 +113,20 @@ def run_replicates(
     settings: Settings,
     runs: int,
     *,
+    original: Result | None = None,
     folder: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Result]:
-    """Run a case in several directions with ``run_together``."""
+    """Run a case in several directions with ``run_together``.
+
+    ``original`` is the result of the case itself if it has been run with these settings.
+    """
     runs = validation.whole('--runs', runs, at_least=2, at_most=MAX_REPLICATES)
     jobs = [(case, direction) for direction in directions(runs)]
-    return run_together(jobs, settings, folder=folder, progress=progress)
+    # rounding of positions would make it another run
+    is_same = jobs[0][1].rotate(case).scene.vents == case.scene.vents
+    made = [original] if original is not None and is_same else []
+    return [*made, *run_together(jobs[len(made):], settings, folder=folder, progress=progress)]
 
 
 def run_together(
@@ -144,12 +151,13 @@ def run_together(
         kept = None if folder is None else folder / f'run_{number:02d}'
         # the spacing is that of the original case in all directions
         same = replace(settings, spacing=settings.accuracy(case).spacing)
-        run = Run(direction.rotate(case), same, folder=kept)
-        for snapshot in run.parts():
-            if snapshot is not None and progress is not None:
-                shares[number] = snapshot.time / case.duration
+        run = Run(direction.rotate(case), same, folder=kept, has_maps=False)
+        for time in run.parts():
+            if time is not None and progress is not None:
+                shares[number] = time / case.duration
                 progress(float(shares.mean()))
             yield
+        run.keep()
         result = run.result()
         snapshot = regridded(result.snapshot, case.scene.terrain, direction.rotate_back)
         peak = direction.rotate_back(result.peak)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs of cases, which resume from the last map after an interruption."""
+"""Runs of cases, which resume after an interruption."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -53,6 +53,9 @@ FORCED = {
     for name, effect in EFFECTS.items()
     if effect.needs_extent and math.isfinite(effect.threshold)
 }
+
+#: Wall time after which a run stores its state again [s].
+KEEP_EVERY = 10.0
 
 #: Name of the folder, inside the output, with the state of an unfinished run.
 UNFINISHED = '.unfinished'
@@ -131,10 +134,14 @@ class Result:
 
 
 class Run:
-    """A run of a case, from its start or, if ``is_resumed``, from its last map."""
+    """A run of a case, from its start or, if ``is_resumed``, from the state stored last."""
 
-    def __init__(self, case: Case, settings: Settings, *, folder: Path | None = None) -> None:
+    def __init__(
+        self, case: Case, settings: Settings, *, folder: Path | None = None, has_maps: bool = True
+    ) -> None:
         """Start a run, or resume the one whose state is in ``folder``; None stores no state.
+
+        Without ``has_maps`` only the last map is made.
 
         Raises:
             LavaError: If a setting is not valid, or the folder belongs to another case or other
@@ -145,7 +152,11 @@ class Run:
         self._coarseness = settings.coarseness(case)
         self._peak = np.zeros(case.scene.terrain.shape, np.float32)
         self._wall_time = 0.0
-        self._most_particles = self._maps = 0
+        self._most_particles = self._maps = self._stored = 0
+        self._has_maps = has_maps
+        # maps that are not stored yet
+        self._new: list[Snapshot] = []
+        self._stored_at = wall_clock.monotonic()
         self.is_resumed = folder is not None and (folder / 'run.json').is_file()
         if folder is not None and self.is_resumed:
             self._simulation = self._resumed(folder)
@@ -155,11 +166,11 @@ class Run:
         """Simulated time [s]."""
         return self._simulation.time
 
-    def parts(self) -> Iterator[Snapshot | None]:
+    def parts(self) -> Iterator[float | None]:
         """Simulate in parts, so that the caller can do other work while a GPU computes.
 
         Yields:
-            A snapshot at each map, None after the other parts.
+            The simulated time [s] when a map is due, None after the other parts.
         """
         case, maps = self.case, self.settings.maps
         times = [*(case.duration * (index / maps) for index in range(1, maps)), case.duration]
@@ -168,15 +179,12 @@ class Run:
                 # a stored map, or that of the last step, is also for this time
                 continue
             yield from self._advancing(time, limit=case.duration)
-            with self._timed():
-                snapshot = self._snapshot()
-                flaw = snapshot.flaw()
-                if flaw:
-                    raise LavaError('the simulated flow', flaw, 'finite numbers')
-                self._add(snapshot)
-            if self._folder is not None:
-                self._keep(self._folder, snapshot)
-            yield snapshot
+            if self._has_maps or time == case.duration:
+                with self._timed():
+                    self._add(self._snapshot())
+            if wall_clock.monotonic() - self._stored_at >= KEEP_EVERY:
+                self.keep()
+            yield self.time
 
     def result(self) -> Result:
         """Return the result so far."""
@@ -193,11 +201,13 @@ class Run:
             device=simulation.device,
         )
 
-    def kept(self) -> list[Snapshot]:
-        """Read the snapshots in the folder, in the order of time."""
+    def kept(self) -> Iterator[Snapshot]:
+        """Return the maps of a run with a folder, in the order of time."""
         folder, terrain = self._folder, self.case.scene.terrain
         assert folder is not None
-        return [_read(folder / f'map_{index:04d}.npz', terrain) for index in range(self._maps)]
+        for index in range(self._maps):
+            yield _read(folder / f'map_{index:04d}.npz', terrain)
+        yield from self._new
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
@@ -206,8 +216,12 @@ class Run:
         self._wall_time += wall_clock.monotonic() - started
 
     def _add(self, snapshot: Snapshot) -> None:
+        flaw = snapshot.flaw()
+        if flaw:
+            raise LavaError('the simulated flow', flaw, 'finite numbers')
         np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
-        self._maps += 1
+        if self._folder is not None:
+            self._new.append(snapshot)
 
     def _snapshot(self) -> Snapshot:
         snapshot = self._simulation.snapshot()
@@ -258,23 +272,35 @@ class Run:
         digest.update(json.dumps(plain, sort_keys=True).encode())
         return digest.hexdigest()
 
-    def _keep(self, folder: Path, snapshot: Snapshot) -> None:
-        """Write the state for a resume; ``run.json``, written last, makes it valid."""
-        plain = {
-            'identity': self._identity(),
-            'maps': self._maps,
-            'wall_time': self._wall_time,
-            'most_particles': self._most_particles,
-        }
+    def keep(self) -> None:
+        """Write the state for a resume, if there is a folder.
+
+        ``run.json``, written last, makes it valid.
+        """
+        folder = self._folder
+        if folder is None:
+            return
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            _write(folder / f'map_{self._maps - 1:04d}.npz', snapshot)
+            for index, snapshot in enumerate(self._new, self._maps):
+                _write(folder / f'map_{index:04d}.npz', snapshot)
+            self._maps += len(self._new)
+            self._new.clear()
+            self._stored += 1
             checkpoint = self._simulation.checkpoint().to_bytes()
-            write_output('output', folder / f'checkpoint_{self._maps:04d}', checkpoint)
+            write_output('output', folder / f'checkpoint_{self._stored:04d}', checkpoint)
+            plain = {
+                'identity': self._identity(),
+                'maps': self._maps,
+                'stored': self._stored,
+                'wall_time': self._wall_time,
+                'most_particles': self._most_particles,
+            }
             write_output('output', folder / 'run.json', json.dumps(plain))
-            (folder / f'checkpoint_{self._maps - 1:04d}').unlink(missing_ok=True)
+            (folder / f'checkpoint_{self._stored - 1:04d}').unlink(missing_ok=True)
         except OSError as error:
             raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
+        self._stored_at = wall_clock.monotonic()
 
     def _resumed(self, folder: Path) -> Simulation:
         try:
@@ -283,8 +309,8 @@ class Run:
                 expected = 'a folder without an unfinished run of another case or of other '
                 expected += 'settings; --fresh starts again from time 0'
                 raise LavaError('output', str(folder.parent), expected)
-            self._maps = int(plain['maps'])
-            checkpoint = from_bytes((folder / f'checkpoint_{self._maps:04d}').read_bytes())
+            self._maps, self._stored = int(plain['maps']), int(plain['stored'])
+            checkpoint = from_bytes((folder / f'checkpoint_{self._stored:04d}').read_bytes())
         except LavaError:
             raise
         except (OSError, KeyError, ValueError) as error:

@@ -14,7 +14,6 @@ import numpy as np
 
 from lava_ros.simulation.batch import at_work, Batch
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.particles.layout import count_in
 from lava_ros.simulation.solver import Solver
 
 #: Launches in flight, by whether the device is a GPU, while the target is far enough away.
@@ -30,7 +29,7 @@ _Readback = tuple[np.ndarray, np.ndarray]
 def advancing_to(
     solver: Solver, until: float, end: float, deadline: float
 ) -> Generator[None, None, float]:
-    """Advance to a time, in parts.
+    """Advance to a time, in parts, or to the step after which no lava is left.
 
     Args:
         solver: The solver.
@@ -81,7 +80,8 @@ def _advance_alone(
         former = clock[at.TIME]
         clock, counts = in_flight.popleft()()
         gain = clock[at.TIME] - former
-        solver.most_particles = max(solver.most_particles, count_in(counts))
+        if solver.note(counts):
+            break
         if state.needs_room(counts) or counts[at.NEAR_BORDER]:
             while in_flight:
                 clock, counts = in_flight.popleft()()
@@ -101,9 +101,13 @@ def _advance_in_batch(
         batch.bring(solver.state, launches, until)
         yield
         clock, counts = batch.seen
-        solver.most_particles = max(solver.most_particles, count_in(counts))
+        is_over = solver.note(counts)
         if clock[at.TIME] >= until:
             return clock, counts
+        if is_over:
+            # only the remaining stages of the current step
+            until = float(clock[at.TIME])
+            solver.state.write_target(until)
         if wall_clock.monotonic() >= deadline:
             # the clock includes stages launched since that readback
             return solver.state.read_clock()

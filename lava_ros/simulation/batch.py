@@ -25,7 +25,7 @@ from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.memory import Readback
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.particles.state import FULLEST, State
+from lava_ros.simulation.particles.state import State
 
 #: Default maximum number of active simulations.
 AT_ONCE = 256
@@ -106,7 +106,7 @@ class _Group:
     def put(self, row: int, launches: Sequence[Launch], state: State) -> None:
         """Assign a row to a member."""
         self._stages.put(row, launches)
-        self._room[row] = FULLEST * state.capacity
+        self._room[row] = state.ample
         if self._put.get(row, (None, 0))[0] is not state:
             # assume a full state until the first readback
             self._particles[row], self._is_guess[row] = state.capacity, True
@@ -169,6 +169,8 @@ class _Group:
             clocks, counts = copied()
             particles = counts[:, at.PARTICLES] + counts[:, at.NEWCOMERS]
             is_due = ~(clocks[:, at.TIME] < self._until) | (particles > self._room)
+            # when no lava is left, a member may have nothing to do
+            is_due |= (particles == 0) & (self._particles > 0)
             is_due |= (counts[:, at.FULL] != 0) | (counts[:, at.NEAR_BORDER] != 0)
             is_current = asked == self._asked
             self._particles[is_current] = particles[is_current]
@@ -331,8 +333,9 @@ def side_by_side(
 ) -> Iterator[None]:
     """Run all routes to their ends, and yield in between so that the caller can do other work.
 
-    On a GPU they run as a batch. On the CPU they run one after the other, each on all cores. A
-    route starts only when it is its turn.
+    On a GPU several run as a batch. A single one runs alone, which takes two thirds of the time,
+    and on the CPU they run one after the other, each on all cores. A route starts only when it is
+    its turn.
 
     Args:
         routes: The routes (``Simulation.advancing``).
@@ -342,6 +345,9 @@ def side_by_side(
     Raises:
         Exception: If a route raises; the other routes are abandoned.
     """
-    if wp.get_device(device).is_cuda:
+    rest = iter(routes)
+    first = list(islice(rest, 2))
+    routes = chain(first, rest)
+    if wp.get_device(device).is_cuda and len(first) > 1:
         return Batch(at_once=at_once).running(routes)
     return chain.from_iterable(routes)

@@ -5,7 +5,7 @@
 
 The ratio and the fraction of the stable step were chosen from a full run of `lava accuracy`
 (docs/accuracy/h200.csv; docs/accuracy/ has its table and chart), the refinements by the agreement
-of the outlines of real flows (docs/benchmarks/convergence_h200.csv).
+of the outlines of real flows (docs/benchmarks/convergence_h100.csv).
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from lava_ros.simulation.setup.course import course_of
 #: Default time span for the choice of spacing and effects [s].
 HORIZON = 86400.0
 
-#: Particles across the flow at a refinement of 1 (docs/benchmarks/convergence_h200.csv).
+#: Particles across the flow at a refinement of 1 (docs/benchmarks/convergence_h100.csv).
 ACROSS = 16.0
 
 #: Maximum spacing over the thickness of the flow at a refinement of 1: the edges of any flow are a

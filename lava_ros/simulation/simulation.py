@@ -178,15 +178,18 @@ class Simulation:
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         while True:
             change = self.scene.events[0].time if self.scene.events else math.inf
-            self.solver.raise_top(until=min(end, change))
+            stop, last = min(until, change), min(end, change)
+            self.solver.raise_top(until=last)
+            if self.solver.is_bare:
+                self.solver.rest(stop, last)
             # reviews are at ends of natural steps: they change no step
-            due = min(until, self._review_due, change)
-            reached = yield from advancing_to(self.solver, due, min(end, change), deadline)
+            due = min(stop, self._review_due)
+            reached = yield from advancing_to(self.solver, due, last, deadline)
             if reached >= self._review_due:
                 self.review()
             if change <= reached and change < until:
                 self._change_ground()
-            elif reached >= until or reached < due:
+            elif reached >= until or wall_clock.monotonic() >= deadline:
                 return reached
 
     def snapshot(self) -> Snapshot:

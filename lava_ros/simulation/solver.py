@@ -48,6 +48,13 @@ _FIRST_CAPACITY = 4096
 #: Stages per launch, by whether the device is a GPU.
 _GRAPH_STAGES = {True: 16, False: 1}
 
+#: Stages that may run before the host reacts to the counts of particles: two launches are in
+#: flight while it reads those of a third.
+_STAGES_AHEAD = {True: 3 * _GRAPH_STAGES[True], False: 1}
+
+#: Maximum number of particles for which room is kept in advance.
+_MAX_AHEAD = 2**20
+
 #: Positions of no particles.
 _NOWHERE = np.empty((0, 2))
 
@@ -71,6 +78,7 @@ class Solver:
         vents: The vents on the device.
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of particles at any readback so far.
+        is_bare: True if there were none at the latest readback.
     """
 
     def __init__(
@@ -94,6 +102,7 @@ class Solver:
         self._diagnostics, self._reader = FlowDiagnostics(), Reader(device)
         self.volume_before = 0.0
         self.most_particles = 0
+        self.is_bare = False
         self.after_step: dict[str, Any] = {}
         self._arrived: tuple[Terrain, Any] | None = None
         self._place_terrain()
@@ -220,6 +229,15 @@ class Solver:
             self.scene.vents, self.scene.terrain, self.accuracy, self.particle_volume,
             self.device, since=since, before=before,
         )
+        # without room lava would wait in the vents, and come out all at once
+        state, accuracy = self.state, self.accuracy
+        assert accuracy.thickness is not None
+        step = min(self.vents.longest_step(accuracy.thickness), accuracy.longest_step)
+        rate = sum(vent.peak for vent in self.scene.vents) / self.particle_volume
+        # steps have at least two stages with RKL2
+        steps = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
+        state.particles_ahead = math.ceil(min(steps * step * rate, _MAX_AHEAD))
+        state.make_room(state.read_clock()[1])
 
     def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
         """Update the elevation of the highest ground that lava came from, for places and vents.
@@ -277,6 +295,19 @@ class Solver:
     def record_launches(self, take: Callable[[], None]) -> list[Launch]:
         """Return the launches of a function without running them, for a batch."""
         return self.state.launches.taken_down(take, self.state.capacity)
+
+    def note(self, counts: np.ndarray) -> bool:
+        """Note the number of particles at a readback; return True if it has become 0."""
+        count, was_bare = at.count_in(counts), self.is_bare
+        self.most_particles, self.is_bare = max(self.most_particles, count), count == 0
+        return self.is_bare and not was_bare
+
+    def rest(self, until: float, end: float) -> None:
+        """Advance only the clock to a time, if there is no lava before ``end``, both in s."""
+        clock, counts = self.state.read_clock()
+        is_still = not at.count_in(counts) and not self.vents.emit_by(end)
+        if is_still and clock[at.TIME] < until:
+            self.state.write_time(until)
 
     def make_room(self, counts: np.ndarray) -> None:
         """Enlarge the arrays or the neighbour grid if the counts of the state require it."""

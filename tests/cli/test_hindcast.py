@@ -4,6 +4,7 @@
 """`lava hindcast`, `lava calibrate`, `lava barrier` and `lava materials`."""
 
 import json
+from pkgutil import resolve_name
 import re
 
 import numpy as np
@@ -129,6 +130,34 @@ def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     page = (tmp_path / 'out/hindcast.html').read_text()
     assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
     assert not (tmp_path / 'out/.unfinished').exists()
+
+
+def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
+    """The first of them is the run of the case, and only this one makes maps before its end."""
+    drawn, simulated, mapped = [], [], []
+    for name, calls, of in (
+        ('lava_ros.hindcast.page.draw_sheet', drawn, lambda panels, output, **_: output),
+        ('lava_ros.hindcast.run.Run.result', simulated, lambda run: run.case.scene.terrain.shape),
+        ('lava_ros.hindcast.run.Run._snapshot', mapped, lambda run: run.time),
+    ):
+        monkeypatch.setattr(name, _counted(name, calls, of))
+    done(*valley[:-1], '3', '--runs', '3')
+    assert drawn == [tmp_path / 'out/comparison.png']
+    # the case, a pilot, and two replicates of which one is rotated by 90 degrees
+    assert sorted(simulated) == sorted([SHAPE, SHAPE, SHAPE, SHAPE[::-1]])
+    # three maps of the case, one of each other run, and one for each result
+    assert len(mapped) == 3 + 3 + 4
+
+
+def _counted(name, calls, of):
+    """Return a function that notes calls of another one, given by its full name."""
+    function = resolve_name(name)
+
+    def counted(*args, **named):
+        calls.append(of(*args, **named))
+        return function(*args, **named)
+
+    return counted
 
 
 def test_refuses_unusable_cases_and_folders_of_others(tmp_path):

@@ -108,13 +108,20 @@ def test_reviews_do_not_change_the_flow(device: str):
     assert np.array_equal(*thickness, equal_nan=True)
 
 
+@pytest.mark.parametrize('horizon', [1.0, 0.3, 3600.0, 86400.0 * 30.1])
+def test_reviews_become_rarer_while_the_flow_slows(horizon: float):
+    times = [next_review(0.0, horizon)]
+    while times[-1] < 3.0 * horizon:
+        times.append(next_review(times[-1], horizon))
+    expected = [1 / 128, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 25 / 16]
+    assert times[:11] == pytest.approx([horizon * part for part in expected])
+    assert np.all(np.diff(times) <= LONGEST * np.maximum(times[:-1], horizon) * (1.0 + 1e-9))
+
+
 def test_review_times_do_not_depend_on_the_caller():
-    times = [0.0]
+    times = [next_review(0.0, 1.0)]
     while times[-1] < 3.0:
         times.append(next_review(times[-1], 1.0))
-    gaps = np.diff(times)
-    assert 10 < sum(time < 1.0 for time in times) < 40
-    assert gaps[gaps > 0].min() > 0.004 and gaps.max() <= LONGEST + 1e-12
     for time in np.linspace(0.0, 2.9, 400):
         assert next_review(time, 1.0) == pytest.approx(min(t for t in times if t > time))
     assert next_review(30.0, 100.0) == pytest.approx(100.0 * next_review(0.3, 1.0))

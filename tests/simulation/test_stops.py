@@ -185,13 +185,15 @@ def test_maps_of_a_hindcast_do_not_change_the_flow(name, device, tmp_path):
         folder = tmp_path / str(count)
         for stop in (1, count + 1):
             run = Run(case, replace(settings, maps=count), folder=folder)
-            for snapshot in run.parts():
-                if snapshot is not None:
-                    times.append(snapshot.time)
-                    end = snapshot
+            for time in run.parts():
+                if time is not None:
+                    times.append(time)
                     if len(times) == stop:
                         break
-        assert len(times) == len(run.kept()) <= count
+            run.keep()
+        assert times == [item.time for item in run.kept()]
+        assert len(times) <= count
+        end = run.result().snapshot
         assert times == sorted(set(times)) and times[-1] == END
         maps = [getattr(end, name).tobytes() for name in ('thickness', 'temperature', 'arrived')]
         results.append((*maps, end.budget, end.steps, end.particle_count))

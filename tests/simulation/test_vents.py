@@ -16,18 +16,20 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.particles.layout import FULL
+from lava_ros.simulation.particles.state import State
 import lava_ros.simulation.solver as solver_module
-from lava_ros.simulation.solver import Solver
-from lava_ros.simulation.step.vents import Emission, MAX_PARTICLES_PER_SECOND, VentSet
+import lava_ros.simulation.step.vents as vents_module
+from lava_ros.simulation.step.vents import Emission, VentSet
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 
 
-def flow(*vents: Vent, **accuracy: object) -> Simulation:
+def flow(*vents: Vent, device: str = 'cpu', **accuracy: object) -> Simulation:
     """Return vents on level ground, with particles of 1 m3."""
     scene = Scene(Terrain(np.zeros((50, 50)), 2.0), vents, Lava(viscosity=1e4, arrhenius=0.0))
     knobs = Accuracy(spacing=1.0, thickness=1.0, **accuracy)
-    return Simulation(scene, accuracy=knobs, device='cpu')
+    return Simulation(scene, accuracy=knobs, device=device)
 
 
 def vent_set(
@@ -56,10 +58,29 @@ def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatc
     assert simulation.particle_count == pytest.approx(800, abs=1)
 
 
+def test_capacity_grows_before_a_vent_needs_it(
+    device: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(solver_module, '_FIRST_CAPACITY', 64)
+    seen, make_room = [], State.make_room
+
+    def noted(state: State, counts: np.ndarray) -> None:
+        seen.append((int(counts[FULL]), state.capacity))
+        make_room(state, counts)
+
+    monkeypatch.setattr(State, 'make_room', noted)
+    # 30 particles a step
+    simulation = flow(VENT, Vent((60.0, 50.0), 400.0, radius=8.0), device=device)
+    simulation.advance(20.0)
+    assert simulation.particle_count > 8000
+    # it has grown, and no vent ever waited
+    assert seen[-1][1] > 64 and not any(full for full, _ in seen)
+
+
 def test_lava_beyond_the_capacity_is_overdue(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solver_module, '_FIRST_CAPACITY', 64)
+    monkeypatch.setattr(State, 'make_room', lambda self, counts: None)
     simulation = flow(VENT)
-    monkeypatch.setattr(Solver, 'make_room', lambda self, counts: None)
     simulation.advance(40.0)
     budget = simulation.budget()
     assert budget.late == pytest.approx(budget.pending, abs=1.1) and budget.late > 600.0
@@ -80,13 +101,14 @@ def test_rejects_a_discharge_of_too_many_particles(discharges: tuple[float, ...]
         flow(*vents)
 
 
-def test_emission_per_step_is_limited() -> None:
-    simulation = flow(Vent((50.0, 50.0), 0.9 * MAX_PARTICLES_PER_SECOND, radius=1e5))
-    simulation.advance(2.0)
+def test_emission_per_step_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(vents_module, '_MAX_PARTICLES_PER_STEP', 2**10)
+    simulation = flow(Vent((50.0, 50.0), 7000.0, radius=1e5))
+    simulation.advance(1.0)
     budget = simulation.budget()
     assert simulation.steps >= 6
-    assert budget.emitted == pytest.approx(1.8 * MAX_PARTICLES_PER_SECOND)
-    assert simulation.solver.state.capacity < 2**21
+    assert budget.emitted == pytest.approx(7000.0)
+    assert simulation.solver.state.capacity <= 2**14
 
 
 @pytest.mark.parametrize('end', [None, (70.0, 50.0)])

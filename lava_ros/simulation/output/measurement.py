@@ -33,7 +33,7 @@ def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
     some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
     terrain, cell = snapshot.terrain, snapshot.terrain.resolution
     row, column = _cells_of(terrain, sample.position[some])
-    rows, columns = _window(np.nan_to_num(snapshot.thickness) > 0.0, row, column)
+    rows, columns = _window(snapshot.thickness > 0.0, row, column)
     here = row - rows.start, column - columns.start
     thickness = np.nan_to_num(snapshot.thickness[rows, columns])
     ground = terrain.elevation[rows, columns].astype(np.float64)
@@ -43,8 +43,8 @@ def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
     return Columns(
         volume=sample.volume[some],
         thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
-        slope=np.maximum(_slopes(surface, cell)[here], MIN_MEASURED),
-        ground_slope=_slopes(ground, cell)[here],
+        slope=np.maximum(_measure_slopes(surface, cell, *here), MIN_MEASURED),
+        ground_slope=_measure_slopes(ground, cell, *here),
         temperature=sample.temperature[some],
         speed=np.hypot(*sample.velocity[some].T),
         width=measure_widths(standing_cells(thickness), cell)[here],
@@ -121,34 +121,46 @@ def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
     Returns:
         The width [m], float64, same shape, 0 without lava.
     """
+    straight = np.minimum(_measure_runs(wet), _measure_runs(wet.T).T)
+    mirrored = _measure_diagonal_runs(wet[:, ::-1])[:, ::-1]
+    diagonal = np.minimum(_measure_diagonal_runs(wet), mirrored)
+    return np.minimum(straight * cell, diagonal * (math.sqrt(2.0) * cell))
+
+
+def _measure_runs(wet: np.ndarray) -> np.ndarray:
+    """Return the length of the run of wet cells along a row that contains each, 0 elsewhere."""
+    # a dry column keeps the runs of different rows apart
+    line = np.pad(wet, ((0, 0), (0, 1))).ravel()
+    edges = np.flatnonzero(np.diff(line, prepend=False))
+    lengths = edges[1::2] - edges[::2]
+    found = np.zeros(wet.shape, dtype=np.int64)
+    found[wet] = np.repeat(lengths, lengths)
+    return found
+
+
+def _measure_diagonal_runs(wet: np.ndarray) -> np.ndarray:
+    """Return the same along the diagonals on which the sum of row and column is constant."""
     rows, columns = wet.shape
-    straight = np.minimum(_runs(wet), _runs(wet.T).T) * cell
-    widths = [straight]
-    row, column = np.indices(wet.shape)
-    for diagonal in (column - row + rows - 1, column + row):
-        # one row per diagonal, indexed by the row in the grid
-        lines = np.zeros((rows + columns - 1, rows), dtype=bool)
-        lines[diagonal, row] = wet
-        widths.append(_runs(lines)[diagonal, row] * (math.sqrt(2.0) * cell))
-    return np.where(wet, np.min(widths, axis=0), 0.0)
+    width = rows + columns
+    # with rows of one cell less, each row begins one cell further to the right
+    skewed = np.pad(wet, ((0, 0), (0, rows))).ravel()[:-rows].reshape(rows, width - 1)
+    found = np.zeros(rows * width, dtype=np.int64)
+    found[:-rows] = _measure_runs(skewed.T).T.ravel()
+    return found.reshape(rows, width)[:, :columns]
 
 
-def _runs(wet: np.ndarray) -> np.ndarray:
-    """Return the length of the run of cells along a row that contains each cell, same shape."""
-    count = wet.shape[1]
-    places = np.arange(count)
-    before = np.maximum.accumulate(np.where(wet, -1, places), axis=1)
-    after = np.minimum.accumulate(np.where(wet, count, places)[:, ::-1], axis=1)[:, ::-1]
-    return after - before - 1
-
-
-def _slopes(elevation: np.ndarray, cell: float) -> np.ndarray:
-    """Return the slope of each cell, rise over run, 0 next to cells without data, same shape."""
-    along = [
-        np.gradient(elevation, cell, axis=axis) if elevation.shape[axis] > 1 else 0.0
-        for axis in (0, 1)
-    ]
-    return np.nan_to_num(np.hypot(*along) * np.ones_like(elevation))
+def _measure_slopes(
+    elevation: np.ndarray, cell: float, row: np.ndarray, column: np.ndarray
+) -> np.ndarray:
+    """Return the slope of some cells, rise over run, 0 next to cells without data."""
+    rows, columns = (size - 1 for size in elevation.shape)
+    down, up = np.maximum(row - 1, 0), np.minimum(row + 1, rows)
+    left, right = np.maximum(column - 1, 0), np.minimum(column + 1, columns)
+    rises = (
+        (elevation[up, column] - elevation[down, column]) / np.maximum(up - down, 1),
+        (elevation[row, right] - elevation[row, left]) / np.maximum(right - left, 1),
+    )
+    return np.nan_to_num(np.hypot(*rises) / cell)
 
 
 def _window(wet: np.ndarray, row: np.ndarray, column: np.ndarray) -> tuple[slice, slice]:

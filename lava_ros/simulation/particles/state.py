@@ -124,12 +124,16 @@ class State:
         self.has_surface = accuracy.gradient != 'energy' and not self.has_velocity
         self.device = device
         self.launches = Launches(device)
+        #: Maximum number of particles that vents emit before the host reads the counts again.
+        self.particles_ahead = 0
         self._allocate(capacity)
         self.top.fill_(-at.FAR)
         if not device.is_cuda:
             # a view of the current values: creating it takes 10 us
             self._seen_counts = self.counts.numpy()
-        self._target = self.clock[at.TARGET : at.TARGET + 1]
+        self._time, self._target = (
+            self.clock[place : place + 1] for place in (at.TIME, at.TARGET)
+        )
         self._readbacks = [Readback((self.clock, self.counts))]
 
     @property
@@ -234,11 +238,17 @@ class State:
         if self.needs_room(counts):
             # spare capacity is cheap while there are few particles
             twice = 2 * self.capacity if self.capacity < FEW else 0
-            self.grow(max(room_for(at.count_in(counts)), room_for(self.capacity), twice))
+            expected = at.count_in(counts) + self.particles_ahead
+            self.grow(max(room_for(expected), room_for(self.capacity), twice))
 
     def needs_room(self, counts: np.ndarray) -> bool:
         """Return True if the capacity is almost used up or a vent found none."""
-        return bool(counts[at.FULL] or at.count_in(counts) > FULLEST * self.capacity)
+        return bool(counts[at.FULL] or at.count_in(counts) > self.ample)
+
+    @property
+    def ample(self) -> float:
+        """Maximum number of particles for which the capacity suffices until the next readback."""
+        return FULLEST * self.capacity - self.particles_ahead
 
     def grow(self, capacity: int) -> None:
         """Grow to a capacity of ``capacity`` particles and keep the existing ones.
@@ -289,6 +299,10 @@ class State:
         self._target.fill_(time)
         if limit is not None:
             self.limit_time.fill_(limit)
+
+    def write_time(self, time: float) -> None:
+        """Replace the simulated time [s], between two steps."""
+        self._time.fill_(time)
 
     def write_count(self, place: int, value: int) -> None:
         """Replace one of the ``counts``."""

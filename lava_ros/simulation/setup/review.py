@@ -16,11 +16,12 @@ from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
 from lava_ros.scene import Scene
 from lava_ros.simulation.selection import Decision
 
-#: Time of the first review, and longest time between two, as fractions of the horizon.
-FIRST, LONGEST = 1.0 / 200.0, 1.0 / 8.0
+#: Time of the first review as a fraction of the horizon; until half of it, each is at twice the
+#: time of the one before.
+FIRST = 1.0 / 128.0
 
-#: Time between two reviews as a fraction of the simulated time.
-GROWTH = 1.0
+#: Longest time between two reviews, as a fraction of the horizon, or of the time if that is more.
+LONGEST = 1.0 / 4.0
 
 
 @dataclass
@@ -71,15 +72,11 @@ def next_review(time: float, horizon: float) -> float:
 
     The times depend on the horizon [s] alone.
     """
-    passed = time / horizon
-    if passed >= 1.0:
-        # later reviews are evenly spaced; rounding must not merge two of them
-        count = math.floor((passed - 1.0) / LONGEST + 1e-6) + 1
-        return horizon * (1.0 + LONGEST * count)
-    due = FIRST
+    # rounding must not find the same review twice
+    passed, due = time / horizon * (1.0 + 1e-9), FIRST
     while due <= passed:
-        due += min(max(GROWTH * due, FIRST), LONGEST)
-    return horizon * min(due, 1.0)
+        due += min(due, LONGEST * max(due, 1.0))
+    return horizon * due
 
 
 def watched_effects(scene: Scene, effects: Effects, forced: Mapping[str, bool]) -> list[str]:

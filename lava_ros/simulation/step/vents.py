@@ -300,6 +300,11 @@ class VentSet:
             if number not in self.counted and (self._is_filled[number] or time < until)
         }
 
+    def emit_by(self, time: float) -> bool:
+        """Return True if a vent releases particles by a time [s]."""
+        due = read(self.due)
+        return bool(due.size and due[:, 0].min() <= (1.0 + _ROUNDING) * time)
+
     def emitted(self, time: float) -> float:
         """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""
         return sum(vent.volume_between(self.since, time) for vent in self.vents)

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Without lava, and without a vent that emits any until the end, only the clock advances."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.batch import Batch
+
+SLOPE = Terrain(np.tile(900.0 - 0.3 * 10.0 * np.arange(30.0), (24, 1)), 10.0)
+
+#: It loses its heat above the solidus within minutes.
+LAVA = Lava(viscosity=5e3, density=2600.0, convection=500.0, solidus=1395.0)
+
+VENT = Vent((60.0, 120.0), ((0.0, 20.0), (300.0, 0.0)), radius=12.0)
+
+#: A long time [s]: stepping through it would take minutes even on a GPU.
+LONG = 1e9
+
+
+def begun(device, *vents):
+    return Simulation(
+        Scene(SLOPE, vents, LAVA), effects={'solidification': True}, device=device,
+        accuracy=Accuracy(spacing=8.0, thickness=1.0, deterministic=True),
+    )
+
+
+def frozen(device):
+    simulation = begun(device, VENT)
+    simulation.advance(600.0, limit=1e5)
+    while simulation.particle_count:
+        simulation.advance(simulation.time + 600.0, limit=1e5)
+    return simulation
+
+
+@pytest.mark.parametrize('vents', [(), (replace(VENT, discharge=((0.0, 0.0),)),)])
+def test_an_idle_scene_reaches_any_time_at_once(vents, device):
+    simulation = begun(device, *vents)
+    assert simulation.advance(LONG) == LONG == simulation.time
+    assert simulation.steps < 100
+    assert simulation.snapshot().time == LONG
+    # and it still erupts
+    simulation.set_vents([replace(VENT, discharge=20.0)])
+    simulation.advance(LONG + 100.0)
+    assert simulation.budget().emitted == pytest.approx(2000.0)
+    assert simulation.particle_count > 10
+
+
+def test_frozen_lava_takes_no_steps(device):
+    simulation = frozen(device)
+    before, steps = simulation.snapshot(), simulation.steps
+    assert before.budget.frozen > 5000.0
+    for time in (before.time + 1e4, LONG):
+        assert simulation.advance(time, limit=LONG) == time
+        after = simulation.snapshot()
+        for name in ('thickness', 'temperature', 'frozen', 'arrived'):
+            assert getattr(after, name).tobytes() == getattr(before, name).tobytes()
+        assert after.budget == before.budget
+    assert simulation.steps < steps + 100
+
+
+def test_a_vent_that_opens_later_is_not_missed(device):
+    """The time is passed in steps if it opens before the limit, at once otherwise."""
+    later = replace(VENT, discharge=((0.0, 0.0), (4000.0, 20.0)))
+    simulation = begun(device, later)
+    assert simulation.advance(3900.0) == 3900.0
+    assert simulation.steps < 20
+    simulation.advance(4200.0)
+    assert simulation.particle_count > 10
+    maps = []
+    for stops in ((), (1000.0, 3990.0, 4010.0)):
+        simulation = begun(device, later)
+        for time in (*stops, 4200.0):
+            simulation.advance(time, limit=4200.0)
+        maps.append(simulation.snapshot())
+        assert simulation.steps > 60
+    assert maps[0].thickness.tobytes() == maps[1].thickness.tobytes()
+    assert np.nanmax(maps[0].thickness) > 0.5
+
+
+def test_members_of_a_batch_rest_as_well(device):
+    """One has no vent, one freezes, and one flows until the end."""
+    members = [begun(device), begun(device, VENT), begun(device, replace(VENT, discharge=5.0))]
+    ends = [LONG, LONG, 2000.0]
+    Batch().run(
+        member.advancing(end) for member, end in zip(members, ends, strict=True)
+    )
+    assert [member.time for member in members] == ends
+    assert [member.particle_count > 0 for member in members] == [False, False, True]
+    alone = frozen(device).snapshot()
+    np.testing.assert_array_equal(members[1].snapshot().thickness, alone.thickness)
