@@ -27,9 +27,6 @@ from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 from recording import record
 from small_checkpoint import small_checkpoint
 
-#: Bits that are flipped in each bag; `make nightly` tries more.
-FLIPS = int(os.environ.get('LAVA_FLIPS', '2'))
-
 #: The file that describes a bag.
 YAML = 'metadata.yaml'
 
@@ -239,11 +236,13 @@ def test_refuses_an_invalid_message_count(bag: Path, count: str) -> None:
         BagReader(bag)
 
 
+@pytest.mark.parametrize('flips', [2, pytest.param(500, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize('kind', [
-    'finished', *(pytest.param(kind, marks=pytest.mark.nightly) for kind in ('cut off', YAML)),
+    'finished',
+    *(pytest.param(kind, marks=pytest.mark.nightly) for kind in ('cut off', YAML)),
 ])
 def test_a_flipped_bit_is_never_silent(
-    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, trial: Any
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, flips: int, trial: Any
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(
@@ -300,7 +299,7 @@ def test_a_flipped_bit_is_never_silent(
     expected = results()
     assert {status for status, _, _ in expected.values()} == {0}, expected
     chance = random.Random(kind)
-    for index in range(FLIPS):
+    for index in range(flips):
         place = chance.choice(places) if index % 2 else chance.randrange(len(data))
         bit = chance.randrange(8)
         path.write_bytes(data)

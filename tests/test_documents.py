@@ -5,7 +5,7 @@
 
 The notebook and the blocks of other documents run nightly; every run parses their commands.
 
-A block runs in a folder of its own, with the files that a reader would have (`_furnish`). An HTML
+A block runs in a folder of its own, with the files that a reader would have (`furnished`). An HTML
 comment before the block marks what cannot run here:
 
     <!-- not run: REASON -->                     the whole block, for one of REASONS
@@ -34,14 +34,12 @@ import sys
 import time
 from typing import Any
 
-import numpy as np
 import pytest
 import rasterio
 import yaml
 
 from command_line import lava
-from eruption import write_case, write_grid
-from geodata import write_raster
+from eruption import write_case
 from lava_ros.cli.parser import parse_command_line
 from lava_ros.ros.parameters import LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import scene_from_yaml
@@ -109,44 +107,27 @@ def blocks() -> Iterator[Block]:
 BLOCKS = list(blocks())
 
 
-@pytest.fixture
-def shop(tmp_path: Path) -> Path:
+@pytest.fixture(scope='module')
+def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Make a folder with the files that a reader of the documents has."""
-    _furnish(tmp_path)
-    return tmp_path
-
-
-def _furnish(folder: Path) -> None:
-    easting, northing, cell = 499000.0, 4180000.0, 50.0
-    y, x = np.mgrid[140:0:-1, 0:60] * cell
-    elevation = (1500.0 - 0.15 * y + 20.0 * np.sin(x / 400.0)).astype('float32')
-    elevation[-1, 0] = -9999.0
-    near = (np.hypot(x - 1500.0, y - 6100.0) < 200.0).astype('float32')
-    for name, values in (('etna.tif', elevation), ('seen.tif', near), ('where.tif', near)):
-        write_raster(
-            folder / name, values, cell=cell, north_west=(easting, northing), nodata=-9999.0
-        )
-    corner = (easting, northing - 140 * cell)
-    write_grid(folder / 'etna.asc', elevation[::-1], corner=corner, cell=cell)
-    scene = {
-        'terrain': {'file': 'etna.tif'},
-        'vents': [{'position': [1500.0, 6200.0], 'discharge': 20.0, 'radius': 60.0}],
-        'lava': {'viscosity': 1e4},
-    }
-    (folder / 'etna.yaml').write_text(yaml.safe_dump(scene))
-    lognormal = {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5}
-    uncertain = {**scene, 'uncertainty': {'discharge': lognormal, 'position': {'radius': 50.0}}}
-    (folder / 'uncertain.yaml').write_text(yaml.safe_dump(uncertain))
+    folder = tmp_path_factory.mktemp('furnished')
+    examples = ROOT / 'examples/observatory_files.py'
+    subprocess.run([sys.executable, examples], cwd=folder, check=True)
     # a block that begins with a file name is that file
     for block in BLOCKS:
         if match := re.match(r'# (\w+\.yaml)\n', block.text):
             (folder / match.group(1)).write_text(block.text)
     write_case(folder / 'valley', hours=0.5)
     shutil.copytree(ROOT / 'bags/sample', folder / 'bags/demo')
-    whole = (ROOT / 'bags/sample/sample_0.mcap').read_bytes()
-    (folder / 'broken.mcap').write_bytes(whole[: len(whole) * 2 // 3])
     for name in ('docs', 'examples', 'msg_configs'):
         shutil.copytree(ROOT / name, folder / name)
+    return folder
+
+
+@pytest.fixture
+def shop(furnished: Path, tmp_path: Path) -> Path:
+    """Return a copy of that folder for a block."""
+    return shutil.copytree(furnished, tmp_path, dirs_exist_ok=True)
 
 
 def _environment(folder: Path) -> dict[str, str]:

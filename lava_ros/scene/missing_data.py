@@ -60,6 +60,9 @@ def check_missing(
     known = elevation[np.isfinite(elevation)]
     if not known.size:
         return
+    # differences of such values overflow in 32 bits
+    if max(-known.min(), known.max()) > FAR:
+        known = known.astype(np.float64)
     # the cell size and the unit have not been validated yet
     unit = min(max(abs(unit), 1.0 / FAR), FAR)
     step = min(max(MIN_STEP * cell, MIN_STEP_HEIGHT) / unit, FAR)

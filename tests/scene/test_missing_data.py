@@ -63,6 +63,14 @@ def test_rejects_a_block_of_an_undeclared_value(
     np.testing.assert_array_equal(terrain.elevation[:, :45], expected[:, :45])
 
 
+@pytest.mark.filterwarnings('error::RuntimeWarning')
+def test_rejects_values_whose_difference_overflows(tmp_path: Path) -> None:
+    data = holed(-3.4e38)
+    data[:, :5] = 1.70141e38
+    with pytest.raises(LavaError, match='elevation'):
+        load_terrain(write(tmp_path / 'a.tif', data))
+
+
 @pytest.mark.parametrize('crs', ['EPSG:32633', None], ids=['Earth', 'anywhere'])
 @pytest.mark.parametrize('value', [-32768.0, -9999.0, -999.0, 9999.0, 32767.0, 1.70141e38, 7000.0])
 def test_rejects_a_spike_of_one_cell(tmp_path: Path, value: float, crs: str | None) -> None:

@@ -60,11 +60,11 @@ def write(path: Path, kind: str, places: Any, known: dict[str, Any]) -> Path:
         'geometry': {'type': kind, 'coordinates': geographic(places)},
     }
     data = json.dumps({'type': 'FeatureCollection', 'features': [feature]}).encode()
-    meta, _, geometry, values = raw.read(data)
     target = path.with_suffix('.shp') if ending == 'zip' else path
     with warnings.catch_warnings():
-        # a Shapefile cuts long names
+        # GDAL limits integers to 64 bits, and cuts long names in a Shapefile
         warnings.simplefilter('ignore')
+        meta, _, geometry, values = raw.read(data)
         raw.write(
             target, geometry, values, meta['fields'], driver=DRIVERS[ending], geometry_type=kind,
             crs='EPSG:4326',
