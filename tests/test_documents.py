@@ -34,6 +34,7 @@ import sys
 import time
 from typing import Any
 
+import numpy as np
 import pytest
 import rasterio
 import yaml
