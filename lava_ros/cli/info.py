@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from typing import Any, TYPE_CHECKING
 
-from rich import filesize
-
 from lava_ros.cli.console import table_lines, write_json
 from lava_ros.cli.options import command
 from lava_ros.errors import LavaError
@@ -102,8 +100,7 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
 def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> list[str]:
     from lava_ros.simulation.output.budget import VolumeBudget
 
-    size = filesize.decimal(bag.size)
-    lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {size}']
+    lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {format_size(bag.size)}']
     if len(bag.files) > 1:
         lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
     state = 'cut off' if bag.recovered else 'finished'
@@ -146,8 +143,15 @@ def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> li
     return [*lines, '', 'custom data', *rest] if rest else lines
 
 
+def format_size(size: int) -> str:
+    """Format a number of bytes."""
+    from rich import filesize
+
+    return filesize.decimal(size)
+
+
 def _file_line(file: McapFile, start_ns: int) -> str:
-    words = [f'  {file.path.name}', filesize.decimal(file.size)]
+    words = [f'  {file.path.name}', format_size(file.size)]
     if file.start_ns is not None and file.end_ns is not None:
         first, last = ((item - start_ns) / 1e9 for item in (file.start_ns, file.end_ns))
         words.append(f'{first:.3f} to {last:.3f} s')
@@ -159,7 +163,7 @@ def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) ->
     lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []
-    total, newest = filesize.decimal(sum(item['size'] for item in stored)), stored[-1]
+    total, newest = format_size(sum(item['size'] for item in stored)), stored[-1]
     return [
         '', f'checkpoints  {len(stored)}, {total}; resume takes the newest', *lines,
         f'  at {newest["time"]:.3f} s simulated, {_moment(newest["log_time_ns"])}, '

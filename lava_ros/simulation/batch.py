@@ -345,9 +345,9 @@ def side_by_side(
     Raises:
         Exception: If a route raises; the other routes are abandoned.
     """
+    if not wp.get_device(device).is_cuda:
+        return chain.from_iterable(routes)
     rest = iter(routes)
     first = list(islice(rest, 2))
     routes = chain(first, rest)
-    if wp.get_device(device).is_cuda and len(first) > 1:
-        return Batch(at_once=at_once).running(routes)
-    return chain.from_iterable(routes)
+    return Batch(at_once=at_once).running(routes) if len(first) > 1 else chain.from_iterable(routes)

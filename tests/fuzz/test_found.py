@@ -128,13 +128,18 @@ def test_speed_and_lava_behind_may_warm_a_particle(
 
 def test_replaced_vents_determine_the_step() -> None:
     fast, slow = (Vent((12.0, 12.0), 1.0, velocity=(0.0, speed)) for speed in (40.0, 0.0))
+    # without lava there are no steps
+    other = Vent((18.0, 18.0), 100.0)
     simulation, _ = flow(
-        np.zeros((24, 24)), Lava(viscosity=1e6), slow, on='steep inertia', spacing=1.0, ratio=3.5
+        np.zeros((24, 24)), Lava(viscosity=1e6), slow, other, on='steep inertia', spacing=1.0,
+        ratio=3.5,
     )
+    simulation.advance(0.5)
+    assert simulation.particle_count > 0
     lengths = []
     for number, vents in enumerate([(slow,), (fast,), ()]):
-        simulation.set_vents(vents)
-        simulation.advance(0.05 * (number + 1))
+        simulation.set_vents((*vents, other))
+        simulation.advance(0.5 + 0.05 * (number + 1))
         lengths.append(simulation.snapshot().steps.length)
     limit = simulation.accuracy.courant_number / 40.0
     assert lengths[1] <= limit < min(lengths[0], lengths[2])
