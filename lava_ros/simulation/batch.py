@@ -350,4 +350,6 @@ def side_by_side(
     rest = iter(routes)
     first = list(islice(rest, 2))
     routes = chain(first, rest)
-    return Batch(at_once=at_once).running(routes) if len(first) > 1 else chain.from_iterable(routes)
+    if len(first) < 2:
+        return chain.from_iterable(routes)
+    return Batch(at_once=at_once).running(routes)
