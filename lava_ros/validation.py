@@ -5,6 +5,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, MISSING
+from datetime import datetime
 import math
 from typing import Any, TypeVar
 
@@ -91,6 +92,21 @@ def flag(field: str, value: object) -> bool:
     if not isinstance(value, bool):
         raise LavaError(field, value, 'true or false')
     return value
+
+
+def date(field: str, value: object, expected: str) -> datetime:
+    """Return text in ISO 8601 as a date and time, without a time zone if the text has none.
+
+    Raises:
+        LavaError: If it is not such text.
+    """
+    try:
+        if not isinstance(value, str):
+            raise ValueError
+        # Python 3.10 cannot parse the Z
+        return datetime.fromisoformat(value.strip().upper().replace('Z', '+00:00'))
+    except ValueError:
+        raise LavaError(field, value, expected) from None
 
 
 def choice(field: str, value: object, allowed: Iterable[str]) -> str:

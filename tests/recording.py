@@ -107,11 +107,11 @@ def record(
             f'{prefix}/{topic}', message_type, codec.serialise(message), stamp_ns, qos=LATCHED
         )
 
-    image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=START).values()
+    image, info = outputs.terrain_messages(terrain, codec.header('map', START)).values()
     write('terrain', 'sensor_msgs/msg/Image', image, START)
     write('terrain_info', 'nav_msgs/msg/MapMetaData', info, START)
     rows = outputs.vent_rows(scene.vents, 0.0)
-    cloud = outputs.vents_message(rows, terrain, frame_id='map', stamp_ns=START)
+    cloud = outputs.vents_message(rows, terrain, codec.header('map', START))
     write('vents', 'sensor_msgs/msg/PointCloud2', cloud, START)
     for index, time in enumerate(times):
         stamp = START + 2 * index * SECOND
@@ -120,7 +120,7 @@ def record(
             snapshot = replace(snapshot, arrived=arrived(time).astype(np.float32))
         for layer in layers:
             if layer.enabled:
-                message = outputs.layer_message(layer, snapshot, frame_id='map', stamp_ns=stamp)
+                message = outputs.layer_message(layer, snapshot, codec.header('map', stamp))
                 write(layer.topic, layer.message, message, stamp)
         if clock:
             kind, report = 'diagnostic_msgs/msg/DiagnosticArray', diagnostics_of(snapshot, stamp)
@@ -149,6 +149,9 @@ def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
     budget = snapshot.budget
     values = {
         'simulated_time_s': repr(snapshot.time), 'frame_stamp_ns': str(stamp_ns),
+        'epsg': str(snapshot.terrain.epsg),
+        'offset_easting': repr(snapshot.terrain.offset[0]),
+        'offset_northing': repr(snapshot.terrain.offset[1]),
         **budget.texts(), 'mean_speed': '50', 'spacing_m': '2.5', 'flow_width_m': '40',
         'particles_across': '16', 'footprint_error': '0.15', 'particles': '1', 'steps': '1',
         'highest_temperature_c': repr(

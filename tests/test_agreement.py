@@ -11,6 +11,7 @@ from datetime import datetime
 from importlib.util import find_spec
 import json
 from pathlib import Path
+import shutil
 from types import SimpleNamespace
 from typing import Any
 
@@ -64,10 +65,6 @@ def write_eruption(folder: Path) -> Path:
     return case
 
 
-def words(case: Path, out: Path) -> list[object]:
-    return ['hindcast', case, *OPTIONS, '-o', out]
-
-
 def read_tif(path: Path | str) -> np.ndarray:
     """Read a raster as float64, NaN without data, row 0 in the south."""
     with rasterio.open(path) as file:
@@ -107,7 +104,7 @@ def run(tmp_path_factory):
     """Return a hindcast, its printed text, and everything made from its bag."""
     folder = tmp_path_factory.mktemp('agreement')
     case, out = write_eruption(folder / 'pulses'), folder / 'out'
-    printed = done(*words(case, out))
+    printed = done('hindcast', case, *OPTIONS, '-o', out)
     formats = [name for name, package in FORMATS.items() if find_spec(package)]
     done('export', out / 'bag', '-o', folder / 'maps', '--formats', *formats)
     done('plot', out / 'bag', '-o', folder / 'map.png', '--json', folder / 'plot.json')
@@ -201,13 +198,12 @@ def test_pages_show_vents_that_have_closed(run):
     np.testing.assert_allclose(vents + CORNER, [VENT])
 
 
-def test_outline_used_as_observation_agrees_with_its_run(run):
+def test_exported_outline_is_read_as_the_same_cells(run):
     case = write_eruption(run.folder / 'again')
     (case / 'footprint.asc').unlink()
-    (run.maps / 'outline.geojson').rename(case / 'footprint.geojson')
-    done(*words(case, run.folder / 'out2'))
-    score = json.loads((run.folder / 'out2' / 'hindcast.json').read_text())['score']
-    assert score['area'] == run.score['area'] and score['jaccard'] >= 0.98
+    shutil.copy(run.maps / 'outline.geojson', case / 'footprint.geojson')
+    covered, inundated = load_case(case).footprint, np.isfinite(run.arrival)
+    assert (covered & inundated).sum() >= 0.98 * (covered | inundated).sum()
 
 
 def check_netcdf(folder: Path) -> None:
@@ -313,7 +309,7 @@ def test_forecast_equals_the_later_run(run):
     read = {}
     for layer in load_layers(share_path('msg_configs/forecast.yaml')):
         if not layer.is_ensemble:
-            message = outputs.layer_message(layer, forecast, frame_id='map', stamp_ns=0)
+            message = outputs.layer_message(layer, forecast, codec.header('map', 0))
             name = codec.type_name(type(message))
             read[layer.topic] = types.deserialize_cdr(codec.serialise(message), name)
     inundated, before = np.isfinite(run.arrival), run.arrival <= start

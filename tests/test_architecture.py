@@ -3,39 +3,29 @@
 
 """Imports between the rooms of the package, compared with docs/ARCHITECTURE.md."""
 
-import ast
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 import re
 
 import pytest
 
+from project import imported_names, MODULES
+
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / 'docs/ARCHITECTURE.md').read_text(encoding='utf-8')
 (LINE,) = re.findall(r'^    (errors .*)$', PAGE, re.MULTILINE)
 ORDER = LINE.split()
-MODULES = {
-    '.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__'): path
-    for path in (ROOT / 'lava_ros').rglob('*.py')
-}
 
 
-def imports_of(module: str) -> set[str]:
-    """Return the modules of the package that a module imports, at once, later or for types."""
-    found = set()
-    waiting: list[ast.AST] = [ast.parse(MODULES[module].read_text(encoding='utf-8'))]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = {f'{node.module}.{alias.name}' for alias in node.names}
-            found |= {name if name in MODULES else node.module for name in names}
-        waiting += ast.iter_child_nodes(node)
-    return {name for name in found if name in MODULES} - {module, 'lava_ros'}
-
-
-IMPORTS = {module: imports_of(module) for module in MODULES}
+@cache
+def imports() -> dict[str, set[str]]:
+    """Return the modules of the package that each module imports."""
+    found = {}
+    for module, names in imported_names().items():
+        owners = {name if name in MODULES else name.rpartition('.')[0] for name in names}
+        found[module] = owners & MODULES.keys() - {module, 'lava_ros'}
+    return found
 
 
 def room_of(module: str) -> str:
@@ -48,7 +38,7 @@ def test_imports_follow_the_order_of_rooms():
     assert {room_of(module) for module in MODULES} == set(ORDER)
     back = [
         (module, other)
-        for module, others in IMPORTS.items()
+        for module, others in imports().items()
         for other in others
         if ORDER.index(room_of(other)) > ORDER.index(room_of(module))
     ]
@@ -66,14 +56,14 @@ def test_rooms_before_the_node_import_no_rclpy():
 
 
 def test_imports_are_not_circular():
-    TopologicalSorter(IMPORTS).prepare()
+    TopologicalSorter(imports()).prepare()
 
 
 def test_chains_of_imports_in_the_solver_have_at_most_8_files():
     length = dict.fromkeys(MODULES, 0)
-    for module in TopologicalSorter(IMPORTS).static_order():
+    for module in TopologicalSorter(imports()).static_order():
         if room_of(module) == 'simulation':
-            length[module] = 1 + max((length[other] for other in IMPORTS[module]), default=0)
+            length[module] = 1 + max((length[other] for other in imports()[module]), default=0)
     assert 4 < max(length.values()) <= 8
 
 
@@ -94,5 +84,5 @@ def test_files_of_a_journey_import_each_other(title, max_length):
 
 def has_import(module: str, other: str) -> bool:
     """Return True if a module imports another one, or the room that re-exports its names."""
-    rooms = {item for item in IMPORTS[module] if MODULES[item].name == '__init__.py'}
-    return other in IMPORTS[module] or other.rpartition('.')[0] in rooms
+    rooms = {item for item in imports()[module] if MODULES[item].name == '__init__.py'}
+    return other in imports()[module] or other.rpartition('.')[0] in rooms

@@ -3,7 +3,7 @@
 
 """Every block of code in the documents runs as it is written: the README in every run.
 
-The blocks of other documents run nightly; every run parses their `lava` commands.
+The notebook and the blocks of other documents run nightly; every run parses their commands.
 
 A block runs in a folder of its own, with the files that a reader would have (`furnished`). An HTML
 comment before the block marks what cannot run here:
@@ -22,6 +22,7 @@ A document that changes the package changes a copy, in which its other blocks th
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+import json
 import os
 from pathlib import Path
 import re
@@ -33,7 +34,9 @@ import sys
 import time
 from typing import Any
 
+import numpy as np
 import pytest
+import rasterio
 import yaml
 
 from command_line import lava
@@ -51,6 +54,9 @@ REASONS = {
     'a robot': 'needs one', 'a display': 'opens a window',
     'no program': 'is text: a layout, a table, output',
 }
+
+NOTEBOOK = json.loads((ROOT / 'examples/lava_ros.ipynb').read_text(encoding='utf-8'))
+CODE = [cell for cell in NOTEBOOK['cells'] if cell['cell_type'] == 'code']
 
 #: Characters that only a shell understands.
 SHELL = re.compile(r'[|&;<>$*`]')
@@ -332,6 +338,7 @@ def test_yaml_blocks_are_scenes_or_parameters(block: Block, shop: Path) -> None:
         assert parameters, f'{block}: neither a scene nor parameters'
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize('document', CHANGING)
 def test_changes_of_the_package_fit_and_run(document: str, tmp_path: Path) -> None:
     shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
@@ -341,3 +348,28 @@ def test_changes_of_the_package_fit_and_run(document: str, tmp_path: Path) -> No
         if not _changes(block):
             assert block.language == 'python', block
             _python(block, tmp_path, os.environ | {'PYTHONPATH': str(tmp_path)})
+
+
+def test_notebook_has_no_outputs() -> None:
+    assert (NOTEBOOK['nbformat'], NOTEBOOK['nbformat_minor']) == (4, 5)
+    assert len({cell['id'] for cell in NOTEBOOK['cells']}) == len(NOTEBOOK['cells']) == 10
+    assert len(CODE) == 9
+    assert all(cell['outputs'] == [] and cell['execution_count'] is None for cell in CODE)
+
+
+@pytest.mark.nightly
+def test_cells_of_the_notebook_run_in_order(tmp_path: Path) -> None:
+    cells = [''.join(cell['source']) for cell in CODE]
+    cells += ["for number in plt.get_fignums(): plt.figure(number).savefig(f'{number}.png')"]
+    text = '\n'.join([*cells, 'print(budget.flowing)'])
+    block = Block('examples/lava_ros.ipynb', 1, 'python', text, ())
+    flowing = float(_python(block, tmp_path, _environment(tmp_path)).split()[-1])
+    assert len(list(tmp_path.glob('*.png'))) == 4
+    # 40 m3/s for an hour, 15 for another, less the lava that waits in the vent
+    assert 0.97 * 198_000.0 < flowing < 198_000.0
+    with rasterio.open(tmp_path / 'maps/thickness.tif') as file:
+        assert file.read(1, masked=True).sum() * 30.0**2 == pytest.approx(flowing, rel=1e-4)
+    with rasterio.open(tmp_path / 'maps/inundation_probability.tif') as file:
+        probability = file.read(1, masked=True)
+    assert np.isclose(probability.max(), 100.0)
+    assert np.isin(probability.compressed(), 12.5 * np.arange(9)).all()

@@ -3,7 +3,6 @@
 
 """Descriptions of the package agree with the package."""
 
-import ast
 import importlib
 import json
 from pathlib import Path
@@ -23,7 +22,7 @@ import yaml
 from install import image
 import lava_ros
 from lava_ros.cli.effects import COSTS
-from project import EXTRAS, PROJECT, TOOLS
+from project import EXTRAS, imported_names, PROJECT, TOOLS
 
 ROOT = Path(__file__).parents[1]
 
@@ -65,24 +64,9 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     return dict(passed['data_files'])
 
 
-def test_settings_that_no_other_test_needs() -> None:
+def test_installed_package_comes_before_a_clone() -> None:
     # the default finder would come after a folder `lava_ros`, such as a clone
     assert TOOLS['distutils']['editable_wheel']['mode'] == 'compat'
-    text = (ROOT / 'LICENSE').read_text()
-    assert text.lstrip().startswith('Apache License')
-    assert 'END OF TERMS AND CONDITIONS' in text
-    assert 'docs/images' not in (ROOT / 'Makefile').read_text()
-
-
-def _imports() -> set[str]:
-    found: set[str] = set()
-    for path in (ROOT / 'lava_ros').rglob('*.py'):
-        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
-            names = node.names if isinstance(node, ast.Import) else ()
-            found |= {item.name.split('.')[0] for item in names}
-            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                found.add(node.module.split('.')[0])
-    return found - set(sys.stdlib_module_names) - {'lava_ros'}
 
 
 def test_name_version_and_contact_agree() -> None:
@@ -168,7 +152,8 @@ def test_image_contains_the_package(installed: dict[str, list[str]], tmp_path: P
 
 
 def test_imported_packages_are_declared() -> None:
-    imports = _imports()
+    imports = {name.split('.')[0] for names in imported_names().values() for name in names}
+    imports -= {*sys.stdlib_module_names, 'lava_ros'}
     of_ros = {name for name in imports if name.endswith(('_msgs', '_srvs', '_interfaces'))}
     of_ros |= ROS_MODULES & imports
     declared = {item.text for item in MANIFEST.findall('exec_depend')}

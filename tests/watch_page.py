@@ -47,9 +47,6 @@ class Growing(Frames):
         self.times = [frame.time for frame in self._frames[:count]]
         self.version += 1
 
-    def poll(self) -> None:
-        """Do nothing: no frame arrives by itself."""
-
     def frame(self, index: int) -> Frame:
         return self._frames[index]
 
@@ -91,7 +88,7 @@ class Visitor:
 
     @property
     def pages(self) -> list[Page]:
-        return list(self._server._pages.values())
+        return list(self._server.pages.values())
 
     def say(self, kind: str, **fields: Any) -> None:
         self.socket.send(msgspec.msgpack.encode({'type': kind, **fields}))

@@ -181,7 +181,7 @@ def main():
             write('behind the clock', case, 100.0 * (1.0 - rates[:, 1].mean() / scale), '%')
         write('share of forecasts', case, forecaster.status.share, '')
         if forecaster.latest is not None:
-            write('wall time of a forecast', case, forecaster.latest.shown.duration, 's')
+            write('wall time of a forecast', case, forecaster.latest.duration, 's')
 
 
 if __name__ == '__main__':

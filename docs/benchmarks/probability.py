@@ -10,11 +10,17 @@ The members are those of ``lava ensemble DIR``, scored against the map. Then eac
 truth once, and the other members forecast it, first with equal weights and then weighted by its
 outline at a third of the time. The table has rows at 16, 32, 64, ... members; the same command
 resumes an interrupted run. OUT.png is the reliability diagram of the last rows.
+
+Of cases with dated outlines the table has a row for each date, and one for all dates: first of the
+members from published ranges, then, for the dates after the first outline, of these members, of
+these weighted by the first outline, and of new members near the weighted ones. OUT.png is the
+reliability over all dates.
 """
 
 import argparse
+from collections.abc import Iterator
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 import platform
@@ -28,11 +34,18 @@ from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.ensemble import run_ensemble, run_here
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import Footprint, reached_by
-from lava_ros.forecast.sampling import draw_members
+from lava_ros.forecast.sampling import draw_members, Posterior
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.forecast.store import Store
-from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.probabilistic_score import mapped_on, plan_of, score_probability
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.probabilistic_score import (
+    mapped_on,
+    outlines_on,
+    plan_of,
+    probability_at,
+    score_dates,
+    score_probability,
+)
 from lava_ros.hindcast.run import Settings
 from lava_ros.verification.rows import write_csv
 
@@ -40,6 +53,13 @@ matplotlib.use('Agg')
 
 #: Number of members of the first row.
 FIRST = 16
+
+#: Columns that are printed.
+PRINTED = (
+    'case', 'ensemble', 'date', 'members', 'brier_score', 'brier_skill', 'brier_skill_of_terrain',
+    'brier_skill_persistence', 'half_jaccard', 'persistence_jaccard', 'largest_gap', 'twin_skill',
+    'twin_skill_with_outline',
+)
 
 #: Time of the observed outline, as a fraction of the horizon.
 OUTLINE_TIME = 1.0 / 3.0
@@ -75,6 +95,95 @@ class Row:
     command: str
 
 
+@dataclass(frozen=True)
+class DatedRow:
+    """An ensemble at the date of an outline, or over all dates: a row of the CSV."""
+
+    case: str
+    ensemble: str
+    date: str
+    members: int
+    effective_members: float
+    preset: str
+    spacing_m: float
+    brier_score: float
+    base_rate: float
+    brier_skill: float
+    brier_persistence: float | None
+    brier_skill_persistence: float | None
+    largest_gap: float | None
+    half_jaccard: float | None
+    persistence_jaccard: float | None
+    reliability: str
+    seconds: float
+    device: str
+    machine: str
+    version: str
+    command: str
+
+
+def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterator[DatedRow]:
+    """Run a case with dated outlines, and yield a row for each ensemble and date."""
+    plan = plan_of(case, Settings(args.preset, args.spacing, args.device))
+    outlines = outlines_on(case, plan)
+    first, *_ = outlines
+    later = {text: item for text, item in outlines.items() if text != first}
+    runner, started = partial(run_here, device=args.device), time.monotonic()
+    store = Store(args.folder / case.name, plan)
+    members = draw_members(plan.scene, args.members)
+    weights = run_ensemble(members, store, runner=runner, outline=outlines[first]).weights
+    posterior = Posterior(members, weights.values)
+    # with the effects that sentinels have switched on
+    same_effects = replace(store.plan, switched_on=())
+    new = Store(args.folder / f'{case.name}_posterior', same_effects, posterior=posterior)
+    drawn = draw_members(plan.scene, args.members, posterior=posterior)
+    run_ensemble(drawn, new, runner=runner)
+    seconds = time.monotonic() - started
+    for name, dated, source, given in (
+        ('published ranges, all dates', outlines, store, None),
+        ('published ranges', later, store, None),
+        (f'weighted by {first}', later, store, weights.values),
+        (f'drawn anew after {first}', later, new, None),
+    ):
+        before = outlines[first].lava if dated is later else None
+        times = [item.time for item in dated.values()]
+        likely = probability_at(times, source.finished(args.members), plan, given)
+        found = score_dates(likely, dated, before)
+        last = before
+        for row, values, outline in zip(
+            [*found.pop('dates'), {'date': 'all', **found}], [*likely, None],
+            [*dated.values(), None], strict=True,
+        ):
+            is_all = outline is None
+            kept = {key: row[key] for key in row if key not in ('cells', 'reliability')}
+            kept.pop('brier_skill_of_terrain')
+            yield DatedRow(
+                case=case.name,
+                ensemble=name,
+                members=args.members,
+                effective_members=args.members if given is None else weights.effective_members,
+                preset=args.preset,
+                spacing_m=plan.accuracy.spacing,
+                **kept,
+                half_jaccard=None if is_all else jaccard(np.nan_to_num(values) >= 50.0, outline),
+                persistence_jaccard=None if is_all or last is None else jaccard(last, outline),
+                reliability=bins_text(found['reliability']) if is_all else '',
+                seconds=seconds,
+                device=args.device,
+                machine=args.machine,
+                version=version(),
+                command=command,
+            )
+            last = before if before is not None or is_all else outline.lava
+
+
+def bins_text(bins: list[dict[str, float]]) -> str:
+    """Return forecast, observed fraction and number of cells of the bins of a diagram."""
+    return ' '.join(
+        f'{item["forecast"]:.3f}:{item["observed"]:.3f}:{item["count"]}' for item in bins
+    )
+
+
 def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
     """Return the scores of forecasts of each member by the others, with and without an outline."""
     at = OUTLINE_TIME * plan.horizon
@@ -106,9 +215,8 @@ def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
     }
 
 
-def rows_of(folder: str, args: argparse.Namespace, command: str):
+def rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterator[Row]:
     """Run a case, and yield a row for each number of members."""
-    case = load_case(folder)
     plan = plan_of(case, Settings(args.preset, args.spacing, args.device))
     mapped = mapped_on(case, plan)
     outline = Outline(plan.horizon, mapped, plan.scene.terrain.has_data)
@@ -137,9 +245,7 @@ def rows_of(folder: str, args: argparse.Namespace, command: str):
             single_jaccard=float(np.mean(alone)),
             half_jaccard=jaccard(np.nan_to_num(result.maps.probability) >= 50.0, outline),
             **twins(plan, members),
-            reliability=' '.join(
-                f'{item["forecast"]:.3f}:{item["observed"]:.3f}:{item["count"]}' for item in bins
-            ),
+            reliability=bins_text(bins),
             seconds=seconds,
             device=args.device,
             machine=args.machine,
@@ -149,15 +255,16 @@ def rows_of(folder: str, args: argparse.Namespace, command: str):
 
 
 def draw(rows: list[dict[str, str]], path: Path) -> None:
-    """Draw the reliability of the last row of each case; point areas are up to 3000 cells."""
+    """Draw the reliability of the last row of each ensemble; point areas are up to 3000 cells."""
     from matplotlib import pyplot
 
     figure, axes = pyplot.subplots(figsize=(5.0, 4.4), layout='constrained')
     axes.plot([0, 100], [0, 100], color='0.7', linewidth=1)
-    for row in {row['case']: row for row in rows}.values():
+    last = {(row['case'], row.get('ensemble', '')): row for row in rows if row['reliability']}
+    for (case, ensemble), row in last.items():
         points = [point.split(':') for point in row['reliability'].split()]
         forecast, observed, count = np.array(points, dtype=float).T
-        label = f'{row["case"]}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
+        label = f'{ensemble or case}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
         (line,) = axes.plot(100 * forecast, 100 * observed, label=label)
         size = np.minimum(count / 20.0, 150.0)
         axes.scatter(100 * forecast, 100 * observed, s=size, color=line.get_color(), alpha=0.6)
@@ -187,19 +294,17 @@ def main() -> None:
     if args.output.is_file():
         with args.output.open(newline='', encoding='utf-8') as file:
             rows = list(csv.DictReader(file))
-    for folder in args.case:
-        for row in rows_of(folder, args, command):
-            print(
-                f'{row.case}, {row.members} members: skill {row.brier_skill:.2f}, of the terrain '
-                f'{row.brier_skill_of_terrain:.2f}; twins {row.twin_skill:.2f}, with an outline '
-                f'{row.twin_skill_with_outline:.2f}; gap {row.largest_gap:.2f}',
-                flush=True,
-            )
-            same = {name: str(vars(row)[name]) for name in ('case', 'members')}
+    for case in map(load_case, args.case):
+        for row in (dated_rows_of if case.outlines else rows_of)(case, args, command):
+            shown = {name: vars(row)[name] for name in PRINTED if name in vars(row)}
+            print(', '.join(f'{name} {value}' for name, value in shown.items()), flush=True)
+            keys = ('case', 'members', 'ensemble', 'date')
+            same = {name: str(vars(row)[name]) for name in keys if name in vars(row)}
             rows = [old for old in rows if {k: str(old[k]) for k in same} != same] + [vars(row)]
             write_csv(rows, args.output)
-            with args.output.open(newline='', encoding='utf-8') as file:
-                draw(list(csv.DictReader(file)), args.output.with_suffix('.png'))
+            if row.reliability:
+                with args.output.open(newline='', encoding='utf-8') as file:
+                    draw(list(csv.DictReader(file)), args.output.with_suffix('.png'))
 
 
 if __name__ == '__main__':

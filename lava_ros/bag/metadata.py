@@ -41,17 +41,21 @@ _NEVER = 2**63 - 1
 
 
 @dataclass
-class TopicRecord:
-    """A topic of a bag: ``qos`` is the profile its publisher offered.
+class Topic:
+    """A topic of a bag, with its number of messages and the definition of their type.
 
-    ``latest`` is the newest message and its stamp [ns], if the next file has to repeat it.
+    ``qos`` is the profile of its publisher, or the combined one of all recorded publishers.
     """
 
     name: str
     schema: MessageSchema
     qos: QosProfile
-    message_count: int = 0
-    latest: tuple[bytes, int] | None = None
+    count: int = 0
+
+    @property
+    def message_type(self) -> str:
+        """Name of the type, such as ``nav_msgs/msg/OccupancyGrid``."""
+        return self.schema.name
 
 
 @dataclass
@@ -61,11 +65,11 @@ class FileRecord:
     path: str
     start_ns: int | None = None
     end_ns: int | None = None
-    message_count: int = 0
+    count: int = 0
 
 
 def describe(
-    files: Sequence[FileRecord], topics: Iterable[TopicRecord], custom_data: Mapping[str, str]
+    files: Sequence[FileRecord], topics: Iterable[Topic], custom_data: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return metadata without the root key, keys in rosbag2's order; files are oldest first."""
     starts = [item.start_ns for item in files if item.start_ns is not None]
@@ -76,17 +80,17 @@ def describe(
         'storage_identifier': 'mcap',
         'duration': span['duration'],
         'starting_time': span['starting_time'],
-        'message_count': sum(item.message_count for item in files),
+        'message_count': sum(item.count for item in files),
         'topics_with_message_count': [
             {
                 'topic_metadata': {
                     'name': item.name,
-                    'type': item.schema.name,
+                    'type': item.message_type,
                     'serialization_format': 'cdr',
                     'offered_qos_profiles': [item.qos.to_dict()],
                     'type_description_hash': item.schema.type_hash,
                 },
-                'message_count': item.message_count,
+                'message_count': item.count,
             }
             for item in topics
         ],
@@ -97,7 +101,7 @@ def describe(
             {
                 'path': item.path,
                 **_time_span(item.start_ns, item.end_ns),
-                'message_count': item.message_count,
+                'message_count': item.count,
             }
             for item in files
         ],

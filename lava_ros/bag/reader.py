@@ -5,7 +5,6 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 import logging
 from pathlib import Path
 import re
@@ -14,6 +13,7 @@ from typing import NamedTuple
 from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import qos as bag_qos
 from lava_ros.bag.mcap_file import has_begun, McapFile, open_mcap
+from lava_ros.bag.metadata import Topic
 from lava_ros.bag.qos import QosProfile
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
@@ -28,20 +28,6 @@ class BagMessage(NamedTuple):
     stamp_ns: int
     publish_ns: int
     data: bytes
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic of a bag, with its number of messages and the definition of their type.
-
-    ``qos`` is the combined profile of all recorded publishers.
-    """
-
-    name: str
-    message_type: str
-    qos: QosProfile
-    count: int
-    schema: MessageSchema
 
 
 class BagReader:
@@ -209,7 +195,7 @@ def _topics(files: list[McapFile]) -> dict[str, Topic]:
             profiles[name] += bag_qos.profiles_from_yaml(offered)
             counts[name] += contents.counts.get(channel.id, 0)
     return {
-        name: Topic(name, schema.name, bag_qos.merge(profiles[name]), counts[name], schema)
+        name: Topic(name, schema, bag_qos.merge(profiles[name]), counts[name])
         for name, schema in sorted(schemas.items())
     }
 

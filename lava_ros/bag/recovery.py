@@ -5,6 +5,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from lava_ros.bag.checkpoints import Attachment, attachments_in
@@ -37,7 +38,7 @@ def recover(
         for index, file in enumerate(source.files):
             if index:
                 writer.start_next_file()
-            attachments = deque(filter(_is_readable, attachments_in(file)))
+            attachments = deque(attachments_in(file))
             for message in source.messages(file=file):
                 while attachments and attachments[0].log_time_ns < message.stamp_ns:
                     _attach(writer, attachments.popleft())
@@ -59,13 +60,7 @@ def recover(
         return writer.message_count
 
 
-def _is_readable(item: Attachment) -> bool:
-    try:
-        item.read()
-    except LavaError:
-        return False
-    return True
-
-
 def _attach(writer: BagWriter, item: Attachment) -> None:
-    writer.attach(item.name, item.media_type, item.read(), item.log_time_ns)
+    # a damaged one is left out
+    with suppress(LavaError):
+        writer.attach(item.name, item.media_type, item.read(), item.log_time_ns)

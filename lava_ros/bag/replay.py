@@ -4,8 +4,8 @@
 """Timing of a replay: when to publish each message of a bag."""
 
 from collections.abc import Callable, Iterator
+from itertools import count
 import math
-import time
 from typing import NamedTuple
 
 from lava_ros import validation
@@ -54,23 +54,19 @@ def schedule(
     if begin > bag.end_ns:
         expected = f'at most the {bag.duration_ns / 1e9:g} s the bag lasts'
         raise LavaError('start_offset', start_offset, expected)
-    return _schedule(bag, rate, loop, begin)
-
-
-def _schedule(bag: BagReader, rate: float, loop: bool, start: int) -> Iterator[Step]:
-    assert bag.end_ns is not None
     latched = [name for name, topic in bag.topics.items() if topic.qos.is_latched]
-    count, base = 0, 0.0
-    while True:
-        for message in bag.newest(latched, start):
-            yield Step(base, start, message, count)
-        for message in bag.messages(start_ns=start):
-            at = base + (message.stamp_ns - start) / 1e9 / rate
-            yield Step(at, message.stamp_ns, message, count)
-        if not loop:
-            return
-        base += (bag.end_ns - start) / 1e9 / rate + LOOP_PAUSE
-        count += 1
+    duration = (bag.end_ns - begin) / 1e9 / rate + LOOP_PAUSE
+
+    def steps() -> Iterator[Step]:
+        for number in count() if loop else range(1):
+            start = number * duration
+            for message in bag.newest(latched, begin):
+                yield Step(start, begin, message, number)
+            for message in bag.messages(start_ns=begin):
+                at = start + (message.stamp_ns - begin) / 1e9 / rate
+                yield Step(at, message.stamp_ns, message, number)
+
+    return steps()
 
 
 def pace(
@@ -108,30 +104,3 @@ def pace(
             return
         clock_ns, current_round = due.clock_ns, due.round
         yield due
-
-
-class StopRequest:
-    """A request to stop that a signal handler can set.
-
-    ``threading.Event`` would deadlock: a handler runs in the main thread, also during ``wait``,
-    and ``set`` needs the lock that ``wait`` holds.
-    """
-
-    def __init__(self) -> None:
-        """Initialize without a request."""
-        self._is_set = False
-
-    def set(self) -> None:
-        """Request a stop."""
-        self._is_set = True
-
-    def is_set(self) -> bool:
-        """Return True if a stop has been requested."""
-        return self._is_set
-
-    def wait(self, seconds: float) -> bool:
-        """Wait for ``seconds`` unless a stop is requested; return True if one is."""
-        if not self._is_set:
-            time.sleep(seconds)
-        return self._is_set
-

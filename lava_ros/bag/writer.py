@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, LIBRARY_IDENTIFIER, Writer
 
 from lava_ros import validation
 from lava_ros.bag import metadata as bag_metadata
-from lava_ros.bag.metadata import FileRecord, TopicRecord
+from lava_ros.bag.metadata import FileRecord, Topic
 from lava_ros.bag.qos import profiles_to_yaml, QosProfile
 from lava_ros.bag.schemas import message_schema, MessageSchema
 from lava_ros.errors import LavaError, refusing
@@ -86,13 +86,15 @@ class _File:
 
     Attributes:
         record: The file's entry in metadata.yaml.
+        custom_data: The current description, which a later ``flush`` writes if it has changed.
     """
 
     def __init__(self, directory: _Directory, name: str, custom_data: Mapping[str, str]) -> None:
         """Create the file and write its header and metadata."""
         self.record = FileRecord(name)
+        self.custom_data = custom_data
         # channel ID of each topic, and its number of messages in this file
-        self._channels: dict[str, tuple[int, TopicRecord]] = {}
+        self._channels: dict[str, tuple[int, Topic]] = {}
         self._schema_ids: dict[str, int] = {}
         self._directory = directory
         self._stream = directory.create(name)
@@ -104,7 +106,7 @@ class _File:
                 enable_data_crcs=True,
             )
             self._mcap.start(profile='ros2', library=f'lava_ros {LIBRARY_IDENTIFIER}')
-            self._describe(custom_data)
+            self._describe()
             self._mcap.flush()
         except OSError:
             self._stream.close()
@@ -115,27 +117,24 @@ class _File:
         """Bytes written so far, without those of the current chunk."""
         return self._stream.tell()
 
-    def write(self, topic: TopicRecord, data: bytes, log_time: int, publish_time: int) -> None:
+    def write(self, topic: Topic, data: bytes, log_time: int, publish_time: int) -> None:
         """Append a message that is played back at the log time [ns]."""
         channel_id, counted = self._channels.get(topic.name) or self._register(topic)
-        self._mcap.add_message(channel_id, log_time, data, publish_time, topic.message_count)
+        self._mcap.add_message(channel_id, log_time, data, publish_time, topic.count)
         for item in (counted, topic, self.record):
-            item.message_count += 1
+            item.count += 1
         if self.record.start_ns is None:
             self.record.start_ns = log_time
         self.record.end_ns = log_time
 
-    def attach(
-        self, name: str, media_type: str, data: bytes, log_time: int,
-        custom_data: Mapping[str, str],
-    ) -> None:
+    def attach(self, name: str, media_type: str, data: bytes, log_time: int) -> None:
         """Append an attachment, after flushing all messages and the current description."""
         self._mcap.flush()
-        if custom_data is not self._described:
-            self._describe(custom_data)
+        if self.custom_data is not self._described:
+            self._describe()
         self._mcap.add_attachment(log_time, log_time, name, media_type, data)
 
-    def flush(self, custom_data: Mapping[str, str]) -> None:
+    def flush(self) -> None:
         """Pass all buffered data to the operating system.
 
         A changed description is written again only after the file has grown by twice its size, so
@@ -145,14 +144,14 @@ class _File:
             OSError: If the file cannot be written or was removed.
         """
         self._mcap.flush()
-        if custom_data is not self._described:
+        if self.custom_data is not self._described:
             grown = self.size - self._described_at
-            if grown >= 2 * sum(map(len, custom_data.values())):
-                self._describe(custom_data)
+            if grown >= 2 * sum(map(len, self.custom_data.values())):
+                self._describe()
                 self._mcap.flush()
         self._directory.check(self._stream)
 
-    def finish(self, custom_data: Mapping[str, str]) -> None:
+    def finish(self) -> None:
         """Write the index and close the file, also after an error.
 
         Raises:
@@ -160,13 +159,13 @@ class _File:
         """
         with self._stream:
             self._mcap.flush()
-            self._describe(custom_data)
+            self._describe()
             self._mcap.finish()
             self._directory.check(self._stream)
 
-    def _register(self, topic: TopicRecord) -> tuple[int, TopicRecord]:
+    def _register(self, topic: Topic) -> tuple[int, Topic]:
         schema = topic.schema
-        kind = schema.name
+        kind = topic.message_type
         if kind not in self._schema_ids:
             text = schema.text.encode()
             self._schema_ids[kind] = self._mcap.register_schema(kind, schema.encoding, text)
@@ -175,14 +174,14 @@ class _File:
             'topic_type_hash': schema.type_hash,
         }
         number = self._mcap.register_channel(topic.name, 'cdr', self._schema_ids[kind], known)
-        self._channels[topic.name] = number, replace(topic, message_count=0, latest=None)
+        self._channels[topic.name] = number, replace(topic, count=0)
         return self._channels[topic.name]
 
-    def _describe(self, custom_data: Mapping[str, str]) -> None:
+    def _describe(self) -> None:
         topics = (topic for _, topic in self._channels.values())
-        data = bag_metadata.describe([self.record], topics, custom_data)
+        data = bag_metadata.describe([self.record], topics, self.custom_data)
         self._mcap.add_metadata(bag_metadata.RECORD, bag_metadata.to_record(data))
-        self._described, self._described_at = custom_data, self.size
+        self._described, self._described_at = self.custom_data, self.size
 
 
 class BagWriter:
@@ -229,7 +228,9 @@ class BagWriter:
             raise LavaError('bag', str(directory), expected)
         with refusing('bag', str(directory), 'a directory that can be created', OSError):
             self._directory = _Directory(self.directory)
-        self._topics: dict[str, TopicRecord] = {}
+        self._topics: dict[str, Topic] = {}
+        # newest messages that the next file has to repeat, with their stamps [ns]
+        self._latest: dict[str, tuple[bytes, int]] = {}
         self._records: list[FileRecord] = []
         self._last_stamp_ns: int | None = None
         self._end_ns = self._repeated_size = self._finished_size = 0
@@ -244,7 +245,7 @@ class BagWriter:
     @property
     def message_count(self) -> int:
         """Number of messages written so far, including repeated ones."""
-        return sum(item.message_count for item in self._records)
+        return sum(item.count for item in self._records)
 
     @property
     def size(self) -> int:
@@ -262,8 +263,7 @@ class BagWriter:
         Raises:
             LavaError: If a key or a value is not text, or the bag is closed.
         """
-        self._open()
-        self._custom_data = _texts(custom_data)
+        self._open().custom_data = self._custom_data = _texts(custom_data)
 
     def write(
         self,
@@ -302,10 +302,10 @@ class BagWriter:
             raise LavaError('data', data, 'a message serialised to CDR')
         if topic not in self._topics and (not topic.startswith('/') or topic.endswith('/')):
             raise LavaError('topic', topic, 'an absolute topic name such as /lava/height')
-        item = self._topics.get(topic) or TopicRecord(
+        item = self._topics.get(topic) or Topic(
             topic, schema or message_schema(message_type), qos
         )
-        first = (item.schema.name, item.qos)
+        first = (item.message_type, item.qos)
         if first != (message_type, qos):
             expected = f'the type and QoS of its first message: {first[0]}, {first[1]}'
             raise LavaError(f'message on {topic}', (message_type, qos), expected)
@@ -313,16 +313,16 @@ class BagWriter:
         if stamp_ns != self._last_stamp_ns and self._is_full(file, log_time):
             self.start_next_file()
             file = self._open()
-            for other in self._topics.values():
-                if other.latest is not None and other is not item:
-                    file.write(other, other.latest[0], log_time, other.latest[1])
-            file.flush(self._custom_data)
+            for other, (message, stamp) in self._latest.items():
+                if other != topic:
+                    file.write(self._topics[other], message, log_time, stamp)
+            file.flush()
             self._repeated_size = file.size
         self._last_stamp_ns, self._end_ns = stamp_ns, log_time
         self._topics[topic] = item
         file.write(item, data, log_time, stamp_ns)
         if qos.is_latched and (self._max_size or self._max_duration_ns):
-            item.latest = (data, stamp_ns)
+            self._latest[topic] = data, stamp_ns
 
     def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
         """Append an attachment, which players ignore and ``bag.checkpoints`` finds.
@@ -335,7 +335,7 @@ class BagWriter:
             OSError: If the file cannot be written.
         """
         log_time = max(stamp_ns, self._end_ns)
-        self._open().attach(name, media_type, data, log_time, self._custom_data)
+        self._open().attach(name, media_type, data, log_time)
 
     def start_next_file(self) -> None:
         """Finish the current file and start a new one, without repeated messages.
@@ -346,7 +346,7 @@ class BagWriter:
         """
         file, self._file = self._open(), None
         self._finished_size += file.size
-        file.finish(self._custom_data)
+        file.finish()
         self._repeated_size = 0
         self._open_file()
 
@@ -359,7 +359,7 @@ class BagWriter:
             LavaError: If the bag is closed.
             OSError: If the file cannot be written, or is no longer in the bag.
         """
-        self._open().flush(self._custom_data)
+        self._open().flush()
 
     def close(self) -> None:
         """Finish the file and write metadata.yaml; a second call does nothing.
@@ -372,7 +372,7 @@ class BagWriter:
         self._closed = True
         try:
             if self._file is not None:
-                self._file.finish(self._custom_data)
+                self._file.finish()
             data = bag_metadata.describe(self._records, self._topics.values(), self._custom_data)
             text = bag_metadata.to_text({bag_metadata.ROOT: data})
             self._directory.put(bag_metadata.FILE_NAME, text)

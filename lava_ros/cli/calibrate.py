@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lava_ros.hindcast.case import Case
 
 #: Files of a calibration in its folder.
-TABLE, CALIBRATION = 'runs.csv', 'calibration.json'
+TABLE, CALIBRATION, INTERVALS = 'runs.csv', 'calibration.json', 'posterior.csv'
 
 
 @command(
@@ -57,9 +57,10 @@ def calibrate(args: argparse.Namespace) -> int:
     The command runs one or more cases (docs/VALIDATION.md) with many sets of values of a few
     constants inside their published ranges, the same set for all cases. The score of a set is the
     mean over the cases. The command reports the sets that score nearly as well as the best, the
-    spread of each constant among them, the constants that do not affect the score, and how well
-    constants fitted to the other cases score on each case. With --until, outlines of later dates
-    are forecast. The same command continues an interrupted search.
+    spread of each constant among them, the constants that do not affect the score, the interval
+    that contains each constant with a probability of 90 %, and how well constants fitted to the
+    other cases score on each case. With --until, outlines of later dates are forecast. The same
+    command continues an interrupted search.
     """
     from lava_ros.hindcast.calibration import (
         BATCH,
@@ -67,6 +68,7 @@ def calibrate(args: argparse.Namespace) -> int:
         findings,
         leave_one_out,
         near_optimal,
+        posterior_quantiles,
         read_samples,
         result_names,
         search,
@@ -77,6 +79,7 @@ def calibrate(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.replicates import MAX_REPLICATES
     from lava_ros.hindcast.run import Settings
     from lava_ros.simulation.setup.defaults import device_of
+    from lava_ros.verification.rows import write_csv
 
     runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
     workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)
@@ -129,6 +132,7 @@ def calibrate(args: argparse.Namespace) -> int:
             progress=report,
         )
     found, near = findings(parameters, samples), near_optimal(samples)
+    _, effective = posterior_quantiles(parameters, samples)
     left_out = leave_one_out(samples)
     forecasts = [item for case in cases for item in _forecasts(case, near[0], fitted)]
     data = {
@@ -142,14 +146,33 @@ def calibrate(args: argparse.Namespace) -> int:
         'fitted': fitted,
         'forecasts': forecasts,
         'unknowns': [asdict(item) for item in found],
+        'effective_sets': effective,
     }
     write_json(data, output / CALIBRATION, args.json)
+    write_csv([_interval(item) for item in found], output / INTERVALS)
     _print_findings(found, near, samples, left_out)
-    for item in forecasts:
-        print(f'forecast of {item["outline"]}: Jaccard {item["jaccard"]:.3f}, of the last fitted '
-              f'outline {item["persistence"]:.3f}, of steepest descent {item["descent"]:.3f}')
-    print(f'written to {table}\nwritten to {output / CALIBRATION}')
+    print(f'distribution of each constant given the fit, from {effective:.1f} sets of equal '
+          'weight: quantiles of 5, 50 and 95 %')
+    for item in found:
+        shown = ' '.join(f'{value:9.4g}' for value in item.quantiles)
+        print(f'{item.unknown.name:17} {shown} {item.unknown.unit}'.rstrip())
+    for one in forecasts:
+        print(f'forecast of {one["outline"]}: Jaccard {one["jaccard"]:.3f}, of the last fitted '
+              f'outline {one["persistence"]:.3f}, of steepest descent {one["descent"]:.3f}')
+    for path in (table, output / CALIBRATION, output / INTERVALS):
+        print(f'written to {path}')
     return 0
+
+
+def _interval(item: Finding) -> dict[str, Any]:
+    """Return a row of the table of quantiles."""
+    from lava_ros.hindcast.calibration import LEVELS
+
+    one = item.unknown
+    row = {'name': one.name, 'unit': one.unit, 'low': one.low, 'high': one.high}
+    row |= {'usual': one.usual, 'best': item.best}
+    names = [f'p{100 * level:02.0f}' for level in LEVELS]
+    return row | dict(zip(names, item.quantiles, strict=True))
 
 
 def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:

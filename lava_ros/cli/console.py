@@ -12,7 +12,7 @@ import sys
 import time
 from typing import Any, TextIO
 
-from lava_ros.errors import LavaError, printable
+from lava_ros.errors import LavaError, printable, refusing
 from lava_ros.files import file_to_write, write_output
 
 #: Arguments that name output files.
@@ -100,10 +100,8 @@ def made_folder(name: str | Path) -> Path:
         LavaError: If it cannot be created.
     """
     folder = Path(name)
-    try:
+    with refusing('--output', str(name), 'a folder to write to', OSError):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise LavaError('--output', str(name), f'a folder to write to ({error})') from error
     return folder
 
 

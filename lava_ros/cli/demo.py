@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from contextlib import closing
 import os
 from pathlib import Path
@@ -18,10 +19,9 @@ from lava_ros.cli.console import Progress, write_json
 from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scene_options import SCENE_OPTIONS
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 
 if TYPE_CHECKING:
-    from lava_ros.clients.monitor import Observation
     from lava_ros.scene import Scene
 
 #: Default wall time of the flow [s]; a GPU would finish too fast to watch.
@@ -107,7 +107,7 @@ def demo(args: argparse.Namespace) -> int:
     }
     started = time.monotonic()
     try:
-        seen = _flow(scene, settings, domain, duration)
+        values, frames = _flow(scene, settings, domain, duration)
     except ChildError as error:
         print(f'lava demo: {error}', file=sys.stderr)
         return 1
@@ -115,7 +115,7 @@ def demo(args: argparse.Namespace) -> int:
         # the next demo may replace this folder, also after a failure
         if output.is_dir():
             write_json({}, output / RESULT)
-    result = _result(seen, speed)
+    result = _result(values, speed) | {'height_maps_received': frames}
     draw_runs([output], output / PICTURE)
     result['wall_time'] = round(time.monotonic() - started, 2)
     result['bag'], result['picture'] = str(output), str(output / PICTURE)
@@ -146,11 +146,9 @@ def _own_domain(number: int | None) -> int:
 
 def _remove_earlier_demo(output: Path) -> None:
     """Remove the output of an earlier demo; raise LavaError for any other file or folder."""
-    try:
+    with refusing('--output', str(output), 'a folder that can be made', OSError):
         if not output.exists():
             return
-    except OSError as error:
-        raise LavaError('--output', str(output), f'a folder that can be made ({error})') from error
     own = {RESULT, PICTURE, 'metadata.yaml'}
     names = {item.name for item in output.iterdir()} if output.is_dir() else set()
     foreign = {name for name in names - own if not name.endswith('.mcap')}
@@ -165,8 +163,8 @@ def _remove_earlier_demo(output: Path) -> None:
 
 def _flow(
     scene: Scene, parameters: dict[str, Any], domain: int, duration: float
-) -> Observation:
-    """Run the node until the flow has ended, and return the last observation.
+) -> tuple[dict[str, str], int]:
+    """Run the node until the flow has ended; return its last status and the number of maps.
 
     Raises:
         ChildError: If the node fails.
@@ -178,37 +176,34 @@ def _flow(
     with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
         changed_at, last = time.monotonic(), (0.0, '')
         with Progress() as progress:
-            is_finished = False
-            while not is_finished:
-                seen = monitor.observe(0.2)
-                now = time.monotonic()
+            while not monitor.is_finished:
+                monitor.listen(0.2)
+                now, values = time.monotonic(), monitor.values('simulation')
                 node.check()
-                if seen.has_failed or seen.recorder_error or seen.refused:
-                    reason = seen.recorder_error or seen.refused or seen.message
-                    raise ChildError(node.failure(f'reports: {reason}'))
-                if (seen.time, seen.state) != last:
-                    changed_at, last = now, (seen.time, seen.state)
+                if monitor.error:
+                    raise ChildError(node.failure(f'reports: {monitor.error}'))
+                reached = float(values.get('simulated_time_s', 0.0))
+                if (reached, values.get('state', '')) != last:
+                    changed_at, last = now, (reached, values.get('state', ''))
                 elif now - changed_at > PROGRESS_TIMEOUT:
                     raise ChildError(node.failure(f'made no progress for {PROGRESS_TIMEOUT:g} s'))
-                text = seen.message or 'starting'
-                if seen.time > 0.0:
-                    text = f'{words(seen.time)} · {seen.values["particles"]} particles · '
-                    text += f'{area_words(float(seen.values["inundated_area_m2"]))} inundated'
-                progress.show(text, seen.time / duration)
-                is_finished = seen.is_finished
+                text = values['message'] or 'starting'
+                if reached > 0.0:
+                    text = f'{words(reached)} · {values["particles"]} particles · '
+                    text += f'{area_words(float(values["inundated_area_m2"]))} inundated'
+                progress.show(text, reached / duration)
         node.stop()
-        return seen
+        return monitor.values('simulation'), monitor.frames
 
 
-def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
+def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
     from lava_ros.simulation.output.budget import VolumeBudget
 
-    values = seen.values
     speed = float(values['mean_speed'])
     budget = VolumeBudget.from_texts(values)
     assert budget is not None
     return {
-        'simulated_time': seen.time,
+        'simulated_time': float(values['simulated_time_s']),
         'particles': int(values['particles']),
         'spacing_m': float(values['spacing_m']),
         'particles_across': float(values['particles_across']),
@@ -222,7 +217,6 @@ def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
         'speed': round(speed, 1),
         'speed_is_limited': speed > 0.85 * max_speed,
         'device': values['device'],
-        'height_maps_received': seen.frames,
     }
 
 

@@ -181,7 +181,7 @@ def _narrowed(
             'narrower_after_s': round(after.received - shown, 2),
             'is_same_ensemble': after.stamp_ns == before.stamp_ns,
             'members': members,
-            'members_effective': float(weighed['members_effective']),
+            'members_effective': float(weighed['members_left_by_outline']),
             'horizon_s': HORIZON,
             'seen_at_s': SEEN_AT,
             'device': watch.values('simulation').get('device', ''),

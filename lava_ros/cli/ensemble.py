@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 import json
 from pathlib import Path
@@ -16,7 +16,13 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import made_folder, Progress, table_lines, write_json
+from lava_ros.cli.console import made_folder, Progress, write_json
+from lava_ros.cli.ensemble_report import (
+    describe_agreement,
+    print_report,
+    score_against_case,
+    summarize,
+)
 from lava_ros.cli.options import argument, command, device_named, formats, seconds_of
 from lava_ros.cli.ros import missing_package
 from lava_ros.cli.scene_options import RATE_OPTIONS, SCENE
@@ -26,6 +32,7 @@ from lava_ros.files.optional import require
 if TYPE_CHECKING:
     from lava_ros.forecast.ensemble import Ensemble
     from lava_ros.forecast.members import Plan
+    from lava_ros.forecast.sampling import Member
     from lava_ros.forecast.store import Store
     from lava_ros.hindcast.case import Case
     from lava_ros.maps.forecast import HazardMaps
@@ -35,8 +42,9 @@ if TYPE_CHECKING:
 #: Default simulated time of a member.
 HORIZON = '6h'
 
-#: Folder of the bag in the output, and folder of the maps that are weighted by an observation.
-BAG, WEIGHTED = 'atlas', 'weighted'
+#: Folder of the bag in the output, and folders of the maps that are weighted by an observation
+#: and, with its time, of new members near those that agree with it.
+BAG, WEIGHTED, POSTERIOR = 'atlas', 'weighted', 'posterior'
 
 #: Folders of the same members with barriers, and of the comparison.
 WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
@@ -65,6 +73,10 @@ WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
     ),
     argument(
         '--observed-at', 'TIME', 'time of the observation, counted from the start of the scene'
+    ),
+    argument(
+        '--posterior', 'N', 'number of further members to draw near those that agree with the '
+        'observed lava, with their maps in the folder posterior_<time> (default: none)', int,
     ),
     argument(
         '--workers', 'N', 'number of processes (default: one for each GPU, else one for each '
@@ -96,17 +108,22 @@ def ensemble(args: argparse.Namespace) -> int:
     thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and
     adds members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava
     hindcast: the command then draws from the published ranges of the lava, unless case.yaml has a
-    section `uncertainty`, and scores the probability against the mapped flow. With --barriers the
-    members run a second time with barriers; the folder with_barriers has the maps of these runs,
-    and the folder comparison what the barriers change.
+    section `uncertainty`, and scores the probability against the mapped flow, and at the dates of
+    its outlines if it has any. With --barriers the members run a second time with barriers; the
+    folder with_barriers has the maps of these runs, and the folder comparison what the barriers
+    change.
     """
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.member_scenes import check_members
     from lava_ros.forecast.rasters import observed_in_file, write_atlas
-    from lava_ros.forecast.sampling import draw_members, Susceptibility
+    from lava_ros.forecast.sampling import (
+        draw_members,
+        MAX_MEMBERS,
+        Posterior,
+        Susceptibility,
+    )
     from lava_ros.forecast.store import Store
-    from lava_ros.hindcast.probabilistic_score import mapped_on, score_probability
     from lava_ros.maps.gis import Provenance, require_formats, usual_formats
     from lava_ros.pages.comparison import compare_ensembles
     from lava_ros.scene.on_terrain import read_raster_on
@@ -116,8 +133,14 @@ def ensemble(args: argparse.Namespace) -> int:
     if (args.observed is None) != (args.observed_at is None):
         expected = 'a time together with --observed, and neither without the other'
         raise LavaError('--observed-at', args.observed_at, expected)
+    if args.posterior is not None:
+        validation.whole('--posterior', args.posterior, at_least=1, at_most=MAX_MEMBERS)
+        if args.observed is None:
+            raise LavaError('--posterior', args.posterior, 'a number together with --observed')
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
+    if case is not None and case.outlines:
+        require('matplotlib.figure', 'reliability', str(args.output))
     barriers = _barriers(args, plan)
     scene, output = plan.scene, Path(args.output)
     crs = coordinate_system(scene.terrain.epsg, scene.terrain.wkt)
@@ -131,13 +154,11 @@ def ensemble(args: argparse.Namespace) -> int:
         seen = seconds_of('--observed-at', args.observed_at)
         outline = Outline(seen, *observed_in_file(args.observed, scene.terrain))
         observation = f'{Path(args.observed).name}, {seen:g} s after the start'
-    members = draw_members(
-        scene, args.members, seed=args.seed, susceptibility=susceptibility
-    )
+    kept = {'seed': args.seed, 'susceptibility': susceptibility}
+    members = draw_members(scene, args.members, **kept)
     check_members(scene, members)
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
-    kept = {'seed': args.seed, 'susceptibility': susceptibility}
     store = Store(output, plan, **kept)
 
     def write_maps(
@@ -150,7 +171,10 @@ def ensemble(args: argparse.Namespace) -> int:
         )
         return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 
-    def run_all(store: Store, folder: Path, which: str = 'members') -> Ensemble:
+    def run_all(
+        store: Store, folder: Path, which: str = 'members',
+        members: Sequence[Member] = members,
+    ) -> Ensemble:
         try:
             with Progress() as progress:
                 progress.show(f'{which} begin', 0.0)
@@ -173,25 +197,54 @@ def ensemble(args: argparse.Namespace) -> int:
     done = run_all(store, output)
     wall = time.monotonic() - started
     plan = store.plan
-    report = _report(args, plan, done.maps, done, wall, where)
+    report = summarize(args, plan, done.maps, done, wall, where)
     if scene.uncertainty.eruption:
         lengths = [member.eruption[0] for member in members if member.eruption]
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
-        report['score'] = score_probability(done.maps.probability, mapped_on(case, plan))
+        report |= score_against_case(
+            case, plan, done.maps, store.finished(len(members)), output, outline=outline
+        )
     files = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done.maps, report)]
     if done.weighted is not None:
         # in a folder of their own, to keep the maps with equal weights
         folder = made_folder(output / WEIGHTED)
         store.write_manifest(folder)
         store.keep_weights(done.weights, folder)
-        report |= _report(args, plan, done.weighted, done, wall, where)
-        report['observed'] = _agreement(done, observation)
+        report |= summarize(args, plan, done.weighted, done, wall, where)
+        report['observed'] = describe_agreement(done, observation)
+        assert done.weights is not None
         if case is not None:
-            report['score'] = score_probability(done.weighted.probability, mapped_on(case, plan))
+            report |= score_against_case(
+                case, plan, done.weighted, store.finished(len(members)), folder,
+                weights=done.weights.values.tolist(), outline=outline,
+            )
         files += write_maps(done.weighted, folder, observation)
         files += _write_bag(folder / BAG, plan, done.weighted, report)
+    if args.posterior:
+        assert outline is not None and done.weights is not None
+        folder = output / f'{POSTERIOR}_{outline.time:.10g}s'
+        posterior = Posterior(members, done.weights.values)
+        drawn = draw_members(scene, args.posterior, posterior=posterior, **kept)
+        check_members(scene, drawn)
+        # keep the effects that sentinels have switched on for the first members
+        other = Store(folder, replace(plan, switched_on=()), posterior=posterior, **kept)
+        started = time.monotonic()
+        again = run_all(other, folder, 'new members', drawn)
+        assert again.weights is not None
+        result = summarize(
+            args, other.plan, again.maps, again, time.monotonic() - started, where
+        )
+        result['effective_parents'] = posterior.effective_members
+        result['jaccard_mean'] = float(again.weights.jaccard.mean())
+        if case is not None:
+            result |= score_against_case(
+                case, other.plan, again.maps, other.finished(len(drawn)), folder, outline=outline
+            )
+        report['posterior'] = result
+        files += write_maps(again.maps, folder, observation, store=other)
+        files += _write_bag(folder / BAG, other.plan, again.maps, result)
     if barriers:
         folder, built = output / WITH_BARRIERS, _barriers_at(args)
         # keep the effects that sentinels have switched on for the members without barriers
@@ -201,7 +254,7 @@ def ensemble(args: argparse.Namespace) -> int:
         again = run_all(other, folder, 'members with barriers')
         wall = time.monotonic() - started
         files += write_maps(again.maps, folder, store=other)
-        result = _report(args, other.plan, again.maps, again, wall, where)
+        result = summarize(args, other.plan, again.maps, again, wall, where)
         files += _write_bag(folder / BAG, other.plan, again.maps, result)
         compared = compare_ensembles(
             output, folder, made_folder(output / COMPARISON), places=args.places or (),
@@ -223,7 +276,7 @@ def ensemble(args: argparse.Namespace) -> int:
         }
     report['files'] = files
     write_json(report, args.json)
-    _print(report, plan)
+    print_report(report, plan)
     return 0
 
 
@@ -327,52 +380,6 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     return partial(run_in_processes, workers=workers, device=args.device), where
 
 
-def _report(
-    args: argparse.Namespace,
-    plan: Plan,
-    maps: HazardMaps,
-    done: Ensemble,
-    wall: float,
-    where: dict[str, Any],
-) -> dict[str, Any]:
-    import numpy as np
-
-    ran = maps.members - done.resumed
-    likely, cell = np.nan_to_num(maps.probability), plan.scene.terrain.resolution**2
-    return {
-        'members': maps.members,
-        'resumed': done.resumed,
-        'effective_members': maps.effective_members,
-        'sampling_error_percent': maps.sampling_error,
-        'horizon_s': plan.horizon,
-        'arrival_error_s': maps.arrival_error,
-        'members_beyond': maps.members_beyond,
-        'threshold_m': plan.threshold,
-        'preset': args.preset,
-        'effects': list(plan.effects),
-        'switched_on': [asdict(item) for item in plan.switched_on],
-        'seed': args.seed,
-        **where,
-        'wall_s': wall,
-        'members_per_s': ran / wall if ran else None,
-        'area_m2': {
-            f'at least {percent} %': float((likely >= percent).sum() * cell)
-            for percent in (10, 50, 90)
-        },
-    }
-
-
-def _agreement(done: Ensemble, observation: str) -> dict[str, Any]:
-    weights = done.weights
-    assert weights is not None
-    return {
-        'observation': observation,
-        'jaccard_mean': float(weights.jaccard.mean()),
-        'jaccard_best': float(weights.jaccard.max()),
-        'sharpness': weights.sharpness,
-    }
-
-
 def _write_bag(bag: Path, plan: Plan, maps: HazardMaps, report: dict[str, Any]) -> list[str]:
     if missing_package():
         print(
@@ -386,57 +393,3 @@ def _write_bag(bag: Path, plan: Plan, maps: HazardMaps, report: dict[str, Any]) 
     data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}
     write_atlas_bag(bag, maps, plan, stamp_ns=time.time_ns(), custom_data=data)
     return [str(bag)]
-
-
-def _print(report: dict[str, Any], plan: Plan) -> None:
-    ran = report['members'] - report['resumed']
-    pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
-    print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} from before')
-    if 'observed' in report:
-        mean = 100 * report['observed']['jaccard_mean']
-        print(
-            f'the members agree with the observed lava by {mean:.0f} % on average, and count like '
-            f'{report["effective_members"]:.1f} of equal weight'
-        )
-    print(
-        f'standard error of a probability of 50 %: {report["sampling_error_percent"]:.2g} '
-        f'percentage points, from {report["members"]} members'
-    )
-    print(f'effects of all members: {", ".join(plan.effects) or "none"}')
-    for item in plan.switched_on:
-        print(f'{item.effect} was switched on from the start: {item.reason}')
-    error = report['arrival_error_s']
-    print(f'error of the arrival times: up to {error:g} s and a time step of the flow')
-    if report['members_beyond']:
-        print(f'lava of {report["members_beyond"]} members left the map: no map shows that part')
-    if report.get('eruptions_cut_off'):
-        print(
-            f'{report["eruptions_cut_off"]} of the eruptions last longer than the horizon: no map '
-            'shows what comes later'
-        )
-    for name, area in report['area_m2'].items():
-        print(f'{name:>13}: {1e-6 * area:8.3f} km2')
-    if 'score' in report:
-        score, gap = report['score'], report['score']['largest_gap']
-        print(
-            f'against the map: Brier score {score["brier_score"]:.3f}, skill '
-            f'{score["brier_skill"]:.2f} over the {score["cells"]} cells with lava in a member or '
-            f'on the map ({score["brier_skill_of_terrain"]:.2f} over the terrain)'
-            + ('' if gap is None else f'; largest error of reliability {100.0 * gap:.0f} points')
-        )
-    if 'barriers' in report:
-        barriers = report['barriers']
-        for name, areas in barriers['area_m2'].items():
-            without, built = (1e-6 * areas[case] for case in ('without', 'with'))
-            print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
-        if barriers['places']:
-            from lava_ros.pages.comparison import place_texts
-
-            print('\n'.join(table_lines(place_texts(barriers['places']), '<>>>>')))
-        if barriers['effects'] != report['effects']:
-            print(
-                'lava ensemble: the runs with barriers have other effects, '
-                f'{", ".join(barriers["effects"])}: delete both folders to run all with these',
-                file=sys.stderr,
-            )
-    print('\n'.join(f'written to {path}' for path in report['files']))

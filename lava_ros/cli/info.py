@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from typing import Any, TYPE_CHECKING
 
+from rich import filesize
+
 from lava_ros.cli.console import table_lines, write_json
 from lava_ros.cli.options import command
 from lava_ros.errors import LavaError
@@ -100,7 +102,8 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
 def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> list[str]:
     from lava_ros.simulation.output.budget import VolumeBudget
 
-    lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
+    size = filesize.decimal(bag.size)
+    lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {size}']
     if len(bag.files) > 1:
         lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
     state = 'cut off' if bag.recovered else 'finished'
@@ -144,7 +147,7 @@ def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> li
 
 
 def _file_line(file: McapFile, start_ns: int) -> str:
-    words = [f'  {file.path.name}', _size(file.size)]
+    words = [f'  {file.path.name}', filesize.decimal(file.size)]
     if file.start_ns is not None and file.end_ns is not None:
         first, last = ((item - start_ns) / 1e9 for item in (file.start_ns, file.end_ns))
         words.append(f'{first:.3f} to {last:.3f} s')
@@ -156,7 +159,7 @@ def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) ->
     lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []
-    total, newest = _size(sum(item['size'] for item in stored)), stored[-1]
+    total, newest = filesize.decimal(sum(item['size'] for item in stored)), stored[-1]
     return [
         '', f'checkpoints  {len(stored)}, {total}; resume takes the newest', *lines,
         f'  at {newest["time"]:.3f} s simulated, {_moment(newest["log_time_ns"])}, '
@@ -185,13 +188,6 @@ def _inline(value: object) -> str:
 def _short(text: str) -> str:
     line = ' '.join(text.split())
     return line if len(line) <= 72 else f'{line[:69]}...'
-
-
-def _size(size: int) -> str:
-    for power, unit in ((9, 'GB'), (6, 'MB'), (3, 'kB')):
-        if size >= 10**power:
-            return f'{size / 10**power:.1f} {unit}'
-    return f'{size} bytes'
 
 
 def _moment(time_ns: int) -> str:

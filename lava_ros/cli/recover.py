@@ -7,7 +7,7 @@ import argparse
 
 from lava_ros.cli.console import Progress
 from lava_ros.cli.options import argument, command
-from lava_ros.errors import LavaError
+from lava_ros.errors import refusing
 
 
 @command('bag', argument('output', None, 'directory of the new bag, which must not exist'))
@@ -21,18 +21,15 @@ def recover(args: argparse.Namespace) -> int:
     from lava_ros.bag.recovery import recover as recover_bag
 
     source = BagReader(args.bag)
-    try:
-        with Progress(has_lines=False) as progress:
-            count = recover_bag(source, args.output, on_progress=progress.show)
-    except OSError as error:
-        raise LavaError('output', args.output, f'a place that can be written ({error})') from error
+    place = refusing('output', args.output, 'a place that can be written', OSError)
+    with place, Progress(has_lines=False) as progress:
+        count = recover_bag(source, args.output, on_progress=progress.show)
     whole = BagReader(args.output)
     print(f'{count} messages copied to {args.output}')
     for topic in sorted(whole.topics.values(), key=lambda item: item.name):
         print(f'{topic.count:8}  {topic.name}')
-    seconds = ((whole.end_ns or 0) - (whole.start_ns or 0)) / 1e9
     state = 'had been cut off' if source.recovered else 'was complete'
     if source.damage:
         state = f'was damaged (warnings: {len(source.damage)})'
-    print(f'{seconds:.3f} s of recording; the bag {state}')
+    print(f'{whole.duration_ns / 1e9:.3f} s of recording; the bag {state}')
     return 0

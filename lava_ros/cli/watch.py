@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     argument('--namespace', 'NS', "namespace of the node's topics: /etna", ''),
     argument('--port', None, 'port of the server; 0 takes a free one', 5006),
     argument(
-        '--drape', 'FILE', 'PNG or JPEG picture of exactly the terrain, north at the top, on the '
-        'ground in place of its relief',
+        '--drape', 'FILE', 'picture on the ground in place of its relief: a GeoTIFF, or a PNG or '
+        'JPEG with a world file or of exactly the terrain, north at the top',
     ),
     argument(
         '--control', None, 'let the page open vents with a click, and pause, step and reset the '

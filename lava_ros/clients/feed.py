@@ -9,8 +9,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import MapMetaData
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
 
-from lava_ros.ros import outputs, qos
+from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.executor import now_ns
 from lava_ros.scene import Scene
 
@@ -65,10 +66,11 @@ class SceneFeed(Node):
                 if item.key == 'simulated_time_s':
                     self._time = float(item.value)
 
+    def _header(self) -> Header:
+        return codec.header(self._frame_id, now_ns(self))
+
     def _publish_terrain(self) -> None:
-        messages = outputs.terrain_messages(
-            self._scene.terrain, frame_id=self._frame_id, stamp_ns=now_ns(self)
-        )
+        messages = outputs.terrain_messages(self._scene.terrain, self._header())
         for topic, message in messages.items():
             self._terrain[topic].publish(message)
 
@@ -84,10 +86,6 @@ class SceneFeed(Node):
         terrain, rows = self._scene.terrain, outputs.vent_rows(self._scene.vents, self._time)
         readers = self._vents.get_subscription_count()
         if rows != self._sent or readers > self._readers:
-            self._vents.publish(
-                outputs.vents_message(
-                    rows, terrain, frame_id=self._frame_id, stamp_ns=now_ns(self)
-                )
-            )
+            self._vents.publish(outputs.vents_message(rows, terrain, self._header()))
             self._sent = rows
         self._readers = readers

@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+import math
 import os
 import time
 from typing import Any
@@ -16,11 +17,11 @@ from nav_msgs.msg import MapMetaData
 import numpy as np
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
-from lava_ros.bag.decoding import image_array, Moment, moment_of, places_in
+from lava_ros.bag.decoding import cloud_columns, image_array, Moment, moment_of, places_in
 from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
@@ -87,7 +88,11 @@ class LiveFrames(Watcher, Frames):
         self._info: MapMetaData | None = None
         self._elevation: np.ndarray | None = None
         self._frame_id = 'map'
-        self._scene: dict[str, Any] = {}
+        self._particles: np.ndarray | None = None
+        self._sampling: Any = None
+        self._wanted_at = 0.0
+        self._vents: list[dict[str, Any]] = []
+        self._barriers: list[np.ndarray] = []
         self._statuses: dict[str, str] = {}
         self._senders: dict[str, Any] = {}
         self._lava = 'lava'
@@ -115,6 +120,10 @@ class LiveFrames(Watcher, Frames):
 
     def poll(self) -> None:
         """Process the messages that have arrived."""
+        if self._sampling is not None and time.monotonic() - self._wanted_at > PATIENCE:
+            # no page shows particles, and the node reads them for subscribers only
+            self._node.destroy_subscription(self._sampling)
+            self._sampling = None
         for _ in range(_MAX_MESSAGES):
             received = self._received
             self.listen(0.0)
@@ -157,6 +166,11 @@ class LiveFrames(Watcher, Frames):
         for maps in self._maps[: index + 1]:
             shape = self._elevation.shape
             found |= {key: item for key, item in maps.items() if item.shape == shape}
+        terrain: dict[str, Any] = {'offset': (0.0, 0.0)}
+        if self._moment is not None and math.isfinite(epsg := self._moment.number('epsg')):
+            offset = map(self._moment.number, ('offset_easting', 'offset_northing'))
+            terrain = {'epsg': int(epsg), 'offset': tuple(offset)}
+        terrain['barriers'] = [(crest + terrain['offset']).tolist() for crest in self._barriers]
         layers = {source: item.unpacked() for source, item in found.items()}
         arrived = layers.pop(ARRIVED, None)
         return Frame(
@@ -164,15 +178,25 @@ class LiveFrames(Watcher, Frames):
             resolution=float(str(np.float32(self._info.resolution))),
             origin=(self._info.origin.position.x, self._info.origin.position.y),
             layers=layers,
-            vents=np.reshape([vent['position'] for vent in self._scene.get('vents', [])], (-1, 2)),
+            vents=np.reshape([vent['position'] for vent in self._vents], (-1, 2)),
             time=self.times[index],
-            scene=self._scene,
+            scene={'terrain': terrain, 'vents': self._vents},
             arrived=None if arrived is None else arrived.values,
         )
 
     def facts(self, index: int) -> Mapping[str, str]:
         """Return the newest sentence of each status of the node."""
         return self._statuses
+
+    def particles(self, index: int) -> np.ndarray | None:
+        """Return the newest particles with the newest maps; the first call subscribes to them."""
+        self._wanted_at = time.monotonic()
+        if self._sampling is None:
+            topic = 'lava_particles'
+            read = partial(self._read, topic, self._on_particles)
+            profile = qos.ros_profile(qos.NEWEST)
+            self._sampling = self._node.create_subscription(PointCloud2, topic, read, profile)
+        return self._particles if index == len(self.times) - 1 else None
 
     def command(self, name: str) -> None:
         """Call a service of the node; its answer follows in ``answer``."""
@@ -235,6 +259,11 @@ class LiveFrames(Watcher, Frames):
         self.places = places_in(message)
         self.version += 1
 
+    def _on_particles(self, message: PointCloud2) -> None:
+        columns = cloud_columns(message, 'lava_particles', ('x', 'y', 'temperature'))
+        self._particles = np.column_stack(list(columns.values()))
+        self.version += 1
+
     def _on_terrain(self, image: Image) -> None:
         self._frame_id = image.header.frame_id
         self._elevation = image_array(image, 'terrain').astype(np.float32)
@@ -245,20 +274,19 @@ class LiveFrames(Watcher, Frames):
         self.version += 1
 
     def _on_vents(self, message: MarkerArray) -> None:
-        barriers = [
-            [(point.x, point.y) for point in item.points]
+        self._barriers = [
+            np.array([(point.x, point.y) for point in item.points])
             for item in message.markers
             if item.ns == BARRIERS
         ]
         labels = {item.id: item.text for item in message.markers if item.ns == LABELS}
-        vents = [
+        self._vents = [
             {'name': labels.get(item.id, ''), 'position': [place.x, place.y]}
             for item in message.markers
             if item.ns == PLACES
             # a fissure is a line, a vent a disc
             for place in item.points or [item.pose.position]
         ]
-        self._scene = {'terrain': {'barriers': barriers}, 'vents': vents}
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self._received += 1
@@ -287,6 +315,7 @@ class LiveFrames(Watcher, Frames):
         if moment.time < before.time:
             self.times.clear()
             self._maps.clear()
+            self._particles = None
             before = moment
         for stamp in sorted(item for item in self._waiting if item <= moment.stamp_ns):
             maps = self._waiting.pop(stamp) | self._forecasts

@@ -3,8 +3,8 @@
 
 """Monitors of the demonstrations: diagnostics, maps and forecasts of a node."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 import time
 
@@ -20,45 +20,6 @@ from lava_ros.ros.executor import now_ns
 from lava_ros.scene import Terrain, Vent
 
 _FRAME = 'map'
-
-
-@dataclass(frozen=True)
-class Observation:
-    """Newest diagnostics, and the height maps so far.
-
-    Attributes:
-        state: State of the simulation (``WorkerState``), empty before the first diagnostics.
-        message: Message of the status ``simulation``.
-        values: Values of the status ``simulation``, by key.
-        refused: Newest refused input, empty if all inputs are accepted.
-        recorder_error: Error of the recording, empty without one.
-        frames: Number of height maps received.
-        frame_stamp_ns: Stamp of the newest height map [ns].
-    """
-
-    state: str = ''
-    message: str = ''
-    values: Mapping[str, str] = field(default_factory=dict)
-    refused: str = ''
-    recorder_error: str = ''
-    frames: int = 0
-    frame_stamp_ns: int = 0
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return float(self.values.get('simulated_time_s', 0.0))
-
-    @property
-    def has_failed(self) -> bool:
-        """True if the simulation has failed."""
-        return self.state == WorkerState.FAILED.value
-
-    @property
-    def is_finished(self) -> bool:
-        """True if the simulation is finished and its last height map has been received."""
-        last = int(self.values.get('frame_stamp_ns', -1))
-        return self.state == WorkerState.FINISHED.value and self.frame_stamp_ns >= last
 
 
 class DiagnosticsWatch(Watcher):
@@ -85,32 +46,38 @@ class DiagnosticsWatch(Watcher):
 
 
 class Monitor(DiagnosticsWatch):
-    """Subscribes to ``/diagnostics`` and ``height``."""
+    """Follows a flow; ``frames`` and ``frame_stamp_ns`` are the number and last stamp of maps."""
 
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
         super().__init__('lava_monitor', domain_id)
-        self._stamps_ns: list[int] = []
+        self.frames = self.frame_stamp_ns = 0
         self._node.create_subscription(
-            OccupancyGrid,
-            'height',
-            lambda grid: self._stamps_ns.append(codec.nanoseconds(grid.header.stamp)),
-            qos.ros_profile(qos.LATCHED),
+            OccupancyGrid, 'height', self._on_height, qos.ros_profile(qos.LATCHED)
         )
 
-    def observe(self, timeout: float) -> Observation:
-        """Receive messages for up to ``timeout`` [s], and return the observation."""
-        self.listen(timeout)
-        values, inputs, recorder = map(self.values, ('simulation', 'inputs', 'recorder'))
-        return Observation(
-            state=values.get('state', ''),
-            message=values['message'],
-            values=values,
-            refused=inputs['message'] if inputs['error'] else '',
-            recorder_error=recorder['message'] if recorder['error'] else '',
-            frames=len(self._stamps_ns),
-            frame_stamp_ns=self._stamps_ns[-1] if self._stamps_ns else 0,
-        )
+    @property
+    def error(self) -> str:
+        """Reason why the simulation, the recording or an input has failed, empty without one."""
+        recorder, inputs, simulation = map(self.values, ('recorder', 'inputs', 'simulation'))
+        has_failed = simulation.get('state') == WorkerState.FAILED.value
+        for values, is_error in (
+            (recorder, recorder['error']), (inputs, inputs['error']), (simulation, has_failed)
+        ):
+            if is_error:
+                return values['message']
+        return ''
+
+    @property
+    def is_finished(self) -> bool:
+        """True if the simulation is finished and its last height map has been received."""
+        values = self.values('simulation')
+        last = int(values.get('frame_stamp_ns', -1))
+        return values.get('state') == WorkerState.FINISHED.value and self.frame_stamp_ns >= last
+
+    def _on_height(self, grid: OccupancyGrid) -> None:
+        self.frames += 1
+        self.frame_stamp_ns = codec.nanoseconds(grid.header.stamp)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,10 +120,8 @@ class ForecastWatch(DiagnosticsWatch):
 
     def open_vents(self, vents: Sequence[Vent], terrain: Terrain) -> float:
         """Publish vents, and return the monotonic time [s]."""
-        rows, stamp_ns = outputs.vent_rows(vents, 0.0), now_ns(self._node)
-        self._vents.publish(
-            outputs.vents_message(rows, terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
-        )
+        rows, header = outputs.vent_rows(vents, 0.0), codec.header(_FRAME, now_ns(self._node))
+        self._vents.publish(outputs.vents_message(rows, terrain, header))
         return time.monotonic()
 
     def show_outline(self, lava: np.ndarray, terrain: Terrain, stamp_ns: int) -> float:
@@ -164,9 +129,9 @@ class ForecastWatch(DiagnosticsWatch):
 
         ``lava`` is bool, shape [rows, columns]; every cell counts as observed.
         """
-        info = codec.map_metadata(terrain, stamp_ns)
-        cells = np.where(lava, 100, 0).astype(np.int8)
-        self._outline.publish(codec.occupancy_grid(cells, info, codec.header(_FRAME, stamp_ns)))
+        header = codec.header(_FRAME, stamp_ns)
+        info, cells = codec.map_metadata(terrain, header.stamp), np.where(lava, 100, 0)
+        self._outline.publish(codec.occupancy_grid(cells.astype(np.int8), info, header))
         return time.monotonic()
 
     @staticmethod

@@ -17,7 +17,6 @@ from rosgraph_msgs.msg import Clock
 from lava_ros import validation
 from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
-from lava_ros.bag.replay import StopRequest
 from lava_ros.errors import LavaError
 from lava_ros.ros.codec import message_class, time_message
 from lava_ros.ros.executor import start_ros
@@ -73,21 +72,20 @@ def play(
     patience = validation.number(
         'wait_for_subscribers', wait_for_subscribers, at_least=0.0, unit='s'
     )
-    stop = StopRequest()
     tick = replay.TICK if clock else QUIET_TICK
-    with _set_on_signals(stop):
+    with _stopped_by_signals() as wait:
         context = Context()
         start_ros(ros_arguments, context=context)
         node = Node('lava_player', context=context, start_parameter_services=False)
         try:
             player = _Player(node, bag, clock=clock)
-            player.wait_for_subscribers(patience, stop)
+            player.wait_for_subscribers(patience, wait)
             dues = replay.schedule(bag, rate=rate, loop=loop, start_offset=start_offset)
-            steps = replay.pace(dues, rate=rate, now=time.monotonic, wait=stop.wait, tick=tick)
+            steps = replay.pace(dues, rate=rate, now=time.monotonic, wait=wait, tick=tick)
             for step in steps:
                 player.publish(step)
                 on_step(step)
-            if not stop.is_set():
+            if not wait(0.0):
                 player.wait_until_acknowledged()
         finally:
             node.destroy_node()
@@ -119,10 +117,10 @@ class _Player:
         if not self._publishers:
             raise LavaError('bag', str(bag.path), 'a topic whose message type is installed')
 
-    def wait_for_subscribers(self, timeout: float, stop: StopRequest) -> None:
-        """Wait up to ``timeout`` [s] for a subscriber on every topic."""
+    def wait_for_subscribers(self, timeout: float, wait: Callable[[float], bool]) -> None:
+        """Wait up to ``timeout`` [s] for a subscriber on every topic, as ``replay.pace`` does."""
         deadline = time.monotonic() + timeout
-        while timeout > 0.0 and not stop.is_set():
+        while timeout > 0.0 and not wait(0.02):
             publishers = self._publishers.items()
             missing = [name for name, item in publishers if item.get_subscription_count() == 0]
             if not missing:
@@ -130,7 +128,6 @@ class _Player:
             if time.monotonic() >= deadline:
                 self._logger.warning(f'no subscriber on {", ".join(missing)}')
                 return
-            stop.wait(0.02)
 
     def publish(self, step: replay.Step) -> None:
         """Publish the clock and the message of a step."""
@@ -159,14 +156,25 @@ def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
 
 
 @contextmanager
-def _set_on_signals(stop: StopRequest) -> Iterator[None]:
-    """Request a stop on SIGINT and SIGTERM, and restore the handlers afterwards."""
+def _stopped_by_signals() -> Iterator[Callable[[float], bool]]:
+    """Yield a function that sleeps for a time [s], and returns True after SIGINT or SIGTERM.
+
+    ``threading.Event`` would deadlock: a handler runs in the main thread, also during ``wait``,
+    and ``set`` needs the lock that ``wait`` holds.
+    """
+    came: list[int] = []
+
+    def wait(seconds: float) -> bool:
+        if not came:
+            time.sleep(seconds)
+        return bool(came)
+
     previous = {
-        number: signal.signal(number, lambda *_: stop.set())
+        number: signal.signal(number, lambda number, _: came.append(number))
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        yield
+        yield wait
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)

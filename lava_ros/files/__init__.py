@@ -74,7 +74,7 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
     if endings and path.suffix.lower() not in endings:
         raise LavaError(field, str(value), f'a file whose name ends with {" or ".join(endings)}')
     with refusing(field, str(value), 'a file to write', OSError, ValueError):
-        place = _target(path)
+        place = Path(os.path.realpath(path))
         is_there = os.path.lexists(place)
         if is_there:
             _check_regular(os.stat(place), place)
@@ -97,7 +97,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         OSError: If the file cannot be created, or cannot replace the old one.
     """
-    path = _target(path)
+    path = Path(os.path.realpath(path))
     partial = path.with_name(f'.{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}')
     mode = stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666
     # never write into an existing file or through a link
@@ -124,10 +124,6 @@ def write_output(field: str, path: str | Path, data: str | bytes) -> None:
     """Write a complete file, text in UTF-8, or leave the old one; errors as in ``writing``."""
     with writing(field, path) as partial:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
-
-
-def _target(path: Path) -> Path:
-    return Path(os.path.realpath(path))
 
 
 def _check_regular(status: os.stat_result, path: str | Path) -> None:

@@ -84,9 +84,6 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
     for names in columns
 }
 
-#: Maximum length of column names in a Shapefile, which cuts longer names.
-SHAPEFILE_LETTERS = 10
-
 #: Row numbers that GIS programs add.
 _NUMBERS = ('fid', 'ogc_fid', 'objectid', 'gid')
 
@@ -186,7 +183,8 @@ def _parts(header: str) -> tuple[list[str], str, str]:
     for count in range(len(words), 0, -1):
         base, rest = '_'.join(words[:count]), '_'.join(words[count:])
         names = [name for name, (known, _) in COLUMNS.items() if base in known]
-        if not names and len(base) == SHAPEFILE_LETTERS == len(text):
+        # a Shapefile cuts names to 10 letters
+        if not names and len(base) == 10 == len(text):
             names = [
                 name for name, (known, _) in COLUMNS.items()
                 if any(item.startswith(base) for item in known)
@@ -215,9 +213,6 @@ _ANGLE = re.compile(
     re.VERBOSE | re.IGNORECASE,
 )
 
-#: Maximum angle [degrees] of an axis, and its hemispheres, the negative one first.
-_AXES = {'longitude': (180.0, 'WE'), 'latitude': (90.0, 'SN')}
-
 
 def angle(field: str, value: object, axis: str) -> float:
     """Parse a longitude or latitude [degrees]: 15.006, 15°00'21.6"E, 15 0 21.6 or W 15 0.36.
@@ -225,28 +220,24 @@ def angle(field: str, value: object, axis: str) -> float:
     Raises:
         LavaError: If it is not an angle of the axis. The error names ``field``.
     """
-    limit, letters = _AXES[axis]
+    # the negative hemisphere first
+    limit, letters = {'longitude': (180.0, 'WE'), 'latitude': (90.0, 'SN')}[axis]
     expected = f'a {axis} from -{limit:g} to {limit:g} degrees: -15.006 or '
     expected += f'15°00\'21.6"{letters[0]}'
     try:
         return validation.number(field, value, at_least=-limit, at_most=limit)
     except LavaError:
         parts = _ANGLE.fullmatch(value) if isinstance(value, str) else None
-    if parts is None:
-        raise LavaError(field, value, expected)
-    hemisphere = (parts['before'] or parts['after'] or '').upper()
-    whole = [float(parts[name] or 0.0) for name in ('degrees', 'minutes', 'seconds')]
-    given = [name for name in ('degrees', 'minutes', 'seconds') if parts[name]]
-    is_right = (
-        hemisphere in letters
-        and not (parts['before'] and parts['after'])
-        and not (hemisphere and parts['sign'])
-        and max(whole[1:]) < 60.0
-        # only the last may have a fraction
-        and not any('.' in parts[name] for name in given[:-1])
-    )
-    size = whole[0] + whole[1] / 60.0 + whole[2] / 3600.0
-    if not is_right or size > limit:
-        raise LavaError(field, value, expected)
-    is_negative = parts['sign'] == '-' or (hemisphere and hemisphere in letters[:-1])
-    return -size if is_negative else size
+    if parts is not None:
+        before, sign, *numbers, after = parts.groups()
+        given = list(filter(None, numbers))
+        size = sum(float(text) / 60.0**power for power, text in enumerate(given))
+        # one mark of the sign; only the last number may have a fraction
+        marks = ''.join(filter(None, (before, sign, after))).upper()
+        if (
+            size <= limit and len(marks) <= 1 and marks in f'-+{letters}'
+            and all(float(text) < 60.0 for text in given[1:])
+            and not any('.' in text for text in given[:-1])
+        ):
+            return -size if marks and marks in f'-{letters[0]}' else size
+    raise LavaError(field, value, expected)

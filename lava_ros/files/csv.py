@@ -1,21 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reader of text tables."""
+"""Text tables."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import csv
+from io import StringIO
 from pathlib import Path
 import re
+from typing import Any
 
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import check_exists, open_input
 
 #: Maximum size of a table [bytes].
 MAX_BYTES = 64 * 2**20
-
-#: A number with a decimal comma.
-_COMMA = re.compile(r'[-+]?\d*,\d+(?:[eE][-+]?\d+)?')
 
 
 def read_table(
@@ -76,4 +75,14 @@ def read_table(
 def _cell(text: str, separator: str) -> str:
     """Return the text of a cell, with a decimal point instead of a decimal comma."""
     text = text.strip()
-    return text.replace(',', '.') if separator != ',' and _COMMA.fullmatch(text) else text
+    is_number = re.fullmatch(r'[-+]?\d*,\d+(?:[eE][-+]?\d+)?', text)
+    return text.replace(',', '.') if is_number and separator != ',' else text
+
+
+def format_table(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
+    """Format rows as CSV; missing and unknown (None) values are empty."""
+    text = StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator='\n')
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

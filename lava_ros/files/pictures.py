@@ -13,21 +13,6 @@ from lava_ros.errors import one_line, refusing
 from lava_ros.files import open_input, writing
 from lava_ros.files.optional import require
 
-#: Maximum length of a title and of an author in metadata [characters].
-_MAX_TEXT = 400
-
-#: Maximum side of a logo [pixels].
-_MAX_LOGO = 1200
-
-#: Settings of matplotlib that replace those of the user.
-_SETTINGS = {
-    # a $ in a title or a place name is not the start of a formula
-    'text.parse_math': False,
-    # with embedded TrueType fonts, text can be searched and copied
-    'pdf.fonttype': 42,
-    'ps.fonttype': 42,
-}
-
 
 @contextmanager
 def new_figure(
@@ -49,7 +34,14 @@ def new_figure(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with style.context(['default', _SETTINGS]):
+    settings = {
+        # a $ in a title or a place name is not the start of a formula
+        'text.parse_math': False,
+        # with embedded TrueType fonts, text can be searched and copied
+        'pdf.fonttype': 42,
+        'ps.fonttype': 42,
+    }
+    with style.context(['default', settings]):
         figure = Figure(figsize=size, dpi=dpi, facecolor='white')
         FigureCanvasAgg(figure)
         yield figure
@@ -61,7 +53,7 @@ def save_picture(figure: Any, path: str | Path, *, title: str = '', author: str 
     Raises:
         LavaError: If the file cannot be written.
     """
-    title, author = (one_line(text, _MAX_TEXT) for text in (title, author))
+    title, author = (one_line(text, 400) for text in (title, author))
     program = f'lava_ros {lava_ros.__version__}'
     names = {
         '.png': {'Title': title, 'Author': author, 'Software': program},
@@ -74,7 +66,7 @@ def save_picture(figure: Any, path: str | Path, *, title: str = '', author: str 
         figure.savefig(partial, metadata=known)
 
 
-def read_picture(field: str, path: str | Path, max_side: int = _MAX_LOGO) -> Any:
+def read_picture(field: str, path: str | Path, max_side: int = 1200) -> Any:
     """Read a picture as an RGBA image of Pillow with at most ``max_side`` pixels a side.
 
     Raises:

@@ -115,6 +115,13 @@ FORMATS = (
     ),
 )
 
+#: Formats of pictures, which need not be georeferenced.
+PICTURES = (
+    *(item for item in FORMATS if item.driver == 'GTiff'),
+    RasterFormat('PNG', 'PNG', ('.png',), re.compile(rb'\x89PNG')),
+    RasterFormat('JPEG', 'JPEG', ('.jpg', '.jpeg'), re.compile(rb'\xff\xd8\xff')),
+)
+
 #: Drivers of the source files of a virtual raster.
 _TILES = ('GTiff', 'HFA', 'SRTMHGT')
 
@@ -138,10 +145,12 @@ _SURFER = re.compile(rb'DSAA(?:\s+[-+.\deE]+){8}')
 
 
 @contextmanager
-def open_raster(field: str, path: str | Path) -> Iterator[Any]:
+def open_raster(
+    field: str, path: str | Path, formats: Sequence[RasterFormat] = FORMATS
+) -> Iterator[Any]:
     """Open a raster for reading, as ``rasterio.open`` does; it need not be georeferenced.
 
-    Only the drivers of ``FORMATS`` are used, since others may open files and URLs to which a file
+    Only the drivers of ``formats`` are used, since others may open files and URLs to which a file
     refers.
 
     Raises:
@@ -157,22 +166,24 @@ def open_raster(field: str, path: str | Path) -> Iterator[Any]:
     # an error of GDAL may contain bytes of a damaged file
     kinds = (RasterioError, OSError, UnicodeDecodeError)
     with refusing(field, str(path), 'a raster that GDAL can read', *kinds):
-        kind = _format_of(field, place)
+        kind = _format_of(field, place, formats)
         if kind.driver == 'VRT':
             _check_virtual(field, place)
         with _opened(field, place, kind) as source:
             yield source
 
 
-def _format_of(field: str, path: Path) -> RasterFormat:
+def _format_of(
+    field: str, path: Path, formats: Sequence[RasterFormat] = FORMATS
+) -> RasterFormat:
     with open_input(path) as file:
         head = file.read(1024)
-    for item in FORMATS:
+    for item in formats:
         if item.head.match(head) and not (
             item.needs_suffix and path.suffix.lower() not in item.suffixes
         ):
             return item
-    expected = f'a raster of a known format: {", ".join(item.name for item in FORMATS)} '
+    expected = f'a raster of a known format: {", ".join(item.name for item in formats)} '
     expected += '(gdal_translate turns other formats into GeoTIFF)'
     raise LavaError(field, str(path), expected)
 
@@ -195,7 +206,8 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
         # the declared no-data value may be beyond float32
         warnings.filterwarnings('ignore', 'overflow encountered in cast', RuntimeWarning)
         with rasterio.open(path, driver=kind.driver) as source:
-            if source.height * source.width > MAX_CELLS:
+            cells = source.width * source.height
+            if cells > MAX_CELLS:
                 shown = f'{source.height} x {source.width} cells'
                 expected = f'at most {MAX_CELLS} (gdal_translate -srcwin extracts a part)'
                 raise LavaError(f'size of {path.name}', shown, expected)
@@ -213,7 +225,6 @@ def _opened(field: str, path: Path, kind: RasterFormat) -> Iterator[Any]:
                 text = header.read_bytes()[:MAX_HEADER]
                 lines = re.findall(rb'^\s*(\S+)[ \t]*(\S*)', text, re.MULTILINE)
                 _check_header(field, header, lines)
-            cells = source.width * source.height
             if numbers not in (None, cells):
                 expected = f'{cells}, as many as the header has cells'
                 raise LavaError(f'number of values in {path.name}', numbers, expected)

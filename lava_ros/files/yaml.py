@@ -3,6 +3,7 @@
 
 """Parsers of untrusted YAML and JSON into plain data of bounded size."""
 
+from functools import partial
 import json
 from pathlib import Path
 import re
@@ -55,14 +56,10 @@ def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | No
     if len(text) > MAX_BYTES:
         raise LavaError(field, value, f'{expected} (at most {MAX_BYTES} bytes)')
     try:
-        return yaml.load(text, _Loader)
-    except _MisreadError as error:
-        mark = error.problem_mark
-        place = f'line {mark.line + 1}, column {mark.column + 1}{source}'
-        raise LavaError(field + error.place, error.typed, f'{error.problem} ({place})') from error
+        return yaml.load(text, partial(_Loader, field=field, source=source))
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
-        where = f' in line {mark.line + 1}, column {mark.column + 1}' if mark else ''
+        where = f' in {_place(mark)}' if mark else ''
         parts = (getattr(error, 'context', None), getattr(error, 'problem', None))
         reason = one_line(', '.join(filter(None, parts)) or str(error), MAX_VALUE_LENGTH)
         raise LavaError(field, value, f'{expected} ({reason}{where})') from error
@@ -91,27 +88,21 @@ def _integer(text: str) -> int:
 _OTHER_BASE = re.compile(r'([-+]?)0([0-9_]+|[bx].*)')
 
 
-class _MisreadError(yaml.composer.ComposerError):
-    """A value that YAML 1.1 reads differently from how it is written.
-
-    ``place`` is the path in the document, such as ``.vents[0].discharge``.
-    """
-
-    def __init__(self, place: str, typed: str, expected: str, mark: Any) -> None:
-        super().__init__(None, None, expected, mark)
-        self.place, self.typed = place, typed
+def _place(mark: Any) -> str:
+    return f'line {mark.line + 1}, column {mark.column + 1}'
 
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader with limits on size and nesting."""
+    """The safe loader with limits on size and nesting; ``field`` of ``source`` is for errors."""
 
     yaml_implicit_resolvers: ClassVar[Any] = {
         first: [item for item in resolvers if item[0] != 'tag:yaml.org,2002:timestamp']
         for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, field: str, source: str) -> None:
         super().__init__(text)
+        self._field, self._source = field, source
         # keys and indices of the enclosing values
         self._place: list[str] = []
         self._depth = self._deepest = self._values = 0
@@ -152,7 +143,7 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def _check_plain(self, node: Any, has_tag: bool) -> None:
-        """Raise an error for a plain scalar that YAML 1.1 reads differently."""
+        """Raise LavaError for a plain scalar that YAML 1.1 reads differently."""
         kind, typed = node.tag.rpartition(':')[2], node.value
         expected = ''
         if has_tag or len(typed) > MAX_DIGITS:
@@ -168,7 +159,9 @@ class _Loader(yaml.SafeLoader):
             meant = str(self.construct_yaml_bool(node)).lower()
             expected = f'{meant}, or text in quotes: YAML 1.1 reads it as {meant}'
         if expected:
-            raise _MisreadError(''.join(self._place), typed, expected, node.start_mark)
+            field = ''.join([self._field, *self._place])
+            place = f'{_place(node.start_mark)}{self._source}'
+            raise LavaError(field, typed, f'{expected} ({place})')
 
     def compose_mapping_node(self, anchor: Any) -> Any:
         node = super().compose_mapping_node(anchor)
@@ -183,10 +176,8 @@ class _Loader(yaml.SafeLoader):
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         kind = node.tag.rpartition(':')[2]
-        wrong = ''
         if kind in ('int', 'float') and len(node.value) > MAX_DIGITS:
             wrong = f'a number of more than {MAX_DIGITS} characters'
-        if wrong:
             raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark)
         try:
             return super().construct_object(node, deep)

@@ -1,14 +1,15 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles that continue a running simulation, weighted by observed outlines.
+"""Ensembles that continue a running simulation, and learn from observed outlines.
 
 Members start from the state of the simulation, with its resolution and effects, and then differ
-in their drawn inputs. Member k has the same draws in each ensemble of a scene, so its agreement
-with an outline applies to the next ensemble too.
+in their drawn inputs. Member k has the same draws in successive ensembles until an outline
+arrives, which weights these members. The next ensemble draws new ones near those of high weight.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
 import math
@@ -18,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.assimilation import jaccard, Outline, weigh
+from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import plan_from, running
 from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, footprint_of, reached_by
-from lava_ros.forecast.sampling import draw_members, Member
+from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -30,6 +31,35 @@ from lava_ros.simulation.output.checkpoint import Checkpoint
 FIRST_MAPS = 4
 
 Answer = Callable[..., None]
+
+
+@dataclass(eq=False)
+class Population:
+    """Drawn inputs that successive ensembles share, and what outlines say of them.
+
+    Attributes:
+        posterior: Distribution of the members; None for that of the scene.
+        outlines: Number of outlines that the distribution and the agreement contain.
+        agreement: Agreement of the members with the outlines since they were drawn, float64, one
+            value from 0 to 1 per member; None without such an outline.
+    """
+
+    posterior: Posterior | None = None
+    outlines: int = 0
+    agreement: np.ndarray | None = None
+
+    @property
+    def generation(self) -> int:
+        """Number of earlier populations that led to this one."""
+        return 0 if self.posterior is None else self.posterior.generation
+
+    def weights(self, count: int) -> Weights:
+        """Return the weights of the first members.
+
+        Raises:
+            LavaError: If none of them agrees with the outlines.
+        """
+        return weigh(np.ones(count) if self.agreement is None else self.agreement[:count])
 
 
 class LiveEnsemble:
@@ -49,9 +79,11 @@ class LiveEnsemble:
         places: Places | None = None,
         number: int = 0,
         stamp_ns: int = 0,
+        population: Population | None = None,
     ) -> None:
         """Draw the members; each runs from the checkpoint to ``horizon`` [s] after it.
 
+        ``population`` has the distribution of the members, by default that of the scene.
         ``begun`` is the start of the ensemble on the monotonic clock [s], by default now.
         ``deadline`` is the wall time after it [s] at which the ensemble ends with the members
         completed by then; None: no limit. The maps include arrival times at ``places``. ``number``
@@ -64,14 +96,17 @@ class LiveEnsemble:
         self.number, self.stamp_ns, self._places = number, stamp_ns, places
         self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
         self.start = checkpoint.time
-        drawn = draw_members(checkpoint.scene, members)
-        self.asked = len(drawn)
+        self.population = population or Population()
+        self._members = draw_members(
+            checkpoint.scene, members, posterior=self.population.posterior
+        )
+        self.asked = len(self._members)
         self._begun = wall_clock.monotonic() if begun is None else begun
         self._end = math.inf if deadline is None else self._begun + deadline
         self._shares: dict[int, float] = {}
         self._running = running(
             self.plan,
-            takewhile(self._is_in_time, drawn),
+            takewhile(self._is_in_time, self._members),
             device=device,
             max_particles=max_particles,
             progress=self._shares,
@@ -131,11 +166,15 @@ class LiveEnsemble:
         found = [jaccard(reached_by(one, self.plan, time), outline) for one in self._footprints]
         return np.array(found + [float(np.mean(found))] * (self.asked - self.count))
 
-    def maps(self, agreement: np.ndarray | None) -> HazardMaps:
-        """Return the maps of the members so far, weighted by ``agreement``."""
-        tally, weights = EnsembleAccumulator(self.plan, self._places), [1] * self.count
-        if agreement is not None:
-            weights = weigh(agreement[: self.count]).values.tolist()
+    def posterior(self, generation: int) -> Posterior:
+        """Return the distribution of the members so far, with the weights by the outlines."""
+        weights = self.population.weights(self.count).values
+        return Posterior(self._members[: self.count], weights, generation)
+
+    def maps(self) -> HazardMaps:
+        """Return the maps of the members so far, with the weights by the outlines."""
+        tally = EnsembleAccumulator(self.plan, self._places)
+        weights = self.population.weights(self.count).values.tolist()
         for footprint, weight in zip(self._footprints, weights, strict=True):
             tally.add(footprint, weight)
         return tally.maps()
@@ -150,8 +189,8 @@ class LiveEnsembles:
     """The successive ensembles of a running simulation, and the observed outlines.
 
     Replies (``process``) are ``ensemble`` with number, stamp_ns, changes and the fields of
-    ``EnsembleForecast``, ``weighed`` after an outline has been used, and ``outline_refused`` with
-    number and error.
+    ``EnsembleForecast``, ``weighed`` after an outline has been used, with the distribution from
+    which the next ensemble draws, and ``outline_refused`` with number and error.
 
     Attributes:
         current: The ensemble in progress, None if there is none.
@@ -164,9 +203,9 @@ class LiveEnsembles:
         self._ordered: Callable[[], LiveEnsemble] | None = None
         self.current: LiveEnsemble | None = None
         self._shown: LiveEnsemble | None = None
-        self._oldest: LiveEnsemble | None = None
-        self._agreement: np.ndarray | None = None
-        self._outlines = 0
+        # the first complete ensemble of each population, whose members differ most
+        self._first: list[LiveEnsemble] = []
+        self._population = Population()
         self._next_maps = FIRST_MAPS
         self._waiting: list[tuple[int, Outline]] = []
 
@@ -180,24 +219,26 @@ class LiveEnsembles:
         checkpoint: Checkpoint,
         *,
         changes: int,
-        agreement: list[float] | None,
+        posterior: Posterior | None,
         outlines: int,
         **how: Any,
     ) -> None:
         """Replace the ensemble in progress by a new one at the next ``advance``.
 
-        ``changes`` is a number that changes with the scene. The first ensemble of a scene starts
-        with the members' ``agreement`` with a number of earlier ``outlines``, None without any.
-        ``how`` are further arguments of ``LiveEnsemble``.
+        ``changes`` is a number that changes with the scene. The first ensemble of a scene draws
+        from ``posterior`` after a number of earlier ``outlines``, None without any. ``how`` are
+        further arguments of ``LiveEnsemble``.
         """
         self.drop()
         if changes != self._changes:
             # outlines do not apply to another scene
             self._changes = changes
-            self._shown = self._oldest = None
-            self._agreement = None if agreement is None else np.array(agreement)
-            self._outlines = outlines
-        self._ordered = partial(LiveEnsemble, checkpoint, begun=wall_clock.monotonic(), **how)
+            self._shown, self._first = None, []
+            self._population = Population(posterior, outlines)
+        self._ordered = partial(
+            LiveEnsemble, checkpoint, begun=wall_clock.monotonic(), population=self._population,
+            **how,
+        )
 
     def drop(self) -> None:
         """Cancel the ensemble in progress; finished ones remain."""
@@ -216,13 +257,17 @@ class LiveEnsembles:
         if self._ordered is not None:
             begin, self._ordered = self._ordered, None
             self.current, self._next_maps = begin(), FIRST_MAPS
-        ensemble, known = self.current, self._agreement
+        ensemble = self.current
         if ensemble is None or not ensemble.advance(wall_limit):
             return
+        known = ensemble.population.agreement
         if ensemble.is_done:
             self.current, self._shown = None, ensemble
-            if self._oldest is None or not self._oldest.covers(ensemble.start):
-                self._oldest = ensemble
+            first = [item for item in self._first if item.covers(ensemble.start)]
+            if all(item.population is not ensemble.population for item in first):
+                first.append(ensemble)
+            # the oldest for outlines that come late, and few others because of their memory
+            self._first = [*first[:1], *first[1:][-2:]]
             self._send_maps(ensemble)
             waiting, self._waiting = self._waiting, []
             for number, outline in waiting:
@@ -236,18 +281,24 @@ class LiveEnsembles:
             self._send_maps(ensemble)
 
     def observe(self, number: int, outline: Outline) -> None:
-        """Weight the members by an outline, in the oldest complete ensemble that covers its time.
+        """Weight the members by an outline, and draw those of the next ensemble near them.
 
-        An outline waits if only the ensemble in progress covers its time, and is refused if no
-        ensemble does.
+        They are compared with it in the first complete ensemble that covers its time, of the
+        population that contains most outlines, and of the newest such population. An outline waits
+        if that is the ensemble in progress, and is refused if no ensemble covers its time.
         """
-        known = [item for item in (self._oldest, self._shown, self.current) if item is not None]
+        known = [item for item in (*self._first, self._shown, self.current) if item is not None]
         covering = [item for item in known if item.covers(outline.time)]
-        done = [item for item in covering if item is not self.current]
-        if done:
-            self._weigh(number, outline, done[0])
-        elif covering:
+
+        def rank(item: LiveEnsemble) -> tuple[int, int]:
+            return item.population.outlines, item.population.generation
+
+        # the first of equal ones
+        best = max(covering, key=rank, default=None)
+        if best is not None and best is self.current:
             self._waiting.append((number, outline))
+        elif best is not None:
+            self._weigh(number, outline, best)
         else:
             since = 'there is none'
             if known:
@@ -258,22 +309,25 @@ class LiveEnsembles:
             self._refuse(number, LavaError('observed_outline.header.stamp', value, expected))
 
     def _weigh(self, number: int, outline: Outline, ensemble: LiveEnsemble) -> None:
-        found = ensemble.agreement(outline)
-        # keep the earlier agreement: shortly after a fork the members differ too little
-        together = found if self._agreement is None else self._agreement * found
+        found, old = ensemble.agreement(outline), ensemble.population
+        before = old.weights(ensemble.count).effective_members
+        together = found if old.agreement is None else old.agreement * found
         try:
-            weigh(together)
+            weigh(together[: ensemble.count])
         except LavaError as error:
             self._refuse(number, error)
             return
-        self._agreement = together / together.max()
-        self._outlines += 1
+        old.agreement = together / together.max()
+        old.outlines += 1
+        posterior = ensemble.posterior(self._population.generation + 1)
+        self._population = Population(posterior, old.outlines)
         self._answer(
             'weighed',
             number=number,
-            agreement=self._agreement.tolist(),
-            outlines=self._outlines,
+            posterior=posterior,
+            outlines=old.outlines,
             jaccard_mean=float(found.mean()),
+            effective_before=before,
         )
         if self._shown is not None:
             self._send_maps(self._shown)
@@ -290,9 +344,9 @@ class LiveEnsembles:
             time=ensemble.start,
             horizon=ensemble.plan.horizon,
             threshold=ensemble.plan.threshold,
-            maps=ensemble.maps(self._agreement),
+            maps=ensemble.maps(),
             asked=ensemble.asked,
             is_done=ensemble.is_done,
-            outlines=self._outlines,
+            outlines=ensemble.population.outlines,
             duration=ensemble.duration,
         )

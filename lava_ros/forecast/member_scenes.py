@@ -16,10 +16,6 @@ from lava_ros.scene.lava import Lava
 from lava_ros.scene.uncertainty import Distribution
 from lava_ros.scene.vents import erupting
 
-#: Quantiles for which effects are chosen. An effect that only fewer members call for would slow
-#: down all, and matters little to these, because effects do not set in abruptly.
-_ENDS = (0.1, 0.9)
-
 #: Maximum number of times that a displacement is halved before the vent is not displaced.
 _HALVINGS = 12
 
@@ -62,13 +58,16 @@ def median_scene(scene: Scene) -> Scene:
 
 
 def end_scenes(scene: Scene) -> list[Scene]:
-    """Return scenes with one uncertain quantity each at a quantile of ``_ENDS``.
+    """Return scenes with one uncertain quantity each at a quantile of 0.1 or 0.9.
+
+    Effects are chosen for these. An effect that only fewer members call for would slow down all,
+    and matters little to these, because effects do not set in abruptly.
 
     Raises:
         LavaError: If the values do not make a valid scene.
     """
     uncertainty, drawn = scene.uncertainty, list[dict[str, Any]]()
-    for fraction in _ENDS:
+    for fraction in (0.1, 0.9):
         for name, distribution in vars(uncertainty).items():
             if isinstance(distribution, Distribution):
                 drawn.append({name: distribution.quantile(fraction)})

@@ -41,10 +41,6 @@ MAX_SAMPLES, MIN_SAMPLES, SAMPLE_INTERVAL = 120, 20, 60.0
 THRESHOLD = 0.1
 
 
-#: Memory of a member for each cell of the terrain [bytes].
-_BYTES = 64
-
-
 @dataclass(frozen=True, eq=False)
 class Plan:
     """Common properties of all members of an ensemble.
@@ -184,7 +180,8 @@ def batch_of(plan: Plan, device: str | None) -> int:
 
     if not device_of(device).is_cuda:
         return 1
-    fit = device_of(device).free_memory // (2 * _BYTES * plan.scene.terrain.elevation.size)
+    # a member takes 64 bytes for each cell
+    fit = device_of(device).free_memory // (2 * 64 * plan.scene.terrain.elevation.size)
     return min(max(fit, 1), AT_ONCE)
 
 

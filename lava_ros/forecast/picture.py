@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros.files.pictures import new_figure, save_picture
 from lava_ros.forecast.scores import brier_score, reliability
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.page_layout import shrink_title
@@ -46,6 +47,7 @@ def draw_narrowing(
 def frame_of(scene: Scene) -> Frame:
     """Return the terrain and the vents of a scene as a frame without layers."""
     terrain = scene.terrain
+    fissures = [(vent.position, vent.end) for vent in scene.vents if vent.end is not None]
     return Frame(
         elevation=terrain.elevation,
         resolution=terrain.resolution,
@@ -54,7 +56,27 @@ def frame_of(scene: Scene) -> Frame:
         vents=np.array([vent.position for vent in scene.vents]).reshape(-1, 2),
         time=None,
         scene=scene_to_dict(scene),
+        fissures=np.array(fissures).reshape(-1, 2, 2),
     )
+
+
+def write_reliability(
+    probability: np.ndarray, came: Sequence[np.ndarray], output: Path
+) -> None:
+    """Write a reliability diagram of maps at several times, whose cells count together.
+
+    Args:
+        probability: Probability, 0 to 100 %, NaN unknown, shape [times, rows, columns].
+        came: Inundated cells at each time, bool, shape [rows, columns].
+        output: The picture; the suffix sets the format.
+
+    Raises:
+        LavaError: If matplotlib is not installed, or the picture cannot be written.
+    """
+    with new_figure('reliability', output, (5.0, 4.4), dpi=110) as figure:
+        axes = figure.add_axes((0.12, 0.12, 0.84, 0.8))
+        draw_reliability(axes, 0.01 * probability, np.stack(came))
+        save_picture(figure, output, title='Reliability')
 
 
 def draw_reliability(

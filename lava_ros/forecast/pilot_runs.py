@@ -50,16 +50,6 @@ MIN_RELATIVE_ERROR = 0.004
 #: Minimum ratios of two refinements for fitting the growth of evaluations and the fall of errors.
 APART, WELL_APART = 1.15, 1.3
 
-#: Powers p of the error with prior weights: docs/accuracy has 1 on slopes, and more where coarse
-#: runs hardly resolve the terrain or the thickness.
-ORDERS = {0.6: 1.0, 0.8: 1.0, 1.0: 1.0, 1.25: 1.0, 1.5: 1.0, 1.8: 0.5}
-
-#: Ratios q of scatter to bias.
-SCATTERS = (0.0, 0.3, 0.6, 1.0, 2.0)
-
-#: Standard deviation of the logarithm of a difference between runs from the law.
-_SPREAD = 0.3
-
 
 @dataclass(frozen=True, eq=False)
 class Pilot:
@@ -291,19 +281,23 @@ def error_law(pilots: Sequence[Pilot]) -> Callable[[float], float]:
     seen = [_differences(one, other) for one, other in pairs]
     differences = np.array([item[-1] - growth[len(item) - 1] for item in seen])
     laws = []
-    for (order, usual), scatter in product(ORDERS.items(), SCATTERS):
+    # powers p with prior weights: docs/accuracy has 1 on slopes, and more where coarse runs hardly
+    # resolve the terrain or the thickness; ratios q of scatter to bias
+    orders = {0.6: 1.0, 0.8: 1.0, 1.0: 1.0, 1.25: 1.0, 1.5: 1.0, 1.8: 0.5}
+    for (order, usual), scatter in product(orders.items(), (0.0, 0.3, 0.6, 1.0, 2.0)):
         x, y = ones**-order, others**-order
         law = np.sqrt((x - y) ** 2 + scatter**2 * (x**2 + y**2))
         logarithm = differences - np.log(law)
         constant = float(logarithm.mean())
-        misfit = float(((logarithm - constant) ** 2).sum()) / (2.0 * _SPREAD**2)
+        # the logarithm of a difference between runs deviates from the law by 0.3
+        misfit = float(((logarithm - constant) ** 2).sum()) / (2.0 * 0.3**2)
         size = math.exp(constant) * math.hypot(1.0, scatter)
         laws.append((usual * math.exp(-misfit), size, order))
-    weights, sizes, orders = np.array(laws).T
+    weights, sizes, powers = np.array(laws).T
     weights /= weights.sum()
 
     def error(refinement: float) -> float:
-        logarithms = np.log(sizes) - orders * math.log(refinement)
+        logarithms = np.log(sizes) - powers * math.log(refinement)
         return min(max(math.exp(float(weights @ logarithms)), MIN_RELATIVE_ERROR), 1.0)
 
     return error

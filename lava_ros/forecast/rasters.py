@@ -81,10 +81,11 @@ def write_atlas(
     for fraction, values in maps.arrival.items():
         name = f'arrival_time_p{round(100 * fraction)}'
         layers[name], shapes[name] = values, gis.isochrones(values, terrain, origin.onset)
-    written = []
-    for name, values in layers.items():
+    written = [
         # the style belongs to its GeoTIFF
-        written += gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)[:1]
+        gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)[0]
+        for name, values in layers.items()
+    ]
     if formats is None:
         formats = gis.usual_formats(coordinate_system(terrain.epsg, terrain.wkt))
     title = f'lava flow, {maps.members} members'

@@ -6,10 +6,12 @@
 Values are points of a Sobol sequence with a digital shift by the seed. They fill the space of the
 quantities more evenly than random points, and member k does not depend on the number of members.
 The arithmetic uses no library's random generator and rounds the last digits, so that member k is
-the same on every machine. Errors of the terrain are random fields.
+the same on every machine. Errors of the terrain are random fields. After an observation, members
+are drawn near those that agree with it.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 import hashlib
 from typing import Any
 
@@ -18,6 +20,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
+from lava_ros.forecast.assimilation import effective_members
 from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.uncertainty import CONSTANTS, Distribution, Roughness, Uncertainty
 
@@ -41,6 +44,10 @@ _BEYOND = 3.0
 #: Steps of a field [1/m]: rounding to them removes the error of the Fourier transform.
 _STEPS = 1024.0
 
+#: Variance added around weighted members, as a fraction of that before the observation: a single
+#: member with weight has none.
+LEAST_VARIANCE = 0.01
+
 #: Bits of a coordinate, and digits of a value: further digits depend on the machine's logarithm.
 _BITS, _DIGITS = 30, 9
 
@@ -60,6 +67,7 @@ class Member:
         seed: Seed of the random errors of its terrain.
         constants: Values of other constants of the lava, by name.
         eruption: Duration [s] and volume [m3] of the eruption; None for the values of the scene.
+        point: Its point in the unit cube of the quantities, from which the values follow.
     """
 
     index: int
@@ -72,6 +80,70 @@ class Member:
     seed: tuple[int, ...] = (0,)
     constants: tuple[tuple[str, float], ...] = ()
     eruption: tuple[float, float] | None = None
+    point: tuple[float, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Weighted members as a distribution from which new members are drawn.
+
+    A new member has a parent, chosen by weight, and a normal kernel around it. With the scores
+    that are normal before the observation, the kernel shrinks towards the weighted mean, so that
+    it adds no variance (West 1993; Liu and West 2001, in Sequential Monte Carlo Methods in
+    Practice). Its width is Silverman's for the effective number of members. The class of the
+    eruption and the errors of the terrain are those of the parent.
+
+    Attributes:
+        parents: The members.
+        weights: Their relative weights, float64 or int64, shape [parents].
+        generation: Number of the draw in a sequence of observations, from 1.
+    """
+
+    parents: tuple[Member, ...]
+    weights: np.ndarray
+    generation: int = 1
+
+    @property
+    def effective_members(self) -> float:
+        """Effective number of parents."""
+        return effective_members(self.weights)
+
+    @property
+    def digest(self) -> str:
+        """Return a hash of the distribution, in hexadecimal digits."""
+        points = np.array([parent.point for parent in self.parents])
+        content = points.tobytes() + np.asarray(self.weights, dtype=np.float64).tobytes()
+        return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+    def near(
+        self, points: np.ndarray, is_drawn: np.ndarray
+    ) -> tuple[np.ndarray, list[Member]]:
+        """Convert uniform points to points near the parents.
+
+        Args:
+            points: Points of the unit cube, shape [members, coordinates + 1]; the last coordinate
+                chooses the parent.
+            is_drawn: True for coordinates that a kernel changes, bool, shape [coordinates].
+
+        Returns:
+            The new points, shape [members, coordinates], and their parents.
+        """
+        from scipy.special import ndtr, ndtri
+
+        known, weights = np.array([parent.point for parent in self.parents]), self.weights
+        sums = np.cumsum(weights)
+        places = [_cell(sums, share)[0] for share in points[:, -1].tolist()]
+        scores, size = ndtri(known[:, is_drawn]), int(is_drawn.sum())
+        mean = weights @ scores / weights.sum()
+        spread = (weights * (scores - mean).T) @ (scores - mean) / weights.sum()
+        spread += LEAST_VARIANCE * np.eye(size)
+        width = (4.0 / ((size + 2.0) * self.effective_members)) ** (1.0 / (size + 4.0))
+        width = min(width, 1.0)
+        noise = ndtri(points[:, :-1][:, is_drawn]) @ np.linalg.cholesky(spread).T
+        moved = np.sqrt(1.0 - width**2) * (scores[places] - mean) + width * noise
+        result = known[places]
+        result[:, is_drawn] = _middle_of_step(ndtr(mean + moved))
+        return result, [self.parents[place] for place in places]
 
 
 class Susceptibility:
@@ -128,10 +200,12 @@ def draw_members(
     *,
     seed: int = 0,
     susceptibility: Susceptibility | None = None,
+    posterior: Posterior | None = None,
 ) -> tuple[Member, ...]:
     """Draw the first members of the ensemble of a scene and a seed.
 
     ``susceptibility`` is the distribution of the vent's position, in place of the scene's.
+    ``posterior`` is the distribution after observations; its parents are of the same scene.
 
     Raises:
         LavaError: If an argument is not valid, or nothing is uncertain.
@@ -147,8 +221,21 @@ def draw_members(
     constants = [name for name in CONSTANTS if name in uncertainty.constants]
     names = (*COORDINATES, *constants, *(ERUPTION if uncertainty.eruption else ()))
     sums = np.cumsum([item.probability for item in uncertainty.eruption])
+    seeds: list[tuple[int, ...]] = [(seed, index) for index in range(count)]
+    if posterior is None:
+        points = _points(count, (seed,), len(names))
+    else:
+        uncertain = {name for name in COORDINATES[:4] if getattr(uncertainty, name)}
+        uncertain |= {*constants, *ERUPTION[1:]}
+        uncertain |= {'x', 'y'} if uncertainty.position else set()
+        uncertain |= {'place_x', 'place_y'} if susceptibility else set()
+        cube = _points(count, (seed, posterior.generation), len(names) + 1)
+        points, parents = posterior.near(cube, np.array([name in uncertain for name in names]))
+        seeds = [parent.seed for parent in parents]
 
-    def member(index: int, point: dict[str, float]) -> Member:
+    def member(index: int, numbers: list[float]) -> Member:
+        point = dict(zip(names, numbers, strict=True))
+
         def drawn(name: str, distribution: Distribution) -> float:
             return _rounded(distribution.quantile(point[name]))
 
@@ -167,12 +254,11 @@ def draw_members(
             kind = uncertainty.eruption[_cell(sums, point['eruption'])[0]]
             values['eruption'] = tuple(drawn(key, getattr(kind, key)) for key in ERUPTION[1:])
         known = tuple((name, drawn(name, uncertainty.constants[name])) for name in constants)
-        return Member(index, seed=(seed, index), constants=known, **values)
+        return Member(
+            index, seed=seeds[index], constants=known, point=tuple(numbers), **values
+        )
 
-    points = _points(count, seed, len(names)).tolist()
-    return tuple(
-        member(index, dict(zip(names, point, strict=True))) for index, point in enumerate(points)
-    )
+    return tuple(member(index, numbers) for index, numbers in enumerate(points.tolist()))
 
 
 def prepare_sampling() -> None:
@@ -184,7 +270,7 @@ def prepare_sampling() -> None:
     _qmc(1)
 
 
-def _points(count: int, seed: int, coordinates: int) -> np.ndarray:
+def _points(count: int, seed: Sequence[int], coordinates: int) -> np.ndarray:
     """Return shifted points of the sequence in the open unit cube, [count, coordinates]."""
     sequence = _qmc(count).Sobol(coordinates, scramble=False, bits=_BITS)
     # the sequence is balanced for powers of two
@@ -192,6 +278,11 @@ def _points(count: int, seed: int, coordinates: int) -> np.ndarray:
     cells = np.round(points * 2**_BITS).astype(np.int64)
     shift = np.random.SeedSequence(seed).generate_state(coordinates) >> (32 - _BITS)
     return ((cells ^ shift.astype(np.int64)) + 0.5) / 2**_BITS
+
+
+def _middle_of_step(points: np.ndarray) -> np.ndarray:
+    """Round coordinates to the middles of the steps of ``_points``, inside the open cube."""
+    return (np.clip(np.floor(points * 2**_BITS), 0, 2**_BITS - 1) + 0.5) / 2**_BITS
 
 
 def _qmc(count: int) -> Any:

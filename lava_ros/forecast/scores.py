@@ -9,9 +9,6 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 
-#: Number of bins of a reliability diagram.
-BINS = 10
-
 
 @dataclass(frozen=True)
 class ReliabilityBin:
@@ -83,7 +80,7 @@ def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
 
 
 def reliability(
-    probability: np.ndarray, outcome: np.ndarray, *, bins: int = BINS
+    probability: np.ndarray, outcome: np.ndarray, *, bins: int = 10
 ) -> list[ReliabilityBin]:
     """Return the points of a reliability diagram with ``bins`` bins of equal width.
 

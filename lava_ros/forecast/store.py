@@ -21,7 +21,7 @@ from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.assimilation import UNIT, Weights
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, NEVER
-from lava_ros.forecast.sampling import Susceptibility
+from lava_ros.forecast.sampling import Posterior, Susceptibility
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
@@ -50,6 +50,7 @@ class Store:
         *,
         seed: int = 0,
         susceptibility: Susceptibility | None = None,
+        posterior: Posterior | None = None,
     ) -> None:
         """Create the folder of an ensemble, or reopen it.
 
@@ -60,7 +61,11 @@ class Store:
         self.plan = plan
         self._folder = folder = Path(folder)
         self._members = folder / 'members'
-        self._seed, self._susceptibility = seed, susceptibility
+        self._drawn = {
+            'seed': seed,
+            'susceptibility': None if susceptibility is None else susceptibility.digest,
+            'posterior': None if posterior is None else posterior.digest,
+        }
         path = folder / MANIFEST
         try:
             if path.exists():
@@ -142,7 +147,7 @@ class Store:
         write_output('--output', folder / MANIFEST, text)
 
     def _manifest(self) -> dict[str, Any]:
-        plan, susceptibility = self.plan, self._susceptibility
+        plan = self.plan
         elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
         manifest = {
             'version': VERSION,
@@ -159,8 +164,7 @@ class Store:
                 'looks': plan.samples,
                 'start_s': None if plan.start is None else plan.start.time,
             },
-            'seed': self._seed,
-            'susceptibility': None if susceptibility is None else susceptibility.digest,
+            **self._drawn,
         }
         # converted to the types with which it will be read
         return json.loads(json.dumps(manifest))

@@ -9,7 +9,8 @@ of a case after a date are not fitted: their scores are those of forecasts.
 
 A mapped outline constrains few constants, and the score jumps when a flow passes an obstacle on
 the other side. So the result is the set of all runs that are nearly as good as the best, the
-spread of each parameter in it, and the parameters on which the score does not depend.
+spread of each parameter in it, and the parameters on which the score does not depend. Intervals of
+the parameters come from the same weights as those of ensemble members.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -28,6 +29,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input, write_output
 from lava_ros.files.optional import require
+from lava_ros.forecast.assimilation import effective_members, weigh
 from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.free_parameters import changed, FreeParameter
@@ -47,6 +49,12 @@ WEAK = 2.0
 
 #: Rank correlation that a search must be able to detect before its absence counts.
 CLEAR = 0.5
+
+#: Probabilities of the quantiles of a parameter.
+LEVELS = (0.05, 0.5, 0.95)
+
+#: Binary logarithm of the number of points at which the weights are integrated.
+_LOG_POINTS = 14
 
 #: Number of sets per batch on a GPU: with four directions per set they fill it.
 BATCH = 16
@@ -89,7 +97,8 @@ class Finding:
 
     ``spread`` is the fraction of its range that near-best runs span, ``correlation`` the rank
     correlation of its value with the score over all runs. A parameter is sensitive if near-best
-    runs agree on it or the score depends on it.
+    runs agree on it or the score depends on it. ``quantiles`` are its values at ``LEVELS`` of its
+    distribution given the outlines that are fitted.
     """
 
     unknown: FreeParameter
@@ -99,6 +108,7 @@ class Finding:
     spread: float
     correlation: float
     is_sensitive: bool
+    quantiles: tuple[float, ...]
 
 
 Numbers = Mapping[str, Mapping[str, float]]
@@ -187,6 +197,7 @@ def findings(
 
     scores = np.array([sample.jaccard for sample in samples])
     near = scores >= scores.max() - NEARLY
+    quantiles, _ = posterior_quantiles(parameters, samples)
     result = []
     for parameter in parameters:
         values = np.array([sample.values[parameter.name] for sample in samples])
@@ -197,8 +208,43 @@ def findings(
         rank = float(spearmanr(values, scores).statistic) if varies else 0.0
         is_followed = abs(rank) * math.sqrt(len(values) - 1) > WEAK
         is_sensitive = is_followed or (spread < WIDE and near.sum() > 1)
-        result.append(Finding(parameter, best, low, high, spread, rank, bool(is_sensitive)))
+        result.append(Finding(
+            parameter, best, low, high, spread, rank, bool(is_sensitive),
+            quantiles[parameter.name],
+        ))
     return result
+
+
+def posterior_quantiles(
+    parameters: Sequence[FreeParameter], samples: Sequence[ParameterSample]
+) -> tuple[dict[str, tuple[float, ...]], float]:
+    """Return the values of each parameter at ``LEVELS``, given the outlines that are fitted.
+
+    Before the fit all values of a range, or their logarithms, are equally likely. A set has the
+    weight of an ensemble member (``weigh``), with the Jaccard indices of all fitted outlines
+    multiplied. A search prefers good sets, so that each set stands for the part of the ranges that
+    is nearest to it (Sambridge 1999, Geophysical Journal International 138, 727-746).
+
+    Returns:
+        The values by the name of the parameter, and the effective number of sets.
+    """
+    from scipy.spatial import KDTree
+    from scipy.stats import qmc
+
+    agreement = np.array([
+        math.prod(sample.numbers[name]['jaccard'] for name in sample.fitted) for sample in samples
+    ])
+    weights = weigh(agreement).values if agreement.any() else np.ones(len(samples))
+    sets = [[item.share_of(sample.values[item.name]) for item in parameters] for sample in samples]
+    points = qmc.Sobol(len(parameters), seed=0).random_base2(_LOG_POINTS)
+    _, nearest = KDTree(np.array(sets)).query(points)
+    mass, found = weights[nearest], {}
+    for item, column in zip(parameters, points.T, strict=True):
+        order = np.argsort(column)
+        below = np.cumsum(mass[order]) / mass.sum()
+        shares = np.interp(LEVELS, below, column[order])
+        found[item.name] = tuple(item.value_at(share) for share in shares.tolist())
+    return found, effective_members(np.bincount(nearest, mass))
 
 
 def near_optimal(samples: Sequence[ParameterSample]) -> list[ParameterSample]:

@@ -8,7 +8,7 @@ Coordinates are those of the elevation. Times are in seconds since time 0 of ``e
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta, timezone
+from datetime import timedelta, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from lava_ros.maps.onset import Onset
 from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
-    options_from_dict,
+    Options,
     read_effusion_rates,
 )
 from lava_ros.scene.events import read_events
@@ -195,7 +195,7 @@ def load_case(
     )
     ground = read(elevation)
     check_elevation(ground)
-    choices = options_from_dict('case.effusion_rate', options.get('effusion_rate', {}))
+    choices = validation.build(Options, 'case.effusion_rate', options.get('effusion_rate', {}))
     rates = read_effusion_rates('case', rate_table, choices)
     rows = read_vents('case', vent_table, ground)
     if vents is not None:
@@ -266,7 +266,7 @@ def load_case(
 def _onset(first: str | None, start: float) -> Onset | None:
     if first is None:
         return None
-    zero = datetime.fromisoformat(first.strip().upper().replace('Z', '+00:00'))
+    zero = validation.date('case.effusion_rate.start', first, 'a date')
     zero = zero if zero.tzinfo else zero.replace(tzinfo=timezone.utc)
     try:
         return Onset(zero + timedelta(seconds=start))

@@ -230,7 +230,6 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
     codes[(codes < HIT) | (codes > FALSE_ALARM)] = np.nan
     cell = case.scene.terrain.resolution**2
     areas = {'hit': judged.hits, 'miss': judged.misses, 'false alarm': judged.false_alarms}
-    fissures = [(item.position, item.end) for item in case.scene.vents if item.end is not None]
     parts = [f'{name} {area_words(count * cell)}' for name, count in areas.items()]
     facts = {
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
@@ -244,7 +243,7 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
     ground = case.events[-1].terrain if case.events else case.scene.terrain
     frame = frame_of(replace(case.scene, terrain=ground))
     draw_sheet(
-        [Panel(frame, 'comparison', codes, fissures=fissures)],
+        [Panel(frame, 'comparison', codes)],
         output,
         title=case.title,
         subtitle='  ·  '.join([f'Jaccard {judged.jaccard:.3f}', *parts]),

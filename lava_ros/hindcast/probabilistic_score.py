@@ -1,18 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles of a case: inundation probability, and its score against the mapped flow field."""
+"""Ensembles of a case: inundation probability, and its score against the mapped flow fields."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.assimilation import Mask, outline_on
+from lava_ros.forecast.assimilation import Mask, Outline, outline_on
 from lava_ros.forecast.member_scenes import median_scene
-from lava_ros.forecast.members import make_plan, Plan
-from lava_ros.forecast.scores import brier_parts, reliability
+from lava_ros.forecast.members import make_plan, MAX_SAMPLES, Plan
+from lava_ros.forecast.probability import Footprint, reached_by
+from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened
 from lava_ros.hindcast.free_parameters import published_uncertainty
@@ -28,8 +30,8 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
     """Plan an ensemble of a case whose members run like its hindcast, to the same end.
 
     If the case does not define uncertainties, everything with a published range is uncertain, and
-    so are effusion rates if their table has errors. Each map is an observation; ``threshold`` is
-    the thickness at or above which lava has arrived [m].
+    so are effusion rates if their table has errors. Each map is an observation, of which dated
+    outlines need more; ``threshold`` is the thickness at or above which lava has arrived [m].
 
     Raises:
         LavaError: If the case has events, or an argument is not valid.
@@ -50,15 +52,92 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
         accuracy=settings.accuracy(typical),
         effects={**FORCED, **settings.forced},
         threshold=threshold,
-        samples=settings.maps,
+        samples=max(settings.maps, MAX_SAMPLES) if case.outlines else settings.maps,
     )
 
 
 def mapped_on(case: Case, plan: Plan) -> np.ndarray:
     """Return the mapped flow field on the cells of a plan, bool, shape [rows, columns]."""
+    return _on_plan(case.footprint, plan.horizon, case, plan).lava
+
+
+def outlines_on(case: Case, plan: Plan) -> dict[str, Outline]:
+    """Return the dated outlines of a case on the cells of a plan, by their dates."""
+    return {
+        item.text: _on_plan(item.footprint, item.time, case, plan) for item in case.outlines
+    }
+
+
+def _on_plan(footprint: np.ndarray, time: float, case: Case, plan: Plan) -> Outline:
     terrain = case.scene.terrain
-    mask = Mask(case.footprint, terrain.has_data, terrain.resolution, terrain.origin)
-    return outline_on(plan.scene.terrain, mask, plan.horizon).lava
+    mask = Mask(footprint, terrain.has_data, terrain.resolution, terrain.origin)
+    return outline_on(plan.scene.terrain, mask, time)
+
+
+def probability_at(
+    times: Sequence[float],
+    members: Iterable[Footprint],
+    plan: Plan,
+    weights: Sequence[float] | np.ndarray | None = None,
+) -> np.ndarray:
+    """Return the probability that lava has arrived by each of some times [s] since the start.
+
+    ``weights`` are those of the members, equal by default.
+
+    Returns:
+        Probabilities from 0 to 100 %, NaN without data, shape [times, rows, columns].
+    """
+    total, sums = 0.0, np.zeros((len(times), *plan.scene.terrain.shape))
+    for place, member in enumerate(members):
+        weight = 1.0 if weights is None else float(weights[place])
+        total += weight
+        for time, cells in zip(times, sums, strict=True):
+            cells += weight * reached_by(member, plan, time)
+    return np.where(plan.scene.terrain.has_data, 100.0 * sums / total, np.nan)
+
+
+def score_dates(
+    probability: np.ndarray, outlines: Mapping[str, Outline], before: np.ndarray | None = None
+) -> dict[str, Any]:
+    """Score the probabilities at the times of dated outlines, and those of all dates together.
+
+    Args:
+        probability: Probability at the time of each outline, 0 to 100 %, NaN without data, shape
+            [outlines, rows, columns].
+        outlines: The outlines by their dates.
+        before: Observed lava that persists, bool, shape [rows, columns]; None: each time the
+            outline before, and none at the first date.
+
+    Returns:
+        The numbers of ``score_probability`` for the cells of all dates, the Brier score of
+        persistence over dates that have an outline before, the skill against it, and ``dates``:
+        the same for each date, without the reliability diagram.
+    """
+    came = np.stack([item.lava for item in outlines.values()])
+    last = [before, *(came[:-1] if before is None else [before] * (len(came) - 1))]
+    dates = []
+    for text, *fields in zip(outlines, probability, came, last, strict=True):
+        found = {'date': text, **score_probability(*fields[:2]), **_against(*fields)}
+        dates.append({key: found[key] for key in found if key != 'reliability'})
+    first = int(last[0] is None)
+    pooled = _against(probability[first:], came[first:], np.array(last[first:], dtype=bool))
+    return {**score_probability(probability, came), **pooled, 'dates': dates}
+
+
+def _against(
+    probability: np.ndarray, came: np.ndarray, last: np.ndarray | None
+) -> dict[str, float | None]:
+    """Return the Brier score of the last outline and the skill against it, None without one."""
+    if last is None or not last.size:
+        return {'brier_persistence': None, 'brier_skill_persistence': None}
+    # the same cells for both: those with lava in a member or in an outline
+    near = np.isfinite(probability) & ((probability > 0.0) | came | last)
+    score, reference = (
+        brier_score(np.asarray(forecast, dtype=np.float64)[near], came[near])
+        for forecast in (probability / 100.0, last)
+    )
+    skill = 1.0 - score / reference if reference else None
+    return {'brier_persistence': reference, 'brier_skill_persistence': skill}
 
 
 def score_probability(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import time
 
 from lava_ros.bag.checkpoints import NAME
 from lava_ros.live.recorder import Recorder
-from lava_ros.simulation.output.checkpoint import MEDIA_TYPE, summary_of
+from lava_ros.simulation.output.checkpoint import MEDIA_TYPE, Summary, summary_of
 
 #: Maximum number of periods for which a checkpoint is postponed until the bag has grown.
 PATIENCE = 10.0
@@ -21,32 +21,25 @@ PATIENCE = 10.0
 AFTER_CHANGE = 0.1
 
 
-@dataclass(frozen=True)
-class LastCheckpoint:
-    """Newest checkpoint in a bag: simulated time [s] and size [bytes]; number of checkpoints."""
-
-    time: float
-    size: int
-    count: int
-
-
 @dataclass(eq=False)
 class CheckpointRecording:
     """Writes a checkpoint at the start of a recording, at intervals, and at its end.
 
     After a change of scene or effects the interval is ``AFTER_CHANGE`` times as long. If
     checkpoints would take up more than half of the bag, the next one is postponed, by at most
-    ``PATIENCE`` periods. A checkpoint equal to the last one, ``last``, is not written. ``take``
-    requests a checkpoint, ``clock`` returns wall time [s].
+    ``PATIENCE`` periods. A checkpoint equal to the last one is not written. ``take`` requests a
+    checkpoint, ``clock`` returns wall time [s]. The open bag has ``count`` checkpoints, of which
+    ``last`` is the newest, None before the first.
     """
 
     recorder: Recorder
     take: Callable[[], 'Future[bytes]']
     clock: Callable[[], float] = time.monotonic
-    last: LastCheckpoint | None = None
 
     def __post_init__(self) -> None:
         """Initialize without a checkpoint."""
+        self.last: Summary | None = None
+        self.count = 0
         self._directory = ''
         self._pending: Future[bytes] | None = None
         self._asked: float | None = None
@@ -84,10 +77,10 @@ class CheckpointRecording:
         return self._write(stamp_ns, timeout)
 
     def _is_recording(self) -> bool:
-        directory = self.recorder.status.directory
+        directory = self.recorder.directory
         if not self.recorder.is_recording or directory != self._directory:
             self._pending = self._asked = self.last = None
-            self._data, self._written = b'', 0
+            self._data, self._written, self.count = b'', 0, 0
         self._directory = directory
         return self.recorder.is_recording
 
@@ -113,6 +106,6 @@ class CheckpointRecording:
             self.recorder.attach(NAME, MEDIA_TYPE, data, stamp_ns)
             self._data = data
             self._written += len(data)
-            count = 1 if self.last is None else self.last.count + 1
-            self.last = LastCheckpoint(summary_of(data).time, len(data), count)
+            self.last = summary_of(data)
+            self.count += 1
         return ''

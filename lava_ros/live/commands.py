@@ -8,11 +8,10 @@ from concurrent.futures import Future
 from functools import partial, wraps
 import queue
 import threading
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from lava_ros.errors import LavaError
 
-ParametersT = ParamSpec('ParametersT')
 ResultT = TypeVar('ResultT')
 
 #: Maximum number of waiting commands; a kind of which only the newest waits counts once.
@@ -110,25 +109,16 @@ def finish(future: 'Future[Any]', error: Exception | None = None, *, result: Any
             future.set_exception(error)
 
 
-def command(
-    kind: str = '',
-) -> Callable[
-    [Callable[Concatenate[Any, ParametersT], ResultT]],
-    Callable[Concatenate[Any, ParametersT], 'Future[ResultT]'],
-]:
+def command(kind: str = '') -> Callable[..., Callable[..., 'Future[Any]']]:
     """Make a method a command: a call puts it into the queue, and returns a future.
 
     ``kind`` is that of ``Command``.
     """
 
-    def decorate(
-        method: Callable[Concatenate[Any, ParametersT], ResultT],
-    ) -> Callable[Concatenate[Any, ParametersT], 'Future[ResultT]']:
+    def decorate(method: Callable[..., Any]) -> Callable[..., 'Future[Any]']:
         @wraps(method)
-        def put(
-            self: Any, /, *args: ParametersT.args, **options: ParametersT.kwargs
-        ) -> 'Future[ResultT]':
-            future: Future[ResultT] = self.commands.submit(
+        def put(self: Any, *args: Any, **options: Any) -> 'Future[Any]':
+            future: Future[Any] = self.commands.submit(
                 partial(method, self, *args, **options), kind
             )
             return future

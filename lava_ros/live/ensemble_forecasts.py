@@ -9,38 +9,22 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
 import queue
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
+from lava_ros.forecast.sampling import Posterior
 from lava_ros.live.commands import finish
 from lava_ros.live.session import Fork
-from lava_ros.maps.forecast import EnsembleForecast, Forecast
+from lava_ros.maps.forecast import EnsembleForecast
 from lava_ros.maps.places import Places, places_on
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
 
 #: Maximum number of (ROS time, simulated time) pairs kept to convert a stamp.
 _MOMENTS = 512
-
-#: A forecast, or the maps of an ensemble.
-ForecastT = TypeVar('ForecastT', Forecast, EnsembleForecast)
-
-
-@dataclass(frozen=True, eq=False)
-class StampedForecast(Generic[ForecastT]):
-    """A forecast or the maps of an ensemble, ``shown``, with the state from which they start.
-
-    ``stamp_ns`` is the ROS time of that state [ns], ``changes`` its count of changes of scene or
-    effects.
-    """
-
-    shown: ForecastT
-    stamp_ns: int
-    changes: int
-
 
 @dataclass(frozen=True)
 class ForecastRules:
@@ -78,8 +62,10 @@ class ForecastStatus:
         progress: Completed fraction of the horizon or of the members, None when idle.
         error: Reason why the last one failed, empty if it did not.
         share: Fraction of the time in which forecasts may currently compute.
-        outlines: Number of outlines used to weight the members of this scene.
+        outlines: Number of outlines used to weight and draw the members of this scene.
         jaccard_mean: Mean agreement with the newest outline, 0 to 1; None without one.
+        members_left: Effective number of members after the newest outline, near which those of
+            the next ensemble are drawn; None without one.
     """
 
     count: int = 0
@@ -88,6 +74,7 @@ class ForecastStatus:
     share: float = 0.0
     outlines: int = 0
     jaccard_mean: float | None = None
+    members_left: float | None = None
 
 
 class EnsembleForecasts:
@@ -98,11 +85,11 @@ class EnsembleForecasts:
 
     def __init__(self) -> None:
         """Initialize without an ensemble."""
-        self.latest: StampedForecast[EnsembleForecast] | None = None
+        self.latest: EnsembleForecast | None = None
         self.status = ForecastStatus()
         # observed outlines that wait to be sent to the process
-        self._waiting: queue.SimpleQueue[tuple[Mask, float, Future[None]]] = queue.SimpleQueue()
-        self._sent: dict[int, Future[None]] = {}
+        self._waiting: queue.SimpleQueue[tuple[Mask, float, Future[str]]] = queue.SimpleQueue()
+        self._sent: dict[int, Future[str]] = {}
         self._number = 0
         self._current: int | None = None
         self._requested: tuple[int, float] | None = None
@@ -110,7 +97,7 @@ class EnsembleForecasts:
         self._changes: int | None = None
         self._terrain: Terrain | None = None
         self._moments: deque[tuple[float, float]] = deque(maxlen=_MOMENTS)
-        self._agreement: list[float] | None = None
+        self._posterior: Posterior | None = None
         self._places: tuple[Terrain, Places | None] | None = None
 
     @property
@@ -118,12 +105,13 @@ class EnsembleForecasts:
         """True while an ensemble is being computed."""
         return self._current is not None
 
-    def observe(self, mask: Mask, clock: float) -> 'Future[None]':
+    def observe(self, mask: Mask, clock: float) -> 'Future[str]':
         """Accept a mask of lava observed at ROS time ``clock`` [s]; any thread may call this.
 
-        The future completes when the members have been weighted, or contains a LavaError.
+        When the members have been weighted, the future contains a sentence about that, or a
+        LavaError.
         """
-        done: Future[None] = Future()
+        done: Future[str] = Future()
         self._waiting.put((mask, clock, done))
         return done
 
@@ -147,7 +135,7 @@ class EnsembleForecasts:
             'changes': fork.changes,
             'stamp_ns': round(fork.clock * 1e9),
             'deadline': rules.deadline or None,
-            'agreement': self._agreement,
+            'posterior': self._posterior,
             'outlines': self.status.outlines,
             'places': self._places_on(rules.features, fork.checkpoint.scene.terrain),
         }
@@ -184,10 +172,22 @@ class EnsembleForecasts:
         elif name == 'outline_refused':
             self._complete(values['number'], values['error'])
         elif name == 'weighed':
-            self._agreement = values['agreement']
-            self._put_status(outlines=values['outlines'], jaccard_mean=values['jaccard_mean'])
-            self._complete(values['number'])
+            self._note_weights(**values)
         return name == 'ensemble' and self._accept(**values)
+
+    def _note_weights(
+        self, number: int, posterior: Posterior, outlines: int, jaccard_mean: float,
+        effective_before: float,
+    ) -> None:
+        self._posterior, left = posterior, posterior.effective_members
+        # new members are worth an ensemble even from the same state
+        self._requested = None
+        self._put_status(outlines=outlines, jaccard_mean=jaccard_mean, members_left=left)
+        self._complete(
+            number,
+            result=f'of {len(posterior.parents)} members that counted like {effective_before:.1f} '
+            f'of equal weight, {left:.1f} are left; the next ensemble draws new ones near them',
+        )
 
     def cancel(self, reason: str) -> None:
         """Discard the current ensemble; the child process discards it too, or has ended."""
@@ -205,8 +205,8 @@ class EnsembleForecasts:
             # observations and errors apply to one scene only
             self._changes = fork.changes
             self._moments.clear()
-            self._agreement, self._is_refused = None, False
-            self._put_status(outlines=0, jaccard_mean=None, error='')
+            self._posterior, self._is_refused = None, False
+            self._put_status(outlines=0, jaccard_mean=None, members_left=None, error='')
         self._terrain = fork.checkpoint.scene.terrain
         self._moments.append((fork.clock, fork.checkpoint.time))
 
@@ -223,26 +223,27 @@ class EnsembleForecasts:
             return float(times[-1] + (clock - clocks[-1]) * time_scale)
         return float(np.interp(clock, clocks, times))
 
-    def _accept(
-        self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
-    ) -> bool:
+    def _accept(self, number: int, changes: int, *, is_done: bool, **values: Any) -> bool:
         """Replace ``latest``, unless the reply belongs to an earlier scene."""
         if changes != self._changes:
             return False
         assert self._terrain is not None
-        ensemble = EnsembleForecast(terrain=self._terrain, is_done=is_done, **values)
-        self.latest = StampedForecast(ensemble, stamp_ns, changes)
+        self.latest = EnsembleForecast(
+            terrain=self._terrain, is_done=is_done, changes=changes, **values
+        )
         self._put_status(error='')
         if is_done and number == self._current:
             self._current = None
             self._put_status(progress=None, count=self.status.count + 1)
         return True
 
-    def _complete(self, number: int, error: LavaError | None = None) -> None:
+    def _complete(
+        self, number: int, error: LavaError | None = None, *, result: str = ''
+    ) -> None:
         """Complete the future of an outline, with the error if it was not used."""
         done = self._sent.pop(number, None)
         if done is not None:
-            finish(done, error)
+            finish(done, error, result=result)
 
     def _put_status(self, **changes: Any) -> None:
         self.status = replace(self.status, **changes)

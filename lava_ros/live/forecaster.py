@@ -25,13 +25,11 @@ from lava_ros.live.ensemble_forecasts import (
     EnsembleForecasts,
     ForecastRules,
     ForecastStatus,
-    ForecastT,
-    StampedForecast,
 )
 from lava_ros.live.session import Fork
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
-from lava_ros.maps.forecast import Forecast
+from lava_ros.maps.forecast import EnsembleForecast, Forecast
 
 #: Minimum wall time between the starts of two forecasts [s].
 MIN_PERIOD = 1.0
@@ -168,7 +166,7 @@ class Forecaster:
         """Prepare the thread; ``start`` runs it."""
         self.ensembles = EnsembleForecasts()
         self._process: ForecastProcess | None = None
-        self.latest: StampedForecast[Forecast] | None = None
+        self.latest: Forecast | None = None
         self.status = ForecastStatus()
         self._duty_cycle = DutyCycle()
         self.is_wanted = False
@@ -181,14 +179,14 @@ class Forecaster:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
-    def age(self, forecast: StampedForecast[ForecastT] | None) -> float:
+    def age(self, forecast: Forecast | EnsembleForecast | None) -> float:
         """Return the simulated time since the start of a forecast or ensemble [s], 0 for None."""
         snapshot = self.worker.latest
         if forecast is None or snapshot is None:
             return 0.0
-        return max(0.0, snapshot.time - forecast.shown.time)
+        return max(0.0, snapshot.time - forecast.time)
 
-    def staleness(self, forecast: StampedForecast[ForecastT] | None) -> str:
+    def staleness(self, forecast: Forecast | EnsembleForecast | None) -> str:
         """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
         if forecast is None:
             return 'there is none yet'
@@ -325,7 +323,8 @@ class Forecaster:
         future = self.worker.fork()
         while not (self._stopping.is_set() or future.cancelled()):
             with suppress(FutureTimeoutError, CancelledError):
-                return future.result(_WATCH_TIME)
+                fork: Fork = future.result(_WATCH_TIME)
+                return fork
         return None
 
     def _handle_reply(self, name: str, **values: Any) -> None:
@@ -338,9 +337,10 @@ class Forecaster:
             raise LavaError('forecast', values['reason'], 'a flow that can be simulated ahead')
         if name == 'forecast':
             self._current_fork = None
-            forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
+            values['terrain'] = fork.checkpoint.scene.terrain
+            values |= {'stamp_ns': round(fork.clock * 1e9), 'changes': fork.changes}
+            self.latest = Forecast(**values)
             self._failures = 0
-            self.latest = StampedForecast(forecast, round(fork.clock * 1e9), fork.changes)
             self._put_status(progress=None, count=self.status.count + 1, error='')
             self.on_change()
         elif name == 'progress':

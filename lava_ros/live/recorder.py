@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import chain, count
 import os
 from pathlib import Path
@@ -13,29 +12,20 @@ import time
 from typing import Any
 
 from lava_ros.bag import BagWriter, QosProfile
-from lava_ros.errors import LavaError
-
-
-@dataclass
-class RecorderStatus:
-    """Status of the recorder: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
-
-    ``directory`` is the bag, empty before the first; ``files`` and ``messages`` are its numbers of
-    files and messages. ``error`` is the error that stopped the last recording, empty without one.
-    """
-
-    state: str = 'off'
-    directory: str = ''
-    files: int = 0
-    messages: int = 0
-    error: str = ''
+from lava_ros.errors import LavaError, refusing
 
 
 class Recorder:
     """Records bags, one at a time.
 
-    ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
-    cannot be written is closed and reported in ``status``; the node continues without it.
+    ``arm`` chooses the bag; ``describe`` opens it once there is a scene. A bag that
+    cannot be written is closed and reported in ``error``; the node continues without it.
+
+    Attributes:
+        state: ``off``, ``armed`` (a bag is chosen and not yet open) or ``recording``.
+        directory: The bag, empty before the first.
+        files, messages: Its numbers of files and messages.
+        error: Error that stopped the last recording, empty without one.
     """
 
     def __init__(self) -> None:
@@ -43,7 +33,8 @@ class Recorder:
         self._place = Path()
         self._limits: dict[str, Any] = {}
         self._writer: BagWriter | None = None
-        self.status = RecorderStatus()
+        self.state, self.directory, self.error = 'off', '', ''
+        self.files = self.messages = 0
 
     @property
     def size(self) -> int:
@@ -53,7 +44,7 @@ class Recorder:
     @property
     def is_armed(self) -> bool:
         """True if a bag is chosen and not yet open."""
-        return self.status.state == 'armed'
+        return self.state == 'armed'
 
     @property
     def is_recording(self) -> bool:
@@ -69,27 +60,26 @@ class Recorder:
             LavaError: If a bag is being recorded, or ``directory`` exists or is not writable.
         """
         if self.is_armed or self.is_recording:
-            raise LavaError('record', self.status.directory, 'one recording at a time')
+            raise LavaError('record', self.directory, 'one recording at a time')
         self._place = _new_place(directory)
         self._limits = {'max_size': max_size, 'max_duration': max_duration}
-        self.status = RecorderStatus('armed', str(directory))
-
-    def begin(self, custom_data: Mapping[str, str]) -> None:
-        """Open the chosen bag; ``custom_data`` is its description."""
-        status = self.status
-        status.state = 'off'
-        try:
-            if Path(status.directory).resolve() != self._place:
-                raise OSError('a link has come into its path')
-            self._writer = BagWriter(self._place, custom_data=custom_data, **self._limits)
-            status.state, status.files = 'recording', 1
-        except (OSError, LavaError) as error:
-            status.error = f'cannot record to {status.directory}: {error}'
+        self.state, self.directory, self.error = 'armed', str(directory), ''
+        self.files = self.messages = 0
 
     def describe(self, custom_data: Mapping[str, str]) -> None:
-        """Replace the description of the recording if a bag is open."""
+        """Open the chosen bag with a description, or replace the description of the open bag."""
         if self._writer is not None:
             self._writer.set_custom_data(custom_data)
+        if not self.is_armed:
+            return
+        self.state = 'off'
+        try:
+            if Path(self.directory).resolve() != self._place:
+                raise OSError('a link has come into its path')
+            self._writer = BagWriter(self._place, custom_data=custom_data, **self._limits)
+            self.state, self.files = 'recording', 1
+        except (OSError, LavaError) as error:
+            self.error = f'cannot record to {self.directory}: {error}'
 
     def write(
         self, topic: str, message_type: str, data: bytes, stamp_ns: int, *, qos: QosProfile
@@ -108,38 +98,36 @@ class Recorder:
 
     def _attempt(self, action: Callable[[BagWriter], None]) -> None:
         """Run ``action`` on the bag if one is open; an error ends the recording."""
-        writer, status = self._writer, self.status
+        writer = self._writer
         if writer is None:
             return
         try:
             action(writer)
-            status.files, status.messages = writer.file_count, writer.message_count
+            self.files, self.messages = writer.file_count, writer.message_count
         except (OSError, LavaError) as error:
             self.stop()
-            status.error = f'recording to {status.directory} stopped: {error}'
+            self.error = f'recording to {self.directory} stopped: {error}'
 
     def stop(self) -> None:
         """Finish the bag if one is open."""
         writer, self._writer = self._writer, None
-        self.status.state = 'off'
+        self.state = 'off'
         try:
             if writer is not None:
                 writer.close()
         except OSError as error:
-            self.status.error = f'cannot finish {self.status.directory}: {error}'
+            self.error = f'cannot finish {self.directory}: {error}'
 
 
 def _new_place(directory: Path) -> Path:
     """Return the resolved path of a new bag; raise LavaError if it cannot be created."""
     name = str(directory)
-    try:
+    with refusing('bag_directory', name, 'a path', OSError, RuntimeError):
         place = directory.resolve()
         if directory.exists() or directory.is_symlink():
             raise LavaError('bag_directory', name, 'a folder that does not exist yet')
         parent = next(path for path in directory.absolute().parents if path.exists())
         is_usable = parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)
-    except (OSError, RuntimeError) as error:
-        raise LavaError('bag_directory', name, f'a path ({error})') from error
     if not is_usable:
         raise LavaError('bag_directory', name, f'a new folder: {parent} cannot be written to')
     return place
@@ -207,10 +195,8 @@ class BagFolder:
         if name == self._given:
             path = Path(name)
             return _unused(path) if path in self.written() else path
-        try:
+        with refusing('bag_directory', name, 'a path', OSError, RuntimeError, ValueError):
             root, path = self._root.resolve(), Path(name).resolve()
-        except (OSError, RuntimeError, ValueError) as error:
-            raise LavaError('bag_directory', name, f'a path ({error})') from error
         if root not in path.parents:
             raise LavaError('bag_directory', name, f'a new folder inside {root} (bag_root)')
         return Path(name)

@@ -19,6 +19,7 @@ from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.output.snapshot import ParticleSample
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.selection import Decision
 
@@ -72,6 +73,7 @@ class SimulationSession:
         latest: Newest snapshot, None before the first; it stays after a failure.
         effects: Table of effects (``effect_table``), empty without a simulation.
         resolution: Expected resolution of the flow, None without a simulation.
+        constants: Lava and surroundings of the next start.
         changes: Number of changes that make a forecast invalid: starts, changes of effects, and
             changes of vents or terrain beyond the noise of a sensor (``are_alike``,
             ``ELEVATION_NOISE``).
@@ -86,7 +88,7 @@ class SimulationSession:
     ) -> None:
         """Initialize without a terrain; ``constants`` apply until a scene replaces them."""
         self._make_simulation = make_simulation
-        self._constants = constants or constants_of(None)
+        self.constants = constants or constants_of(None)
         self._is_changed = False
         self._numbers, self._latest_number = count(), -1
         self._taking = threading.Lock()
@@ -142,7 +144,7 @@ class SimulationSession:
         determines the volume emitted so far.
         """
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
-        self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
+        self.simulation, self.scene, self.constants = simulation, scene, constants_of(scene)
         self.origin = origin
         self._before_events = None
         self.starts += 1
@@ -150,13 +152,16 @@ class SimulationSession:
 
     def checkpoint(self) -> Checkpoint:
         """Copy the state to a checkpoint."""
-        if self.simulation is None:
-            raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
-        return self.simulation.checkpoint()
+        return self._running('checkpoint').checkpoint()
 
-    def begin(self, terrain: Terrain, vents: tuple[Vent, ...]) -> None:
-        """Start at time 0 on the first terrain."""
-        self.start(Scene(terrain, vents=vents, **self._constants))
+    def sample(self) -> ParticleSample:
+        """Read the particles."""
+        return self._running('particles').sample()
+
+    def _running(self, what: str) -> 'Simulation':
+        if self.simulation is None:
+            raise LavaError(what, 'no simulation', 'one that has started and not failed')
+        return self.simulation
 
     def advance(self, until: float, *, wall_limit: float, max_particles: int) -> float:
         """Simulate up to ``until`` [s] for at most ``wall_limit`` [s].
@@ -232,7 +237,7 @@ class SimulationSession:
 
     def set_constants(self, constants: Mapping[str, Any]) -> None:
         """Replace lava and surroundings at the next start."""
-        self._constants = constants
+        self.constants = constants
         if self.scene is not None:
             self.scene = replace(self.scene, **constants)
 

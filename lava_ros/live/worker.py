@@ -75,7 +75,6 @@ class SimulationWorker:
     def __post_init__(self) -> None:
         """Prepare the thread; ``start`` runs it."""
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
-        self._is_snapshot_requested = False
         self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
         self._finishing: Future[None] | None = None
         self._clock = FollowedClock(self.clock)
@@ -175,7 +174,7 @@ class SimulationWorker:
             vents = check_vents(vents, terrain)
         except LavaError as refused:
             vents, error = (), refused
-        self.session.begin(terrain, vents)
+        self.session.start(Scene(terrain, vents=vents, **self.session.constants))
         self._waiting_vents = None
         if future is not None:
             finish(future, error)
@@ -252,9 +251,7 @@ class SimulationWorker:
 
     def request_snapshot(self) -> None:
         """Request an update of ``latest``; a separate thread completes it."""
-        if not self._is_snapshot_requested:
-            self._is_snapshot_requested = True
-            self._begin_snapshot()
+        self._begin_snapshot()
 
     def _run(self) -> None:
         while not self._is_stopping:
@@ -414,7 +411,6 @@ class SimulationWorker:
         if finishing is not None and not finishing.done():
             finishing.add_done_callback(lambda _: self._begin_snapshot())
             return
-        self._is_snapshot_requested = False
         # Maps are due when the clock has advanced, so simulate to its current time first.
         self._guard(self._advance)
         rest = self.session.begin_snapshot()

@@ -30,9 +30,6 @@ HOLD_TIME = 2.0
 
 FORMATS = ('.gif', '.mp4')
 
-#: Resolution of an MP4 [pixels/inch].
-_DPI = 100.0
-
 _MAP = (0.075, 0.07, 0.79, 0.835)
 _BAR = (0.875, 0.07, 0.02, 0.835)
 
@@ -211,11 +208,12 @@ def _write_mp4(pictures: Iterator[tuple[np.ndarray, int]], path: Path, fps: floa
     first, count = next(pictures)
     drawn = 0
     height, width = first.shape[:2]
+    dpi = 100.0
     # shows the drawn pixels: redrawing a map for each repetition would be slow
-    with new_figure('animate', path, (width / _DPI, height / _DPI), _DPI) as figure:
+    with new_figure('animate', path, (width / dpi, height / dpi), dpi) as figure:
         shown = figure.figimage(first)
         try:
-            with writer.saving(figure, str(path), _DPI):
+            with writer.saving(figure, str(path), dpi):
                 for picture, repeats in chain([(first, count)], pictures):
                     drawn += 1
                     shown.set_data(picture)

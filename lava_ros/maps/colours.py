@@ -77,9 +77,6 @@ UNIT_WORDS = {
     's': 'seconds after the start',
 }
 
-#: Units of times [s], the largest first.
-_TIMES = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0), ('s', 1.0))
-
 
 @dataclass(frozen=True)
 class Scale:
@@ -126,7 +123,8 @@ def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
 
 def _time_unit(longest: float) -> tuple[str, float]:
     """Return name and length [s] of the unit for times up to a longest one [s]."""
-    return next(item for item in _TIMES if longest >= 2.0 * item[1] or item[1] == 1.0)
+    units = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0))
+    return next((item for item in units if longest >= 2.0 * item[1]), ('s', 1.0))
 
 
 def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:

@@ -183,8 +183,7 @@ def placement_of(
     Raises:
         LavaError: If ``offset`` alone contradicts the scene, or the scene is not valid.
     """
-    terrain = scene.get('terrain')
-    terrain = terrain if isinstance(terrain, Mapping) else {}
+    terrain = scene.get('terrain', {})
     known, wkt = terrain.get('epsg'), terrain.get('wkt')
     check_epsg("the bag's terrain.epsg", known)
     own = validation.pair("the bag's terrain.offset", terrain.get('offset', (0.0, 0.0)))

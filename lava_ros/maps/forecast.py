@@ -15,9 +15,6 @@ UNKNOWN = -1.0
 #: Fractions of the members for which maps show arrival times.
 QUANTILES = (0.1, 0.5, 0.9)
 
-#: Minimum and maximum grid value of a probability above 0 and below 100 %.
-_MIN_UNCERTAIN, _MAX_UNCERTAIN = 1, 99
-
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
@@ -36,6 +33,8 @@ class Forecast:
             shape; NaN without lava.
         duration: Wall time of the computation [s].
         particle_count: Number of particles at its end.
+        stamp_ns: ROS time of its start [ns], of a live simulation.
+        changes: Number of changes of scene or effects before its start, of a live simulation.
     """
 
     time: float
@@ -47,6 +46,8 @@ class Forecast:
     temperature: np.ndarray
     duration: float
     particle_count: int
+    stamp_ns: int = 0
+    changes: int = 0
 
     def withdrawn(self) -> 'Forecast':
         """Return the forecast with all cells unknown."""
@@ -111,11 +112,11 @@ class EnsembleForecast:
     """An ensemble forecast from one moment of a simulation, on the cells of its terrain.
 
     Attributes:
-        time, horizon, threshold, terrain: As in ``Forecast``.
+        time, horizon, threshold, terrain, stamp_ns, changes: As in ``Forecast``.
         maps: Probability, arrival times and thickness.
         asked: Number of requested members, of which ``maps.members`` are finished.
         is_done: True if no more members will be added.
-        outlines: Number of observed outlines that weight the members.
+        outlines: Number of observed outlines by which the members are weighted or drawn.
         duration: Wall time from the fork to the maps [s].
     """
 
@@ -128,6 +129,8 @@ class EnsembleForecast:
     is_done: bool
     outlines: int
     duration: float
+    stamp_ns: int = 0
+    changes: int = 0
 
     def forecast(self, quantile: float) -> Forecast:
         """Return a forecast with mean thickness, and arrival times of one of ``QUANTILES``."""
@@ -155,6 +158,6 @@ def occupancy(probability: np.ndarray) -> np.ndarray:
     Returns:
         int8, same shape: 0 only if no member has lava, 100 only if all have, -1 if unknown.
     """
-    cells = np.clip(np.rint(probability), _MIN_UNCERTAIN, _MAX_UNCERTAIN)
+    cells = np.clip(np.rint(probability), 1, 99)
     cells = np.where(probability <= 0.0, 0, np.where(probability >= 100.0, 100, cells))
     return np.where(np.isnan(probability), -1, cells).astype(np.int8)

@@ -69,6 +69,7 @@ class Frame:
         scene: The scene in the bag, in the form of ``scene_to_dict``.
         arrived: First arrival time [s], float32, shape [rows, columns], NaN in cells without
             arrival; None if the bag does not contain it.
+        fissures: Ends of vents that are lines [m], shape [count, 2, 2].
     """
 
     elevation: np.ndarray
@@ -79,6 +80,20 @@ class Frame:
     time: float | None
     scene: Mapping[str, Any]
     arrived: np.ndarray | None = None
+    fissures: Any = ()
+
+    @property
+    def terrain(self) -> Terrain:
+        """The ground in the coordinate system of the scene.
+
+        Raises:
+            LavaError: If the scene, which may be that of another program, is not valid.
+        """
+        known = self.scene.get('terrain') or {}
+        return Terrain(
+            self.elevation, self.resolution, self.origin, known.get('epsg'),
+            known.get('offset', (0.0, 0.0)), wkt=known.get('wkt'),
+        )
 
     @property
     def standing(self) -> np.ndarray:
@@ -143,8 +158,12 @@ class Recording:
             layers = load_layers(share_path('msg_configs/default.yaml'))
         else:
             layers = layers_from_dict(described)
-        shown = [*filter(_is_map, layers), *more]
-        named = {_topic(bag, item.topic, item.message): item for item in shown}
+        # masks and margins hide quantities
+        maps = [
+            item for item in layers
+            if item.message == IMAGE or (item.range is not None and item.margin == 0.0)
+        ]
+        named = {_topic(bag, item.topic, item.message): item for item in (*maps, *more)}
         self.layers = {name: item for name, item in named.items() if name}
         if not self.layers:
             raise LavaError('bag', str(path), 'a bag with the layers of a simulation')
@@ -303,11 +322,6 @@ class _Assembly:
             known = (message, convert(self._recording.decoder, message))
             self._decoded[name] = known
         return known[1]
-
-
-def _is_map(layer: Layer) -> bool:
-    """Return True if a layer shows quantities, which a mask or a margin hides."""
-    return layer.message == IMAGE or (layer.range is not None and layer.margin == 0.0)
 
 
 def _yaml(bag: BagReader, name: str) -> Any:

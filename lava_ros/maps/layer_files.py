@@ -31,6 +31,7 @@ from lava_ros.maps.layers import (
     SOURCES,
     ZERO_CELSIUS,
 )
+from lava_ros.scene import MAX_SIDE_CELLS
 from lava_ros.validation import choice, flag, keys, number, whole
 
 #: Full names of message types, by the names in a file.
@@ -55,9 +56,6 @@ MAX_RANGE_END = 1e12
 #: Maximum margin around lava [m].
 MAX_MARGIN = 1000.0
 
-#: Maximum ``min_cells``: the maximum number of rows or columns of a grid.
-MAX_MIN_CELLS = 32767
-
 #: Minimum and maximum heartbeat of a layer [s].
 MIN_HEARTBEAT, MAX_HEARTBEAT = 1.0, 3600.0
 
@@ -79,7 +77,7 @@ CHECKS: Mapping[str, Callable[[str, object], Any]] = {
     'record': flag,
     'margin': partial(number, at_least=0.0, at_most=MAX_MARGIN, unit='m'),
     'outside': partial(whole, at_least=-1, at_most=100),
-    'min_cells': partial(whole, at_least=0, at_most=MAX_MIN_CELLS),
+    'min_cells': partial(whole, at_least=0, at_most=MAX_SIDE_CELLS),
     'reliability': partial(choice, allowed=('reliable', 'best_effort')),
     'durability': partial(choice, allowed=('transient_local', 'volatile')),
     'depth': partial(whole, at_least=1, at_most=1000),

@@ -62,9 +62,6 @@ ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
 #: Source of messages with several quantities.
 LAVA = 'lava'
 
-#: QoS deadline and liveliness lease of a layer with a heartbeat, in heartbeats.
-DEADLINE_HEARTBEATS = 2
-
 #: Hazard index of a cell that lava has reached and left. The cell must not be entered: its ground
 #: is hot, and real lava leaves a crust that is not modelled. Nothing can be buried there now.
 DRAINED = 50
@@ -163,10 +160,10 @@ class Layer:
 
     @property
     def offered_qos(self) -> QosProfile:
-        """QoS of the publisher: with a heartbeat, also a deadline and a liveliness lease."""
+        """QoS of the publisher: deadline and liveliness lease are two heartbeats, if there are."""
         if not self.heartbeat:
             return self.qos
-        deadline_ns = round(DEADLINE_HEARTBEATS * self.heartbeat * 1e9)
+        deadline_ns = round(2.0 * self.heartbeat * 1e9)
         return replace(self.qos, deadline=deadline_ns, liveliness_lease_duration=deadline_ns)
 
     @property
@@ -236,10 +233,15 @@ class Layer:
         Raises:
             LavaError: If the layer has no range, step or classes.
         """
-        if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
-            return self._probabilities(snapshot)
         flow, source = self._flow(snapshot), plain_source(self.source)
-        wet, quantity = self._quantity(source, flow)
+        is_probability = isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY
+        if is_probability:
+            # a step of 0 also marks cells that no member reaches
+            percent = self.raw_values(snapshot)
+            wet = np.isfinite(percent) if self.step is not None else percent > 0.0
+            quantity = percent[wet]
+        else:
+            wet, quantity = self._quantity(source, flow)
         is_time = isinstance(flow, Forecast) and source == ARRIVAL
         distance = self.margin / flow.terrain.resolution
         values = np.zeros(flow.thickness.shape, dtype=np.int8)
@@ -251,6 +253,8 @@ class Layer:
             values[within(reached, distance)] = 100
         elif self.classes is not None:
             values[wet] = self._classed(quantity, is_time=is_time)
+        elif is_probability:
+            values = occupancy(percent)
         else:
             ends = self.range
             if ends is None and isinstance(flow, Forecast) and is_time:
@@ -278,18 +282,6 @@ class Layer:
         if isinstance(shown, EnsembleForecast):
             return shown.forecast(QUANTILE_SOURCES.get(self.source, 0.5))
         return shown
-
-    def _probabilities(self, ensemble: EnsembleForecast) -> np.ndarray:
-        values = occupancy(ensemble.maps.probability)
-        if self.step is not None:
-            distance = self.margin / ensemble.terrain.resolution
-            likely = within(ensemble.maps.probability >= np.float32(self.step), distance)
-            values = np.where(likely, np.int8(100), np.int8(0))
-        elif self.classes is not None:
-            classed = self._classed(ensemble.maps.probability, is_time=False)
-            values = np.where(values > 0, classed, values)
-        values[np.isnan(ensemble.maps.probability)] = self.outside
-        return values
 
     def _classed(self, quantity: np.ndarray, *, is_time: bool) -> np.ndarray:
         """Return the grid values of classes; unknown values are in the worst class."""

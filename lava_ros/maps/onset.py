@@ -9,6 +9,7 @@ from datetime import datetime, timedelta, timezone, tzinfo
 import logging
 from zoneinfo import ZoneInfo
 
+from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
 
 _LOG = logging.getLogger(__name__)
@@ -34,12 +35,8 @@ class Onset:
             LavaError: If the text cannot be read, or has no offset from UTC.
         """
         expected = 'a date and time with its offset from UTC, such as 2006-07-14T22:00Z'
-        try:
-            start = datetime.fromisoformat(onset.strip().replace('Z', '+00:00'))
-            is_usable = start.tzinfo is not None and start.year > 1
-        except ValueError:
-            is_usable = False
-        if not is_usable:
+        start = validation.date(field, onset, expected)
+        if start.tzinfo is None or start.year <= 1:
             raise LavaError(field, onset, expected)
         return cls(start)
 

@@ -23,9 +23,6 @@ _LONG, _SHORT, DPI = 11.69, 8.27, 150
 #: Margins around the page, above the maps, and around each map: left, right, bottom, top [inches].
 _MARGIN, _HEADER, _AROUND = 0.4, 0.98, (0.42, 0.78, 0.42, 0.3)
 
-#: Space for the title of a map beyond its right edge, above the colour bar [inches].
-_BAR_ROOM = 0.7
-
 #: Height of a line of the notes, and width of a letter [inches].
 _LINE, _LETTER = 0.15, 0.061
 
@@ -163,7 +160,8 @@ def _shrink(text: Any, room: float) -> float:
 
 def shrink_title(text: Any, axes: Any) -> None:
     """Reduce the font of a map's title so that it ends before the next map."""
-    _shrink(text, axes.get_position().width * axes.figure.get_figwidth() + _BAR_ROOM)
+    # the title may extend above the colour bar
+    _shrink(text, axes.get_position().width * axes.figure.get_figwidth() + 0.7)
 
 
 def _legend_columns(names: Sequence[str], width: float) -> int:

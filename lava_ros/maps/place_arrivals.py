@@ -8,14 +8,13 @@ in the first cell that the place touches.
 """
 
 from collections.abc import Mapping, Sequence
-import csv
 from dataclasses import dataclass
-from io import StringIO
 import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from lava_ros.files.csv import format_table
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
@@ -183,11 +182,7 @@ class ArrivalTable:
 
     def as_csv(self) -> str:
         """Format the table as CSV; unknown values are empty."""
-        text = StringIO()
-        writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
-        writer.writeheader()
-        writer.writerows(row.record() for row in self.rows)
-        return text.getvalue()
+        return format_table(COLUMNS, (row.record() for row in self.rows))
 
     def as_texts(self) -> list[tuple[str, ...]]:
         """Format the table for people: titles, then a row for each place.

@@ -191,7 +191,6 @@ def draw_map(
     frame: Frame,
     picture: np.ndarray,
     window: Window,
-    fissures: Any = (),
     extent: Window | None = None,
 ) -> tuple[Any, Any]:
     """Draw the terrain's cells and the vents.
@@ -201,7 +200,6 @@ def draw_map(
         frame: Ground and vents.
         picture: RGBA of the cells, 0 to 1, shape [rows, columns, 4].
         window: Extent of the axes: left, bottom, right, top [m].
-        fissures: Ends of vents that are lines [m], shape [count, 2, 2].
         extent: Edges of a picture of some cells: left, right, bottom, top [m]; None for all.
 
     Returns:
@@ -211,7 +209,7 @@ def draw_map(
     image = axes.imshow(
         picture, extent=extent or (x0, x1, y0, y1), origin='lower', interpolation='nearest'
     )
-    for ends in fissures:
+    for ends in frame.fissures:
         axes.plot(*np.transpose(ends), color='black', linewidth=1.6, path_effects=halo(), zorder=3)
     for crest in barriers_of(frame):
         look = BARRIER | {'path_effects': halo(), 'zorder': 4}

@@ -19,13 +19,6 @@ from lava_ros.maps.colours import limits_of, STYLES
 #: Value of cells without data, in every file.
 NODATA = -9999
 
-#: Kinds of maps (keys of ``colours.STYLES``) in which 0 means that there is no lava: QGIS draws
-#: such cells transparent.
-_TRANSPARENT_AT_ZERO = ('thickness', 'hazard', 'probability', 'comparison')
-
-#: Smallest value that such a map draws, as a fraction of the largest one.
-_MIN_DRAWN = 1e-3
-
 
 @dataclass(frozen=True)
 class RasterLayer:
@@ -154,9 +147,10 @@ def write_style(path: Path, name: str, values: np.ndarray) -> Path:
         (value, colour, '255', label)
         for (value, label), colour in zip(ends.items(), style.colours, strict=True)
     ]
-    if layer.drawn in _TRANSPARENT_AT_ZERO:
+    # a value of 0 means that there is no lava
+    if layer.drawn in ('thickness', 'hazard', 'probability', 'comparison'):
         if not style.classes:
-            stops[0] = (_MIN_DRAWN * high, *stops[0][1:3], f'above 0{_unit(layer)}')
+            stops[0] = (1e-3 * high, *stops[0][1:3], f'above 0{_unit(layer)}')
         stops.insert(0, (0.0, style.colours[0], '0', 'no lava'))
     for value, colour, alpha, label in stops:
         item = {'value': repr(value), 'color': colour, 'alpha': alpha, 'label': label}

@@ -27,12 +27,6 @@ from lava_ros.scene.projection import transformed
 
 _LOG = logging.getLogger(__name__)
 
-#: Metres in an inch of paper.
-_INCH = 0.0254
-
-#: Space for half of a label in degrees [inches].
-_DEGREES_ROOM = 0.36
-
 #: Limits of the denominator of a scale.
 MIN_SCALE, MAX_SCALE = 10.0, 1e8
 
@@ -47,7 +41,6 @@ class Panel:
         values: float, shape [rows, columns]; NaN leaves the ground.
         title: Its title; that of the style if empty.
         is_saturated: True if true values may be larger than these.
-        fissures: Ends of vents that are lines [m], shape [count, 2, 2].
         outlines: Cells whose outline is drawn, bool, shape [rows, columns], by name.
     """
 
@@ -56,7 +49,6 @@ class Panel:
     values: np.ndarray
     title: str = ''
     is_saturated: bool = False
-    fissures: Any = ()
     outlines: Mapping[str, np.ndarray] | None = None
 
     @property
@@ -166,7 +158,7 @@ def _draw_panel(
     """Draw a map of an area in projected coordinates."""
     frame, window = panel.frame, _moved(view, panel, -1.0)
     picture = picture_of(panel.values, plot.shaded_ground(frame), scale)
-    plot.draw_map(axes, frame, picture, window, panel.fissures)
+    plot.draw_map(axes, frame, picture, window)
     plot.draw_contours(axes, frame, window, interval)
     system = placement_of(frame.scene).system
     plot.draw_ticks(axes, panel.offset if system else None)
@@ -229,10 +221,10 @@ def _at_scale(bounds: Window, scale: float, size: tuple[float, float]) -> Window
     Raises:
         LavaError: If the rectangle does not fit.
     """
-    sides = [_INCH * scale * length for length in size]
+    sides = [0.0254 * scale * length for length in size]
     spans = (bounds[2] - bounds[0], bounds[3] - bounds[1])
     if spans[0] > sides[0] or spans[1] > sides[1]:
-        least = max(span / (_INCH * length) for span, length in zip(spans, size, strict=True))
+        least = max(span / (0.0254 * length) for span, length in zip(spans, size, strict=True))
         raise LavaError(
             '--scale', f'1:{scale:g}',
             f'1:{math.ceil(least)} or smaller, so that lava and places, or the extent, fit on A4',
@@ -290,8 +282,8 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system
         ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
         digits = max(0, math.ceil(-math.log10(ticks[1] - ticks[0]) - 1e-9))
         places = np.interp(ticks, degrees, steps, left=-1.0, right=2.0)
-        # keeps the corner of the north arrow free, and labels away from the ends
-        is_inside = (places > 0.1) & (places < 1.0 - max(_DEGREES_ROOM / inches[axis], 0.07))
+        # keeps the corner of the north arrow free, and half of a label away from the end
+        is_inside = (places > 0.1) & (places < 1.0 - max(0.36 / inches[axis], 0.07))
         ticks, places = ticks[is_inside], places[is_inside]
         # a label needs 0.8 inches
         gap = inches[axis] * float(np.diff(places).min(initial=1.0))

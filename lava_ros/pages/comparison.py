@@ -4,16 +4,15 @@
 """Comparison of an ensemble with barriers and an ensemble of the same members without."""
 
 from collections.abc import Sequence
-import csv
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lava_ros.files import write_output
-from lava_ros.maps.gis import Provenance, write_grid
+from lava_ros.files.csv import format_table
+from lava_ros.maps.gis import PROBABILITIES, Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.sheet import draw_sheet
 from lava_ros.pages.arrivals import table_of
@@ -22,9 +21,6 @@ from lava_ros.scene.features import read_features
 
 #: Files of a comparison: the map of the difference, the picture, and the table of places.
 CHANGE, PICTURE, TABLE = 'probability_change', 'barriers.png', 'places.csv'
-
-#: Minimum probabilities of areas [%].
-MIN_PROBABILITIES = (10, 50, 90)
 
 #: Columns of the table of places: each place, and its values without and with barriers.
 _VALUES = ('probability_percent', 'arrival_p10_s', 'arrival_p50_s', 'arrival_p90_s')
@@ -61,11 +57,11 @@ def compare_ensembles(
     files = write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)[:1]
     cell = terrain.resolution**2
     areas = {
-        f'at least {least} %': {
+        f'at least {least:g} %': {
             name: float((values >= least).sum() * cell)
             for name, values in zip(_CASES, likely, strict=True)
         }
-        for least in MIN_PROBABILITIES
+        for least in PROBABILITIES
     }
     panels = [
         replace(run.panels['inundation_probability'], title=title)
@@ -100,11 +96,7 @@ def compare_ensembles(
             }
             for one, other in zip(*tables, strict=True)
         ]
-        text = StringIO()
-        writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
-        writer.writeheader()
-        writer.writerows(rows)
-        write_output('--output', output / TABLE, text.getvalue())
+        write_output('--output', output / TABLE, format_table(COLUMNS, rows))
         files.append(output / TABLE)
     return {'area_m2': areas, 'places': rows, 'files': [str(path) for path in files]}
 

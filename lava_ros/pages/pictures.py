@@ -80,7 +80,7 @@ def draw_runs(
             (run, replace(panel, outlines={'observed lava': masks[run.name][0]}))
             for run, panel in shown
         ]
-        for run in (run for run in runs if run.is_ensemble):
+        for run in (run for run in runs if run.ensemble is not None):
             lava, known = masks[run.name]
             percent = run.panels['inundation_probability'].values[known]
             likely = 0.01 * np.nan_to_num(percent)
@@ -159,7 +159,7 @@ def _moments(onset: Onset, runs: Sequence[Run], panels: Sequence[Panel]) -> dict
     notes = {'start of the eruption': onset.words()}
     for end in dict.fromkeys(run.end for run in runs):
         if end is not None:
-            term = 'forecast until' if runs[0].is_ensemble else 'maps show'
+            term = 'maps show' if runs[0].ensemble is None else 'forecast until'
             notes[term] = '; '.join(filter(None, (notes.get(term), onset.words(end))))
     last = max(
         (float(np.nanmax(panel.values)) for panel in panels

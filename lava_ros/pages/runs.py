@@ -28,11 +28,12 @@ from lava_ros.forecast.store import MANIFEST
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Recording
+from lava_ros.maps.gis import PROBABILITIES
 from lava_ros.maps.onset import Onset, recorded_onset, stated_onset
 from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
-from lava_ros.scene.projection import coordinate_system, system_name
+from lava_ros.scene.projection import coordinate_system, name_in_wkt, system_name
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.output.budget import VolumeBudget
 
@@ -55,12 +56,6 @@ ENSEMBLE_MAPS = {
     'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
 }
 
-#: Default maps of a bag and of an ensemble.
-_USUAL = (
-    ('thickness', 'temperature', 'hazard'),
-    ('inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90'),
-)
-
 
 @dataclass(frozen=True, eq=False)
 class Members:
@@ -76,8 +71,8 @@ class Run:
     """A bag or an ensemble: its maps by name, its facts by term, and the ground.
 
     ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None if it is
-    unknown. ``ensemble`` is None for a bag. ``onset`` is the date of simulated time 0; None if it
-    is unknown.
+    unknown. ``onset`` is the date of simulated time 0; None if it is unknown. ``ensemble`` is None
+    for a bag.
     """
 
     name: str
@@ -86,15 +81,17 @@ class Run:
     panels: Mapping[str, Panel]
     facts: Mapping[str, str]
     terrain: Terrain
-    is_ensemble: bool
     end: float | None
+    onset: Onset | None
     ensemble: Members | None = None
-    onset: Onset | None = None
 
     @property
     def usual(self) -> list[str]:
         """Names of the default maps."""
-        return [name for name in _USUAL[self.is_ensemble] if name in self.panels]
+        names = ['thickness', 'temperature', 'hazard']
+        if self.ensemble is not None:
+            names = ['inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90']
+        return [name for name in names if name in self.panels]
 
 
 def is_ensemble(path: str | Path) -> bool:
@@ -122,12 +119,13 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
     recording = Recording(path)
     frame = recording.frame_at(time)
     scene = _scene(frame)
-    if scene is not None and not len(frame.vents):
+    if scene is not None:
+        known = frame_of(scene)
         # the page shows vents also after the end of the emission
-        frame = replace(frame, vents=frame_of(scene).vents)
-    fissures = _fissures(scene)
+        vents = frame.vents if len(frame.vents) else known.vents
+        frame = replace(frame, vents=vents, fissures=known.fissures)
     maps = {
-        name: Panel(frame, name, item.values, '', item.is_saturated, fissures)
+        name: Panel(frame, name, item.values, '', item.is_saturated)
         for name, item in frame.layers.items()
         if name in STYLES
     }
@@ -135,8 +133,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
         times = _arrival(recording, frame)
         if times is not None:
             title = f'Time of arrival of the lava, {COVERED:g} m thick'
-            maps['arrival'] = Panel(frame, 'arrival', times, title, fissures=fissures)
-    terrain = frame.scene.get('terrain') or {}
+            maps['arrival'] = Panel(frame, 'arrival', times, title)
     note = time_note(time, frame)
     if note:
         _LOG.warning(f'{path.resolve().name}: {note}')
@@ -150,13 +147,9 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
             **_model(recording),
             **_ground(frame),
         },
-        Terrain(
-            frame.elevation, frame.resolution, frame.origin, terrain.get('epsg'),
-            terrain.get('offset', (0.0, 0.0)), wkt=terrain.get('wkt'),
-        ),
-        is_ensemble=False,
-        end=frame.time,
-        onset=recorded_onset(recording.bag.custom_data),
+        frame.terrain,
+        frame.time,
+        recorded_onset(recording.bag.custom_data),
     )
 
 
@@ -184,12 +177,6 @@ def _changes(known: Mapping[str, Any]) -> dict[str, str]:
     events = [f'{item["text"]} at {duration(item["time"])}' for item in known.get('events') or ()]
     facts = {'emplaced at the start': '; '.join(flows), 'changes of the ground': '; '.join(events)}
     return {term: text for term, text in facts.items() if text}
-
-
-def _fissures(scene: Scene | None) -> np.ndarray:
-    vents = scene.vents if scene is not None else ()
-    ends = [(vent.position, vent.end) for vent in vents if vent.end is not None]
-    return np.array(ends).reshape(-1, 2, 2)
 
 
 def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
@@ -277,10 +264,9 @@ def system_words(epsg: int | None, wkt: str | None) -> str:
     if not epsg:
         return system_name(None, wkt) if wkt else 'of the map frame: no coordinate system'
     try:
-        known = coordinate_system(epsg).to_wkt()
+        return f'{name_in_wkt(coordinate_system(epsg).to_wkt())} (EPSG:{epsg})'
     except LavaError:
         return f'EPSG:{epsg}'
-    return f'{known.split(chr(34))[1]} (EPSG:{epsg})'
 
 
 def _ensemble(folder: Path) -> Run:
@@ -301,7 +287,7 @@ def _ensemble(folder: Path) -> Run:
             most = {'probability': 100.0, 'arrival': float(plan['horizon_s'])}.get(source)
             values, tags = _raster(folder / f'{stem}.tif', shape, 0.0, most or MAX_ELEVATION)
             values = np.where(values > 0.0, values, np.nan)
-            maps[name] = Panel(frame, source, values, title, fissures=_fissures(scene))
+            maps[name] = Panel(frame, source, values, title)
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
         observation = tags.get('observation', 'none')
@@ -321,8 +307,8 @@ def _ensemble(folder: Path) -> Run:
     likely = np.nan_to_num(maps['inundation_probability'].values)
     cell = terrain.resolution**2
     areas = [
-        f'{area_words(float((likely >= least).sum()) * cell)} at {least} % or more'
-        for least in (10, 50, 90)
+        f'{area_words(float((likely >= least).sum()) * cell)} at {least:g} % or more'
+        for least in PROBABILITIES
     ]
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
     facts = {
@@ -346,8 +332,8 @@ def _ensemble(folder: Path) -> Run:
     if observation != 'none':
         title += ' weighted by observed lava'
     return Run(
-        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True,
-        end=horizon, ensemble=Members(ran, int(members), effective), onset=onset,
+        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, horizon, onset,
+        Members(ran, int(members), effective),
     )
 
 

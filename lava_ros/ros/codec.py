@@ -22,7 +22,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.maps.layers import GRID_MAP
 from lava_ros.scene import Terrain
 
@@ -51,13 +51,13 @@ def message_array(values: np.ndarray, typecode: str) -> 'array.array[int]':
     return result
 
 
-def map_metadata(terrain: Terrain, stamp_ns: int) -> MapMetaData:
+def map_metadata(terrain: Terrain, stamp: Time) -> MapMetaData:
     """Return the grid of a terrain: size, resolution and origin."""
     rows, columns = terrain.shape
     origin = Pose()
     origin.position.x, origin.position.y = terrain.origin
     return MapMetaData(
-        map_load_time=time_message(stamp_ns),
+        map_load_time=stamp,
         resolution=terrain.resolution,
         width=columns,
         height=rows,
@@ -111,11 +111,9 @@ def message_class(message_type: str) -> Any:
     package, _, name = message_type.partition('/msg/')
     if not package.isidentifier() or not name.isidentifier():
         raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
-    try:
+    expected = 'a type that is installed here'
+    with refusing('message_type', message_type, expected, ImportError, AttributeError):
         return getattr(importlib.import_module(f'{package}.msg'), name)
-    except (ImportError, AttributeError) as error:
-        expected = f'a type that is installed here ({error})'
-        raise LavaError('message_type', message_type, expected) from error
 
 
 def type_name(message_class: Any) -> str:

@@ -12,11 +12,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
-from lava_ros.live.checkpoint_recording import LastCheckpoint
-from lava_ros.live.ensemble_forecasts import ForecastStatus, StampedForecast
-from lava_ros.live.recorder import Recorder, RecorderStatus
+from lava_ros.live.checkpoint_recording import CheckpointRecording
+from lava_ros.live.ensemble_forecasts import ForecastStatus
+from lava_ros.live.recorder import Recorder
 from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
+from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import suspicious_temperatures, Terrain
@@ -78,6 +79,10 @@ def simulation_status(
         }
     if snapshot is not None:
         values |= snapshot_values(snapshot, frame_stamp_ns)
+        terrain = snapshot.terrain
+        if terrain.epsg is not None:
+            values['epsg'] = terrain.epsg
+            values['offset_easting'], values['offset_northing'] = map(repr, terrain.offset)
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)
@@ -115,7 +120,7 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
 def forecast_status(
     task: str,
     state: ForecastStatus,
-    latest: StampedForecast[Any] | None,
+    latest: Forecast | EnsembleForecast | None,
     *,
     age: float,
     staleness: str,
@@ -135,33 +140,35 @@ def forecast_status(
         values['share'] = f'{state.share:.2g}'
     if state.jaccard_mean is not None:
         values['jaccard_mean'] = f'{state.jaccard_mean:.3f}'
+    if state.members_left is not None:
+        values['members_left_by_outline'] = f'{state.members_left:.1f}'
     message = 'up to date'
     if latest is not None:
         values |= {
-            'start_time_s': repr(latest.shown.time),
-            'horizon_s': repr(latest.shown.horizon),
-            'duration_s': f'{latest.shown.duration:.3g}',
+            'start_time_s': repr(latest.time),
+            'horizon_s': repr(latest.horizon),
+            'duration_s': f'{latest.duration:.3g}',
             'age_s': f'{age:.6g}',
             'is_stale': str(bool(staleness)).lower(),
             'frame_stamp_ns': latest.stamp_ns,
         }
-    if latest is not None and not is_ensemble:
-        values['particles'] = latest.shown.particle_count
-        values['cells_reached'] = int(inundated_cells(latest.shown.arrival).sum())
+    if isinstance(latest, Forecast):
+        values['particles'] = latest.particle_count
+        values['cells_reached'] = int(inundated_cells(latest.arrival).sum())
     elif latest is not None:
-        ensemble, maps = latest.shown, latest.shown.maps
+        maps = latest.maps
         values |= {
             'members': maps.members,
-            'members_asked': ensemble.asked,
+            'members_asked': latest.asked,
             'members_effective': f'{maps.effective_members:.1f}',
             'sampling_error_percent': f'{maps.sampling_error:.1f}',
             'arrival_error_s': f'{maps.arrival_error:.6g}',
             'members_beyond': maps.members_beyond,
         }
-        message = f'{maps.members} of {ensemble.asked} members'
-        if not ensemble.is_done:
+        message = f'{maps.members} of {latest.asked} members'
+        if not latest.is_done:
             message += ' so far'
-        elif maps.members < ensemble.asked:
+        elif maps.members < latest.asked:
             message += ': the others were left out to meet the deadline'
     level = OK
     if state.error:
@@ -182,11 +189,12 @@ def deadline_status(
     """
     values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
     if choice is not None:
+        plan = choice.plan
         values |= {
-            'spacing_m': '' if choice.spacing is None else f'{choice.spacing:.4g}',
+            'spacing_m': '' if plan is None else f'{plan.spacing:.4g}',
             'members': '' if choice.members is None else choice.members,
-            'expected_s': f'{choice.wall_time:.3g}',
-            'expected_error': f'{choice.error:.2g}',
+            'expected_s': '0' if plan is None else f'{plan.wall_time:.3g}',
+            'expected_error': '0' if plan is None else f'{plan.error:.2g}',
             'expected_sampling_error': f'{choice.sampling_error:.2g}',
             'choosing_took_s': f'{choice.spent:.3g}',
         }
@@ -194,24 +202,23 @@ def deadline_status(
     is_late = took > deadline
     if is_late:
         reason = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
-    is_well = not is_late and (choice is None or choice.is_met)
+    is_well = not is_late and (choice is None or choice.plan is not None)
     return status('deadline', OK if is_well else WARN, reason, values)
 
 
-def recorder_status(
-    recorder: RecorderStatus, checkpoint: LastCheckpoint | None = None
-) -> DiagnosticStatus:
+def recorder_status(checkpoints: CheckpointRecording) -> DiagnosticStatus:
     """Return the status of the recorder, with the time up to which its bag can be resumed."""
+    recorder, last = checkpoints.recorder, checkpoints.last
     values: dict[str, object] = {
         'state': recorder.state,
         'bag': recorder.directory,
         'files': recorder.files,
         'messages': recorder.messages,
     }
-    if checkpoint is not None:
-        values['checkpoints'] = checkpoint.count
-        values['checkpoint_time_s'] = repr(checkpoint.time)
-        values['checkpoint_bytes'] = checkpoint.size
+    if last is not None:
+        values['checkpoints'] = checkpoints.count
+        values['checkpoint_time_s'] = repr(last.time)
+        values['checkpoint_bytes'] = last.size
     level = ERROR if recorder.error else OK
     return status('recorder', level, recorder.error or recorder.state, values)
 
@@ -301,11 +308,10 @@ class NodeLog:
 
     def recorder(self, recorder: Recorder) -> None:
         """Log the location of the bag, and its error."""
-        status = recorder.status
         if recorder.is_recording:
-            place = Path(status.directory).absolute()
+            place = Path(recorder.directory).absolute()
             self._log_change('recorder', place, f'recording to {place}')
-        self._log_change('recorder error', status.error, status.error, 'error')
+        self._log_change('recorder error', recorder.error, recorder.error, 'error')
 
     def _log_change(self, about: str, thing: object, text: str, severity: str = 'info') -> None:
         """Log ``text`` when ``thing`` has changed; an empty text is not logged."""

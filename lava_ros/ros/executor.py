@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start of rclpy with checked arguments, execution of callbacks, and entities of a node."""
+"""Start of rclpy with checked arguments, and execution of callbacks."""
 
 from collections.abc import Callable, Sequence
 import os
@@ -14,7 +14,6 @@ from rclpy.executors import Executor
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -64,21 +63,6 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
         set_logger_level('rcl', LoggingSeverity.UNSET)
 
 
-def check_words(args: Sequence[str]) -> None:
-    """Check that all arguments are ROS arguments.
-
-    Args:
-        args: Arguments without the name of the program.
-
-    Raises:
-        LavaError: If there is another argument.
-    """
-    rest = remove_ros_args(['lava_node', *args])[1:]
-    if rest:
-        expected = '--ros-args and its arguments (lava node --help)'
-        raise LavaError('an argument', rest[0], expected)
-
-
 def _refusal(error: RuntimeError) -> LavaError:
     """Convert an error of rclpy about its arguments to a LavaError."""
     text = _PLACE.sub('', str(error)).removeprefix('failed to initialize rcl: ')
@@ -117,27 +101,3 @@ def spin(
         except Exception as error:
             on_error(error)
             time.sleep(PAUSE)
-
-
-class EntityRegistry:
-    """The ROS entities that a node creates when configured and destroys at cleanup."""
-
-    def __init__(self, node: Node) -> None:
-        """Initialize without entities."""
-        self.node = node
-        self._made: dict[Any, str] = {}
-
-    def create(self, kind: str, *args: Any, **options: Any) -> Any:
-        """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""
-        made = getattr(self.node, f'create_{kind}')(*args, **options)
-        self._made[made] = kind
-        return made
-
-    def drop(self, made: Any) -> None:
-        """Destroy one entity."""
-        getattr(self.node, f'destroy_{self._made.pop(made)}')(made)
-
-    def destroy(self) -> None:
-        """Destroy all entities, newest first."""
-        while self._made:
-            self.drop(next(reversed(self._made)))

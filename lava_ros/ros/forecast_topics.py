@@ -5,32 +5,32 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.live.ensemble_forecasts import ForecastRules, ForecastT, StampedForecast
+from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import Forecaster
-from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.maps.place_arrivals import live_arrivals, LiveArrivals
 from lava_ros.maps.places import Places, places_on
-from lava_ros.ros import codec, diagnostics, qos
+from lava_ros.ros import diagnostics, qos
 from lava_ros.ros.diagnostics import ERROR, OK, WARN
-from lava_ros.ros.executor import EntityRegistry, now_ns
+from lava_ros.ros.executor import now_ns
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.publishers import LayerPublishers, publish_and_record
+from lava_ros.ros.publishers import LayerPublishers, NodeGraph
 from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature, load_features
 from lava_ros.simulation.output.snapshot import Snapshot
 
-#: Maximum wait for the forecast thread to end [s]; it may be copying the state.
-STOP_TIMEOUT = 4.0
+#: A forecast, or the maps of an ensemble.
+ForecastT = TypeVar('ForecastT', Forecast, EnsembleForecast)
 
 #: Arrival threshold if no layer shows the arrival: minimum lava thickness [m].
 _THRESHOLD = 0.1
@@ -46,7 +46,7 @@ _MAX_NAMED, _MAX_DESCRIBED = 3, 50
 
 
 class ForecastTopics:
-    """The layers of forecasts and of ensembles; there are none without a horizon.
+    """The layers of forecasts and of ensembles, which ``forecaster`` makes.
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
     maps of unknown cells, when the scene or the effects change or when it is too old.
@@ -54,9 +54,8 @@ class ForecastTopics:
 
     def __init__(
         self,
-        entities: EntityRegistry,
+        graph: NodeGraph,
         layers: Sequence[Layer],
-        recorder: Recorder,
         *,
         worker: SimulationWorker,
         settings: Callable[[], Settings],
@@ -66,9 +65,8 @@ class ForecastTopics:
         """Create publishers and the forecaster.
 
         Args:
-            entities: Entities of the node.
+            graph: Entities and recorder of the node.
             layers: Layers of forecasts and ensembles.
-            recorder: Records the messages.
             worker: Worker with the simulation.
             settings: Returns the current settings.
             choice: Returns the choice made to meet the deadline, None without a deadline.
@@ -81,30 +79,15 @@ class ForecastTopics:
         self._threshold = _threshold(layers)
         self._forecasts, self._ensembles = (
             _Withdrawable[Any](
-                entities,
+                'ensemble' if is_ensemble else 'forecast',
+                graph,
                 [layer for layer in layers if layer.is_ensemble is is_ensemble],
-                recorder,
-                frame_id=settings().frame_id,
-                name='ensemble' if is_ensemble else 'forecast',
             )
             for is_ensemble in (False, True)
         )
         self.rates = self._forecasts.rates | self._ensembles.rates
-        ready = entities.create('guard_condition', self.publish)
-        self._forecaster = Forecaster(worker, self._rules, on_change=ready.trigger)
-
-    def start(self) -> None:
-        """Start the forecast thread if there is a horizon."""
-        if self._settings().forecast_horizon:
-            self._forecaster.start()
-
-    def stop(self) -> None:
-        """End the forecast thread and its child process."""
-        self._forecaster.stop(STOP_TIMEOUT)
-
-    def activate(self, is_active: bool) -> None:
-        """Start or stop making and publishing forecasts."""
-        self._forecaster.want(is_active)
+        ready = graph.create('guard_condition', self.publish)
+        self.forecaster = Forecaster(worker, self._rules, on_change=ready.trigger)
 
     def mark_due(self, rate: float) -> None:
         """Mark the layers of a rate [Hz] as due with the next forecast."""
@@ -114,7 +97,7 @@ class ForecastTopics:
 
     def publish(self, *, repeat: bool = False) -> None:
         """Publish new forecasts or withdraw stale ones; ``repeat`` includes those already sent."""
-        forecaster = self._forecaster
+        forecaster = self.forecaster
         if forecaster.is_wanted:
             latest, ensemble = forecaster.latest, forecaster.ensembles.latest
             self._forecasts.publish_valid(latest, forecaster.staleness(latest), repeat=repeat)
@@ -123,26 +106,26 @@ class ForecastTopics:
     @property
     def valid(self) -> tuple[Forecast | None, EnsembleForecast | None]:
         """The newest forecast and the newest ensemble, None for one that is missing or stale."""
-        forecaster = self._forecaster
+        forecaster = self.forecaster
         latest, ensemble = forecaster.latest, forecaster.ensembles.latest
         return (
-            None if latest is None or forecaster.staleness(latest) else latest.shown,
-            None if ensemble is None or forecaster.staleness(ensemble) else ensemble.shown,
+            None if forecaster.staleness(latest) else latest,
+            None if forecaster.staleness(ensemble) else ensemble,
         )
 
-    def observe(self, mask: Mask, clock: float) -> 'Future[None]':
+    def observe(self, mask: Mask, clock: float) -> 'Future[str]':
         """Weight members by the lava observed at ROS time ``clock`` [s].
 
         Raises:
             LavaError: If the node does not make ensembles.
         """
-        if not self._forecaster.is_wanted:
+        if not self.forecaster.is_wanted:
             raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')
-        return self._forecaster.ensembles.observe(mask, clock)
+        return self.forecaster.ensembles.observe(mask, clock)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Return the diagnostic statuses, none without a horizon."""
-        forecaster, settings = self._forecaster, self._settings()
+        forecaster, settings = self.forecaster, self._settings()
         if not settings.forecast_horizon:
             return []
         ensembles = forecaster.ensembles
@@ -157,7 +140,7 @@ class ForecastTopics:
         ]
         if settings.deadline:
             # the duration of an ensemble includes that of its forecast
-            known = [latest.shown.duration for *_, latest in tasks if latest is not None]
+            known = [latest.duration for *_, latest in tasks if latest is not None]
             took = max(known, default=0.0)
             result.append(
                 diagnostics.deadline_status(settings.deadline, self._choice(), took=took)
@@ -185,28 +168,26 @@ class ForecastTopics:
 class _Withdrawable(LayerPublishers[ForecastT]):
     """Publishes forecasts or ensembles while they are valid, and withdraws them when stale."""
 
-    def __init__(self, entities: EntityRegistry, *args: Any, name: str, **options: Any) -> None:
-        super().__init__(entities, *args, **options)
-        self._node, self._name = entities.node, name
-        self._withdrawn: tuple[ForecastT, ForecastT, int] | None = None
+    def __init__(self, name: str, graph: NodeGraph, layers: Sequence[Layer]) -> None:
+        super().__init__(graph, layers)
+        self._node, self._name = graph.node, name
+        self._withdrawn: tuple[ForecastT, ForecastT] | None = None
         self._is_valid = False
 
-    def publish_valid(
-        self, latest: StampedForecast[ForecastT] | None, staleness: str, *, repeat: bool
-    ) -> None:
+    def publish_valid(self, latest: ForecastT | None, staleness: str, *, repeat: bool) -> None:
         """Publish ``latest`` if it is new, or maps of unknown cells if it is stale."""
         if latest is None:
             return
-        shown, stamp_ns, time_ns = latest.shown, latest.stamp_ns, now_ns(self._node)
+        shown, time_ns = latest, now_ns(self._node)
         if staleness:
-            if self._withdrawn is None or self._withdrawn[0] is not shown:
+            if self._withdrawn is None or self._withdrawn[0] is not latest:
                 self._node.get_logger().info(f'{self._name} withdrawn: {staleness}')
-                self._withdrawn = shown, shown.withdrawn(), time_ns
-            _, shown, stamp_ns = self._withdrawn
+                self._withdrawn = latest, replace(latest.withdrawn(), stamp_ns=time_ns)
+            shown = self._withdrawn[1]
         # the first valid maps and a withdrawal are published immediately
         is_urgent = bool(staleness) or not self._is_valid
         self.publish(
-            shown, stamp_ns, also_not_due=is_urgent, repeat=repeat, recorded_ns=time_ns
+            shown, shown.stamp_ns, also_not_due=is_urgent, repeat=repeat, recorded_ns=time_ns
         )
         self._is_valid = not staleness
 
@@ -236,17 +217,9 @@ def load_places(files: Sequence[str]) -> tuple[Feature, ...]:
 class PlaceTopic:
     """The topic of arrivals at places; there is none without features."""
 
-    def __init__(
-        self,
-        entities: EntityRegistry,
-        recorder: Recorder,
-        features: Sequence[Feature],
-        *,
-        frame_id: str,
-    ) -> None:
+    def __init__(self, graph: NodeGraph, features: Sequence[Feature]) -> None:
         """Create the publisher."""
-        self._node, self._recorder, self._frame_id = entities.node, recorder, frame_id
-        self._features = features
+        self._graph, self._features = graph, features
         self._error = ''
         self._terrain: Terrain | None = None
         self._places: Places | None = None
@@ -255,7 +228,7 @@ class PlaceTopic:
         self._message: DiagnosticArray | None = None
         if features:
             profile = qos.ros_profile(qos.LATCHED)
-            self._publisher = entities.create('publisher', DiagnosticArray, PLACE_TOPIC, profile)
+            self._publisher = graph.create('publisher', DiagnosticArray, PLACE_TOPIC, profile)
 
     def publish(
         self,
@@ -264,7 +237,6 @@ class PlaceTopic:
         ensemble: EnsembleForecast | None,
         stamp_ns: int,
         *,
-        recorded_ns: int,
         repeat: bool = False,
     ) -> None:
         """Publish the arrivals if they have changed, or if ``repeat``.
@@ -274,7 +246,6 @@ class PlaceTopic:
             forecast: The newest forecast, None if none is valid.
             ensemble: The newest ensemble, None if none is valid.
             stamp_ns: ROS time of the newest maps [ns].
-            recorded_ns: ROS time of the message in the bag [ns].
             repeat: Publish again, even if nothing has changed.
         """
         # snapshots and forecasts are equal only if they are the same object
@@ -288,11 +259,10 @@ class PlaceTopic:
             if self._places is not None:
                 self._latest = live_arrivals(self._places, snapshot, forecast, ensemble)
                 statuses = _statuses(self._latest, self._places)
-            header = codec.header(self._frame_id, stamp_ns)
+            header = self._graph.header(stamp_ns)
             self._message = DiagnosticArray(header=header, status=statuses)
-        publish_and_record(
-            self._publisher, self._message, self._recorder, recorded_ns, profile=qos.LATCHED
-        )
+        node = self._graph.node
+        self._graph.send(self._publisher, self._message, now_ns(node), qos.LATCHED)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Return the status of the places; none without features."""
@@ -323,7 +293,7 @@ class PlaceTopic:
             self._places = places_on(self._features, terrain)
         except LavaError as error:
             self._error = f'places cannot be put on this terrain: {error}'
-            self._node.get_logger().error(self._error)
+            self._graph.node.get_logger().error(self._error)
 
 
 def _statuses(latest: LiveArrivals, places: Places) -> list[DiagnosticStatus]:

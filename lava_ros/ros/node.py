@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from functools import partial
+from functools import partial, partialmethod
 import gc
 import logging
 import os
@@ -20,11 +20,14 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rclpy.utilities import remove_ros_args
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import node_parameters, parameters
-from lava_ros.ros.executor import check_words, EntityRegistry, spin, start_ros
+from lava_ros.ros.executor import spin, start_ros
+from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.runtime import NodeRuntime
+from lava_ros.ros.services import create_services
 from lava_ros.ros.startup_inputs import (
     load_startup_inputs,
     overrides_from_checkpoint,
@@ -117,36 +120,12 @@ class LavaNode(LifecycleNode):
         else:
             self.get_logger().error(f'{type(error).__name__}: {error}')
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read parameters and files, and join the graph."""
-        return self._transition('configure', 'configured', self._configure)
-
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let simulated time advance, and publish."""
-        return self._transition('activate', 'active', lambda: self._configured().activate())
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Hold simulated time, and publish no more layers."""
-        return self._transition('deactivate', 'inactive', lambda: self._configured().deactivate())
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Finish the bag, end the simulation and leave the graph."""
-        return self._transition('clean up', 'cleaned up', self._close)
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Finish the bag and end the simulation, from any state."""
-        return self._transition('shut down', 'shut down', self._close)
-
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Clean up after an unexpected error, which leaves the node unconfigured."""
-        return self._transition('clean up after an error', 'cleaned up', self._close)
-
     def _transition(
-        self, name: str, done: str, action: Callable[[], None]
+        self, name: str, done: str, action: Callable[['LavaNode'], None], _: LifecycleState
     ) -> TransitionCallbackReturn:
         # rclpy discards an exception of a transition without a message
         try:
-            action()
+            action(self)
         except LavaError as error:
             self.refusal = str(error)
             # during autostart main() prints the reason
@@ -168,25 +147,36 @@ class LavaNode(LifecycleNode):
         # a later configure starts from the scene: the bags of this process are finished
         startup = load_startup_inputs(self, may_restart=self._constants is None)
         settings = self._declare_parameters(startup)
-        entities = EntityRegistry(self)
+        graph = NodeGraph(self, settings.frame_id)
         try:
-            self.runtime = NodeRuntime(
-                self, settings, lambda: self._values, startup, entities=entities
-            )
+            self.runtime = NodeRuntime(graph, settings, lambda: self._values, startup)
+            create_services(self.runtime, graph)
         except Exception:
-            entities.destroy()
+            graph.destroy()
             raise
         node_parameters.fix(self, _DECLARED, fixed=True)
 
-    def _configured(self) -> NodeRuntime:
+    def _activate(self) -> None:
         assert self.runtime is not None
-        return self.runtime
+        self.runtime.activate()
+
+    def _deactivate(self) -> None:
+        assert self.runtime is not None
+        self.runtime.deactivate()
 
     def _close(self) -> None:
         if not self.close():
             self.get_logger().warning('the current step of the simulation ends in the background')
         # maps are in reference cycles, which an idle process would keep for a long time
         gc.collect()
+
+    # the callbacks of rclpy, each with a LifecycleState
+    on_configure = partialmethod(_transition, 'configure', 'configured', _configure)
+    on_activate = partialmethod(_transition, 'activate', 'active', _activate)
+    on_deactivate = partialmethod(_transition, 'deactivate', 'inactive', _deactivate)
+    on_cleanup = partialmethod(_transition, 'clean up', 'cleaned up', _close)
+    on_shutdown = partialmethod(_transition, 'shut down', 'shut down', _close)
+    on_error = partialmethod(_transition, 'clean up after an error', 'cleaned up', _close)
 
     def _answer_all_requests(self) -> None:
         """Reply to a request for a transition that the state lacks; rclpy would not reply."""
@@ -282,7 +272,10 @@ def main(args: list[str] | None = None) -> int:
     words = sys.argv[1:] if args is None else args
     try:
         start_ros(args)
-        check_words(words)
+        rest = remove_ros_args(['lava_node', *words])[1:]
+        if rest:
+            expected = '--ros-args and its arguments (lava node --help)'
+            raise LavaError('an argument', rest[0], expected)
         node = LavaNode(typed=node_parameters.typed(words))
     except (LavaError, ParameterException) as error:
         print(f'lava_node cannot start: {error}', file=sys.stderr)

@@ -12,7 +12,7 @@ from geometry_msgs.msg import Point
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import ColorRGBA
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from lava_ros.errors import LavaError
@@ -20,7 +20,10 @@ from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
+
+#: Maximum number of particles in a message.
+MAX_PARTICLES = 20_000
 
 
 def message_class(layer: Layer) -> Any:
@@ -38,24 +41,37 @@ def message_class(layer: Layer) -> Any:
 
 
 def layer_message(
-    layer: Layer, snapshot: Snapshot | Forecast | EnsembleForecast, *, frame_id: str, stamp_ns: int
+    layer: Layer, snapshot: Snapshot | Forecast | EnsembleForecast, header: Header
 ) -> Any:
     """Make the message of a layer."""
-    message_header = codec.header(frame_id, stamp_ns)
     if layer.message == OCCUPANCY_GRID:
-        info = codec.map_metadata(snapshot.terrain, stamp_ns)
+        info = codec.map_metadata(snapshot.terrain, header.stamp)
         values = layer.grid_values(snapshot)
         added = [max(0, layer.min_cells - count) for count in values.shape]
         if any(added):
             values = _extend(values, added, info)
-        return codec.occupancy_grid(values, info, message_header)
+        return codec.occupancy_grid(values, info, header)
     if layer.message == IMAGE:
-        return codec.float_image(layer.raw_values(snapshot), message_header)
+        return codec.float_image(layer.raw_values(snapshot), header)
     # point clouds and grid maps contain quantities of one flow, not of an ensemble
     assert not isinstance(snapshot, EnsembleForecast)
     if layer.message == POINT_CLOUD:
-        return codec.point_cloud(layer.points(snapshot), message_header)
-    return codec.grid_map_message(layer.maps(snapshot), snapshot.terrain, message_header)
+        return codec.point_cloud(layer.points(snapshot), header)
+    return codec.grid_map_message(layer.maps(snapshot), snapshot.terrain, header)
+
+
+def particle_message(sample: ParticleSample, snapshot: Snapshot, header: Header) -> PointCloud2:
+    """Make a cloud of at most ``MAX_PARTICLES`` particles, on the surface of the lava."""
+    # the particles are sorted by place, so that every n-th one shows all of the lava
+    chosen = slice(None, None, len(sample.volume) // MAX_PARTICLES + 1)
+    place, terrain = sample.position[chosen], snapshot.terrain
+    columns = {
+        'x': place[:, 0],
+        'y': place[:, 1],
+        'z': terrain.values_at(terrain.elevation + snapshot.thickness, place),
+        'temperature': sample.temperature[chosen] - ZERO_CELSIUS,
+    }
+    return codec.point_cloud(columns, header)
 
 
 def _extend(values: np.ndarray, added: Sequence[int], info: MapMetaData) -> np.ndarray:
@@ -72,21 +88,19 @@ def _extend(values: np.ndarray, added: Sequence[int], info: MapMetaData) -> np.n
     return result
 
 
-def terrain_messages(
-    terrain: Terrain, *, frame_id: str, stamp_ns: int
-) -> dict[str, Image | MapMetaData]:
+def terrain_messages(terrain: Terrain, header: Header) -> dict[str, Image | MapMetaData]:
     """Make the messages of a terrain, by topic."""
-    image = codec.float_image(terrain.elevation, codec.header(frame_id, stamp_ns))
-    return {'terrain': image, 'terrain_info': codec.map_metadata(terrain, stamp_ns)}
+    image = codec.float_image(terrain.elevation, header)
+    return {'terrain': image, 'terrain_info': codec.map_metadata(terrain, header.stamp)}
 
 
-def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> OccupancyGrid:
+def relief_message(terrain: Terrain, header: Header) -> OccupancyGrid:
     """Make the hillshade of a terrain: 0 for lit to 100 for shaded cells, -1 without data.
 
     The light is from the north-west, 45 degrees above the horizon.
     """
-    info = codec.map_metadata(terrain, stamp_ns)
-    return codec.occupancy_grid(_shade(terrain), info, codec.header(frame_id, stamp_ns))
+    info = codec.map_metadata(terrain, header.stamp)
+    return codec.occupancy_grid(_shade(terrain), info, header)
 
 
 # cached: 25 million cells take a second, and publisher and bag need the same cells
@@ -117,13 +131,13 @@ def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
 
 
 def vents_message(
-    rows: Sequence[tuple[float, ...]], terrain: Terrain, *, frame_id: str, stamp_ns: int
+    rows: Sequence[tuple[float, ...]], terrain: Terrain, header: Header
 ) -> PointCloud2:
     """Make the cloud of rows of ``vent_rows``; z is the elevation of the terrain."""
     names = ('x', 'y', 'z', 'discharge', 'temperature', 'radius', 'id')
     points = [(*row[:2], _elevation(terrain, *row[:2]), *row[2:]) for row in rows]
     columns = {name: [point[index] for point in points] for index, name in enumerate(names)}
-    return codec.point_cloud(columns, codec.header(frame_id, stamp_ns))
+    return codec.point_cloud(columns, header)
 
 
 #: Namespaces of the markers: vents, their labels, lines from z = 0 to the ground, and the crests
@@ -141,7 +155,7 @@ LETTERS, THICKNESS, MAX_THICKNESS = 0.028, 0.1, 1.0
 
 
 def vent_markers(
-    vents: Sequence[Vent], time: float, terrain: Terrain, *, frame_id: str, stamp_ns: int
+    vents: Sequence[Vent], time: float, terrain: Terrain, header: Header
 ) -> MarkerArray:
     """Make markers of the vents at a simulated ``time`` [s] and of the barriers.
 
@@ -155,7 +169,6 @@ def vent_markers(
         a label with its name, discharge [m3/s] and temperature [Celsius]; and a line to the
         ground. Then the crest of each barrier.
     """
-    header = codec.header(frame_id, stamp_ns)
     letters = LETTERS * min(terrain.shape) * terrain.resolution
     markers = [Marker(header=header, action=Marker.DELETEALL)]
     for index, vent in enumerate(vents):
@@ -204,9 +217,8 @@ class SceneMessages:
     The node publishes these messages, and every bag contains them.
     """
 
-    def __init__(self, frame_id: str) -> None:
+    def __init__(self) -> None:
         """Initialize without any messages made."""
-        self._frame_id = frame_id
         self.forget()
 
     def forget(self) -> None:
@@ -215,14 +227,14 @@ class SceneMessages:
         self._vents: object = None
 
     def update(
-        self, scene: Scene, time: float, stamp_ns: int, *, ground: Terrain | None = None
+        self, scene: Scene, time: float, header: Header, *, ground: Terrain | None = None
     ) -> dict[str, Any]:
         """Make the messages that have changed since the last call.
 
         Args:
             scene: The scene.
             time: Simulated time of the vents [s].
-            stamp_ns: ROS time of the messages [ns].
+            header: Header of the messages.
             ground: Current terrain under the flow; None for that of the scene.
 
         Returns:
@@ -230,19 +242,18 @@ class SceneMessages:
             ``vents`` and ``vents_markers`` for new ground or changed vents. Topics to which the
             node also subscribes come first.
         """
-        options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
         ground = scene.terrain if ground is None else ground
         inputs: dict[str, Any] = {}
         pictures: dict[str, Any] = {}
         if ground is not self._ground:
-            inputs |= terrain_messages(ground, **options)
-            pictures['relief'] = relief_message(ground, **options)
+            inputs |= terrain_messages(ground, header)
+            pictures['relief'] = relief_message(ground, header)
             self._ground, self._vents = ground, None
         rows = vent_rows(scene.vents, time)
         shown = rows, [vent.name for vent in scene.vents]
         if shown != self._vents:
-            inputs['vents'] = vents_message(rows, scene.terrain, **options)
-            pictures['vents_markers'] = vent_markers(scene.vents, time, scene.terrain, **options)
+            inputs['vents'] = vents_message(rows, scene.terrain, header)
+            pictures['vents_markers'] = vent_markers(scene.vents, time, scene.terrain, header)
             self._vents = shown
         return inputs | pictures
 

@@ -4,6 +4,7 @@
 """Publication of layers and of the scene; the recorder gets the same bytes."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
@@ -13,21 +14,23 @@ from typing import Any, Generic, TypeVar
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
+from rclpy.node import Node
 from rclpy.publisher import Publisher
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lava_ros.bag import QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.live.recorder import Recorder
+from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layer_files import load_layers, switched
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
-from lava_ros.ros.executor import EntityRegistry
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Scene
-from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 
 #: A snapshot, forecast or ensemble that layers show.
 Shown = TypeVar('Shown', Snapshot, Forecast, EnsembleForecast)
@@ -75,20 +78,47 @@ def published_layers(
     return [replace(layer, margin=margin) if layer.is_keepout else layer for layer in enabled]
 
 
-def publish_and_record(
-    publisher: Publisher,
-    message: Any,
-    recorder: Recorder,
-    recorded_ns: int | None,
-    *,
-    profile: QosProfile,
-) -> None:
-    """Publish a message, and record the same bytes at a ROS time [ns] unless that is None."""
-    data = codec.serialise(message)
-    publisher.publish(data)
-    if recorded_ns is not None:
-        kind = codec.type_name(type(message))
-        recorder.write(publisher.topic_name, kind, data, recorded_ns, qos=profile)
+class NodeGraph:
+    """What a configured node has in the ROS graph: its entities, and a recorder of its messages.
+
+    ``frame_id`` is the frame of the messages. Cleanup destroys the entities.
+    """
+
+    def __init__(self, node: Node, frame_id: str) -> None:
+        """Initialize without entities."""
+        self.node = node
+        self.frame_id = frame_id
+        self.recorder = Recorder()
+        self._made: dict[Any, str] = {}
+
+    def header(self, stamp_ns: int) -> Header:
+        """Make the header of a message."""
+        return codec.header(self.frame_id, stamp_ns)
+
+    def create(self, kind: str, *args: Any, **options: Any) -> Any:
+        """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""
+        made = getattr(self.node, f'create_{kind}')(*args, **options)
+        self._made[made] = kind
+        return made
+
+    def drop(self, made: Any) -> None:
+        """Destroy one entity."""
+        getattr(self.node, f'destroy_{self._made.pop(made)}')(made)
+
+    def destroy(self) -> None:
+        """Destroy all entities, newest first."""
+        while self._made:
+            self.drop(next(reversed(self._made)))
+
+    def send(
+        self, publisher: Publisher, message: Any, recorded_ns: int | None, profile: QosProfile
+    ) -> None:
+        """Publish a message, and record the same bytes at a ROS time [ns] unless that is None."""
+        data = codec.serialise(message)
+        publisher.publish(data)
+        if recorded_ns is not None:
+            kind = codec.type_name(type(message))
+            self.recorder.write(publisher.topic_name, kind, data, recorded_ns, qos=profile)
 
 
 @dataclass(eq=False)
@@ -118,25 +148,20 @@ class LayerPublishers(Generic[Shown]):
 
     def __init__(
         self,
-        entities: EntityRegistry,
+        graph: NodeGraph,
         layers: Sequence[Layer],
-        recorder: Recorder,
-        *,
-        frame_id: str,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Create a publisher for each layer; ``clock`` returns steady time [s]."""
-        self._recorder = recorder
-        self._frame_id = frame_id
-        self._clock = clock
+        self._graph, self._clock = graph, clock
         self._outputs: list[_Output[Shown]] = []
         for layer in layers:
             kind, profile = outputs.message_class(layer), qos.ros_profile(layer.offered_qos)
-            publisher = entities.create('publisher', kind, layer.topic, profile)
+            publisher = graph.create('publisher', kind, layer.topic, profile)
             self._outputs.append(_Output(layer, publisher))
             if layer.message == OCCUPANCY_GRID:
                 get = partial(self._get_map, layer)
-                entities.create('service', GetMap, f'~/{layer.topic}/get_map', get)
+                graph.create('service', GetMap, f'~/{layer.topic}/get_map', get)
         self.rates = {layer.rate for layer in layers}
         self.shown: Shown | None = None
         self.shown_stamp_ns = 0
@@ -188,7 +213,7 @@ class LayerPublishers(Generic[Shown]):
     ) -> None:
         layer, before = output.layer, output.published
         output.is_due, output.published, output.stamp_ns = False, snapshot, self.shown_stamp_ns
-        is_recorded = layer.record and self._recorder.is_recording
+        is_recorded = layer.record and self._graph.recorder.is_recording
         is_latched = layer.qos.durability == 'transient_local'
         # A latched topic may have subscribers later.
         if not (is_recorded or is_latched or output.publisher.get_subscription_count()):
@@ -205,9 +230,7 @@ class LayerPublishers(Generic[Shown]):
     def _send(self, output: _Output[Shown], message: Any, recorded_ns: int | None) -> None:
         """Publish a message, and record it at a ROS time [ns] unless that is None."""
         # layer.qos is without the deadline, which a replay cannot meet
-        publish_and_record(
-            output.publisher, message, self._recorder, recorded_ns, profile=output.layer.qos
-        )
+        self._graph.send(output.publisher, message, recorded_ns, output.layer.qos)
         output.sent_ns, output.sent_at = output.stamp_ns, self._clock()
 
     def _get_map(self, layer: Layer, _: Any, response: Any) -> Any:
@@ -217,16 +240,16 @@ class LayerPublishers(Generic[Shown]):
         return response
 
     def _message(self, layer: Layer, shown: Shown, stamp_ns: int) -> Any:
-        return outputs.layer_message(layer, shown, frame_id=self._frame_id, stamp_ns=stamp_ns)
+        return outputs.layer_message(layer, shown, self._graph.header(stamp_ns))
 
 
 class ScenePublisher:
     """Publishes relief and vents, latched, and the node's own terrain on its input topics."""
 
-    def __init__(self, entities: EntityRegistry, *, frame_id: str) -> None:
+    def __init__(self, graph: NodeGraph) -> None:
         """Create the publishers."""
-        self._entities = entities
-        self._messages = outputs.SceneMessages(frame_id)
+        self._graph = graph
+        self._messages = outputs.SceneMessages()
         self._sent: dict[str, bytes] = {}
         self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
         self._drawn = self._create(relief=OccupancyGrid, vents_markers=MarkerArray)
@@ -237,7 +260,7 @@ class ScenePublisher:
         Once a terrain is received from elsewhere (``is_heard``), the one published here is
         withdrawn. ``time`` is simulated [s], ``stamp_ns`` the ROS time [ns].
         """
-        messages = self._messages.update(scene, time, stamp_ns)
+        messages = self._messages.update(scene, time, self._graph.header(stamp_ns))
         for topic in self._drawn.keys() & messages.keys():
             self._drawn[topic].publish(codec.serialise(messages[topic]))
         changed = self._publishers.keys() & messages.keys()
@@ -249,7 +272,7 @@ class ScenePublisher:
         elif changed and self._sent:
             # late subscribers to new latched publishers get only the newer terrain
             for publisher in self._publishers.values():
-                self._entities.drop(publisher)
+                self._graph.drop(publisher)
             self._sent = {}
             self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
 
@@ -260,6 +283,35 @@ class ScenePublisher:
     def _create(self, **kinds: Any) -> dict[str, Any]:
         latched = qos.ros_profile(qos.LATCHED)
         return {
-            topic: self._entities.create('publisher', kind, topic, latched)
+            topic: self._graph.create('publisher', kind, topic, latched)
             for topic, kind in kinds.items()
         }
+
+
+class ParticlePublisher:
+    """Publishes a sample of the particles with each map, while somebody subscribes."""
+
+    def __init__(self, graph: NodeGraph, worker: SimulationWorker) -> None:
+        """Create the publisher."""
+        profile = qos.ros_profile(qos.NEWEST)
+        self._publisher = graph.create('publisher', PointCloud2, 'lava_particles', profile)
+        self._read = graph.create('guard_condition', self._publish)
+        self._worker, self._graph = worker, graph
+        self._asked: tuple[Snapshot, int, Future[ParticleSample]] | None = None
+
+    def request(self, snapshot: Snapshot, stamp_ns: int) -> None:
+        """Read the particles and publish them with the stamp [ns] of the maps of a snapshot."""
+        if self._asked is None and self._publisher.get_subscription_count():
+            sample = self._worker.commands.submit(self._worker.session.sample, 'particles')
+            self._asked = snapshot, stamp_ns, sample
+            sample.add_done_callback(lambda _: self._read.trigger())
+
+    def _publish(self) -> None:
+        if self._asked is None:
+            return
+        (snapshot, stamp_ns, sample), self._asked = self._asked, None
+        # a simulation that has failed, or ended meanwhile, has no particles
+        if not sample.cancelled() and sample.exception() is None:
+            header = self._graph.header(stamp_ns)
+            message = outputs.particle_message(sample.result(), snapshot, header)
+            self._publisher.publish(codec.serialise(message))

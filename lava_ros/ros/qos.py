@@ -22,6 +22,9 @@ COMMANDS = QosProfile()
 
 DIAGNOSTICS = QosProfile()
 
+#: Messages of which only the newest counts.
+NEWEST = QosProfile(depth=1)
+
 
 def ros_profile(profile: QosProfile) -> QoSProfile:
     """Convert a profile to rclpy's class; policies that a bag lacks become rmw's default."""

@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 import json
 from typing import Any
 
-from rclpy.node import Node
 import yaml
 
 import lava_ros
-from lava_ros.live.recorder import Recorder
 from lava_ros.live.session import is_on, Origin, SimulationSession
 from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.snapshot import Snapshot
 
@@ -35,9 +34,7 @@ class SceneRecording:
     ``parameters`` returns all parameters of the node by name.
     """
 
-    node: Node
-    recorder: Recorder
-    frame_id: str
+    graph: NodeGraph
     configs: Mapping[str, str]
     parameters: Callable[[], Mapping[str, Any]]
 
@@ -45,36 +42,35 @@ class SceneRecording:
         """Initialize without a bag."""
         self._scene: Scene | None = None
         self._origin: Origin | None = None
-        self._messages = outputs.SceneMessages(self.frame_id)
+        self._messages = outputs.SceneMessages()
         self._written_ns = self._written_size = 0
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
 
     def write(self, session: SimulationSession, snapshot: Snapshot, stamp_ns: int) -> None:
         """Record what has changed since the last call; ``stamp_ns`` is the ROS time [ns]."""
-        scene, recorder, is_new = session.scene, self.recorder, self.recorder.is_armed
+        scene, recorder = session.scene, self.graph.recorder
+        is_new = recorder.is_armed
         if scene is None or not (is_new or recorder.is_recording):
             return
         if is_new:
             self._effects, self._history, self._origin = {}, [], session.origin
         has_changed = self._note_effects(session.effects, snapshot, stamp_ns)
         if is_new or has_changed or scene is not self._scene:
-            put = recorder.begin if is_new else recorder.describe
-            put(self._description(scene, session))
+            recorder.describe(self._description(scene, session))
             self._scene = scene
         if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._messages.forget()
-        messages = self._messages.update(
-            scene, snapshot.time, stamp_ns, ground=snapshot.terrain
-        )
+        header = self.graph.header(stamp_ns)
+        messages = self._messages.update(scene, snapshot.time, header, ground=snapshot.terrain)
         for topic, message in messages.items():
-            name, kind = self.node.resolve_topic_name(topic), codec.type_name(type(message))
+            name, kind = self.graph.node.resolve_topic_name(topic), codec.type_name(type(message))
             recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)
         if 'terrain' in messages:
-            self._written_ns, self._written_size = stamp_ns, self.recorder.size
+            self._written_ns, self._written_size = stamp_ns, recorder.size
 
     def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
-        growth = self.recorder.size - self._written_size
+        growth = self.graph.recorder.size - self._written_size
         is_late = stamp_ns - self._written_ns >= REPEAT_PERIOD_NS
         # the growth includes the terrain that was written last
         return is_late and growth >= 2 * terrain.elevation.nbytes
@@ -105,7 +101,7 @@ class SceneRecording:
             **resumed,
             **self.configs,
             **({'onset': onset} if (onset := parameters.get('onset')) else {}),
-            'namespace': self.node.get_namespace(),
+            'namespace': self.graph.node.get_namespace(),
             'version': lava_ros.__version__,
             'device': session.device,
         }

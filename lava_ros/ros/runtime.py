@@ -11,35 +11,34 @@ from typing import Any, TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 
 from lava_ros.errors import LavaError
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch
-from lava_ros.live.recorder import BagFolder, Recorder
+from lava_ros.live.recorder import BagFolder
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
-from lava_ros.ros.executor import EntityRegistry, now_ns
+from lava_ros.ros.executor import now_ns
 from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
 from lava_ros.ros.publishers import (
     LayerPublishers,
-    publish_and_record,
+    NodeGraph,
+    ParticlePublisher,
     published_layers,
     ScenePublisher,
 )
 from lava_ros.ros.recording import SceneRecording
-from lava_ros.ros.services import Allowance, create_services
 from lava_ros.ros.startup_inputs import SimulationFactory, StartupInputs
-from lava_ros.ros.subscribers import InputSubscribers
+from lava_ros.ros.subscribers import Allowance, InputSubscribers
 from lava_ros.simulation.output.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from lava_ros.simulation import Simulation
 
-#: Maximum wait for the simulation thread when closing [s]. It may be in a time step, or compiling.
+#: Maximum wait for each thread when closing [s]. The simulation may be in a step, or compiling.
 STOP_TIMEOUT = 4.0
 
 #: Maximum wait for the last checkpoint of a bag [s]. The simulation thread may be compiling.
@@ -52,26 +51,25 @@ HEARTBEAT = 1.0
 class NodeRuntime:
     """A configured node: it receives ``inputs`` and, while ``is_active``, simulates and publishes.
 
-    ``worker`` has the simulation. ``failure`` is the error that prevents the node from resuming a
-    bag and ends it, None without.
+    ``worker`` has the simulation, ``allowance`` limits requests. ``failure`` is the error that
+    prevents the node from resuming a bag and ends it, None without.
     """
 
     def __init__(
         self,
-        node: Node,
+        graph: NodeGraph,
         settings: Settings,
         values: Callable[[], Mapping[str, Any]],
         startup: StartupInputs,
-        *,
-        entities: EntityRegistry,
     ) -> None:
-        """Create publishers, subscriptions and services, and load ``startup`` with time held.
+        """Create publishers and subscriptions, and load ``startup`` with time held.
 
         ``values`` returns the node's parameters.
 
         Raises:
             LavaError: If a file cannot be used.
         """
+        self._graph, self._recorder, node = graph, graph.recorder, graph.node
         self._node = node
         self._settings = settings
         self.failure: BaseException | None = None
@@ -89,16 +87,12 @@ class NodeRuntime:
         self._is_recording_wanted = settings.record or startup.was_recording
         self._clock_watch = ClockWatch()
         self._log = diagnostics.NodeLog(node.get_logger())
-        self._recorder = Recorder()
         self._recording = SceneRecording(
-            node,
-            self._recorder,
-            frame_id=settings.frame_id,
+            graph,
             configs={name: path.read_text(encoding='utf-8') for name, path in configs.items()},
             parameters=values,
         )
-        self._entities = entities
-        snapshot_ready = entities.create('guard_condition', self._publish)
+        snapshot_ready = graph.create('guard_condition', self._publish)
         factory = SimulationFactory()
         self.worker = SimulationWorker(
             lambda scene: factory.make(scene, self._settings),
@@ -113,49 +107,41 @@ class NodeRuntime:
         self._checkpoints = CheckpointRecording(self._recorder, self.worker.checkpoint)
         self._saved_bytes = 0
         self._layers = LayerPublishers[Snapshot](
-            entities,
-            [layer for layer in layers if not layer.is_forecast],
-            self._recorder,
-            frame_id=settings.frame_id,
+            graph, [layer for layer in layers if not layer.is_forecast]
         )
         self._forecasts = ForecastTopics(
-            entities,
+            graph,
             [layer for layer in layers if layer.is_forecast],
-            self._recorder,
             worker=self.worker,
             settings=lambda: self._settings,
             choice=lambda: factory.choice,
             features=features,
         )
-        self._places = PlaceTopic(
-            entities, self._recorder, features, frame_id=settings.frame_id
-        )
+        self._places = PlaceTopic(graph, features)
         for rate in sorted(self._layers.rates | self._forecasts.rates):
-            entities.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
-        self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
-        self._diagnostics = entities.create(
+            graph.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
+        self._scene = ScenePublisher(graph)
+        self._particles = ParticlePublisher(graph, self.worker)
+        self._diagnostics = graph.create(
             'publisher', DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
         )
         # The heartbeat must not stop with a simulated clock.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        entities.create('timer', HEARTBEAT, self._publish_diagnostics, clock=steady)
+        graph.create('timer', HEARTBEAT, self._publish_diagnostics, clock=steady)
         self.inputs = InputSubscribers(
-            entities,
+            graph,
             self.worker,
             settings=lambda: self._settings,
             steady=steady,
             observe=self._forecasts.observe if settings.ensemble_members else None,
-            recorder=self._recorder,
             is_echo=self._scene.is_echo,
         )
-        self._allowance = Allowance(self.inputs.refuse)
-        create_services(
-            self, entities, worker=self.worker, inputs=self.inputs, allowance=self._allowance
-        )
+        self.allowance = Allowance(self.inputs.refuse)
         self._begin(startup)
         # Start the threads last, so that an error above leaves none running.
         self.worker.start()
-        self._forecasts.start()
+        if settings.forecast_horizon:
+            self._forecasts.forecaster.start()
 
     @property
     def step_length(self) -> float:
@@ -178,13 +164,13 @@ class NodeRuntime:
         self._is_recording_wanted = False
         self.is_active = True
         self.worker.pause(self._is_paused)
-        self._forecasts.activate(True)
+        self._forecasts.forecaster.want(True)
         self._publish(repeat=True)
 
     def deactivate(self) -> None:
         """Hold simulated time and publish no layers; inputs and diagnostics continue."""
         self.is_active = False
-        self._forecasts.activate(False)
+        self._forecasts.forecaster.want(False)
         self.worker.pause(True)
 
     def close(self) -> None:
@@ -195,9 +181,9 @@ class NodeRuntime:
             if self.worker.latest is not None:
                 self._log.volumes(self.worker.latest)
         finally:
-            self._forecasts.stop()
+            self._forecasts.forecaster.stop(STOP_TIMEOUT)
             self.worker.stop(STOP_TIMEOUT)
-            self._entities.destroy()
+            self._graph.destroy()
 
     def check(self, settings: Settings) -> None:
         """Check settings before they are used.
@@ -210,7 +196,7 @@ class NodeRuntime:
         if settings.bag_directory != old.bag_directory:
             self._bag_folder.path(settings.bag_directory)
         if (settings.forced, settings.horizon) != (old.forced, old.horizon):
-            self._allowance.take('effects')
+            self.allowance.take('effects')
 
     def apply(self, new: Settings) -> None:
         """Use new settings, immediately or, for preset, spacing and lava, at the next start."""
@@ -247,7 +233,7 @@ class NodeRuntime:
         self._arm_recorder()
         self._publish(repeat=True)
         self._check_recorder()
-        return self._recorder.status.directory + ' at the first map' * self._recorder.is_armed
+        return self._recorder.directory + ' at the first map' * self._recorder.is_armed
 
     def stop_recording(self) -> str:
         """Finish the bag and return its name, empty without a bag.
@@ -258,13 +244,12 @@ class NodeRuntime:
         self._is_recording_wanted = False
         self._close_bag()
         self._check_recorder()
-        return self._recorder.status.directory
+        return self._recorder.directory
 
     def _check_recorder(self) -> None:
-        status = self._recorder.status
-        if status.error:
-            expected = f'a bag that can be written ({status.error})'
-            raise LavaError('recorder', status.state, expected)
+        if self._recorder.error:
+            expected = f'a bag that can be written ({self._recorder.error})'
+            raise LavaError('recorder', self._recorder.state, expected)
 
     def save(self) -> str:
         """Write the current maps and a checkpoint to a bag and return its name.
@@ -281,7 +266,7 @@ class NodeRuntime:
         if self._saved_bytes >= maximum:
             expected = f'less than {maximum} (max_saved_bytes)'
             error = LavaError('save', f'{self._saved_bytes} bytes saved so far', expected)
-            self._allowance.refuse('save', error)
+            self.allowance.refuse('save', error)
         is_own, before = not self._recorder.is_recording, self._recorder.size
         if is_own:
             self.start_recording()
@@ -293,7 +278,7 @@ class NodeRuntime:
         )
         self._recorder.flush()
         self._saved_bytes += max(0, self._recorder.size - before)
-        directory = self._recorder.status.directory
+        directory = self._recorder.directory
         if is_own:
             self.stop_recording()
         self._check_recorder()
@@ -349,6 +334,7 @@ class NodeRuntime:
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
+        self._particles.request(snapshot, stamp_ns)
         if repeat:
             self._publish_places(repeat=True)
         self._recorder.flush()
@@ -357,12 +343,9 @@ class NodeRuntime:
     def _publish_places(self, *, repeat: bool = False) -> None:
         snapshot = self._layers.shown
         if snapshot is not None and self.is_active:
+            stamp_ns = self._layers.shown_stamp_ns
             self._places.publish(
-                snapshot,
-                *self._forecasts.valid,
-                stamp_ns=self._layers.shown_stamp_ns,
-                recorded_ns=now_ns(self._node),
-                repeat=repeat,
+                snapshot, *self._forecasts.valid, stamp_ns=stamp_ns, repeat=repeat
             )
 
     def _is_at_rest(self) -> bool:
@@ -397,15 +380,13 @@ class NodeRuntime:
                 ),
                 diagnostics.effects_status(self.worker.session.effects),
                 self.inputs.log.status(),
-                diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
+                diagnostics.recorder_status(self._checkpoints),
                 *self._forecasts.statuses(),
                 *self._places.statuses(),
             ],
         )
         diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
-        publish_and_record(
-            self._diagnostics, message, self._recorder, stamp_ns, profile=qos.DIAGNOSTICS
-        )
+        self._graph.send(self._diagnostics, message, stamp_ns, qos.DIAGNOSTICS)
         self._recorder.flush()
         period = self._settings.checkpoint_period
         changes = self.worker.session.changes

@@ -15,7 +15,7 @@ import yaml
 
 import lava_ros
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
-from lava_ros.errors import LavaError
+from lava_ros.errors import refusing
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.members import Plan
 from lava_ros.maps.forecast import EnsembleForecast, HazardMaps
@@ -43,18 +43,19 @@ class _Bag(BagWriter):
         }
         super().__init__(path, custom_data=described)
         self._namespace = namespace
-        self._messages = outputs.SceneMessages(_FRAME)
+        self._messages = outputs.SceneMessages()
 
     def put(self, topic: str, message: Any, stamp_ns: int, qos: QosProfile = LATCHED) -> None:
         name, data = f'{self._namespace}/{topic}', codec.serialise(message)
         self.write(name, codec.type_name(type(message)), data, stamp_ns, qos=qos)
 
     def put_scene(self, scene: Scene, time: float, stamp_ns: int) -> None:
-        for topic, message in self._messages.update(scene, time, stamp_ns).items():
+        header = codec.header(_FRAME, stamp_ns)
+        for topic, message in self._messages.update(scene, time, header).items():
             self.put(topic, message, stamp_ns)
 
     def put_layer(self, layer: Layer, shown: Snapshot | EnsembleForecast, stamp_ns: int) -> None:
-        message = outputs.layer_message(layer, shown, frame_id=_FRAME, stamp_ns=stamp_ns)
+        message = outputs.layer_message(layer, shown, codec.header(_FRAME, stamp_ns))
         self.put(layer.topic, message, stamp_ns, layer.qos)
 
 
@@ -87,7 +88,7 @@ def write_atlas_bag(
         duration=0.0,
     )
     data = {'version': lava_ros.__version__, **custom_data}
-    try:
+    with refusing('bag', str(directory), 'a bag that can be written', OSError):
         if directory.exists():
             shutil.rmtree(directory)
         with closing(_Bag(directory, NAMESPACE, plan.scene, data)) as bag:
@@ -95,8 +96,6 @@ def write_atlas_bag(
             for layer in load_layers(share_path('msg_configs/forecast.yaml')):
                 if layer.is_ensemble:
                     bag.put_layer(layer, shown, stamp_ns)
-    except OSError as error:
-        raise LavaError('bag', str(directory), f'a bag that can be written ({error})') from error
 
 
 def write_snapshots(

@@ -20,8 +20,9 @@ from rclpy.node import Node
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
+from lava_ros.bag.decoding import DIAGNOSTICS, moment_of
+from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
-from lava_ros.files.yaml import parse_yaml
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.session import Origin
 from lava_ros.maps.onset import recorded_onset
@@ -35,6 +36,7 @@ from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.resolution import resolved_accuracy
 
 if TYPE_CHECKING:
+    from lava_ros.forecast.planning import RunPlan
     from lava_ros.simulation import Simulation
 
 
@@ -119,12 +121,10 @@ def _restarted(node: Node) -> StartupInputs | None:
 
 def _reached(bag: BagReader) -> float:
     """Return the simulated time [s] of the newest diagnostics in a bag, 0 without any."""
-    topic = '/diagnostics'
-    for item in bag.newest({topic}, (bag.end_ns or 0) + 1):
-        message = codec.decode(item.data, DiagnosticArray, topic, max_bytes=len(item.data))
-        values = {pair.key: pair.value for status in message.status for pair in status.values}
-        with suppress(KeyError, ValueError):
-            return float(values['simulated_time_s'])
+    for item in bag.newest({DIAGNOSTICS}, (bag.end_ns or 0) + 1):
+        message = codec.decode(item.data, DiagnosticArray, DIAGNOSTICS, max_bytes=len(item.data))
+        for moment in filter(None, map(moment_of, message.status)):
+            return moment.time
     return 0.0
 
 
@@ -138,21 +138,15 @@ def _resumed(node: Node, bag: str) -> StartupInputs:
         f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
     )
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
+    before: tuple[Vent, ...] = ()
     description = BagReader(bag).custom_data
-    onset = recorded_onset(description)
+    scene, onset = described(description)['scene'] or {}, recorded_onset(description)
+    with suppress(LavaError):
+        before = vents_from_list(scene.get('vents', []), checkpoint.scene.terrain)
     return StartupInputs(
-        scene=checkpoint.scene, checkpoint=checkpoint, origin=origin,
-        before=_vents_of(description, checkpoint.scene.terrain), onset=onset.text if onset else '',
+        scene=checkpoint.scene, checkpoint=checkpoint, origin=origin, before=before,
+        onset=onset.text if onset else '',
     )
-
-
-def _vents_of(description: Mapping[str, str], terrain: Terrain) -> tuple[Vent, ...]:
-    try:
-        scene = parse_yaml('scene', description.get('scene', ''))
-        listed = scene['vents'] if isinstance(scene, Mapping) else []
-        return vents_from_list(listed, terrain)
-    except (LavaError, KeyError):
-        return ()
 
 
 def overrides_from_checkpoint(
@@ -219,23 +213,17 @@ class DeadlineChoice:
 
     Attributes:
         reason: Reason of the choice, for the diagnostics.
-        is_met: Whether forecasts are expected to meet the deadline.
-        spacing: Distance between particles [m], None for that of the parameters.
-        members: Maximum number of members of an ensemble, None for ``ensemble_members``.
-        wall_time: Expected wall time of a forecast with its ensemble [s].
-        error: Expected fraction of the inundated area that is wrong because of the spacing.
-        sampling_error: Expected standard error of a probability of one half, 0 without members.
         spent: Wall time of the choice [s].
+        plan: Spacing, time and error of the runs; None if none is expected to meet the deadline.
+        members: Maximum number of members of an ensemble, None for ``ensemble_members``.
+        sampling_error: Expected standard error of a probability of one half, 0 without members.
     """
 
     reason: str
-    is_met: bool
-    spacing: float | None = None
+    spent: float
+    plan: 'RunPlan | None' = None
     members: int | None = None
-    wall_time: float = 0.0
-    error: float = 0.0
     sampling_error: float = 0.0
-    spent: float = 0.0
 
 
 class SimulationFactory:
@@ -275,7 +263,7 @@ class SimulationFactory:
             except LavaError as error:
                 # a late forecast is better than none
                 reason = f'preset {settings.preset}, as without a deadline: {error}'
-                self.choice = DeadlineChoice(reason, False, spent=time.monotonic() - begun)
+                self.choice = DeadlineChoice(reason, time.monotonic() - begun)
         return preset_accuracy(settings.preset, spacing=settings.spacing)
 
     def _afford(self, scene: Scene, settings: Settings, begun: float) -> Accuracy:
@@ -305,12 +293,9 @@ class SimulationFactory:
             + f': {plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
             f'{settings.deadline:g} s, from {plan.pilots} pilot runs'
             + ('; more time would not help' if plan.is_finest else ''),
-            is_met=True,
-            spacing=plan.spacing,
-            members=members,
-            wall_time=plan.wall_time,
-            error=plan.error,
-            sampling_error=sampling_error(members),
-            spent=time.monotonic() - begun,
+            time.monotonic() - begun,
+            plan,
+            members,
+            sampling_error(members),
         )
         return preset_accuracy(plan.preset, spacing=plan.spacing)

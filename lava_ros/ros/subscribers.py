@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscriptions to the input topics: messages are checked, counted and made commands."""
+"""Subscriptions to the input topics, and the rate limits of services."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -24,13 +24,13 @@ from sensor_msgs.msg import Image, PointCloud2
 from lava_ros.bag import QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
 from lava_ros.ros import codec, diagnostics, inputs, qos
 from lava_ros.ros.codec import decode
-from lava_ros.ros.executor import EntityRegistry, now_ns
+from lava_ros.ros.executor import now_ns
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Terrain
 
 #: Interval between checks for a complete pair of ``terrain`` and ``terrain_info`` [s].
@@ -43,6 +43,55 @@ CLOCK_TOLERANCE = 1.0
 LOG_INTERVAL = 60.0
 
 _OUTLINE = 'observed_outline'
+
+
+#: Rate limits by name of the service or of the group of parameters: a burst of requests, and the
+#: time after which one more is allowed [s]. A reset or a change of effects may compile kernels and
+#: so delay the simulation; bags use disk space.
+LIMITS = {'reset': (5, 2.0), 'effects': (5, 2.0), 'record': (5, 10.0), 'save': (5, 10.0)}
+
+
+class Allowance:
+    """Counts requests and refuses those beyond ``LIMITS``."""
+
+    def __init__(
+        self,
+        refused: Callable[[str, LavaError], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Allow the full number of calls of each limit.
+
+        Args:
+            refused: Called with the name and the error of each refused request.
+            clock: Returns wall time [s].
+        """
+        self._refused = refused
+        self._clock = clock
+        self._left = {name: (float(calls), clock()) for name, (calls, _) in LIMITS.items()}
+
+    def take(self, name: str) -> None:
+        """Count a request.
+
+        Args:
+            name: Key of ``LIMITS``.
+
+        Raises:
+            LavaError: If there are too many such requests.
+        """
+        calls, period = LIMITS[name]
+        left, counted = self._left[name]
+        now = self._clock()
+        left = min(float(calls), left + (now - counted) / period)
+        is_allowed = left >= 1.0
+        self._left[name] = left - is_allowed, now
+        if not is_allowed:
+            expected = f'at most {calls} at once and one more each {period:g} s; try again later'
+            self.refuse(name, LavaError(name, 'too often', expected))
+
+    def refuse(self, name: str, error: LavaError) -> None:
+        """Report the error of a refused request, and raise it."""
+        self._refused(name, error)
+        raise error
 
 
 class InputLog:
@@ -133,23 +182,22 @@ class InputSubscribers:
 
     ``settings`` returns the current settings; ``steady`` is a clock that advances independently of
     ``/clock``. ``observe`` receives a mask of observed lava and its ROS time [s]; without it there
-    is no subscription to outlines. ``recorder`` records the outlines. ``is_echo`` returns True for
-    a serialised message on a topic that comes from this node. ``log`` counts accepted and refused
-    messages; ``wanted`` is the log text while there is no terrain.
+    is no subscription to outlines. ``is_echo`` returns True for a serialised message on a topic
+    that comes from this node. ``log`` counts accepted and refused messages; ``wanted`` is the log
+    text while there is no terrain.
     """
 
-    entities: EntityRegistry
+    graph: NodeGraph
     worker: SimulationWorker
     settings: Callable[[], Settings]
     steady: Clock
-    observe: Callable[[Mask, float], 'Future[None]'] | None = None
-    recorder: Recorder | None = None
+    observe: Callable[[Mask, float], 'Future[str]'] | None = None
     is_echo: Callable[[str, bytes], bool] = lambda topic, data: False
 
     def __post_init__(self) -> None:
         """Subscribe to the input topics."""
         self.log = InputLog()
-        self._logger = self.entities.node.get_logger()
+        self._logger = self.graph.node.get_logger()
         self._heard: WeakValueDictionary[int, Terrain] = WeakValueDictionary()
         self._pairing = inputs.TerrainPairing()
         self._clicks = 0
@@ -178,16 +226,16 @@ class InputSubscribers:
         for topics, profile in ((terrains, ground), (commands, qos.COMMANDS)):
             for topic, (kind, callback) in topics.items():
                 guarded = partial(self._take, topic, kind, callback)
-                self.entities.create(
+                self.graph.create(
                     'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
                 )
-        self.entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
+        self.graph.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
 
-    def command(self, topic: str, future: 'Future[None]') -> None:
+    def command(self, topic: str, future: 'Future[Any]') -> None:
         """Report the result of a worker command, in the worker's thread."""
         number = self.log.arrive()
 
-        def report(done: 'Future[None]') -> None:
+        def report(done: 'Future[Any]') -> None:
             error = None if done.cancelled() else done.exception()
             if isinstance(error, LavaError):
                 self._reject(topic, error, number)
@@ -195,6 +243,8 @@ class InputSubscribers:
                 self.log.supersede(topic, number)
             elif error is None:
                 self.log.accept(topic, number)
+                if isinstance(done.result(), str):
+                    self._logger.info(f'{topic}: {done.result()}')
 
         future.add_done_callback(report)
 
@@ -269,12 +319,13 @@ class InputSubscribers:
     def _on_outline(self, grid: OccupancyGrid) -> None:
         mask = inputs.mask_from_grid(grid, self.settings(), name=_OUTLINE)
         stamp_ns = codec.nanoseconds(grid.header.stamp)
-        moment_ns = now_ns(self.entities.node)
+        moment_ns = now_ns(self.graph.node)
         if not 0 < stamp_ns <= moment_ns + CLOCK_TOLERANCE * 1e9:
             expected = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
             raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
         assert self.observe is not None
         self.command(_OUTLINE, self.observe(mask, 1e-9 * stamp_ns))
-        if self.recorder is not None and self.recorder.is_recording:
-            topic, data = self.entities.node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
-            self.recorder.write(topic, OCCUPANCY_GRID, data, moment_ns, qos=qos.COMMANDS)
+        recorder = self.graph.recorder
+        if recorder.is_recording:
+            topic, data = self.graph.node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
+            recorder.write(topic, OCCUPANCY_GRID, data, moment_ns, qos=qos.COMMANDS)

@@ -32,12 +32,6 @@ _SETS = (
     ('time', 'cumulative_volume'),
 )
 
-#: Cells without a rate.
-_MISSING = ('', '-', '--', 'na', 'n/a', 'nan', 'nodata', 'no data')
-
-#: Maximum overlap of two intervals, due to rounding, as a fraction of the later one.
-_OVERLAP = 1e-6
-
 
 @dataclass(frozen=True)
 class Interval:
@@ -85,11 +79,6 @@ class Options:
             if value >= 1.0:
                 raise LavaError('effusion_rate.porosity', self.porosity, 'at least 0 and below 1')
             object.__setattr__(self, 'porosity', value)
-
-
-def options_from_dict(label: str, data: object) -> Options:
-    """Build options from the plain data of a YAML file; raise LavaError for an invalid field."""
-    return validation.build(Options, label, data)
 
 
 def read_effusion_rates(
@@ -218,13 +207,7 @@ class _Clock:
 
 def _date(label: str, text: object, other: str = '') -> datetime:
     """Parse a date, in UTC unless it has a time zone."""
-    try:
-        if not isinstance(text, str):
-            raise ValueError
-        # Python 3.10 cannot parse the Z
-        date = datetime.fromisoformat(text.strip().replace('Z', '+00:00').replace('z', '+00:00'))
-    except ValueError:
-        raise LavaError(label, text, f'{other}a date such as 2021-09-19T14:10:00Z') from None
+    date = validation.date(label, text, f'{other}a date such as 2021-09-19T14:10:00Z')
     return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
 
 
@@ -244,7 +227,7 @@ def _number(
 ) -> float | None:
     """Return a number of a row, at least 0; None for a missing number that may be missing."""
     text, label = row[column.header], f'{where}, {column.header}'
-    is_missing = text.lower() in _MISSING
+    is_missing = text.lower() in ('', '-', '--', 'na', 'n/a', 'nan', 'nodata', 'no data')
     if is_missing and may_be_missing:
         return None
     try:
@@ -285,7 +268,8 @@ def _intervals(
             header = columns['time' if is_instant else 'end'].header
             raise LavaError(f'{where}, {header}', end, expected)
         before = filled[-1].end if filled else start
-        if start < before - _OVERLAP * (end - start):
+        # rounded times may overlap
+        if start < before - 1e-6 * (end - start):
             expected = f'at least {before:g} s, where the row before ends'
             raise LavaError(f'{where}, {columns["start"].header}', start, expected)
         if filled and start > before * (1.0 + 1e-12) + 1e-9:

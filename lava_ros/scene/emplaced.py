@@ -27,7 +27,7 @@ from lava_ros.scene.projection import (
 )
 from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
 from lava_ros.scene.terrain_files import unit_of_band
-from lava_ros.scene.vents import VENT_TEMPERATURE_RANGE
+from lava_ros.scene.vents import TEMPERATURE_CHECK
 
 _LOG = logging.getLogger(__name__)
 
@@ -43,16 +43,8 @@ KINDS = ('lava', 'ground')
 #: Keys of a flow in a scene file.
 FLOW_KEYS = ('file', 'as', 'thickness', 'temperature')
 
-#: Checks of a temperature, and of a thickness within outlines.
-TEMPERATURE_CHECK = partial(
-    validation.number,
-    at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
-)
+#: Check of a thickness within outlines.
 THICKNESS_CHECK = partial(validation.number, above=0.0, at_most=MAX_THICKNESS, unit='m')
-
-#: Maximum difference from the elevation, as a fraction of the elevation's mean and standard
-#: deviation, at which a raster is an elevation instead of a thickness.
-MAX_DIFFERENCE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,12 +238,11 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
     if high > MAX_THICKNESS:
         expected = f'at most {MAX_THICKNESS:g} m: a thickness [m], not an elevation'
         raise LavaError(where, high, expected)
+    from rasterio.transform import xy
+
     row, column = np.nonzero(lava > 0.0)
-    x, y = (
-        start + across * (column + 0.5) + down * (row + 0.5)
-        for start, across, down in ((place.c, place.a, place.b), (place.f, place.d, place.e))
-    )
-    area = abs(place.a * place.e - place.b * place.d)
+    x, y = xy(place, row, column)
+    area = abs(place.determinant)
     degree = METRES_PER_DEGREE if crs is not None and crs.is_geographic else 1.0
     if not is_ground:
         terrain = _subdivide(terrain, math.sqrt(area) * degree)
@@ -307,16 +298,13 @@ def _check_on_terrain(
 
 
 def _check_not_elevation(where: str, thickness: np.ndarray, terrain: Terrain) -> None:
-    """Raise LavaError if a thickness is close to the elevation of the ground."""
+    """Raise LavaError if a thickness is within a tenth of the elevation of the ground."""
     is_lava = (thickness > 0.0) & terrain.has_data
     if not is_lava.any():
         return
     ground = terrain.elevation[is_lava].astype(np.float64)
     off = thickness[is_lava] - ground
-    if (
-        abs(off.mean()) <= MAX_DIFFERENCE * abs(ground.mean())
-        and off.std() <= MAX_DIFFERENCE * ground.std()
-    ):
+    if abs(off.mean()) <= 0.1 * abs(ground.mean()) and off.std() <= 0.1 * ground.std():
         expected = f'a thickness, not an elevation: it differs by only {off.mean():.3g} m on '
         expected += 'average from the elevation of the ground'
         raise LavaError(where, f'{float(thickness[is_lava].mean()):.6g} m on average', expected)

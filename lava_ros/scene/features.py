@@ -27,9 +27,6 @@ ENDINGS = (*vectors.ENDINGS, *TABLES)
 #: Columns of a table with coordinates, in the terrain's system and in degrees.
 PLACES = (('x', 'y'), ('lon', 'lat'))
 
-#: Columns of a table with well-known text.
-_WKT = ('wkt', 'geometry', 'geom', 'the_geom', 'shape')
-
 
 @dataclass(frozen=True, eq=False)
 class Feature:
@@ -151,7 +148,8 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
     wanted = [f'{name}{end}' for pair in PLACES for name in pair for end in ('', '_end')]
     columns, _ = understood(str(path), header, wanted)
     pairs = [pair for pair in PLACES if set(pair) <= set(columns)]
-    wkt = next((name for name in header if name.lower() in _WKT), None)
+    known = ('wkt', 'geometry', 'geom', 'the_geom', 'shape')
+    wkt = next((name for name in header if name.lower() in known), None)
     if len(pairs) + (wkt is not None) != 1:
         expected = ' or '.join(','.join(pair) for pair in PLACES)
         raise LavaError(f'{path}, first line', ','.join(header), f'the columns {expected} or wkt')

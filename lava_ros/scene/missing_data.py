@@ -34,9 +34,6 @@ MIN_GAP = 1000.0
 #: A step larger than any other [m].
 FAR = 1e30
 
-#: Number of bins in the search for a gap.
-_BINS = 1024
-
 #: Advice in errors, for ``format`` with the value.
 NODATA_ADVICE = (
     'if these cells have no data, --nodata {0} or terrain.nodata: {0} in a scene file declares '
@@ -82,10 +79,11 @@ def _far_value(known: np.ndarray, least: float) -> tuple[float, int]:
     low, high = float(known.min()), float(known.max())
     if not high - low > least:
         return low, 0
-    filled = np.flatnonzero(np.histogram(known, _BINS, (low, high))[0])
+    bins = 1024
+    filled = np.flatnonzero(np.histogram(known, bins, (low, high))[0])
     widest = np.argmax(np.diff(filled))
     middle = 0.5 * (filled[widest] + filled[widest + 1] + 1.0)
-    is_below = known < low + middle / _BINS * (high - low)
+    is_below = known < low + middle / bins * (high - low)
     below, above = known[is_below], known[~is_below]
     gap = float(above.min()) - float(below.max())
     if gap < least or gap <= 0.5 * (high - low):

@@ -3,18 +3,22 @@
 
 """Rasters and polygons from files, resampled to the cells of a terrain."""
 
+from collections.abc import Sequence
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import open_raster
+from lava_ros.files.rasters import open_raster, PICTURES
 from lava_ros.scene.features import read_features
 from lava_ros.scene.projection import coordinate_system, horizontal
 from lava_ros.scene.terrain import Terrain
+
+#: Maximum side of a picture at which it is read [pixels].
+MAX_PIXELS = 4000
 
 
 def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
@@ -28,7 +32,8 @@ def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndar
             or has an unknown coordinate system.
     """
     with open_raster(field, path) as source:
-        band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
+        band = source.read(1, masked=True).astype(np.float64) * source.scales[0]
+        band = (band + source.offsets[0]).filled(np.nan)
         place, crs, count = source.transform, source.crs, source.count
     if count != 1:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
@@ -37,6 +42,63 @@ def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndar
     if np.isnan(result[terrain.has_data]).all():
         raise LavaError(field, str(path), 'a raster with data on the terrain')
     return result
+
+
+class PlacedPicture(NamedTuple):
+    """A georeferenced picture.
+
+    Attributes:
+        path: Path of its file.
+        bands: Red, green and blue, uint8, masked arrays of shape [rows, columns].
+        place: Affine transformation of the rows and columns.
+        crs: Coordinate system, None for that of the terrain.
+    """
+
+    path: str
+    bands: Sequence[Any]
+    place: Any
+    crs: Any
+
+    def on(self, terrain: Terrain, *, field: str) -> np.ndarray:
+        """Return the colours of a terrain's cells, float64, [rows, columns, 3], NaN outside.
+
+        Raises:
+            LavaError: As ``resampled``.
+        """
+        options = {'field': field, 'method': 'bilinear'}
+        colours = [
+            resampled(terrain, values, self.place, self.crs, self.path, **options)
+            for values in (band.astype(np.float64).filled(np.nan) for band in self.bands)
+        ]
+        return np.stack(colours, axis=-1)
+
+
+def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
+    """Read a picture, a GeoTIFF, PNG or JPEG; return None if it is not georeferenced.
+
+    A file of more than ``MAX_PIXELS`` a side is thinned. Errors name ``field``.
+
+    Raises:
+        LavaError: If the file cannot be read, or does not have 8 bits a colour.
+    """
+    with open_raster(field, path, PICTURES) as source:
+        if source.transform.is_identity:
+            return None
+        if set(source.dtypes) != {'uint8'}:
+            raise LavaError(field, path, f'8 bits a colour, not {source.dtypes[0]}')
+        step = max(source.shape) // MAX_PIXELS + 1
+        rows, columns = (-(-side // step) for side in source.shape)
+        bands = source.read(out_shape=(source.count, rows, columns), masked=True)
+        place = source.transform
+        place *= place.scale(source.width / columns, source.height / rows)
+        if source.colorinterp[0].name == 'palette':
+            palette = np.zeros((256, 4), np.uint8)
+            for number, colour in source.colormap(1).items():
+                palette[number] = colour
+            numbers = bands[0]
+            bands = [np.ma.array(palette[numbers.data, i], mask=numbers.mask) for i in range(3)]
+        bands = bands[:3] if len(bands) > 2 else [bands[0]] * 3
+        return PlacedPicture(path, bands, place, source.crs)
 
 
 def resampled(

@@ -20,22 +20,14 @@ from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RA
 
 _LOG = logging.getLogger(__name__)
 
-#: EPSG code of WGS 84 longitude and latitude.
-WGS84 = 4326
-DEGREES = f'EPSG:{WGS84}'
+#: Longitude and latitude of WGS 84.
+DEGREES = 'EPSG:4326'
 
 #: Length of a degree of latitude [m].
 METRES_PER_DEGREE = 111_195.0
 
-#: Maximum latitude of UTM [degrees].
-MAX_UTM_LATITUDE = 84.0
-
 #: Smaller cells [m] in a file without a coordinate system are in degrees.
 SMALLEST_CELL = 0.05
-
-#: Maximum relative difference of lengths between a projected system and UTM: national grids differ
-#: by less than 0.1 %, Mercator at 60 degrees by 100 %.
-MAX_DISTORTION = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +64,12 @@ def system_name(epsg: int | None, wkt: str | None) -> str:
     """Return the EPSG code of a coordinate system, or its name if it has no code."""
     if epsg is not None:
         return f'EPSG:{epsg}'
-    return f'{[*wkt.split(chr(34)), "", ""][1]}, no EPSG code' if wkt else 'no coordinate system'
+    return f'{name_in_wkt(wkt)}, no EPSG code' if wkt else 'no coordinate system'
+
+
+def name_in_wkt(wkt: str) -> str:
+    """Return the name of a coordinate system; may be empty."""
+    return [*wkt.split('"'), '', ''][1]
 
 
 def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:
@@ -187,30 +184,27 @@ def _target_epsg(raster: Raster) -> int | None:
     y = raster.corner[1] + 0.5 * rows * raster.dy
     try:
         (longitude,), (latitude,) = transformed(crs, DEGREES, [x], [y])
+        zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
+        utm = int((32600 if latitude >= 0.0 else 32700) + zone)
+        if crs.is_projected:
+            places = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
     except ValueError as error:
         if not crs.is_geographic:
             return raster.epsg
         expected = f'a place on Earth in {raster.system} ({error})'
         raise LavaError('terrain file corner', raster.corner, expected) from error
-    if crs.is_projected and not abs(latitude) <= MAX_UTM_LATITUDE:
-        return raster.epsg
-    validation.number('terrain longitude', longitude, unit='degrees')
-    if not abs(latitude) <= MAX_UTM_LATITUDE:
+    if abs(latitude) > 84.0:
+        if crs.is_projected:
+            return raster.epsg
         expected = 'at most 84 degrees north or south, or metres'
         raise LavaError('terrain latitude', latitude, expected)
-    zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
-    utm = int((32600 if latitude >= 0.0 else 32700) + zone)
     if crs.is_projected:
-        try:
-            places = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
-        except ValueError:
-            return raster.epsg
         true = math.hypot(*(ends[1] - ends[0] for ends in places))
         if true == 0.0:
             expected = f'at least {SMALLEST_CELL:g} m'
             raise LavaError('terrain file cell size', raster.dx, expected)
-        # NaN, a place outside the domain of UTM, keeps the system
-        if not abs(raster.dx / true - 1.0) > MAX_DISTORTION:
+        # national grids stretch lengths by less than 0.1 %, Mercator at 60 degrees by 100 %
+        if abs(raster.dx / true - 1.0) <= 0.01:
             return raster.epsg
     return utm
 
@@ -221,15 +215,13 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
     Interpolation is cubic. Cells at least twice as large as those of the file are averages.
     """
     rasterio = rasterio_for('resampling')
-    source_crs = _crs(raster)
-    target_crs = source_crs if target == raster.epsg else rasterio.crs.CRS.from_epsg(target)
+    source_crs, is_same = _crs(raster), target == raster.epsg
+    target_crs = source_crs if is_same else rasterio.crs.CRS.from_epsg(target)
     rows, columns = raster.elevation.shape
-    west, south = raster.corner
-    east, north = west + columns * raster.dx, south + rows * raster.dy
-    if target_crs == source_crs:
-        native = min(raster.dx, raster.dy)
-        left, bottom, right, top = west, south, east, north
-    else:
+    left, bottom = west, south = raster.corner
+    right, top = east, north = west + columns * raster.dx, south + rows * raster.dy
+    native = min(raster.dx, raster.dy)
+    if not is_same:
         natural, width, height = rasterio.warp.calculate_default_transform(
             source_crs, target_crs, columns, rows, west, south, east, north
         )
@@ -238,7 +230,7 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
         left, top = natural.c, natural.f
         right, bottom = left + width * natural.a, top - height * natural.a
     cell = resolution or native
-    if target_crs != source_crs:
+    if not is_same:
         # corners at multiples of the cell size are easier to read
         left, bottom = math.floor(left / cell) * cell, math.floor(bottom / cell) * cell
     shape = (math.ceil((top - bottom) / cell - 1e-6), math.ceil((right - left) / cell - 1e-6))
@@ -265,8 +257,8 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
         dy=cell,
         corner=(left, bottom),
         epsg=target,
-        offset=raster.offset if target_crs == source_crs else None,
-        wkt=raster.wkt if target_crs == source_crs else None,
+        offset=raster.offset if is_same else None,
+        wkt=raster.wkt if is_same else None,
     )
 
 
@@ -278,22 +270,19 @@ def crop(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
         validation.number(f'terrain.window[{index}]', value, unit='m')
         for index, value in enumerate(window)
     )
-    rows, columns = raster.elevation.shape
-    west, south = raster.corner
-    first_column = max(math.floor((x0 - west) / raster.dx + 1e-6), 0)
-    first_row = max(math.floor((y0 - south) / raster.dy + 1e-6), 0)
-    last_column = min(math.ceil((x1 - west) / raster.dx - 1e-6), columns)
-    last_row = min(math.ceil((y1 - south) / raster.dy - 1e-6), rows)
-    if last_column - first_column < 2 or last_row - first_row < 2:
-        east, north = west + columns * raster.dx, south + rows * raster.dy
+    corner, cell = np.array(raster.corner), np.array((raster.dx, raster.dy))
+    size = raster.elevation.shape[::-1]
+    # columns and rows
+    first = np.clip(np.floor(((x0, y0) - corner) / cell + 1e-6), 0, size).astype(int)
+    last = np.clip(np.ceil(((x1, y1) - corner) / cell - 1e-6), 0, size).astype(int)
+    if min(last - first) < 2:
+        (west, south), (east, north) = corner, corner + size * cell
         expected = 'x0, y0, x1, y1 that overlap the file, which covers '
         expected += f'x {west:.0f} to {east:.0f} m and y {south:.0f} to {north:.0f} m'
         raise LavaError('terrain.window', tuple(window), expected)
-    return replace(
-        raster,
-        elevation=raster.elevation[first_row:last_row, first_column:last_column],
-        corner=(west + first_column * raster.dx, south + first_row * raster.dy),
-    )
+    west, south = (corner + first * cell).tolist()
+    part = np.s_[first[1] : last[1], first[0] : last[0]]
+    return replace(raster, elevation=raster.elevation[part], corner=(west, south))
 
 
 def is_degrees(place: Sequence[float]) -> bool:

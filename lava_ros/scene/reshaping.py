@@ -139,28 +139,33 @@ def read_barriers(
 def with_barriers(
     terrain: Terrain, barriers: Iterable[Barrier], *, is_told: bool = True
 ) -> Terrain:
-    """Raise a terrain by barriers, as ``with_barrier``; the higher one counts in an overlap."""
-    raised = terrain
-    for barrier in barriers:
-        alone = with_barrier(terrain, barrier, is_told=is_told)
-        raised = replace(
-            raised,
-            elevation=np.maximum(raised.elevation, alone.elevation),
-            barriers=(*raised.barriers, barrier.line),
-        )
-    return raised
-
-
-def with_barrier(terrain: Terrain, barrier: Barrier, *, is_told: bool = True) -> Terrain:
-    """Raise a terrain by a barrier.
+    """Raise a terrain by barriers; the higher one counts in an overlap.
 
     The ground rises by the full height within half the width of the line, and by less along the
     sides. A crest narrower than ``crest_on`` is widened to that, so that it has no gap, with a
     warning if ``is_told``.
 
     Raises:
-        LavaError: If the barrier raises no cell with data.
+        LavaError: If a barrier raises no cell with data.
     """
+    raised = terrain
+    for barrier in barriers:
+        higher = (terrain.elevation + _added(terrain, barrier, is_told)).astype(np.float32)
+        raised = replace(
+            raised,
+            elevation=np.maximum(raised.elevation, higher),
+            barriers=(*raised.barriers, barrier.line),
+        )
+    return raised
+
+
+def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
+    """Raise a terrain by one barrier, as ``with_barriers``."""
+    return with_barriers(terrain, [barrier])
+
+
+def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:
+    """Return the height that a barrier adds to the ground [m], shape [rows, columns]."""
     rows, columns = terrain.shape
     cell = terrain.resolution
     x, y = (
@@ -186,11 +191,7 @@ def with_barrier(terrain: Terrain, barrier: Barrier, *, is_told: bool = True) ->
             f'the crest of the barrier, {barrier.width:g} m wide, becomes {crest:.3g} m wide on '
             f'cells of {cell:g} m, so that it has no gap'
         )
-    return replace(
-        terrain,
-        elevation=(terrain.elevation + added).astype(np.float32),
-        barriers=(*terrain.barriers, barrier.line),
-    )
+    return np.asarray(added)
 
 
 def _distance_to_segment(
@@ -201,13 +202,6 @@ def _distance_to_segment(
     dx, dy = x[None, :] - start[0], y[:, None] - start[1]
     fraction = np.clip((dx * along[0] + dy * along[1]) / (along @ along), 0.0, 1.0)
     return np.hypot(dx - fraction * along[0], dy - fraction * along[1])
-
-
-#: Radius of the filter in standard deviations; the rest would weigh 1e-4.
-_TRUNCATION = 4.0
-
-#: Minimum standard deviation of the filter [cells]: a neighbour weighs exp(-50).
-_MIN_DEVIATION = 0.1
 
 
 def low_pass(terrain: Terrain, width: float) -> Terrain:
@@ -222,7 +216,8 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
     rows, columns = terrain.shape
     most = 0.25 * min(rows, columns) * terrain.resolution
     width = validation.number('low_pass', width, at_least=0.0, at_most=most, unit='m')
-    if width < _MIN_DEVIATION * terrain.resolution:
+    # a neighbour would weigh exp(-50)
+    if width < 0.1 * terrain.resolution:
         return terrain
     require('scipy', 'low_pass', width)
     from scipy.ndimage import gaussian_filter
@@ -232,7 +227,7 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
     level = float(np.mean(terrain.elevation[known], dtype=np.float64))
     cells = width / terrain.resolution
     heights, weights = (
-        gaussian_filter(values, cells, mode='constant', radius=math.ceil(_TRUNCATION * cells))
+        gaussian_filter(values, cells, mode='constant', radius=math.ceil(4.0 * cells))
         for values in (
             np.where(known, terrain.elevation - level, 0.0).astype(np.float64),
             known.astype(np.float64),

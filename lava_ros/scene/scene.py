@@ -19,7 +19,7 @@ from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
     Interval,
-    options_from_dict,
+    Options,
     read_effusion_rates,
     series_of_rates,
 )
@@ -36,9 +36,6 @@ _LOG = logging.getLogger(__name__)
 
 #: Maximum viscosity of erupting lava [Pa s], including the effect of crystals.
 MAX_VENT_VISCOSITY = 1e15
-
-#: Minimum and maximum acceleration of gravity [m/s2]: from a small moon to a star.
-GRAVITY_RANGE = (1e-3, 1e3)
 
 #: 0 Celsius [K].
 KELVIN = 273.15
@@ -66,7 +63,8 @@ class Scene:
     vents: tuple[Vent, ...] = ()
     lava: Lava = field(default_factory=default_lava)
     ambient_temperature: float = number(300.0, 'Temperature of the air', 100.0, 600.0, 'K')
-    gravity: float = number(9.81, 'Acceleration of gravity', *GRAVITY_RANGE, 'm/s2')
+    # from a small moon to a star
+    gravity: float = number(9.81, 'Acceleration of gravity', 1e-3, 1e3, 'm/s2')
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     emplaced_flows: tuple[EmplacedFlow, ...] = ()
     events: tuple[TerrainEvent, ...] = ()
@@ -289,7 +287,8 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         if not isinstance(name, str):
             raise LavaError(f'{label}.file', name, 'the name of a table')
         rest = {key: value for key, value in rate.items() if key != 'file'}
-        rates = read_effusion_rates(label, folder / name, options_from_dict(label, rest))
+        options = validation.build(Options, label, rest)
+        rates = read_effusion_rates(label, folder / name, options)
         read += rates
         vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
     error, uncertain = error_of_rates(read), data.get('uncertainty', {})

@@ -146,16 +146,21 @@ class Terrain:
         return cell is not None and bool(self.has_data[cell])
 
     def elevations_at(self, places: np.ndarray) -> np.ndarray:
-        """Return the elevation of the cells at map positions [m], NaN off the grid.
+        """Return the elevation of the cells at map positions [m], as ``values_at``."""
+        return self.values_at(self.elevation, places)
+
+    def values_at(self, values: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return the values of the cells at map positions [m], NaN off the grid.
 
         Args:
+            values: A map, shape [rows, columns].
             places: Map positions (x, y) [m], shape [..., 2].
         """
         cells = np.floor((places - np.asarray(self.origin)) / self.resolution)
         rows, columns = self.shape
         on_grid = ((cells >= 0) & (cells < (columns, rows))).all(axis=-1)
         column, row = np.moveaxis(np.where(on_grid[..., None], cells, 0).astype(np.int64), -1, 0)
-        return np.where(on_grid, self.elevation[row, column], np.nan)
+        return np.where(on_grid, values[row, column], np.nan)
 
     def covered(self, places: np.ndarray) -> np.ndarray:
         """Mark the map positions, shape [count, 2], on a cell with data: bool, shape [count]."""

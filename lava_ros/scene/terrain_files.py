@@ -53,12 +53,6 @@ UNITS = {
     for name in names.split(',')
 }
 
-#: Unit of heights in an old ESRI .prj file.
-_ZUNITS = re.compile(r'^\s*zunits\s+(\S+)', re.IGNORECASE | re.MULTILINE)
-
-#: Maximum number of characters read from a .prj file.
-MAX_PRJ = 1 << 16
-
 #: Demonstration terrain of the package.
 DEMO = Path(__file__).with_name('st_helens.npz')
 
@@ -77,12 +71,6 @@ RESOLUTION_CHECK = partial(validation.number, above=0.0, unit='m')
 
 #: Minimum elevation, and maximum elevation on Earth [m].
 LOWEST, HIGHEST = -12_000.0, 9_000.0
-
-#: Depth of a cell below all its neighbours, in cells, above which it is an error of the file.
-PIT_DEPTH = 2.0
-
-#: Maximum distance of interpolation into cells without data [cells].
-FILL_DISTANCE = 1000.0
 
 
 def terrain_path(name: str, folder: Path = Path()) -> Path:
@@ -288,9 +276,10 @@ def unit_of_band(source: Any, path: Path, *, of: str) -> tuple[str, float]:
     prj = path.with_suffix('.prj')
     if prj.is_file():
         with open_input(prj) as file:
-            text = file.read(MAX_PRJ).decode(errors='replace')
-        # "NO" means no heights
-        if (zunits := _ZUNITS.search(text)) and zunits[1].lower() != 'no':
+            text = file.read(1 << 16).decode(errors='replace')
+        # an old ESRI file; "NO" means no heights
+        zunits = re.search(r'^\s*zunits\s+(\S+)', text, re.IGNORECASE | re.MULTILINE)
+        if zunits and zunits[1].lower() != 'no':
             marks[zunits[1]] = UNITS.get(zunits[1].lower(), math.nan)
     factors = list(marks.values()) or [1.0]
     # the foot and the US survey foot differ by 2 parts in a million
@@ -371,7 +360,7 @@ def _log_summary(
 
 
 def _holes_and_pits(terrain: Terrain) -> np.ndarray:
-    """Mark enclosed cells without data, if scipy is installed, and deep pits: bool."""
+    """Mark enclosed cells without data, if scipy is installed, and pits two cells deep: bool."""
     holes = np.zeros(terrain.shape, dtype=bool)
     if not terrain.has_data.all() and is_installed('scipy'):
         from scipy.ndimage import binary_fill_holes
@@ -386,7 +375,7 @@ def _holes_and_pits(terrain: Terrain) -> np.ndarray:
     )
     # NaN propagates: cells next to a hole or the border are not pits
     lowest = reduce(np.minimum, neighbours)
-    return holes | (terrain.elevation < lowest - PIT_DEPTH * terrain.resolution)
+    return holes | (terrain.elevation < lowest - 2.0 * terrain.resolution)
 
 
 def _interpolate(terrain: Terrain, wrong: np.ndarray) -> np.ndarray:
@@ -396,7 +385,7 @@ def _interpolate(terrain: Terrain, wrong: np.ndarray) -> np.ndarray:
 
     known = terrain.has_data & ~wrong
     around = np.where(known, terrain.elevation, np.float32(0.0))
-    filled = fillnodata(around, mask=known, max_search_distance=FILL_DISTANCE)
+    filled = fillnodata(around, mask=known, max_search_distance=1000.0)
     return np.where(wrong, filled, terrain.elevation)
 
 

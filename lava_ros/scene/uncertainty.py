@@ -44,9 +44,6 @@ MAX_LENGTH = 1e6
 ROUGHNESS_CHECK = partial(validation.number, above=0.0, at_most=MAX_LENGTH, unit='m')
 PROBABILITY_CHECK = partial(validation.number, above=0.0, at_most=1e9)
 
-#: Minimum fraction of a distribution between its limits.
-MIN_FRACTION_INSIDE = 1e-3
-
 #: Kinds with infinite support, which may have limits.
 WITH_LIMITS = ('normal', 'lognormal')
 
@@ -109,7 +106,7 @@ class Distribution:
         object.__setattr__(self, 'limits', bounds)
         centre, width, low, high = self._as_normal()
         inside = _STANDARD.cdf((high - centre) / width) - _STANDARD.cdf((low - centre) / width)
-        if inside < MIN_FRACTION_INSIDE:
+        if inside < 1e-3:
             raise LavaError(where, bounds, 'limits with 0.1 % of the distribution between them')
 
     def _as_normal(self) -> tuple[float, ...]:

@@ -21,25 +21,22 @@ from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 #: Maximum discharge of a vent [m3/s]: a hundred times that of the largest flood basalts.
 MAX_DISCHARGE = 1e8
 
-#: Maximum radius of a vent [m].
-MAX_RADIUS = 1e5
-
-#: Maximum velocity of erupting lava [m/s].
-MAX_VENT_VELOCITY = 1e3
-
 #: Minimum and maximum eruption temperature [K]: from carbonatite to komatiite.
 VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
+
+#: Check of the temperature of erupting lava.
+TEMPERATURE_CHECK = partial(
+    validation.number,
+    at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
+)
 
 #: Check of each field of ``Vent`` that is a number or a pair of numbers, by name.
 VENT_CHECKS: Mapping[str, Callable[[str, object], object]] = {
     'position': partial(validation.pair, most=MAX_COORDINATE),
     'end': partial(validation.pair, most=MAX_COORDINATE),
-    'velocity': partial(validation.pair, unit='m/s', most=MAX_VENT_VELOCITY),
-    'radius': partial(validation.number, above=0.0, at_most=MAX_RADIUS, unit='m'),
-    'temperature': partial(
-        validation.number,
-        at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
-    ),
+    'velocity': partial(validation.pair, unit='m/s', most=1e3),
+    'radius': partial(validation.number, above=0.0, at_most=1e5, unit='m'),
+    'temperature': TEMPERATURE_CHECK,
 }
 
 #: Check of an effusion rate.
@@ -252,15 +249,6 @@ def vents_from_list(
 #: Maximum number of closed vents in a schedule, and of entries of a vent's series.
 MAX_CLOSED, MAX_SERIES = 100, 1000
 
-#: Maximum number of nearest vents with which a vent is compared.
-MAX_CANDIDATES = 16
-
-#: Maximum change of a vent's temperature that counts as sensor noise [K].
-_TEMPERATURE_NOISE = 10.0
-
-#: Maximum relative changes of a vent's radius and discharge that count as sensor noise.
-_RADIUS_NOISE, _DISCHARGE_NOISE = 0.1, 0.05
-
 
 def distances(vents: Sequence[Vent], others: Sequence[Vent]) -> Iterator[np.ndarray]:
     """Yield, for each vent, its distances from other vents [m], shape [others].
@@ -338,7 +326,7 @@ def match_vents(
     for new, vent, size, apart in zip(
         news, moved, extents(moved, least), distances(moved, candidates), strict=True
     ):
-        nearest = np.argsort(apart, kind='stable')[:MAX_CANDIDATES]
+        nearest = np.argsort(apart, kind='stable')[:16]
         for place in nearest[apart[nearest] <= np.maximum(sizes[nearest], size)]:
             old = candidates[place]
             is_other = not vent.name or vent.name != old.name
@@ -397,11 +385,11 @@ def are_alike(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
 
 
 def _is_alike(one: Vent, other: Vent) -> bool:
-    """Return True if two vents have about the same temperature, radius and velocity."""
+    """Return True if two vents differ only by noise in temperature and radius."""
     temperatures = [vent.temperature for vent in (one, other) if vent.temperature is not None]
     return (
-        max(temperatures, default=0.0) - min(temperatures, default=0.0) <= _TEMPERATURE_NOISE
-        and math.isclose(one.radius, other.radius, rel_tol=_RADIUS_NOISE)
+        max(temperatures, default=0.0) - min(temperatures, default=0.0) <= 10.0
+        and math.isclose(one.radius, other.radius, rel_tol=0.1)
         and one.velocity == other.velocity
     )
 
@@ -411,7 +399,7 @@ def _has_discharge_of(one: Vent, other: Vent) -> bool:
         return False
     (times, fluxes), (other_times, other_fluxes) = np.swapaxes([one.series, other.series], 1, 2)
     return np.array_equal(times, other_times) and np.allclose(
-        fluxes, other_fluxes, rtol=_DISCHARGE_NOISE, atol=0.0
+        fluxes, other_fluxes, rtol=0.05, atol=0.0
     )
 
 

@@ -14,55 +14,40 @@ def _after_hours(*limits: float) -> dict[str, Limits]:
 
 #: Relative errors. A bound is about 1.5 times the error measured on a CPU (docs/accuracy/cpu.csv,
 #: `lava verify --preset P`), or more if that error is small by chance: a change in any digit moves
-#: fronts by a part of a spacing. These are the sources of the errors:
+#: fronts by a part of a spacing. A quantity has one bound, or one for each preset starting with
+#: draft. The reference takes too long on a CPU: where it has no bound of its own, that of fine
+#: applies. Errors come from the spacing, the smoothing of fronts over a kernel radius, and where
+#: named:
 #:
-#: sheet: density summed over the lattice of particles; herschel_bulkley, material_laws: that
-#: error,
-#:     amplified by the power of the thickness and by the yield strength. critical_thickness: that
-#:     error, and the bisection.
-#: bingham_dome, ridge: smoothing of the front; less than 0.1 % of the way remains after
-#:     1e4 mu / tau_y.
-#: green: at 4 h the parabolic profile, 0.5 % below Stokes flow, and particles that are 1.5, 1.1
-#:     and 0.8 thicknesses apart; at 8 h and 20 h the cut-off at 6 / k.
-#: channel: at W/h 1 the parabolic profile, 2.8 % below Stokes flow; at 2.5 and above it is 0.4 %
-#: or
-#:     less. Solve: the particles across half of the channel, 7 to 11, 10 to 15, 14 to 21, whose
-#:     error has the other sign; green: that too, and at standard and finer the cut-off.
-#: pond: at rest particles still change places in the deep, at speeds that vary by chance; with the
-#:     balanced gradient of the reference only the error of the thin edge remains.
+#: herschel_bulkley, material_laws: the error of sheet, amplified by the power of the thickness and
+#:     by the yield strength.
+#: green, channel: the parabolic profile (0.5 % below Stokes flow at 4 h, 2.8 % at W/h 1), and the
+#:     cut-off at 6 / k from 8 h and W/h 6 on. In the channel the particles across have an error of
+#:     the other sign.
+#: pond: particles still change places in the deep, except with the balanced gradient of the
+#:     reference, where the error of the thin edge remains.
 #: radiating_sheet, latent_heat: the thickness. ground, crust: their laws, whatever the spacing.
-#: fixed_volume, constant_flux, plane_fixed_area: smoothing of the front; the scatter is that of
-#:     the lattice, and with a flux the vent adds noise of a part of a spacing.
 #: dam_break: the front is 5, 7 and 10 spacings from the dam; passed: one column of particles more
 #:     or less is 2, 1.5 and 1.1 %.
-#: slope_fixed_area: smoothing, then the terms that the solution neglects, 0.2 run-outs of 60.
-#: slope_flux: a front advances by rows of particles, and lava comes out at the ends of steps.
-#:     look_ahead: cells are reached by whole particles, at the ends of steps; in a single cell
-#:     also half of a step.
-#: lister: the spacing at the thin edge, and the two digits of the reference. At draft, x at 20 T
-#:     is one of two cells of the map by chance, 1.5 or 3.7 %; y is 1.5 % at standard on a GPU.
+#: slope_fixed_area: also the terms that the solution neglects. slope_flux, look_ahead: whole rows
+#:     of particles, at the ends of steps.
+#: lister: also the two digits of the reference. At draft, x at 20 T is one of two cells of the map
+#:     by chance, 1.5 or 3.7 %; y is 1.5 % at standard on a GPU.
 #: smith: the kernel radius, a third, a sixth and a twelfth of the half-width, and chance at the
-#:     edge, about 0.3 % in the spread at standard; the solution itself neglects 0.2 % by then.
+#:     edge; the solution itself neglects 0.2 % by then.
 #: freezing_lens: at the edge of the fluid part the sum over the neighbours is too small, so the
 #:     lava freezes too early.
 #: inertial_sheet: the time step, a fiftieth of the relaxation time over the refinement. ritter:
-#:     the tip, which thins out to less than a particle. stoker: the ends of the plateau, which are
-#:     smoothed over the width of a kernel.
-#: thacker: period: the edge, and a percent of the energy lost per period to the dissipation that
-#:     bores need, by particles that change places; growth: the leapfrog, see STEPS in inertia.py.
-#: viscous_heating: warming: density summed over the lattice; heat of spreading: the slope at the
-#:     end of a step is used for all of it, and the kernel lowers the centre. conduction: heat:
-#:     rounding.
-#: cooling_current: power: heat is still being stored.
+#:     the tip, which thins out to less than a particle.
+#: thacker: a percent of the energy lost per period to the dissipation that bores need; growth: the
+#:     leapfrog, see STEPS in inertia.py.
+#: viscous_heating: the slope at the end of a step is used for all of it, and the kernel lowers the
+#:     centre. conduction: heat: rounding. cooling_current: power: heat is still being stored.
 #: cooling_sheet: noise of the particles, and the scatter of temperatures at the source.
-#: cooling_front: smoothing of the front. cooling_plane: the kernel radius at the margins, which
-#:     are 2 m thick and at rest; fingers of hot lava at the front, by chance; the reference, which
-#:     changes by 3 % from cells of 2.5 m to 1.25 m.
+#: cooling_plane: margins 2 m thick and at rest; fingers of hot lava at the front, by chance; the
+#:     reference, which changes by 3 % from cells of 2.5 m to 1.25 m.
 #: silicone_oil: mean plus three standard deviations of 16 runs (6 at fine) whose discharges differ
 #:     by 1e-6; the uncertainty left by the paper is 4.7 % of the temperature at 0.5 radii.
-#:
-#: A quantity has one bound, or one for each preset starting with draft. The reference takes too
-#: long on a CPU: where it has no bound of its own, that of fine applies.
 BOUNDS: dict[str, dict[str, Limits]] = {
     'sheet': {f'speed at {slope} degrees': 0.001 for slope in (3, 10, 25)},
     'herschel_bulkley': {

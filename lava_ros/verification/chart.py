@@ -15,9 +15,6 @@ from lava_ros.files.pictures import new_figure, save_picture
 from lava_ros.maps.numbers import percent, seconds
 from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
 
-#: Minimum error that is drawn: below it is rounding.
-FLOOR = 1e-7
-
 _INK, _GREY, _FRONT = '#222222', '#9aa0a6', '#d1495b'
 
 #: Colours of the presets, starting with the fastest, and of the paper's.
@@ -87,7 +84,8 @@ def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> No
 
 
 def _places(found: Sequence[Point]) -> tuple[list[float], list[float]]:
-    return [point.cost for point in found], [max(point.least, FLOOR) for point in found]
+    # errors below 1e-7 are rounding
+    return [point.cost for point in found], [max(point.least, 1e-7) for point in found]
 
 
 def _set_limits(axes: Any, found: Sequence[Point]) -> None:

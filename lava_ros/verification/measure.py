@@ -31,15 +31,6 @@ from lava_ros.verification.rows import Row
 #: Accuracy of which a study changes single settings.
 STANDARD = PRESETS[DEFAULT].accuracy
 
-#: Refinements of the grid: 500, 2,000, 8,000 and 32,000 particles in the fixed volume's case.
-REFINEMENTS = (0.25, 0.5, 1.0, 2.0)
-
-#: Ratios of the grid: 20, 28, 38 and 64 neighbours.
-RATIOS = (2.5, 3.0, 3.5, 4.5)
-
-#: Values of a quick report: refinements, ratios and presets.
-QUICK_REFINEMENTS, QUICK_RATIOS, QUICK_PRESETS = (0.25, 0.5), (2.5, 3.5), ('draft', 'standard')
-
 #: Cases in which single settings are changed, and the paper's step of 0.01 s is used: its 200 s
 #: are 20,000 steps.
 KNOB_CASES = ('fixed_volume',)
@@ -47,25 +38,14 @@ KNOB_CASES = ('fixed_volume',)
 #: Cases in which the forms of the gradient are compared.
 GRADIENT_CASES = ('fixed_volume', 'pond')
 
-#: Kernel radii over the thickness at which a quick report studies the lateral stress.
-QUICK_RADII = ('l = 1 h', 'l = 6 h')
-
 #: Cases of even layers: the resolution hardly matters or no time passes, so only presets are run.
 EVEN_CASES = (
     'sheet', 'green', 'channel', 'radiating_sheet', 'ground', 'crust', 'latent_heat',
     'herschel_bulkley', 'critical_thickness', 'material_laws',
 )
 
-#: Refinements of the convergence study: every doubling from 2,000 particles to 128,000.
-DOUBLINGS = (0.5, 0.707, 1.0, 1.414, 2.0, 2.828, 4.0)
-
-#: Refinements at which the integrators are compared, and Courant numbers of the second-order
-#: integrator; Euler's steps are shorter than the limit of each of them.
-STEPPED, COURANT_NUMBERS = (1.0, 4.0), (0.5, 0.75, 1.0)
-
-#: The refinement at which the paper's kernel radius is 1 m in the case of the fixed volume, as in
-#: its table 3.1: 180,000 particles on a disc of 130 m are 1 m / 1.84 apart.
-LITERAL = 4.74
+#: Refinements at which the integrators are compared.
+STEPPED = (1.0, 4.0)
 
 #: Runs with a shorter total time are repeated [s].
 REPEATED_BELOW = 3.0
@@ -92,9 +72,10 @@ class Setting:
 
 def all_settings(*, quick: bool = False) -> list[Setting]:
     """Return the settings of a report, each accuracy once, from fast to slow."""
-    refinements: Sequence[float] = QUICK_REFINEMENTS if quick else REFINEMENTS
-    ratios: Sequence[float] = QUICK_RATIOS if quick else RATIOS
-    names: Sequence[str] = QUICK_PRESETS if quick else tuple(PRESETS)
+    # 500, 2,000, 8,000 and 32,000 particles of the fixed volume; 20, 28, 38 and 64 neighbours
+    refinements = [0.25, 0.5] if quick else [0.25, 0.5, 1.0, 2.0]
+    ratios = [2.5, 3.5] if quick else [2.5, 3.0, 3.5, 4.5]
+    names = ['draft', 'standard'] if quick else [*PRESETS]
     studied = [*convergence(), *stepping(), *paper_settings().values()]
     if quick:
         studied = [item for item in convergence() if item.refinement <= 1.0]
@@ -126,18 +107,22 @@ def one_at_a_time_settings(*, quick: bool = False) -> list[Accuracy]:
 
 
 def convergence() -> list[Accuracy]:
-    """Return the default preset at every doubling of the particles, from few to many.
+    """Return the default preset at every doubling of the particles, from 2,000 to 128,000.
 
     Steps are half as long as the preset's: at full length the error of the steps has the opposite
     sign and cancels part of that of the particles, a different part at each refinement.
     """
-    return [replace(STANDARD, refinement=size, courant_number=0.25) for size in DOUBLINGS]
+    refinements = (0.5, 0.707, 1.0, 1.414, 2.0, 2.828, 4.0)
+    return [replace(STANDARD, refinement=size, courant_number=0.25) for size in refinements]
 
 
 def stepping() -> list[Accuracy]:
-    """Return Euler, then the second-order integrator at several Courant numbers, by refinement."""
+    """Return Euler, then the second-order integrator at several Courant numbers, by refinement.
+
+    The steps of Euler are shorter than the limit of each of them.
+    """
     integrators: list[dict[str, Any]] = [{'integrator': 'euler'}]
-    integrators += [{'courant_number': number} for number in COURANT_NUMBERS]
+    integrators += [{'courant_number': number} for number in (0.5, 0.75, 1.0)]
     return [replace(STANDARD, refinement=size, **each) for size in STEPPED for each in integrators]
 
 
@@ -157,7 +142,8 @@ def paper_settings() -> dict[str, Accuracy]:
     more = (STANDARD.refinement / paper.refinement) ** 2
     return {
         '`as-published`': paper,
-        'l = 1 m, as in table 3.1': replace(paper, refinement=LITERAL),
+        # 180,000 particles of the fixed volume on a disc of 130 m are 1 m / 1.84 apart
+        'l = 1 m, as in table 3.1': replace(paper, refinement=4.74),
         '`as-published`, formulas corrected': corrected,
         f'and Wendland C2 over {_neighbours(wendland)} neighbours': wendland,
         'and steps that follow the limits': free,
@@ -218,7 +204,7 @@ def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
     return pairs + [
         (case, Setting(name, STANDARD))
         for name, case in EXPERIMENTS.items()
-        if not quick or name.endswith(QUICK_RADII)
+        if not quick or name.endswith(('l = 1 h', 'l = 6 h'))
     ]
 
 

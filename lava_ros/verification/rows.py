@@ -6,9 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-import csv
 from dataclasses import asdict, dataclass, fields
-from io import StringIO
 import math
 from pathlib import Path
 from statistics import median
@@ -16,7 +14,7 @@ from typing import Any
 
 from lava_ros.errors import LavaError
 from lava_ros.files import write_output
-from lava_ros.files.csv import read_table
+from lava_ros.files.csv import format_table, read_table
 from lava_ros.simulation.presets import PRESETS
 
 #: Called with the name of the next measurement and the completed fraction of the work, 0 to 1.
@@ -70,15 +68,14 @@ def write_csv(rows: Sequence[Any], path: Path) -> None:
     Raises:
         LavaError: If the file cannot be written.
     """
-    text = StringIO()
-    writer = csv.DictWriter(text, list(_columns(rows[0])), lineterminator='\n')
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({
+    texts = [
+        {
             name: f'{value:.6g}' if isinstance(value, float) else value
             for name, value in _columns(row).items()
-        })
-    write_output('output', path, text.getvalue())
+        }
+        for row in rows
+    ]
+    write_output('output', path, format_table(list(texts[0]), texts))
 
 
 def _columns(row: Any) -> dict[str, Any]:

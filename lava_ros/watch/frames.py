@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from enum import IntEnum
 import math
-import os
 from pathlib import Path
 import time
 from typing import NamedTuple
@@ -16,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lava_ros.bag.checkpoints import checkpoint_at
-from lava_ros.bag.reader import BagReader
+from lava_ros.bag.reader import BagReader, mcap_files
 from lava_ros.errors import LavaError, printable
 from lava_ros.files.resources import share_path
 from lava_ros.maps.frames import Frame, LayerFrame, Recording
@@ -30,7 +29,6 @@ SOURCES = ('thickness', 'temperature', 'hazard', ARRIVED, ARRIVAL, PROBABILITY)
 
 #: Minimum wall time between two reads of a bag [s], and as a multiple of the duration of a read.
 PERIOD, REST = 1.0, 5.0
-
 
 #: Commands to a node.
 COMMANDS = ('pause', 'resume', 'step', 'reset')
@@ -74,9 +72,8 @@ class Frames(ABC):
     def status(self) -> Status:
         """Status of the source."""
 
-    @abstractmethod
-    def poll(self) -> None:
-        """Read new data; never raises an error for invalid data."""
+    def poll(self) -> None:  # noqa: B027
+        """Read new data if there can be any; never raises an error for invalid data."""
 
     @abstractmethod
     def frame(self, index: int) -> Frame:
@@ -143,9 +140,6 @@ class EnsembleFrames(Frames):
 
     status = Status(Level.OK, '')
 
-    def poll(self) -> None:
-        """Do nothing: the maps do not change."""
-
     def frame(self, index: int) -> Frame:
         """Return the maps."""
         return self._frame
@@ -176,21 +170,26 @@ class BagFrames(Frames):
         self._path = Path(path)
         self._layers = watched_layers(('forecast.yaml',))
         self._recording: Recording | None = None
-        self._size: tuple[tuple[str, int], ...] = ()
+        self._size: dict[Path, int] = {}
         self._next_look = 0.0
 
     def poll(self) -> None:
         """Read the bag again if it has grown; a long read delays the next one."""
         begun = time.monotonic()
-        size = self._sizes()
-        if begun < self._next_look or size == self._size:
+        if begun < self._next_look:
             return
-        name = printable(str(self._path))
+        try:
+            size = {file: file.stat().st_size for file in mcap_files(self._path)}
+        except (OSError, LavaError):
+            # the writer may be between two files of the bag
+            return
+        if size == self._size:
+            return
         try:
             self._recording = Recording(self._path, more=self._layers)
             self.times = [item.time for item in self._recording.timeline.last_run] or [None]
             self.places = self._recording.places
-            self.status = Status(Level.OK, f'recorded in {name}')
+            self.status = Status(Level.OK, f'recorded in {printable(str(self._path))}')
         except LavaError as error:
             self.status = Status(Level.WARN, str(error))
         self._size = size
@@ -218,12 +217,3 @@ class BagFrames(Frames):
         particles = found.arrays['state.particle']
         positions = particles[:, :2] + found.scene.terrain.centre
         return np.column_stack([positions, particles[:, 3] - ZERO_CELSIUS])
-
-    def _sizes(self) -> tuple[tuple[str, int], ...]:
-        folder = self._path
-        files = sorted(folder.glob('*.mcap')) if folder.is_dir() else [folder]
-        try:
-            return tuple((item.name, os.stat(item).st_size) for item in files)
-        except OSError:
-            # the writer may be between two files of the bag
-            return self._size

@@ -23,8 +23,9 @@ from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
 from lava_ros.maps.plot import barriers_of, duration, shaded_ground
 from lava_ros.pages.runs import ENSEMBLE_MAPS
+from lava_ros.scene.on_terrain import read_placed_picture
 from lava_ros.watch.frames import COMMANDS, Frames, Level, Status
-from lava_ros.watch.surface import Ground, SIDE, values_at
+from lava_ros.watch.surface import Ground, SIDE
 
 #: Title and style of each map, in the order of the list.
 SHOWN = {
@@ -50,25 +51,41 @@ LIFT = np.array([0.0, 0.0, 0.0005 * SIDE], dtype=np.float32)
 
 _BARRIER = (61, 43, 31)
 
+#: Directions from the middle of the lava to the camera.
+_VIEWS = {'From above': (0.0, -0.001, 1.0), 'From the south': (0.0, -0.8, 0.6)}
+
 _LIGHTS = {Level.OK: '#2f9e44', Level.WARN: '#e8910c', Level.ERROR: '#e03131'}
 
 
 def relief(frame: Frame) -> np.ndarray:
     """Return the shaded relief of the ground, uint8, shape [y, x, 3]."""
-    step = -(-max(frame.elevation.shape) // MAX_PIXELS)
-    part = frame.elevation[::step, ::step]
-    coarse = replace(frame, elevation=part, resolution=step * frame.resolution)
-    return (255.0 * shaded_ground(coarse)[..., :3]).astype(np.uint8)
+    return (255.0 * shaded_ground(_coarse(frame))[..., :3]).astype(np.uint8)
 
 
 def draped(path: str) -> Callable[[Frame], np.ndarray]:
     """Return a function like ``relief`` that returns the picture of a file.
 
+    A picture that is not georeferenced covers exactly the terrain.
+
     Raises:
         LavaError: The file is not a readable picture.
     """
-    picture = np.asarray(read_picture('--drape', path, MAX_PIXELS).convert('RGB'))[::-1]
-    return lambda frame: picture
+    placed = read_placed_picture(path, field='--drape')
+    if placed is None:
+        picture = np.asarray(read_picture('--drape', path, MAX_PIXELS).convert('RGB'))[::-1]
+        return lambda frame: picture
+
+    def paint(frame: Frame) -> np.ndarray:
+        colours = placed.on(_coarse(frame).terrain, field='--drape')
+        return np.where(np.isfinite(colours), np.rint(colours), relief(frame)).astype(np.uint8)
+
+    return paint
+
+
+def _coarse(frame: Frame) -> Frame:
+    step = -(-max(frame.elevation.shape) // MAX_PIXELS)
+    part = frame.elevation[::step, ::step]
+    return replace(frame, elevation=part, resolution=step * frame.resolution)
 
 
 class Page:
@@ -94,9 +111,10 @@ class Page:
             control: Whether the page can send commands to the node.
         """
         self._client, self._frames, self._picture = client, frames, picture
-        self._version, self._ticks, self._problem = -1, 0, ''
+        self._version, self._ticks = -1, 0
+        self._problem: Status | None = None
         self._time: float | None = None
-        self._asked: deque[Any] = deque(maxlen=8)
+        self._asked: deque[Callable[[], Any]] = deque(maxlen=8)
         self._drawn: tuple[Any, ...] = ()
         self._ground: Ground | None = None
         self._frame: Frame | None = None
@@ -115,8 +133,8 @@ class Page:
         self.play = gui.add_checkbox('Play', False)
         self.stretch = gui.add_slider('Vertical scale', 1.0, 5.0, 0.25, 1.0)
         self.particles = gui.add_checkbox('Particles', False)
-        self._button('From above', self.look_down)
-        self._button('From the south', self.look_north)
+        for name, direction in _VIEWS.items():
+            self._button(name, partial(self._look, direction))
         self.values = gui.add_html(_box('Click on the ground for its values.'))
         if control:
             with gui.add_folder('Control'):
@@ -127,7 +145,7 @@ class Page:
         self._control = control
         with gui.add_folder('Diagnostics', expand_by_default=False):
             self.facts = gui.add_html('')
-        client.scene.on_click()(self._asked.append)
+        client.scene.on_click()(lambda event: self._asked.append(partial(self._click, event)))
 
     def _button(self, text: str, act: Callable[[], Any]) -> None:
         self._client.gui.add_button(text).on_click(lambda _: self._asked.append(act))
@@ -135,8 +153,7 @@ class Page:
     def update(self) -> None:
         """Process clicks, and show new frames and changed choices."""
         while self._asked:
-            asked = self._asked.popleft()
-            asked() if callable(asked) else self._click(asked)
+            self._asked.popleft()()
         if self._control:
             _set(self.answer, 'content', _box(escape(self._frames.answer)))
         if self._frames.times:
@@ -146,16 +163,14 @@ class Page:
                 self.particles.value,
             )
             if wanted != self._drawn:
-                self._drawn, self._problem = wanted, ''
+                self._drawn, self._problem = wanted, None
                 try:
                     with self._client.atomic():
                         self._show(index)
                 except LavaError as error:
-                    self._problem = str(error)
-        problem = Status(Level.ERROR, self._problem) if self._problem else None
-        if self._frames.times:
+                    self._problem = Status(Level.ERROR, str(error))
             _set(self.facts, 'content', _table(self._frames.facts(index)))
-        level, words = problem or self._frames.status
+        level, words = self._problem or self._frames.status
         _set(self.status, 'content', _box(escape(words), f'color: {_LIGHTS[level]}'))
 
     def _move(self) -> int:
@@ -178,7 +193,7 @@ class Page:
         return value
 
     def _show(self, index: int) -> None:
-        whole = self._frames.frame(index)
+        self._frame = whole = self._frames.frame(index)
         self._time = whole.time
         maps = _maps(whole)
         names = {SHOWN[source][0]: source for source in SHOWN if source in maps}
@@ -195,9 +210,9 @@ class Page:
                 '/ground', ground.mesh(), cast_shadow=False
             )
         if is_first:
-            self.look_north()
+            self._look(_VIEWS['From the south'])
         _set(self._nodes['/ground'], 'scale', self._scale)
-        self._frame = frame = ground.cut(whole)
+        frame = ground.cut(whole)
         title, facts = map(escape, self._frames.titles(frame))
         last = self._frames.times[-1]
         so_far = '' if last is None else f' of {duration(last)} so far'
@@ -205,16 +220,15 @@ class Page:
             # a withdrawn forecast is a map without known cells
             facts += ' · <b>nothing on this map now</b>'
         _set(self.title, 'content', _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px'))
-        self._draw_lava(ground, '' if self.particles.value else source)
-        self._draw_particles(ground, index)
+        self._draw_lava(ground, frame, '' if self.particles.value else source)
+        self._draw_particles(ground, whole, index)
         self._draw_labels(ground, frame)
         self._draw_values()
 
-    def _draw_lava(self, ground: Ground, source: str) -> None:
+    def _draw_lava(self, ground: Ground, frame: Frame, source: str) -> None:
         drawn = []
         if source:
-            assert self._frame is not None
-            maps, (title, style) = _maps(self._frame), SHOWN[source]
+            maps, (title, style) = _maps(frame), SHOWN[source]
             scale = scale_of(style, maps[source])
             _set(self.legend, 'content', _legend(title, style, scale))
             blocks = ground.blocks(maps[source])
@@ -229,7 +243,7 @@ class Page:
                 )
         self._drop('/lava', drawn)
 
-    def _draw_particles(self, ground: Ground, index: int) -> None:
+    def _draw_particles(self, ground: Ground, whole: Frame, index: int) -> None:
         points = self._frames.particles(index) if self.particles.value else None
         if points is None or not len(points):
             self._drop('/particles')
@@ -240,10 +254,10 @@ class Page:
         xy, celsius = points[:, :2], points[:, 2]
         scale = scale_of('temperature', celsius)
         _set(self.legend, 'content', _legend('Particles', 'temperature', scale))
-        z = ground.elevation_at(xy)
-        if self._frame is not None and 'thickness' in self._frame.layers:
-            thickness = self._frame.layers['thickness'].values
-            z += np.nan_to_num(values_at(self._frame, thickness, xy))
+        z = ground.terrain.elevations_at(xy)
+        if 'thickness' in whole.layers:
+            thickness = whole.layers['thickness'].values
+            z += np.nan_to_num(ground.terrain.values_at(thickness, xy))
         colours = (255.0 * scale.colours(scale.norm(celsius))[:, :3]).astype(np.uint8)
         self._nodes['/particles'] = self._client.scene.add_point_cloud(
             '/particles', ground.placed(xy, z) + LIFT, colours,
@@ -262,7 +276,7 @@ class Page:
         self._drop('/labels')
         for number, (text, place) in enumerate(labels):
             at = np.array([place])
-            if np.isfinite(ground.elevation_at(at)).all():
+            if ground.terrain.covered(at).all():
                 name = f'/labels/{number}'
                 self._nodes[name] = scene.add_label(
                     name, text, position=ground.placed(at)[0] * self._scale,
@@ -279,23 +293,23 @@ class Page:
         """Write the values of the clicked place, and mark it."""
         if self._place is None or self._ground is None or self._frame is None:
             return
-        ground, place = self._ground, self._place[None]
+        ground, place, maps = self._ground, self._place, _maps(self._frame)
         rows = {
-            'x, y': f'{place[0, 0]:.0f} m, {place[0, 1]:.0f} m',
-            'Elevation': f'{ground.elevation_at(place)[0]:.0f} m',
+            'x, y': f'{place[0]:.0f} m, {place[1]:.0f} m',
+            'Elevation': f'{ground.terrain.elevations_at(place):.0f} m',
         }
-        maps = _maps(self._frame)
         for source, (title, style) in SHOWN.items():
             if source in maps:
-                value = float(values_at(self._frame, maps[source], place)[0])
-                known = duration(value) if style == 'arrival' and math.isfinite(value) else (
-                    f'{value:.3g} {STYLES[style].label}'
-                )
-                rows[title] = known if math.isfinite(value) else 'none'
+                value = float(ground.terrain.values_at(maps[source], place))
+                words = f'{value:.3g} {STYLES[style].label}'
+                if math.isfinite(value):
+                    rows[title] = duration(value) if style == 'arrival' else words
+                else:
+                    rows[title] = 'none'
         _set(self.values, 'content', _table(rows))
         self._client.scene.add_icosphere(
             '/place', 0.004 * SIDE, color=(255, 255, 255), cast_shadow=False,
-            position=ground.placed(place)[0] * self._scale,
+            position=ground.placed(place[None])[0] * self._scale,
         )
 
     def _click(self, event: Any) -> None:
@@ -309,18 +323,11 @@ class Page:
             if self._control and self.opens.value:
                 self._frames.open_vent(*place.tolist())
 
-    def look_down(self) -> None:
-        """Show the ground around the lava from above, north at the top."""
-        self._look(np.array([0.0, -0.001, 1.0]))
-
-    def look_north(self) -> None:
-        """Show the ground around the lava from the south."""
-        self._look(np.array([0.0, -0.8, 0.6]))
-
-    def _look(self, direction: np.ndarray) -> None:
+    def _look(self, direction: tuple[float, float, float]) -> None:
+        """Show the ground around the lava from a direction."""
         if self._ground is not None:
             middle, size = self._ground.middle
-            self._client.camera.position = middle * self._scale + 1.1 * size * direction
+            self._client.camera.position = middle * self._scale + 1.1 * size * np.array(direction)
             self._client.camera.look_at = middle * self._scale
 
     @property

@@ -63,6 +63,7 @@ class Server:
 
     Attributes:
         port: Port at which it listens.
+        pages: The page of each browser, by number.
     """
 
     def __init__(self, frames: Frames, port: int, **options: Any) -> None:
@@ -77,7 +78,7 @@ class Server:
             LavaError: The port is in use.
         """
         self._frames, self._options = frames, options
-        self._pages: dict[int, Page] = {}
+        self.pages: dict[int, Page] = {}
         try:
             listener = socket.create_server((ADDRESS, port))
         except OSError as error:
@@ -95,11 +96,11 @@ class Server:
         """Read new frames, and update the pages of the browsers that are there."""
         self._frames.poll()
         clients = self._server.get_clients()
-        self._pages = {
-            number: self._pages.get(number) or Page(client, self._frames, **self._options)
+        self.pages = {
+            number: self.pages.get(number) or Page(client, self._frames, **self._options)
             for number, client in clients.items()
         }
-        for page in self._pages.values():
+        for page in self.pages.values():
             page.update()
 
     def run(self, ended: Event, on_update: Callable[[], None]) -> None:
@@ -121,8 +122,7 @@ def _guarded(listener: socket.socket) -> Iterator[None]:
     serve = websocket_server.serve
     log = logging.getLogger('lava_ros.watch.requests')
     # a refused or malformed request is not an error of this program
-    log.propagate = False
-    log.addHandler(logging.NullHandler())
+    log.disabled = True
 
     def serve_own(
         handler: Any, host: str, port: int, *, process_request: Callable[..., Any], **options: Any

@@ -15,6 +15,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from lava_ros.maps.frames import Frame
+from lava_ros.scene import Terrain
 
 #: Rows or columns of blocks along a side if there is no lava, and maximum number of corners.
 COARSE, MAX_CORNERS = 128, 500_000
@@ -31,10 +32,10 @@ class Ground:
 
     def __init__(self, frame: Frame, picture: np.ndarray) -> None:
         """Initialize from a frame and the colours of its ground, uint8, shape [y, x, 3]."""
-        self._frame, self._shape = frame, np.array(frame.elevation.shape)
+        self.terrain = Terrain(frame.elevation, frame.resolution, frame.origin)
+        self._elevation, self._shape = frame.elevation, np.array(self.terrain.shape)
         self.cell = SIDE / float(self._shape.max())
-        known = frame.elevation[np.isfinite(frame.elevation)]
-        self._low, self._high = float(known.min()), float(known.max())
+        self._low, self._high = np.nanmin(frame.elevation), np.nanmax(frame.elevation)
         self._picture = Image.fromarray(picture[::-1])
         # trimesh then stores it as JPEG
         self._picture.format = 'JPEG'
@@ -42,10 +43,10 @@ class Ground:
 
     def is_of(self, frame: Frame) -> bool:
         """Return True if a frame has the same ground."""
-        own, same = self._frame, np.array_equal
+        own = self.terrain
         return (frame.resolution, frame.origin) == (own.resolution, own.origin) and (
-            frame.elevation is own.elevation
-            or same(frame.elevation, own.elevation, equal_nan=True)
+            frame.elevation is self._elevation
+            or np.array_equal(frame.elevation, self._elevation, equal_nan=True)
         )
 
     def fit(self, maps: Sequence[np.ndarray], vents: np.ndarray) -> bool:
@@ -55,10 +56,15 @@ class Ground:
             maps: Values of the cells, NaN where there is nothing to show.
             vents: Map positions [m], shape [vents, 2].
         """
-        cells = np.array([
-            (np.argmax(known), len(known) - np.argmax(known[::-1]))
-            for known in self._reached(maps, vents)
-        ])
+        reached = np.zeros(self._shape, dtype=bool)
+        for values in maps:
+            reached |= np.isfinite(values)
+        for place in vents[self.terrain.covered(vents)].tolist():
+            reached[self.terrain.cell_at(*place)] = True
+        if not reached.any():
+            reached[:] = True
+        ends = [np.flatnonzero(reached.any(axis=axis))[[0, -1]] for axis in (1, 0)]
+        cells = np.add(ends, (0, 1))
         if (self._window[:, 0] <= cells[:, 0]).all() and (cells[:, 1] <= self._window[:, 1]).all():
             return False
         margin = np.maximum(MARGIN * np.diff(cells)[:, 0], MIN_MARGIN).astype(int)
@@ -73,11 +79,9 @@ class Ground:
             for edges, (a, b) in zip(self._edges, self._window, strict=True)
         )
         # the cells on both sides of each edge
-        sides = [
-            (np.maximum(edges - 1, 0), np.minimum(edges, count - 1))
-            for edges, count in zip(self._edges, self._shape, strict=True)
-        ]
-        self._z = _mean([self._frame.elevation[np.ix_(a, b)] for a in sides[0] for b in sides[1]])
+        around = np.pad(self._elevation, 1, mode='edge')
+        rows, columns = self._edges
+        self._z = _mean([around[np.ix_(rows + i, columns + j)] for i in (0, 1) for j in (0, 1)])
         return True
 
     def _edges_with(self, step: int) -> list[np.ndarray]:
@@ -146,31 +150,27 @@ class Ground:
         place = self._positions(self._window.mean(axis=1))
         return self.placed(place[None])[0], float(np.diff(self._window).max()) * self.cell
 
-    def elevation_at(self, places: np.ndarray) -> np.ndarray:
-        """Return the elevation at map positions [m], NaN off the map."""
-        return values_at(self._frame, self._frame.elevation, places)
-
     def placed(self, places: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
         """Return map positions [m] in the view, float32, [points, 3]; None: on the ground."""
-        z = self.elevation_at(places) if z is None else z
-        off = places - self._positions(0.5 * self._shape)
+        z = self.terrain.elevations_at(places) if z is None else z
+        off = places - self.terrain.centre
         at = np.column_stack([off, np.nan_to_num(z, nan=self._low) - self._low])
-        return (at * (self.cell / self._frame.resolution)).astype(np.float32)
+        return (at * (self.cell / self.terrain.resolution)).astype(np.float32)
 
     def hit(self, start: np.ndarray, along: np.ndarray) -> np.ndarray | None:
         """Return where a ray of the view, without exaggeration, first meets the ground [m]."""
         if not along[2] < 0.0:
             return None
-        scale = self._frame.resolution / self.cell
+        scale = self.terrain.resolution / self.cell
         z = np.linspace(min((self._high - self._low) / scale, start[2]), 0.0, 8192)
         places = start[:2] + ((z - start[2]) / along[2])[:, None] * along[:2]
-        places = places * scale + self._positions(0.5 * self._shape)
-        below = np.flatnonzero(z * scale + self._low <= self.elevation_at(places))
+        places = places * scale + self.terrain.centre
+        below = np.flatnonzero(z * scale + self._low <= self.terrain.elevations_at(places))
         return places[below[0]] if len(below) else None
 
     def _positions(self, cells: np.ndarray) -> np.ndarray:
         """Return the map positions x, y [m] of rows and columns of edges."""
-        return self._frame.origin + self._frame.resolution * cells[..., ::-1]
+        return self.terrain.origin + self.terrain.resolution * cells[..., ::-1]
 
     def _triangles(
         self, shown: np.ndarray, edges: Sequence[np.ndarray], z: np.ndarray
@@ -186,26 +186,6 @@ class Ground:
         cells = np.stack([edges[0][row], edges[1][column]], axis=-1)
         points = self.placed(self._positions(cells), z[row, column])
         return cells, points, (np.cumsum(is_used, dtype=np.uint32) - np.uint32(1))[faces]
-
-    def _reached(self, maps: Sequence[np.ndarray], vents: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield which rows, and which columns, have something to show; all if none has."""
-        at = np.floor((vents - self._frame.origin) / self._frame.resolution).astype(int)
-        for axis, count in enumerate(self._shape):
-            known = np.zeros(count, dtype=bool)
-            for values in maps:
-                known |= np.isfinite(values).any(axis=1 - axis)
-            mine = at[:, 1 - axis]
-            known[mine[(mine >= 0) & (mine < count)]] = True
-            yield known if known.any() else ~known
-
-
-def values_at(frame: Frame, cells: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the values of a frame's cells at map positions [m], NaN off the map."""
-    column, row = np.floor((places - frame.origin) / frame.resolution).astype(np.int64).T
-    is_on = (row >= 0) & (column >= 0) & (row < cells.shape[0]) & (column < cells.shape[1])
-    result = np.full(len(places), np.nan)
-    result[is_on] = cells[row[is_on], column[is_on]]
-    return result
 
 
 def _corners(cells: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -6,14 +6,12 @@
 from collections.abc import Iterator
 from itertools import islice, pairwise
 from pathlib import Path
-import sys
-import threading
 
 import pytest
 
 from bag.conftest import Bag, SECOND, small_bag
 from lava_ros.bag import BagReader
-from lava_ros.bag.replay import LOOP_PAUSE, pace, schedule, Step, StopRequest
+from lava_ros.bag.replay import LOOP_PAUSE, pace, schedule, Step
 from lava_ros.errors import LavaError
 
 
@@ -127,28 +125,6 @@ def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
     ]
     assert back[0] == pytest.approx(1.5)
     assert back[1].round == 1
-
-
-def test_stop_may_be_requested_at_any_line_of_a_wait() -> None:
-    """A signal handler runs in the waiting thread, between any two of its lines."""
-    stop, lines = StopRequest(), []
-
-    def handle(frame: object, event: str, _: object) -> object:
-        lines.append(event)
-        stop.set()
-        return handle
-
-    def wait() -> None:
-        sys.settrace(handle)
-        stop.wait(0.01)
-        sys.settrace(None)
-
-    thread = threading.Thread(target=wait, daemon=True)
-    thread.start()
-    thread.join(60.0)
-    assert not thread.is_alive()
-    assert len(lines) > 3
-    assert stop.is_set() and stop.wait(0.0)
 
 
 def test_stop_ends_a_loop(bag: Bag) -> None:

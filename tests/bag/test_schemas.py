@@ -14,6 +14,7 @@ import pytest
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 import yaml
 
+from lava_ros.bag import BagMessage, Topic
 from lava_ros.bag.decoding import Decoder, Grid, read_grid
 from lava_ros.bag.qos import (
     INFINITE_NS,
@@ -23,7 +24,6 @@ from lava_ros.bag.qos import (
     profiles_to_yaml,
     QosProfile,
 )
-from lava_ros.bag.reader import BagMessage, Topic
 from lava_ros.bag.schemas import message_schema
 from lava_ros.errors import LavaError
 from lava_ros.ros import codec
@@ -167,7 +167,7 @@ def message(frame_id: str = 'map') -> BagMessage:
 def read(item: BagMessage) -> Grid:
     """Decode a grid with the definition of its type."""
     schema = message_schema('nav_msgs/msg/OccupancyGrid')
-    topic = Topic(item.topic, schema.name, LATCHED, 1, schema)
+    topic = Topic(item.topic, schema, LATCHED, 1)
     bag: Any = SimpleNamespace(path='bag', topics={item.topic: topic})
     return read_grid(Decoder(bag), item)
 

@@ -4,9 +4,7 @@
 """Written bags of one or several files, as other readers read them."""
 
 from collections.abc import Callable
-import os
 from pathlib import Path
-from typing import Any
 
 from mcap.reader import make_reader
 from mcap.records import Metadata
@@ -23,7 +21,6 @@ from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 from lava_ros.bag.recovery import recover
 from lava_ros.bag.replay import schedule
 from lava_ros.bag.schemas import message_schema
-from lava_ros.bag.writer import _Directory
 from lava_ros.errors import LavaError
 
 
@@ -296,10 +293,8 @@ def test_splits_a_bag_by_duration(split: Bag) -> None:
 def test_rosbags_reads_a_split_bag(split: Bag, tmp_path: Path) -> None:
     directory, written = split
     with AnyReader([directory]) as reader:
-        assert reader.message_count == len(written) + 2
         read = [(conn.topic, time, bytes(data)) for conn, time, data in reader.messages()]
-    assert [time for _, time, _ in read] == sorted(time for _, time, _ in read)
-    assert set(written) <= set(read)
+    assert len(read) == len(written) + 2 and set(written) <= set(read)
     for path in sorted(directory.glob('*.mcap')):
         alone = tmp_path / path.stem
         alone.mkdir()
@@ -311,11 +306,6 @@ def test_rosbags_reads_a_split_bag(split: Bag, tmp_path: Path) -> None:
         first = next(source.messages())
         assert (first.topic, first.data) == ('/terrain', written[0][2])
         assert first.publish_ns == 100 * SECOND
-        recover(source, tmp_path / f'{path.stem}_bag')
-        with AnyReader([tmp_path / f'{path.stem}_bag']) as reader:
-            for connection, _, data in reader.messages():
-                grid = reader.deserialize(data, connection.msgtype)
-                assert grid.info.width == 60
 
 
 def test_splits_a_bag_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
@@ -410,22 +400,3 @@ def test_error_between_two_files_keeps_the_finished_ones(
     writer.close()
     with Reader(tmp_path / 'bag') as reader:
         assert reader.message_count == 1
-
-
-def test_check_reports_a_directory_that_is_moved_during_the_check(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    directory, stat, asked = _Directory(tmp_path / 'bag'), os.stat, list[Path]()
-
-    def moved_then(path: Path, **options: Any) -> os.stat_result:
-        found = stat(path, **options)
-        if not asked:
-            os.rename(tmp_path / 'bag', tmp_path / 'moved')
-        asked.append(path)
-        return found
-
-    with directory.create('bag_0.mcap') as file, monkeypatch.context() as patch:
-        patch.setattr('lava_ros.bag.writer.os.stat', moved_then)
-        with pytest.raises(OSError, match='bag was removed, moved or replaced'):
-            directory.check(file)
-    directory.close()

@@ -16,7 +16,6 @@ from unittest.mock import Mock
 import pytest
 
 from command_line import done, lava, refused
-from lava_ros.cli.effects import step_costs
 from lava_ros.effects import EFFECTS
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import bounds, cases, measure
@@ -184,14 +183,6 @@ def test_effects_can_be_forced():
     assert lines['inertia'] == ['on', 'forced']
     assert lines['steep'] == ['-', 'forced']
     assert 'effects.slope' in refused('effects', '--on', 'slope')
-
-
-def test_committed_costs_of_effects_are_consistent():
-    assert step_costs()['bare'] == 1.0
-    for path in (ROOT / 'docs/benchmarks').glob('effects_*.csv'):
-        for row in table(path):
-            assert float(row['low']) <= float(row['value']) <= float(row['high'])
-            assert row['unit'] and row['machine'] and row['command'].startswith('lava bench')
 
 
 def test_bench_effects_writes_its_table(tmp_path, monkeypatch):

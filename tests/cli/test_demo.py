@@ -54,29 +54,6 @@ def test_demo_refuses_a_domain_in_use(monkeypatch):
         ros.domain_of(None)
 
 
-@pytest.mark.nightly
-def test_demo_records_a_bag(tmp_path):
-    output, result = run(tmp_path, '--duration', '900', '--max-speed', '300')
-    assert 'volume emitted' in output
-    assert result == json.loads((tmp_path / 'bags/demo/demo.json').read_text())
-    assert result['simulated_time'] == pytest.approx(900.0)
-    # three vents with 100 m3/s together
-    assert result['volume_emitted'] == pytest.approx(100.0 * 900.0)
-    parts = result['volume_held'] + result['volume_left'] + result['volume_frozen']
-    assert parts == pytest.approx(result['volume_emitted'], rel=1e-5)
-    # a busy machine may be slower than --max-speed, but not faster
-    assert 0.0 < result['speed'] < 330.0
-    assert result['particles'] > 10
-    assert result['inundated_area_m2'] >= result['standing_area_m2'] > 1000.0
-    assert result['height_maps_received'] >= 2
-    assert imread(tmp_path / 'bags/demo/demo.png').shape[2] in (3, 4)
-    with AnyReader([tmp_path / 'bags/demo']) as reader:
-        counts = {item.topic: item.msgcount for item in reader.connections}
-    assert counts['/terrain'] >= 1
-    assert counts['/vents'] >= 1
-    assert min(counts[name] for name in ('/height', '/temperature', '/hazard')) >= 2
-
-
 def test_observatory_tutorial_runs_as_written(tmp_path, monkeypatch):
     page = (ROOT / 'docs/tutorials/own_dem.md').read_text(encoding='utf-8')
     example = [sys.executable, ROOT / 'examples/observatory_files.py']

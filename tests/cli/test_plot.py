@@ -170,17 +170,6 @@ def test_maps_older_than_the_requested_time_are_noted(bag, tmp_path, caplog, und
     assert 'time' not in plot(tmp_path, bag)['notes'] and 'the newest' not in caplog.text
 
 
-def test_onset_gives_dates_in_utc_and_local_time(ensemble, tmp_path, undrawn):
-    onset = ('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Rome')
-    bag = record(tmp_path / 'flow', config=GRIDS)
-    notes = plot(tmp_path, bag, '--layers', 'arrival', '--time', '600', *onset)['notes']
-    assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
-    assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
-    assert notes['isochrones'].startswith('5 min: 2006-07-14 22:05 UTC (2006-07-15 00:05 CEST)')
-    notes = plot(tmp_path, ensemble, '--onset', '2026-01-01T13:00+01:00', *onset[2:])['notes']
-    assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
-
-
 def test_onset_of_a_bag_gives_dates(tmp_path, caplog, undrawn):
     stated = {'onset': '2006-07-14T22:00:00Z'}
     bag = record(tmp_path / 'flow', config=GRIDS, custom_data=stated)
@@ -228,14 +217,6 @@ def test_extents_in_degrees_and_metres_agree(bag, tmp_path, monkeypatch):
     first, second = (call.kwargs['extent'] for call in drawn.mock_calls)
     assert first == metres
     np.testing.assert_allclose(second, metres, rtol=0.0, atol=0.5)
-
-
-def test_report_of_a_bag_refuses_page_options(bag, tmp_path):
-    for option, value in (
-        ('--overlay', 'a.csv'), ('--scale', '1:2000'), ('--author', 'A'), ('--logo', 'a.png')
-    ):
-        assert f'{option} is' in refused('report', bag, '-o', tmp_path / 'a.html', option, value)
-    assert not (tmp_path / 'a.html').exists()
 
 
 def test_refuses_an_unfinished_ensemble(ensemble, tmp_path):
@@ -296,3 +277,22 @@ def test_info_has_the_simulated_time_and_volumes(bag):
     output = json.loads(done('info', bag, '--json', '-'))['simulation']
     assert output['time'] == 800.0
     assert output['volume_held_m3'] == pytest.approx(volume, rel=1e-6)
+
+
+def test_onset_gives_dates_in_utc_and_local_time(ensemble, tmp_path, undrawn):
+    onset = ('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Rome')
+    bag = record(tmp_path / 'flow', config=GRIDS)
+    notes = plot(tmp_path, bag, '--layers', 'arrival', '--time', '600', *onset)['notes']
+    assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
+    assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
+    assert notes['isochrones'].startswith('5 min: 2006-07-14 22:05 UTC (2006-07-15 00:05 CEST)')
+    notes = plot(tmp_path, ensemble, '--onset', '2026-01-01T13:00+01:00', *onset[2:])['notes']
+    assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
+
+
+def test_report_of_a_bag_refuses_page_options(bag, tmp_path):
+    for option, value in (
+        ('--overlay', 'a.csv'), ('--scale', '1:2000'), ('--author', 'A'), ('--logo', 'a.png')
+    ):
+        assert f'{option} is' in refused('report', bag, '-o', tmp_path / 'a.html', option, value)
+    assert not (tmp_path / 'a.html').exists()

@@ -45,9 +45,9 @@ class Received(LiveFrames):
         taker.callback(message)
 
     def deliver_ground(self):
-        messages = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START)
+        messages = outputs.terrain_messages(TERRAIN, codec.header('map', START))
         ground = replace(TERRAIN, barriers=[BARRIER])
-        markers = vent_markers((VENT,), 0.0, ground, frame_id='map', stamp_ns=START)
+        markers = vent_markers((VENT,), 0.0, ground, codec.header('map', START))
         for topic, message in {**messages, 'vents_markers': markers}.items():
             self.deliver(topic, message)
 
@@ -57,7 +57,7 @@ class Received(LiveFrames):
         snapshot = snapshot_at(time_s, growing(time_s), TERRAIN)
         for source in sources:
             layer = LAYERS[source]
-            message = outputs.layer_message(layer, snapshot, frame_id='map', stamp_ns=stamp)
+            message = outputs.layer_message(layer, snapshot, codec.header('map', stamp))
             self.deliver(layer.topic, message)
 
     def deliver_status(self, second, simulated, name='etna/lava'):
@@ -104,6 +104,7 @@ def test_maps_become_frames_of_their_time(live):
     (vent,) = frame.scene['vents']
     assert vent['name'].startswith('open: 10 m3/s')
     np.testing.assert_allclose(vent['position'], VENT.position)
+    assert (frame.terrain.epsg, frame.terrain.offset) == (TERRAIN.epsg, TERRAIN.offset)
     (crest,) = barriers_of(frame)
     np.testing.assert_allclose(crest, np.subtract(BARRIER, TERRAIN.offset))
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation.astype(np.float32))
@@ -116,6 +117,29 @@ def test_maps_become_frames_of_their_time(live):
     assert live.times == []
 
 
+def test_receives_particles_only_while_they_are_shown(live, monkeypatch):
+    live.deliver_ground()
+    for second in (1, 2):
+        live.deliver_maps(second, 'thickness')
+        live.deliver_status(second, 100.0 * second)
+    assert live.particles(1) is None
+    columns = {'x': [10.0, 20.0], 'y': [90.0, 95.0], 'temperature': [900.0, 950.0]}
+    version = live.version
+    live.deliver('lava_particles', codec.point_cloud(columns, codec.header('map', START)))
+    assert live.version > version
+    # only the newest ones are kept
+    assert live.particles(0) is None
+    assert live.particles(1).tolist() == [[10.0, 90.0, 900.0], [20.0, 95.0, 950.0]]
+    live.poll()
+    topic = '/etna/lava_particles'
+    assert topic in {item.topic_name for item in live._node.subscriptions}
+    monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
+    live.poll()
+    assert topic not in {item.topic_name for item in live._node.subscriptions}
+    live.deliver_status(3, 0.0)
+    assert live._particles is None
+
+
 def test_probabilities_belong_to_later_frames(live, monkeypatch):
     monkeypatch.setattr(live_frames, 'MAX_FRAMES', 4)
     live.deliver_ground()
@@ -123,7 +147,7 @@ def test_probabilities_belong_to_later_frames(live, monkeypatch):
         if second == 3:
             cells = np.full(TERRAIN.shape, 40, dtype=np.int8)
             cells[0] = -1
-            info = codec.map_metadata(TERRAIN, START)
+            info = codec.map_metadata(TERRAIN, codec.time_message(START))
             grid = codec.occupancy_grid(cells, info, codec.header('map', START))
             live.deliver(LAYERS[PROBABILITY].topic, grid)
         live.deliver_maps(second, 'thickness')
@@ -158,7 +182,10 @@ def test_status_reports_each_fault(live, monkeypatch):
     assert live.status.level is not Level.ERROR
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
     assert 'the node has been silent for' in live.status.words
+    # the node is back
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
+    live.deliver_status(3, 0.0)
+    assert live.status == (Level.OK, 'etna/lava: running')
     error = DiagnosticArray(status=[DiagnosticStatus(name='etna/lava: simulation', level=b'\2')])
     live.deliver('/diagnostics', error)
     assert live.status == (Level.ERROR, 'etna/lava: ')

@@ -6,7 +6,6 @@
 from collections import namedtuple
 import importlib.metadata
 import json
-from pathlib import Path
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -22,7 +21,6 @@ from lava_ros.files.resources import share_path
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from project import EXTRAS, PROJECT
 
-ROOT = Path(__file__).parents[2]
 Usage = namedtuple('Usage', 'total used free')
 Version = namedtuple('Version', 'major minor micro')
 
@@ -51,12 +49,6 @@ def test_packages_equal_those_of_pyproject():
         assert f'{name}>={lowest},<{untried}' in requirements, name
     required = {Requirement(item).name for item in PROJECT['dependencies']}
     assert required == {name for name, _, _, extra in doctor.PACKAGES if not extra}
-
-
-def test_versions_are_compared_as_numbers():
-    for higher, lower in (('1.19.0', '1.9'), ('6.0.3', '6'), ('10', '9.9')):
-        assert doctor._parts(higher) > doctor._parts(lower)
-    assert doctor._parts('1.3.10') == (1, 3, 10) and doctor._parts('2.0.0rc1') == (2, 0)
 
 
 def test_missing_and_untested_packages_are_reported(monkeypatch):
@@ -289,23 +281,14 @@ def test_findings_are_written_as_json(findings, tmp_path):
     assert status == 2 and '--json' in output
 
 
-def test_every_check_runs_without_ros_and_gpu(tmp_path):
-    code = (
-        'import importlib.util, sys\n'
-        'find = importlib.util.find_spec\n'
-        "hidden = ('rclpy', 'nav_msgs', 'diagnostic_msgs')\n"
-        'importlib.util.find_spec = lambda name, *rest: None if name in hidden else find(name)\n'
-        'for name in hidden: sys.modules[name] = None\n'
-        'from lava_ros.cli.main import main\n'
-        "sys.exit(main(['doctor', '--json', '-', '--msg-config', 'none.yaml']))\n"
-    )
-    ended = subprocess.run(
-        [sys.executable, '-c', code], cwd=ROOT,
-        env={'PATH': '/usr/bin', 'HOME': str(tmp_path), 'CUDA_VISIBLE_DEVICES': ''},
-        capture_output=True, text=True, timeout=300, check=False,
-    )
-    assert ended.returncode == 1, ended.stderr
-    levels = {item['check']: item for item in json.loads(ended.stdout)}
+def test_every_check_runs_without_ros(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
+    for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs'):
+        monkeypatch.setitem(sys.modules, name, None)
+    status, output, errors = lava('doctor', '--json', '-', '--msg-config', 'none.yaml')
+    assert status == 1, errors
+    levels = {item['check']: item for item in json.loads(output)}
     names = 'python packages ros discovery dds qos gpu kernel_cache disk clock'
     assert set(levels) == {name.replace('_', ' ') for name in names.split()}
     assert levels['ros']['level'] == levels['dds']['level'] == FAIL

@@ -70,7 +70,7 @@ def test_heat_is_conserved_to_rounding(device, step, jitter):
     assert after.volume @ after.temperature == pytest.approx(heat, rel=1e-13)
 
 
-@pytest.mark.parametrize('step', [1.0, 60.0, 1e4, 1e9])
+@pytest.mark.parametrize('step', [60.0, 1e9])
 @pytest.mark.parametrize('jitter', [0.0, 1.0])
 def test_temperatures_stay_in_their_range(device, step, jitter):
     simulation = layer(step_at, jitter=jitter, longest_step=step, device=device)

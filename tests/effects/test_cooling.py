@@ -36,8 +36,3 @@ def test_cooling_is_second_order_in_time():
         abs(cooled(lava, 10.0, longest_step=step)[0] - reference) for step in (7200.0, 3600.0)
     ]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.3)
-
-
-def test_temperature_is_constant_without_heat_loss():
-    lava = Lava(viscosity=1e14, emissivity=0.0, convection=0.0)
-    assert cooled(lava, 10.0, longest_step=600.0)[0] == 1423.0

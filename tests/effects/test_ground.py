@@ -3,23 +3,14 @@
 
 """Heat that the ground takes from lava."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from effects.columns import (
-    AIR,
-    check_range,
-    check_steps,
-    HOT,
-    HOUR,
-    precisions,
-    still_columns,
-)
-from lava_ros.scene import Lava, Vent
+from effects.columns import AIR, check_range, check_steps, HOT, HOUR, precisions, still_columns
+from lava_ros.scene import Lava
 from lava_ros.verification import exact
-from solver import flat, only, simulated
+from solver import only
 
 GROUND = only('ground')
 
@@ -48,23 +39,3 @@ def test_column_on_the_ground_follows_the_exact_solution(device, precision):
     assert expected[-1] < AIR + 0.3 * 1123.0
     assert found[:, 0] == pytest.approx(expected, abs=0.005 * 1123.0)
     assert HOT - found[:, 0] == pytest.approx(HOT - expected, rel=0.008)
-
-
-def test_long_steps_do_not_cool_below_the_ground(device):
-    (found,), _ = still_columns(
-        GROUNDED, GROUND, [HOT, AIR, 250.0], [3e10], longest_step=1e9, device=device
-    )
-    assert AIR <= found[0] < 600.0
-    assert found[1] == pytest.approx(AIR)
-    assert 250.0 < found[2] <= AIR
-
-
-def test_later_lava_is_hotter_on_the_ground():
-    lava = replace(GROUNDED, viscosity=1e3, arrhenius=0.0)
-    vent = Vent((0.0, 0.0), 5.0)
-    simulation = simulated(flat(40, 10.0), lava, vent, effects=GROUND, spacing=10.0)
-    simulation.advance(1500.0)
-    sample = simulation.sample()
-    distance = np.hypot(*sample.position.T)
-    is_near = distance < np.median(distance)
-    assert sample.temperature[~is_near].mean() < sample.temperature[is_near].mean() < HOT

@@ -14,10 +14,9 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.particles.layout import ADVECTION
 from lava_ros.verification import exact
 from lava_ros.verification.cases.sheets import response
-from solver import flat, lattice, only, simulated
+from solver import only, simulated
 
 LAVA = Lava(viscosity=1e4, arrhenius=0.0)
 
@@ -62,18 +61,6 @@ def test_no_speed_exceeds_the_largest_local_speed():
         simulation = simulated(terrain, LAVA, given, effects=effects, spacing=1.0, thickness=2.0)
         speeds.append(np.abs(simulation.sample().velocity).max())
     assert 0.0 < speeds[1] <= speeds[0]
-
-
-def test_step_length_follows_the_reduced_speed():
-    simulation = simulated(
-        flat(20), replace(LAVA, viscosity=1e8), Particles(lattice(3.0), 50.0, 1400.0),
-        effects=only('helmholtz'), spacing=1.0, thickness=50.0,
-    )
-    speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
-    reach = simulation.solver.stage.constants.reach
-    simulation.advance(1e-3)
-    rates = simulation.solver.state.rates.numpy()
-    assert rates[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
 
 
 def test_lateral_drag_is_that_of_a_parabolic_profile():

@@ -82,15 +82,14 @@ def test_yielding_velocity_on_a_slope_has_two_components(degrees, strength):
     assert sample.velocity == pytest.approx(velocity, rel=1e-4, abs=1e-5)
 
 
-@pytest.mark.parametrize('integrator', ['rkl2', 'euler'])
-def test_slump_of_a_dome_does_not_depend_on_the_step(device, integrator):
+def test_slump_of_a_dome_does_not_depend_on_the_step(device):
     strength, density, count = 1e4, 2600.0, 800
     solution = exact.BinghamDome(1.5e5, strength, density, 9.81)
     lava = Lava(density=density, viscosity=1e4, yield_strength=strength, arrhenius=0.0)
     dome = Particles(solution.particles(count, 70.0), 1.5e5 / count, 1400.0)
     spacing = solution.radius * math.sqrt(math.pi / count)
     radii = []
-    for courant, method in ((0.5, integrator), (0.1, 'euler')):
+    for courant, method in ((0.5, 'rkl2'), (0.1, 'euler')):
         simulation = simulated(
             flat(50, 6.0), lava, dome, effects=YIELDING, device=device, spacing=spacing,
             thickness=4.7, ratio=3.5, courant_number=courant, integrator=method,

@@ -5,7 +5,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-import shutil
 import socket
 from typing import Any
 
@@ -238,18 +237,6 @@ def test_rejects_ambiguous_text_grid(tmp_path: Path, body: str, message: str) ->
         load_terrain(_write_text(tmp_path / 'a.asc', body))
 
 
-def test_text_grid_ignores_line_breaks(tmp_path: Path) -> None:
-    terrain = load_terrain(_write_text(tmp_path / 'a.asc', '1 2\n3 4\r\n5 6'))
-    np.testing.assert_array_equal(terrain.elevation, [[4, 5, 6], [1, 2, 3]])
-
-
-def test_rejects_a_binary_grid_without_a_header(tmp_path: Path) -> None:
-    path = write_format(tmp_path, 'ESRI binary grid')
-    shutil.move(path.with_suffix('.hdr'), tmp_path / 'other.hdr')
-    with pytest.raises(LavaError, match='a raster that GDAL can read'):
-        load_terrain(path)
-
-
 @pytest.mark.parametrize('name', ['ESRI ASCII grid', 'ESRI binary grid'])
 def test_rejects_a_header_without_position_or_cell_size(tmp_path: Path, name: str) -> None:
     path = write_format(tmp_path, name)
@@ -262,13 +249,3 @@ def test_rejects_a_header_without_position_or_cell_size(tmp_path: Path, name: st
         header.write_text(whole.replace(line, ''))
         with pytest.raises(LavaError, match='is missing, expected a line of the header'):
             load_terrain(path)
-
-
-def test_warns_of_unknown_header_lines(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = write_format(tmp_path, 'ESRI binary grid')
-    with path.with_suffix('.hdr').open('a') as file:
-        file.write('NO_DATA -1\n')
-    load_terrain(path)
-    assert 'ground.hdr: lines that are not understood are ignored: NO_DATA' in caplog.text

@@ -15,7 +15,6 @@ import signal
 import sys
 from typing import Any
 
-from distributed import Client, LocalCluster
 import numpy as np
 import pytest
 
@@ -262,6 +261,8 @@ def test_local_processes_do_not_listen_and_survive_a_kill(small: Any, tmp_path: 
 
 @pytest.mark.nightly
 def test_killed_worker_of_a_cluster_loses_no_member(small: Any, tmp_path: Path) -> None:
+    from distributed import Client, LocalCluster
+
     runs, whole = small
     killed: list[int] = []
     with LocalCluster(

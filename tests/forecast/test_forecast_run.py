@@ -3,7 +3,6 @@
 
 """A forecast equals the run of the simulation that it was forked from."""
 
-from dataclasses import replace
 import math
 
 import numpy as np
@@ -97,15 +96,3 @@ def test_names_the_invalid_option():
     ahead = ahead_of(checkpoint, 'cpu', max_particles=checkpoint.particle_count + 5)
     with pytest.raises(LavaError, match='max_particles'):
         ahead.run()
-
-
-def test_fork_does_not_change_the_simulation():
-    ends = []
-    for forks in (False, True):
-        simulation = flowing('cpu', Effects())
-        if forks:
-            checkpoint = simulation.checkpoint()
-            ahead_of(replace(checkpoint), 'cpu', horizon=20.0).run()
-        simulation.advance(300.0)
-        ends.append(simulation.snapshot().thickness)
-    np.testing.assert_array_equal(*ends)

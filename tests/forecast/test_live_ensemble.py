@@ -15,7 +15,7 @@ from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.live_ensemble import FIRST_MAPS, LiveEnsemble, LiveEnsembles
 from lava_ros.forecast.members import plan_from, run_members
 from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of, reached_by
-from lava_ros.forecast.sampling import draw_members
+from lava_ros.forecast.sampling import draw_members, Posterior
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
@@ -66,7 +66,7 @@ def outline_of(checkpoint: Checkpoint, index: int, after: float) -> Outline:
 def test_live_members_equal_those_of_an_ensemble(moments: list[Checkpoint]) -> None:
     ensemble = LiveEnsemble(moments[0], members=MEMBERS, **RULES)
     assert (ensemble.count, ensemble.asked, ensemble.progress) == (0, MEMBERS, 0.0)
-    maps = run(ensemble).maps(None)
+    maps = run(ensemble).maps()
     plan = plan_from(moments[0], horizon=120.0, threshold=0.01)
     tally = EnsembleAccumulator(plan)
     for fields in run_members(plan, draw_members(SCENE, MEMBERS), device='cpu'):
@@ -78,7 +78,7 @@ def test_live_members_equal_those_of_an_ensemble(moments: list[Checkpoint]) -> N
 def test_leaves_out_members_that_would_be_late(moments: list[Checkpoint]) -> None:
     ensemble = run(LiveEnsemble(moments[0], members=MEMBERS, deadline=1e-3, **RULES))
     assert (ensemble.count, ensemble.asked) == (1, MEMBERS)
-    assert ensemble.maps(None).members == 1
+    assert ensemble.maps().members == 1
     assert run(LiveEnsemble(moments[0], members=2, deadline=1e4, **RULES)).count == 2
     with pytest.raises(LavaError, match='member 0 is .*max_particles'):
         run(LiveEnsemble(moments[0], members=2, max_particles=3, **RULES))
@@ -101,7 +101,7 @@ class Bench:
         return self.take_answers()
 
     def order(self, number: int, checkpoint: Checkpoint, **changes: Any) -> None:
-        usual = {'changes': 1, 'agreement': None, 'outlines': 0, 'members': MEMBERS, **RULES}
+        usual = {'changes': 1, 'posterior': None, 'outlines': 0, 'members': MEMBERS, **RULES}
         self.ensembles.order(checkpoint, number=number, **usual | changes)
 
     def take_answers(self) -> list[dict[str, Any]]:
@@ -110,7 +110,15 @@ class Bench:
         return answers
 
 
-def test_outline_weighs_members_of_this_and_later_ensembles(moments: list[Checkpoint]) -> None:
+def discharges(posterior: Posterior) -> np.ndarray:
+    """Return the logarithms of the factors of the next members."""
+    drawn = draw_members(SCENE, 64, posterior=posterior)
+    return np.log([member.discharge for member in drawn])
+
+
+def test_outline_weighs_members_and_the_next_are_drawn_near_them(
+    moments: list[Checkpoint],
+) -> None:
     bench, outline = Bench(), outline_of(moments[0], 2, 60.0)
     first = bench.run(1, moments[0])
     assert [item['maps'].members for item in first] == [FIRST_MAPS, MEMBERS]
@@ -120,29 +128,63 @@ def test_outline_weighs_members_of_this_and_later_ensembles(moments: list[Checkp
     bench.ensembles.observe(7, outline)
     weighed, again = bench.take_answers()
     assert (weighed['answer'], weighed['number'], weighed['outlines']) == ('weighed', 7, 1)
-    assert int(np.argmax(weighed['agreement'])) == 2
+    parents, weights = weighed['posterior'].parents, weighed['posterior'].weights
+    assert len(parents) == MEMBERS and int(np.argmax(weights)) == 2
     assert 0.0 < weighed['jaccard_mean'] < 1.0
+    assert weighed['effective_before'] == MEMBERS
     assert (again['answer'], again['number'], again['outlines']) == ('ensemble', 1, 1)
     assert again['maps'].effective_members < MEMBERS - 1.0
+
+    posterior = weighed['posterior']
+    assert posterior.effective_members == pytest.approx(again['maps'].effective_members)
+    truth, drawn = np.log(parents[2].discharge), discharges(posterior)
+    before = np.log([member.discharge for member in draw_members(SCENE, 64)])
+    assert np.abs(drawn - truth).mean() < 0.7 * np.abs(before - truth).mean()
 
     later = bench.run(2, moments[1])
     # maps of fewer members would be worse than the current ones
     assert [(item['number'], item['maps'].members) for item in later] == [(2, MEMBERS)]
-    assert later[0]['maps'].effective_members == pytest.approx(again['maps'].effective_members)
-    # the ensemble with the longest run distinguishes members best
+    assert later[0]['maps'].effective_members == MEMBERS
+    assert later[0]['outlines'] == 1
+    # the members of the newest population are those that have learnt from the first outline
     bench.ensembles.observe(8, outline_of(moments[0], 2, 90.0))
     sharper, latest = bench.take_answers()
-    assert (sharper['outlines'], latest['number']) == (2, 2)
-    assert int(np.argmax(sharper['agreement'])) == 2
+    assert (sharper['outlines'], latest['number'], latest['outlines']) == (2, 2, 2)
+    assert sharper['posterior'].parents == draw_members(SCENE, MEMBERS, posterior=posterior)
+    assert latest['maps'].effective_members < MEMBERS
+    assert np.abs(discharges(sharper['posterior']) - truth).mean() < np.abs(drawn - truth).mean()
+    # an outline from before their start weights the earlier members
+    bench.ensembles.observe(9, outline_of(moments[0], 2, 29.0))
+    old, _ = bench.take_answers()
+    assert old['posterior'].parents == parents and old['outlines'] == 2
+    assert old['posterior'].generation == sharper['posterior'].generation + 1
 
     other = bench.run(3, moments[0], changes=2)
-    assert other[-1]['maps'].effective_members == pytest.approx(MEMBERS)
+    assert [member.discharge for member in parents] == [
+        member.discharge for member in draw_members(SCENE, MEMBERS)
+    ]
     assert other[-1]['outlines'] == 0
-    # a restarted process receives the known weights
+    assert other[-1]['maps'].probability.tolist() == first[-1]['maps'].probability.tolist()
+    # a restarted process receives the known distribution
     restarted = Bench().run(
-        1, moments[0], agreement=sharper['agreement'], outlines=sharper['outlines']
+        1, moments[1], posterior=posterior, outlines=sharper['outlines']
     )
-    assert restarted[-1]['maps'].effective_members < MEMBERS - 1.0
+    assert same(restarted[-1]['maps'], later[0]['maps'])
+    assert restarted[-1]['outlines'] == 2
+
+
+def test_outlines_that_come_late_are_not_forgotten(moments: list[Checkpoint]) -> None:
+    bench = Bench()
+    bench.run(1, moments[0])
+    bench.ensembles.observe(1, outline_of(moments[0], 2, 20.0))
+    bench.run(2, moments[1])
+    # from before the start of the new members, which therefore know nothing of it
+    bench.ensembles.observe(2, outline_of(moments[0], 2, 29.0))
+    bench.take_answers()
+    bench.ensembles.observe(3, outline_of(moments[0], 2, 90.0))
+    weighed, _ = bench.take_answers()
+    assert weighed['outlines'] == 3
+    assert weighed['posterior'].parents == draw_members(SCENE, MEMBERS)
 
 
 def test_an_outline_waits_for_an_ensemble_or_is_refused(moments: list[Checkpoint]) -> None:

@@ -131,32 +131,6 @@ def test_stopped_run_is_completed_by_a_coarser_one(constant, effects):
         assert found.spent == stopped.spent and not found.is_done
 
 
-def test_run_stopped_at_once_gives_a_rough_cost():
-    found = completed(_grown(1.0, 1e-3, until=0.011), _grown(0.3, 1e-3))
-    assert 0.3 < found.wall_time / _grown(1.0, 1e-3).wall_time < 3.0
-
-
-def test_cost_of_runs_without_particles_at_the_start():
-    def waiting(refinement):
-        run = _grown(refinement, 0.0)
-        fraction, times, evaluations, particles = run.progress.T
-        particles = np.where(fraction < 0.2, 0.0, particles)
-        # a line fitted to these times would have a negative constant
-        times = np.where(fraction < 0.2, 1e-6 * fraction, times**1.3)
-        progress = np.stack([fraction, times, evaluations, particles], axis=1)
-        return replace(run, wall_time=times[-1] + 0.1, progress=progress)
-
-    whole = waiting(1.0)
-    begun = replace(whole, progress=whole.progress[:120], covered=whole.covered[:1])
-    with np.errstate(all='raise'):
-        assert cost_at([waiting(0.5)], 1.0) == pytest.approx(whole.wall_time, rel=0.6)
-        found = completed(begun, waiting(0.5))
-        assert found.wall_time == pytest.approx(whole.wall_time, rel=0.3)
-        assert np.isfinite(cost_at([waiting(0.5), found], 1.2))
-        waits = completed(replace(begun, progress=whole.progress[:30]), waiting(0.5))
-        assert waits.wall_time == pytest.approx(whole.wall_time, rel=0.9)
-
-
 @pytest.mark.parametrize('order', [0.8, 1.0, 1.3])
 @pytest.mark.parametrize('scatter', [0.0, 0.5, 2.0])
 def test_error_law_of_biased_and_scattered_edges(order, scatter):

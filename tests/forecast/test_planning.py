@@ -26,16 +26,11 @@ SCENE = Scene(
 )
 
 
-def _machine(
-    monkeypatch, base=2e-4, each=1e-7, slow_from=None, slower=4.0, worse=0.0, leap=np.inf,
-    late=1.0, error=lambda refinement: 0.04 / refinement,
-):
+def _machine(monkeypatch, base=2e-4, each=1e-7, slow_from=None, slower=4.0, worse=0.0):
     """Replace runs by those of a machine of known speed; return the list of pilots as they run.
 
     At or above the refinement ``slow_from`` the scene needs effects that take ``slower`` times
-    as long. Evaluations grow exponentially with ``worse``. Above the refinement ``leap`` runs
-    take four times as long; at or above 1 they take ``late`` times as long after 0.4 of their
-    time.
+    as long. Evaluations grow exponentially with ``worse``.
     """
     asked = []
     usual = pilots.spacing_at(SCENE, 1.0, 3600.0)
@@ -53,14 +48,12 @@ def _machine(
         # particles are emitted at a constant rate
         fraction = np.linspace(0.0, 1.0, 41)
         times = evaluations * (base * fraction + each * particles * fraction**2)
-        times *= (slower if effects == SLOW else 1.0) * (4.0 if refinement > leap else 1.0)
-        if refinement >= 1.0:
-            times += (late - 1.0) * np.maximum(times - np.interp(0.4, fraction, times), 0.0)
+        times *= slower if effects == SLOW else 1.0
         columns = [fraction, times, evaluations * fraction, particles * fraction]
         progress = np.stack(columns, axis=1)[: np.count_nonzero(times <= wall_limit) + 1]
         spent = progress[-1, 1]
         # 10000 cells are right; all errors are beyond their border
-        covered = np.arange(20_000) < 10_000.0 * (1.0 + error(refinement))
+        covered = np.arange(20_000) < 10_000.0 * (1.0 + 0.04 / refinement)
         covered = np.tile(covered, (int(N_COMPARISON_TIMES * progress[-1, 0] + 1e-9), 1, 1))
         return Pilot(refinement, spent, progress[-1, 2], effects, covered, spent, 0.0, progress)
 
@@ -141,34 +134,6 @@ def test_plan_may_switch_off_a_slow_effect(monkeypatch):
         assert plan.refinement <= affordable.WITHOUT * 0.9
         assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.05)
         assert plan.wall_time <= 1.01 * PLANNED_TIME_FRACTION * within
-
-
-def test_stopped_run_shows_a_jump_in_cost(monkeypatch):
-    _machine(monkeypatch, leap=0.7)
-    within = 4.0 * _wall_time(0.7) / 2.0
-    plan = _plan(within)
-    assert 0.5 < plan.refinement < 0.7 and plan.spent < 3.0 * within
-
-
-@pytest.mark.parametrize('late', [0.3, 3.0])
-def test_complete_run_shows_the_late_cost_of_fine_runs(monkeypatch, late):
-    _machine(monkeypatch, late=late)
-    plan = _plan(1.0)
-    whole = affordable.run_at(SCENE, plan.refinement, 3600.0, device='cpu', wall_limit=np.inf)
-    assert plan.refinement > 1.0 and plan.spent < 3.0
-    assert plan.wall_time == pytest.approx(whole.wall_time, rel=0.15)
-    assert 0.6 < whole.wall_time < 0.9
-
-
-def test_error_comes_from_runs_as_fine_as_the_plan(monkeypatch):
-    asked = _machine(
-        monkeypatch, error=lambda refinement: 0.04 / refinement + 0.5 * (refinement < 0.45)
-    )
-    plan = _plan(2.0)
-    error = 0.04 / plan.refinement
-    assert error / 2.0 < plan.error < 2.0 * error
-    near = [refinement for refinement, _ in asked if 0.5 < refinement / plan.refinement < 1.3]
-    assert len(near) >= 3
 
 
 def test_members_divide_the_time(monkeypatch):

@@ -29,7 +29,7 @@ from lava_ros.forecast.probability import (
     NEVER,
     reached_by,
 )
-from lava_ros.forecast.sampling import draw_members
+from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.forecast.scores import brier_parts, brier_score, entropy, reliability
 from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
 from lava_ros.scene import Terrain
@@ -278,3 +278,34 @@ def test_outline_improves_the_forecast() -> None:
     before, after = np.array(scores).T
     assert after.mean() < 0.5 * before.mean()
     assert (after > before).sum() <= 3
+
+
+def test_members_drawn_after_each_outline_do_not_starve() -> None:
+    times, scores, effective = np.arange(1, 6) * HORIZON / 6.0, [], []
+    prior = draw_members(PLAN.scene, 8)
+    for truth in discs(20, seed=50):
+        arrival = np.nan_to_num(truth.arrival, nan=np.inf)
+        members, product = prior, np.ones(8)
+        for generation, time in enumerate(times, 1):
+            outline = Outline(time, arrival <= time, np.isfinite(TERRAIN.elevation))
+
+            def agreement(
+                members: Sequence[Member], outline: Outline = outline
+            ) -> np.ndarray:
+                footprints = [footprint_of(item, PLAN) for item in disc_members(PLAN, members)]
+                reached = [reached_by(item, PLAN, outline.time) for item in footprints]
+                return np.array([jaccard(item, outline) for item in reached])
+
+            product *= agreement(prior)
+            posterior = Posterior(members, weigh(agreement(members)).values, generation)
+            members = draw_members(PLAN.scene, 8, posterior=posterior)
+        weights = weigh(product)
+        effective.append((weights.effective_members, posterior.effective_members))
+        came = arrival <= HORIZON
+        scores.append([
+            brier_score(maps_of(disc_members(PLAN, sample), given).probability / 100.0, came)
+            for sample, given in ((prior, weights.values.tolist()), (members, None))
+        ])
+    assert np.mean(effective, axis=0)[0] < 2.0 and np.mean(effective, axis=0)[1] > 6.0
+    weighted, drawn = np.mean(scores, axis=0)
+    assert drawn < 0.7 * weighted

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 from rasterio.transform import Affine, from_origin
 
-from disc_flow import disc_plan, TERRAIN, VENT
+from disc_flow import disc_plan, FACTOR, TERRAIN, VENT
 from geodata import write_raster
 from lava_ros.errors import LavaError
 from lava_ros.forecast.rasters import observed_in_file
 from lava_ros.forecast.sampling import (
     draw_members,
     Member,
+    Posterior,
     random_field,
     rough_terrain,
     Susceptibility,
@@ -68,6 +69,48 @@ def test_eruptions_follow_the_probability_of_their_classes() -> None:
     assert short.mean() == pytest.approx(0.75, abs=0.02)
     assert drawn[short].min(axis=0) == pytest.approx([1e3, 1e5], rel=0.1)
     assert drawn[~short].max(axis=0) == pytest.approx([1e6, 2e6], rel=0.1)
+
+
+def test_new_members_have_the_mean_and_the_spread_of_the_weighted_ones() -> None:
+    parents = draw_members(disc_plan().scene, 512, seed=2)
+    # a normal distribution times a normal likelihood with a mean of 1 and a deviation of 0.5
+    score = np.log([member.discharge for member in parents]) / math.log(FACTOR)
+    posterior = Posterior(parents, np.exp(-2.0 * (score - 1.0) ** 2))
+    assert 100.0 < posterior.effective_members < 400.0
+    drawn = draw_members(disc_plan().scene, 512, seed=2, posterior=posterior)
+    found = np.log([member.discharge for member in drawn]) / math.log(FACTOR)
+    assert found.mean() == pytest.approx(0.8, abs=0.02)
+    assert found.std() == pytest.approx(math.sqrt(0.2), abs=0.02)
+    assert len(set(found.tolist())) == 512
+    # independent of their number, and others after another observation
+    assert draw_members(disc_plan().scene, 37, seed=2, posterior=posterior) == drawn[:37]
+    again = replace(posterior, generation=2)
+    assert draw_members(disc_plan().scene, 9, seed=2, posterior=again) != drawn[:9]
+
+
+def test_new_members_of_a_single_parent_differ_inside_their_ranges() -> None:
+    classes = [
+        {'probability': 1.0, 'duration': span, 'volume': span}
+        for span in (
+            {'distribution': 'uniform', 'low': 1e3, 'high': 1e4},
+            {'distribution': 'uniform', 'low': 1e5, 'high': 1e6},
+        )
+    ]
+    scene = disc_plan(**UNCERTAIN, eruption=classes).scene
+    parents, weights = draw_members(scene, 16), np.zeros(16)
+    weights[5] = 1.0
+    drawn = draw_members(scene, 64, posterior=Posterior(parents, weights))
+    assert {member.seed for member in drawn} == {(0, 5)}
+    assert parents[5].eruption is not None
+    is_short = parents[5].eruption[0] < 1e5
+    for member in drawn:
+        assert member.eruption is not None and (member.eruption[0] < 1e5) == is_short
+        assert 0.5 < member.viscosity < 1.5
+    # a tenth of the deviation before, times the width of the kernel
+    spread = np.std([member.temperature for member in drawn])
+    assert spread == pytest.approx(0.1 * 20.0 * (4.0 / 9.0) ** (1.0 / 11.0), rel=0.1)
+    # exact quantities remain so
+    assert {member.yield_strength for member in drawn} == {1.0}
 
 
 def test_values_are_distributed_as_given() -> None:

@@ -25,8 +25,6 @@ from hard.invariants import Violation
 from hard.play import KEPT, Outcome, play
 from hard.scenes import FAMILIES, SCENES
 from lava_ros.cli.console import Progress, table_lines
-from lava_ros.errors import LavaError
-from lava_ros.files import file_to_write
 from lava_ros.simulation.backend.threads import use_threads
 from lava_ros.verification.measure import file_stem, machine_name
 from lava_ros.verification.rows import write_csv
@@ -65,13 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         'hard_as_published_cpu.csv there, or of another device')
     options = parser.parse_args(arguments)
     if options.csv:
-        try:
-            options.csv.mkdir(parents=True, exist_ok=True)
-            file_to_write('--csv', options.csv / 'hard_cpu.csv')
-        except OSError as error:
-            parser.error(f'--csv is {options.csv}, expected a folder to write to ({error})')
-        except LavaError as error:
-            parser.error(str(error))
+        options.csv.mkdir(parents=True, exist_ok=True)
     # one thread per process
     use_threads(1)
     asked = options.scene or [*SCENES]

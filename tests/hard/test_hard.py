@@ -67,9 +67,9 @@ def _in_a_cell(count: int, device: str) -> Simulation:
     )
 
 
-def test_rejects_a_million_particles_in_a_cell(device):
-    with pytest.raises(LavaError, match=r'particles.*1000000 in .* at most 32768'):
-        _in_a_cell(1_000_000, device)
+def test_rejects_too_many_particles_in_a_cell(device):
+    with pytest.raises(LavaError, match=r'particles.*40000 in .* at most 32768'):
+        _in_a_cell(40_000, device)
 
 
 def test_rejects_lava_that_piles_up_at_its_vent(device):
@@ -129,16 +129,17 @@ def test_watch_detects_steps_that_are_too_short(effects, monkeypatch):
         watch.check()
 
 
-EACH_SAFEGUARD = pytest.mark.parametrize('safeguard', SAFEGUARDS, ids=lambda item: item.name)
-
-
-@EACH_SAFEGUARD
+@pytest.mark.parametrize('safeguard', SAFEGUARDS, ids=lambda item: item.name)
 def test_line_of_the_safeguard_occurs_once(safeguard):
     text = (ROOT / safeguard.file).read_text(encoding='utf-8')
     assert text.count(safeguard.line) == 1
 
 
-@EACH_SAFEGUARD
+@pytest.mark.parametrize('safeguard', [
+    # lateral stress takes a second
+    pytest.param(item, marks=pytest.mark.nightly if item.name in ('thickest', 'drag') else ())
+    for item in SAFEGUARDS
+], ids=lambda item: item.name)
 def test_scene_that_misses_it(safeguard):
     """The scene does not hold if the line is removed."""
     compare = safeguard.invariant == 'halving'
@@ -155,12 +156,3 @@ def test_command_creates_the_folder_of_its_table(tmp_path):
     with (tmp_path / 'a/b/hard_cpu.csv').open(encoding='utf-8', newline='') as table:
         (row,) = csv.DictReader(table)
     assert (row['case'], row['verdict'], row['asymmetry']) == ('no_particles', 'holds', '')
-
-
-def test_rejects_an_unwritable_folder_before_the_run(tmp_path, monkeypatch, capsys):
-    (tmp_path / 'file').write_text('')
-    monkeypatch.setattr(run, 'run', lambda *_: pytest.fail('a scene has run'))
-    with pytest.raises(SystemExit) as stopped:
-        run.main([*WORDS, '--csv', str(tmp_path / 'file/folder')])
-    assert stopped.value.code == 2
-    assert '--csv is ' in capsys.readouterr().err

@@ -21,6 +21,7 @@ from lava_ros.hindcast.calibration import (
     near_optimal,
     Numbers,
     ParameterSample,
+    posterior_quantiles,
     read_samples,
     search,
     write_samples,
@@ -50,7 +51,7 @@ CASES = {
 
 def _evaluated(sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
     return [
-        {case: {**dict.fromkeys(COLUMNS, 0.0), 'fitted': 1.0, 'jaccard': score(values)}
+        {case: {**dict.fromkeys(COLUMNS, 0.0), 'fitted': 1.0, 'jaccard': max(score(values), 0.0)}
          for case, score in CASES.items()}
         for values in sets
     ]
@@ -85,6 +86,30 @@ def test_findings_distinguish_sensitive_unknowns(trials: list[ParameterSample]) 
     near = near_optimal(trials)
     assert len(near) > 5
     assert all(trial.jaccard >= near[0].jaccard - 0.03 for trial in near)
+
+
+def test_intervals_contain_the_best_values(trials: list[ParameterSample]) -> None:
+    found = {item.unknown.name: item.quantiles for item in findings(UNKNOWNS, trials)}
+    low, middle, high = found['viscosity']
+    assert 1e2 < low < 5e2 < middle < 2e3 < high < 1e5
+    low, middle, high = found['emissivity']
+    assert 0.0 < low < 0.2 < middle < 0.4 < high < 0.9
+    # the score does not depend on it
+    assert found['discharge'] == pytest.approx((0.55, 1.0, 1.45), abs=0.1)
+    _, effective = posterior_quantiles(UNKNOWNS, trials)
+    assert 8.0 < effective < 60.0
+
+
+@pytest.mark.parametrize('jaccard', [0.0, 0.5])
+def test_intervals_do_not_depend_on_where_the_search_looked(jaccard: float) -> None:
+    numbers = {'one': {'fitted': 1.0, 'jaccard': jaccard}}
+    emissivity = UNKNOWNS[1]
+    samples = [
+        ParameterSample({'emissivity': value}, numbers)
+        for value in np.linspace(0.2, 1.0, 30)[::-1] ** 4
+    ]
+    found, _ = posterior_quantiles([emissivity], samples)
+    assert found['emissivity'] == pytest.approx((0.05, 0.5, 0.95), abs=1e-3)
 
 
 def test_cases_are_scored_with_the_constants_of_others(trials: list[ParameterSample]) -> None:

@@ -30,8 +30,6 @@ from lava_ros.scene.effusion_rates import Interval
 from lava_ros.scene.materials import material_named
 from lava_ros.scene.vent_files import VentRow
 
-ETNA = Path(__file__).parents[3] / 'shared/data/etna2001'
-
 
 def test_reads_a_case_without_case_yaml(tmp_path: Path) -> None:
     case = load_case(write_case(tmp_path / 'valley'))
@@ -236,13 +234,6 @@ def test_reads_a_case_in_degrees(tmp_path: Path) -> None:
         load_case(folder)
 
 
-def test_reads_a_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
-    folder = write_case(tmp_path / 'valley')
-    table = 'start_s;end_s;discharge_m3_per_s\r\n0;5400;20,5\r\n5400;10800;9,5\r\n'
-    (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8-sig')
-    assert load_case(folder).volume == pytest.approx(162_000.0)
-
-
 def test_fills_holes_if_case_yaml_sets_fill_holes(tmp_path: Path) -> None:
     folder = write_case(tmp_path / 'valley', yaml='fill_holes: true\n')
     write_grid(folder / 'elevation.asc', _holed())
@@ -255,14 +246,9 @@ def _holed() -> np.ndarray:
     return heights
 
 
-def test_a_long_table_of_rates_takes_linear_time() -> None:
-    """Comparing each of 30,000 rows with every other one would take minutes."""
-    rates = tuple(Interval(float(time), time + 1.0, 1.0 + time % 2) for time in range(30_000))
-    vents = (VentRow('', (0.0, 0.0)),)
-    (series,) = series_of(vents, rates)
-    assert series[:3] == ((0.0, 1.0), (1.0, 2.0), (2.0, 1.0))
-    assert series[-1] == (30_000.0, 0.0)
-    (series,) = series_of(vents, (Interval(0.0, 1.0, 2.0), Interval(3.0, 4.0, 2.0)))
+def test_vents_close_between_intervals() -> None:
+    rates = Interval(0.0, 1.0, 2.0), Interval(3.0, 4.0, 2.0)
+    (series,) = series_of((VentRow('', (0.0, 0.0)),), rates)
     assert series == ((0.0, 2.0), (1.0, 0.0), (3.0, 2.0), (4.0, 0.0))
 
 
@@ -338,22 +324,11 @@ WRONG: dict[str, tuple[Change, str]] = {
         _changed(RATES, COLUMNS, 'day,to,q'),
         'first line ... day,to,q ... start, end and effusion_rate',
     ),
-    'a column twice': (
-        _vents(f'x,x,y\n{X},{X},{Y}'), 'vent.csv, first line ... x,x,y ... the column x once',
-    ),
-    'a row that is too short': (
-        _changed(RATES, '5400.0,10800.0,10', '5400.0,10'), 'line 3 ... 5400.0,10 ... 3 values',
-    ),
     'no vent open': (
         _vents(f'x,y,start_s\n{X},{Y},3600'), 'vents open at 0 s ... at least one row of vent.csv',
     ),
-    'unknown material': (_yaml('material: obsidian'), 'lava.material ... obsidian ... one of'),
     'unknown constant': (_yaml('lava: {colour: 3}'), 'case.lava.colour ... no such key'),
-    'no YAML': (_yaml('{'), 'case.yaml ... a readable YAML file'),
     'end before start': (_yaml('end: -5'), 'case.end ... -5 ... above 0 s'),
-    'vent colder than its solidus': (
-        _yaml('vent_temperature: 1000'), 'temperature ... 1000 ... solidus',
-    ),
     'another system': (
         _yaml('epsg: 4326'), 'terrain latitude ... 4180600 ... degrees north or south, or metres',
     ),
@@ -388,20 +363,8 @@ def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path: Path) -> None:
         load_case(folder)
 
 
-@pytest.mark.skipif(not ETNA.is_dir(), reason='the data of Etna 2001 are not here')
-def test_raises_for_grids_of_etna_upside_down(tmp_path: Path) -> None:
-    """Grids in the correct orientation are read."""
-    folder = tmp_path / 'etna'
-    folder.mkdir()
-    for path in ETNA.glob('*.*'):
-        (folder / path.name).write_bytes(path.read_bytes())
-    case = load_case(folder)
-    assert case.volume == pytest.approx(21.4e6, rel=1e-3)
-    assert case.footprint.sum() == 18_509
-    # the elevation, both, the footprint
-    for name in ('elevation', 'footprint', 'elevation'):
-        path = folder / f'{name}.asc'
-        lines = path.read_text().splitlines()
-        path.write_text('\n'.join([*lines[:6], *reversed(lines[6:])]) + '\n')
-        with pytest.raises(LavaError, match='upside down'):
-            load_case(folder)
+def test_reads_a_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
+    folder = write_case(tmp_path / 'valley')
+    table = 'start_s;end_s;discharge_m3_per_s\r\n0;5400;20,5\r\n5400;10800;9,5\r\n'
+    (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8-sig')
+    assert load_case(folder).volume == pytest.approx(162_000.0)

@@ -6,14 +6,19 @@
 from dataclasses import replace
 import json
 from pathlib import Path
+import shutil
 
 import numpy as np
 import pytest
 
-from command_line import done, refused
+from command_line import done, lava, refused
+from disc_flow import disc_fields, disc_plan, HORIZON
 from eruption import footprint, LAVA, write_case, write_grid
 from lava_ros.errors import LavaError
+from lava_ros.forecast.assimilation import Outline as Observed
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of
 from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.probabilistic_score import probability_at, score_dates
 from lava_ros.hindcast.run import Result, Settings, simulate
 from lava_ros.hindcast.score import count_visits, descend, PATHS, refer, score_outlines
 
@@ -167,6 +172,13 @@ def test_calibration_forecasts_later_outlines(mapped: tuple[Path, Result], tmp_p
     usual = result['usual']['numbers']
     assert [item['jaccard'] for item in usual.values()] == [1.0, 1.0]
     assert [item['fitted'] for item in usual.values()] == [1.0, 0.0]
+    table = (tmp_path / 'out/posterior.csv').read_text().splitlines()
+    assert table[0] == 'name,unit,low,high,usual,best,p05,p50,p95'
+    (unknown,) = result['unknowns']
+    low, middle, high = (float(value) for value in table[1].split(',')[-3:])
+    assert 1e4 < low < middle < high < 4e4
+    assert unknown['quantiles'] == pytest.approx([low, middle, high], rel=1e-5)
+    assert 1.0 <= result['effective_sets'] <= 4.0 and 'given the fit' in text
     case = load_case(mapped[0])
     early, late = (item.footprint for item in case.outlines)
     assert forecast['persistence'] == pytest.approx(early.sum() / late.sum())
@@ -188,6 +200,84 @@ def test_hindcast_reports_each_outline(mapped: tuple[Path, Result], tmp_path: Pa
     scores = json.loads((tmp_path / 'out/hindcast.json').read_text())['outlines']
     assert [item['jaccard'] for item in scores] == [1.0, 1.0]
     assert 'Jaccard on 1800 s' in (tmp_path / 'out/hindcast.html').read_text()
+
+
+def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(
+    mapped: tuple[Path, Result], tmp_path: Path
+) -> None:
+    case = Path(shutil.copytree(mapped[0], tmp_path / 'valley'))
+    with (case / 'case.yaml').open('a') as file:
+        file.write('uncertainty: {discharge: {distribution: uniform, low: 0.2, high: 2.0}}\n')
+    words = ['ensemble', case, '-o', tmp_path / 'out', '--members', '4', '--spacing', '40']
+    words += ['--device', 'cpu', '--workers', '1', '--json', tmp_path / 'report.json']
+    assert '--observed' in refused(*words, '--posterior', '4')
+    text = done(*words)
+    dates = json.loads((tmp_path / 'report.json').read_text())['dates']
+    assert [item['date'] for item in dates['dates']] == ['900 s', '1800 s']
+    assert dates['dates'][0]['brier_skill_persistence'] is None
+    assert sum(item['count'] for item in dates['reliability']) == 2 * footprint().size // 4
+    assert f'{dates["brier_score"]:.3f}' in text and 'all dates' in text
+    seen = ['--observed', case / 'early.asc', '--observed-at', '900s', '--posterior', '4']
+    text = done(*words, *seen)
+    report = json.loads((tmp_path / 'report.json').read_text())
+    new = report['posterior']
+    # the observed outline is not a forecast
+    assert [item['date'] for item in new['dates']['dates']] == ['1800 s']
+    assert report['resumed'] == 4 and new['members'] == 4
+    assert new['effective_parents'] == pytest.approx(report['effective_members'])
+    assert new['jaccard_mean'] > report['observed']['jaccard_mean']
+    assert new['dates']['brier_score'] < dates['dates'][1]['brier_score']
+    assert '4 members drawn near' in text
+    for folder in ('.', 'weighted', 'posterior_900s'):
+        assert (tmp_path / 'out' / folder / 'reliability.png').stat().st_size > 5000
+    # the new members are kept, and those of another outline are not taken for them
+    assert json.loads(
+        (tmp_path / 'out/posterior_900s/ensemble.json').read_text()
+    )['posterior'] is not None
+    seen[1] = case / 'late.asc'
+    status, _, error = lava(*words, *seen)
+    assert status == 2 and 'posterior is' in error and 'another folder' in error
+
+
+def cells(*values: int) -> np.ndarray:
+    return np.array([values], dtype=bool)
+
+
+def test_dates_are_scored_together_against_persistence() -> None:
+    known = cells(1, 1, 1, 1, 0)
+    outlines = {
+        'one': Observed(1.0, cells(1, 0, 0, 0, 0), known),
+        'two': Observed(2.0, cells(1, 1, 0, 0, 0), known),
+    }
+    likely = np.array([[[100.0, 50.0, 0.0, 0.0, np.nan]], [[100.0, 50.0, 50.0, 0.0, np.nan]]])
+    found = score_dates(likely, outlines)
+    # over the cells with lava in a member or in an outline: two and three
+    assert found['brier_score'] == pytest.approx(0.75 / 5)
+    assert found['brier_persistence'] == pytest.approx(1 / 3)
+    assert found['brier_skill_persistence'] == pytest.approx(0.5)
+    assert [item['count'] for item in found['reliability']] == [3, 3, 2]
+    assert [item['observed'] for item in found['reliability']] == pytest.approx([0, 1 / 3, 1])
+    first, second = found['dates']
+    assert first['brier_persistence'] is None and 'reliability' not in first
+    assert second['brier_skill_persistence'] == pytest.approx(0.5)
+    found = score_dates(likely, outlines, before=cells(1, 1, 0, 0, 0))
+    assert found['brier_persistence'] == pytest.approx(1 / 5)
+    assert found['brier_skill_persistence'] == pytest.approx(0.25)
+    # perfect persistence has no error that a forecast could reduce
+    assert found['dates'][1]['brier_skill_persistence'] is None
+
+
+def test_probability_at_a_time_counts_the_weights_of_members() -> None:
+    plan, members = disc_plan(), [disc_fields(0, 0.5), disc_fields(1, 2.0)]
+    footprints = [footprint_of(item, plan) for item in members]
+    early, late = probability_at([600.0, HORIZON], footprints, plan, [1.0, 3.0])
+    assert set(np.unique(late)) == {0.0, 75.0, 100.0}
+    assert (early <= late).all() and 0 < (early == 100.0).sum() < (late == 100.0).sum()
+    tally = EnsembleAccumulator(plan)
+    for member in footprints:
+        tally.add(member)
+    (even,) = probability_at([HORIZON], footprints, plan)
+    np.testing.assert_array_equal(even, tally.maps().probability)
 
 
 def test_case_without_outlines_has_none(valley: Case) -> None:

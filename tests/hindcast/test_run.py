@@ -85,6 +85,7 @@ def test_interrupted_run_resumes(
     valley: Case, whole: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The state is stored at the second map, not at the first."""
+    monkeypatch.setattr('lava_ros.hindcast.run.KEEP_EVERY', np.inf)
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
     times = (time for time in first.parts() if time is not None)
     next(times)
@@ -164,17 +165,6 @@ def test_coarse_cells_are_area_weighted_means() -> None:
     assert coarsened(ground, 1) is ground
 
 
-def test_coarse_cells_rotate_with_the_terrain() -> None:
-    elevation = np.random.default_rng(3).normal(size=(19, 14))
-    elevation[3, 4] = np.nan
-    ground = Terrain(elevation, 10.0)
-    for factor in (2, 3, 4):
-        coarse = coarsened(ground, factor).elevation
-        for change in (np.rot90, np.flipud, np.fliplr):
-            other = coarsened(replace(ground, elevation=change(elevation)), factor)
-            np.testing.assert_allclose(other.elevation, change(coarse), rtol=0.0, atol=1e-14)
-
-
 def test_refined_maps_keep_volume_and_cells_without_data() -> None:
     elevation = np.zeros((6, 4))
     elevation[5, 3] = np.nan
@@ -230,9 +220,9 @@ def test_directions_are_all_different(valley: Case) -> None:
 def test_replicates_equal_single_runs(valley: Case) -> None:
     settings = replace(SETTINGS, maps=1)
     done: list[float] = []
-    results = run_replicates(valley, settings, 5, progress=done.append)
-    assert done == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
-    for direction, result in zip(directions(5), results, strict=True):
+    results = run_replicates(valley, settings, 3, progress=done.append)
+    assert done == pytest.approx([1 / 3, 2 / 3, 1.0])
+    for direction, result in zip(directions(3), results, strict=True):
         alone = simulate(direction.rotate(valley), settings)
         thickness = result.snapshot.thickness
         np.testing.assert_array_equal(thickness, direction.rotate_back(alone.snapshot.thickness))
@@ -257,7 +247,7 @@ def test_a_rotated_case_has_the_same_replicates(
     valley: Case, device: str, quarters: int, mirror: bool, runs: int
 ) -> None:
     """They are bitwise identical in another order, so their majority is the same."""
-    settings = replace(SETTINGS, device=device, maps=1)
+    settings = replace(SETTINGS, spacing=24.0, device=device, maps=1)
     (vent,) = valley.scene.vents
     x, y = vent.position
     # not a multiple of the step of positions

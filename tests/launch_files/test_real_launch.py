@@ -81,15 +81,6 @@ def test_arguments_override_the_parameter_file(launched, tmp_path):
     assert given['/etna/lava']['ros__parameters'] == expected
 
 
-@pytest.mark.parametrize('name', ['lava.launch.py', 'nav2_keepout.launch.py'])
-def test_nothing_starts_without_rviz(launched, name):
-    if shutil.which('rviz2') is not None:
-        pytest.skip('RViz is installed')
-    text, received, _ = launched(name, 'rviz:=true')
-    assert 'not found' in text
-    assert received is None
-
-
 @pytest.mark.parametrize('then', ['exit 1', 'kill -9 $$', 'exit 0'])
 def test_the_filter_servers_end_with_the_node(launched, then):
     text, received, _ = launched('nav2_keepout.launch.py', then=then)
@@ -110,12 +101,3 @@ def test_killed_node_is_restarted_with_respawn(launched, tmp_path, words, starts
     given = [file['/lava']['ros__parameters'] for file in files if '/lava' in file]
     assert len(given) == starts
     assert len({values.get('resume_since') for values in given}) == 1
-
-
-@pytest.mark.parametrize(
-    'word', ['scen:=etna.yaml', 'time_scale:=fast', 'log_level:=loud', 'params_file:=none.yaml']
-)
-def test_error_of_launch_names_the_wrong_argument(launched, word):
-    text, received, _ = launched('nav2_keepout.launch.py', word)
-    assert word.partition(':=')[0] in text
-    assert received is None and 'process started' not in text

@@ -48,7 +48,7 @@ def recording(tmp_path):
     """Return a recorder with an open bag, a session, and the recording of its checkpoints."""
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag')
-    recorder.begin({})
+    recorder.describe({})
     session = Session()
     checkpoints = CheckpointRecording(recorder, session.take, clock=lambda: session.time)
     yield recorder, session, checkpoints
@@ -76,7 +76,7 @@ def test_checkpoints_are_written_at_the_start_each_period_and_at_the_end(tmp_pat
     stored = checkpoints_of(tmp_path / 'bag')
     assert [item.time for item in stored] == [0.5, 60.5, 120.5, 150.0]
     assert stored[-1].log_time_ns == 150 * 10**9
-    assert (checkpoints.last.time, checkpoints.last.count) == (150.0, 4)
+    assert (checkpoints.last.time, checkpoints.count) == (150.0, 4)
     assert checkpoints.last.size == stored[-1].size
     assert checkpoints.poll(PERIOD, 0) == ''
     assert checkpoints.last is None
@@ -133,7 +133,7 @@ def test_large_checkpoints_wait_for_the_bag_to_grow(tmp_path, recording):
     session.particles = 10_000
     size = len(state(0.0, 10_000))
     assert size > 100_000
-    run(*recording, 3600, bytes_a_second=size // 100)
+    run(*recording, 1800, bytes_a_second=size // 100)
     recorder.stop()
     stored = checkpoints_of(tmp_path / 'bag')
     waits = np.diff([item.time for item in stored])
@@ -143,7 +143,7 @@ def test_large_checkpoints_wait_for_the_bag_to_grow(tmp_path, recording):
     assert sum(item.size for item in stored) <= 0.52 * bag
     session.time = 0.0
     recorder.arm(tmp_path / 'next')
-    recorder.begin({})
+    recorder.describe({})
     run(*recording, 1500)
     recorder.stop()
     waits = np.diff([item.time for item in checkpoints_of(tmp_path / 'next')])
@@ -157,7 +157,7 @@ def test_failed_checkpoint_is_reported_and_repeated(recording):
         assert checkpoints.finish(PERIOD, 1, timeout=1.0) == str(failure)
     checkpoints.take = session.take
     run(*recording, 1)
-    assert checkpoints.last.count == 1
+    assert checkpoints.count == 1
 
 
 def test_new_bag_starts_with_a_checkpoint(tmp_path, recording):
@@ -165,7 +165,7 @@ def test_new_bag_starts_with_a_checkpoint(tmp_path, recording):
     run(*recording, 10)
     recorder.stop()
     recorder.arm(tmp_path / 'second')
-    recorder.begin({})
+    recorder.describe({})
     run(*recording, 2)
     assert checkpoints.last.time == 10.5
     recorder.stop()

@@ -11,6 +11,7 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
+from lava_ros.forecast.sampling import Member, Posterior
 from lava_ros.live.ensemble_forecasts import EnsembleForecasts, ForecastRules
 from lava_ros.live.session import Fork
 from lava_ros.maps.forecast import HazardMaps, QUANTILES
@@ -19,6 +20,8 @@ from lava_ros.scene import Lava, Scene, Terrain
 SCENE = Scene(Terrain(np.zeros((4, 5)), 10.0), lava=Lava())
 
 RULES = ForecastRules(horizon=60.0, threshold=0.01, max_age=30.0, share=1.0, max_particles=1000)
+
+POSTERIOR = Posterior((Member(0), Member(1), Member(2)), np.array([0.0, 1.0, 2.0]))
 
 MASK = Mask(np.eye(4, 5) > 0.0, np.ones((4, 5), dtype=bool), 10.0, (0.0, 0.0))
 
@@ -53,21 +56,29 @@ def test_stamp_of_an_outline_becomes_simulated_time():
         np.testing.assert_array_equal(outline.lava, MASK.lava)
         assert outline.known.all() and not done.done()
         ensembles.handle_reply(
-            'weighed', number=order_of_it['number'], agreement=[1.0], outlines=1, jaccard_mean=0.4
+            'weighed', number=order_of_it['number'], posterior=POSTERIOR, outlines=1,
+            jaccard_mean=0.4, effective_before=3.0,
         )
-        assert done.result(0.0) is None
+        assert 'of 3 members that counted like 3.0 of equal weight, 1.8' in done.result(0.0)
     early = ensembles.observe(MASK, 99.0)
     assert sent(ensembles) == []
     with pytest.raises(LavaError, match='1.0 s before the first forecast of this scene'):
         early.result(0.0)
     assert (ensembles.status.outlines, ensembles.status.jaccard_mean) == (1, 0.4)
+    assert ensembles.status.members_left == pytest.approx(1.8)
+    # the next ensemble draws new members, even from the same state
+    assert ensembles.is_busy and not ensembles.is_wanted(1, 30.0)
+    ensembles.cancel('it is replaced')
+    assert order(ensembles, 4, fork(120.0, 30.0))['posterior'] is POSTERIOR
+    assert order(ensembles, 5, fork(130.0, 40.0, changes=2)) is None
+    assert ensembles.status.members_left is None
 
 
 def test_one_ensemble_is_requested_per_state():
     ensembles = EnsembleForecasts()
     assert order(ensembles, 1, fork(1.0, 0.0), members=0) is None
     first = order(ensembles, 2, fork(2.0, 5.0))
-    assert (first['members'], first['agreement'], first['deadline']) == (8, None, None)
+    assert (first['members'], first['posterior'], first['deadline']) == (8, None, None)
     assert order(ensembles, 3, fork(3.0, 6.0)) is None
     known = np.zeros(SCENE.terrain.shape)
     maps = HazardMaps(known, dict.fromkeys(QUANTILES, known), known, 8, 8.0, 0.5)
@@ -79,7 +90,7 @@ def test_one_ensemble_is_requested_per_state():
     assert not ensembles.handle_reply('ensemble', changes=0, **answer)
     assert ensembles.handle_reply('ensemble', changes=1, **answer)
     latest = ensembles.latest
-    assert (latest.shown.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
+    assert (latest.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
     assert ensembles.status.count == 1
     assert ensembles.is_wanted(1, 6.0) and not ensembles.is_wanted(1, 5.0)
     order(ensembles, 4, fork(4.0, 7.0))

@@ -23,28 +23,28 @@ def _write(recorder, text, stamp_ns=1):
 def recorder(tmp_path):
     result = Recorder()
     result.arm(tmp_path / 'bag')
-    result.begin({})
+    result.describe({})
     return result
 
 
 def test_bag_has_the_recorded_bytes_and_description(tmp_path):
     recorder = Recorder()
-    assert recorder.status.state == 'off'
+    assert recorder.state == 'off'
     with pytest.raises(LavaError, match='does not exist yet'):
         recorder.arm(tmp_path)
     recorder.arm(tmp_path / 'bag')
-    assert recorder.status.state == 'armed'
+    assert recorder.state == 'armed'
     with pytest.raises(LavaError, match='one recording at a time'):
         recorder.arm(tmp_path / 'two')
     _write(recorder, 'too early')
-    recorder.begin({'scene': 'old'})
-    assert recorder.status.state == 'recording'
+    recorder.describe({'scene': 'old'})
+    assert recorder.state == 'recording'
     data = _write(recorder, 'word', 42)
     recorder.describe({'scene': 'new'})
     recorder.flush()
     recorder.stop()
     recorder.stop()
-    assert (recorder.status.state, recorder.status.messages) == ('off', 1)
+    assert (recorder.state, recorder.messages) == ('off', 1)
     bag = BagReader(tmp_path / 'bag')
     (message,) = bag.messages()
     assert bytes(message.data) == data
@@ -62,9 +62,9 @@ def test_invalid_folder_is_an_error(tmp_path):
             recorder.arm(tmp_path / name)
     recorder.arm(tmp_path / 'later' / 'bag')
     (tmp_path / 'later').write_text('')
-    recorder.begin({})
-    assert recorder.status.state == 'off'
-    assert 'cannot record to' in recorder.status.error
+    recorder.describe({})
+    assert recorder.state == 'off'
+    assert 'cannot record to' in recorder.error
 
 
 @pytest.mark.parametrize('step', ['write', 'flush'])
@@ -78,12 +78,12 @@ def test_failed_write_stops_the_recording(tmp_path, recorder, monkeypatch, step)
     monkeypatch.setattr(recorder._writer, step, fail)
     _write(recorder, 'lost', 2)
     recorder.flush()
-    assert recorder.status.state == 'off'
-    assert 'No space left on device' in recorder.status.error
+    assert recorder.state == 'off'
+    assert 'No space left on device' in recorder.error
     _write(recorder, 'ignored', 3)
     assert [message.topic for message in BagReader(tmp_path / 'bag').messages()][:1] == ['/words']
     recorder.arm(tmp_path / 'next')
-    assert recorder.status.error == ''
+    assert recorder.error == ''
 
 
 @pytest.mark.parametrize('is_flushed', [True, False])
@@ -95,10 +95,10 @@ def test_removed_bag_is_reported(tmp_path, fault, is_flushed):
     outside.mkdir()
     recorder = Recorder()
     recorder.arm(bag)
-    recorder.begin({})
+    recorder.describe({})
     _write(recorder, 'kept')
     recorder.flush()
-    assert recorder.status.error == ''
+    assert recorder.error == ''
     if fault == 'bag removed':
         shutil.rmtree(bag)
     elif fault == 'file removed':
@@ -112,8 +112,8 @@ def test_removed_bag_is_reported(tmp_path, fault, is_flushed):
         recorder.flush()
     else:
         recorder.stop()
-    assert recorder.status.state == 'off'
-    assert 'was removed, moved or replaced' in recorder.status.error
+    assert recorder.state == 'off'
+    assert 'was removed, moved or replaced' in recorder.error
     recorder.stop()
     assert list(outside.iterdir()) == []
     if 'replaced' in fault:
@@ -129,25 +129,10 @@ def test_later_link_in_the_path_is_not_followed(tmp_path):
     recorder.arm(deep / 'bag')
     deep.rmdir()
     deep.symlink_to(outside)
-    recorder.begin({})
-    assert recorder.status.state == 'off'
-    assert 'a link has come into its path' in recorder.status.error
+    recorder.describe({})
+    assert recorder.state == 'off'
+    assert 'a link has come into its path' in recorder.error
     assert list(outside.iterdir()) == []
-
-
-def test_bag_is_split_into_files(tmp_path):
-    recorder = Recorder()
-    recorder.arm(tmp_path / 'bag', max_duration=10.0)
-    recorder.begin({'scene': 'Etna'})
-    for second in range(25):
-        _write(recorder, f'word {second}', second * 10**9)
-        recorder.flush()
-    assert recorder.status.files == 3
-    assert recorder.status.messages == 25
-    recorder.stop()
-    assert len(BagReader(tmp_path / 'bag').files) == 3
-    recorder.arm(tmp_path / 'next')
-    assert (recorder.status.files, recorder.status.messages) == (0, 0)
 
 
 @pytest.fixture

@@ -312,21 +312,6 @@ def test_effects_can_be_forced_during_a_run(bench):
     assert len(bench.made) == 1
 
 
-def test_snapshot_is_available_while_effects_are_compiled(bench):
-    bench.start()
-    last = bench.worker.latest
-    bench.simulation.is_compiled.clear()
-    change = bench.worker.set_effects({'steep': True}, horizon=HORIZON)
-    for _ in range(10):
-        bench.worker.request_snapshot()
-        assert bench.worker.latest is last
-        time.sleep(0.05)
-    assert not change.done()
-    bench.simulation.is_compiled.set()
-    bench.run(change)
-    assert bench.worker.latest is not last
-
-
 def _scene(slope=0.5, **material):
     x = 10.0 * np.arange(30)
     terrain = Terrain(np.tile(500.0 - slope * x, (20, 1)), 10.0)

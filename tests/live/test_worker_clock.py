@@ -11,7 +11,7 @@ from lava_ros.live.clock import MAX_LAG
 from worker_bench import TERRAIN
 
 
-@pytest.mark.parametrize('step', [0.01, 0.3, 1.0, 5.0, 30.0, MAX_LAG])
+@pytest.mark.parametrize('step', [0.01, 5.0, MAX_LAG])
 @pytest.mark.parametrize(
     'bench', [{'time_scale': scale} for scale in (0.01, 1.0, 1e5)], indirect=True
 )
@@ -51,7 +51,7 @@ def test_snapshot_shows_the_time_of_the_clock(bench, step):
         bench.wait(lambda: bench.shown[-1].time == pytest.approx(count * step))  # noqa: B023
 
 
-@pytest.mark.parametrize('jump', [2.0 * MAX_LAG, 3600.0, 1e6, -2.0, -30.0, -1e6])
+@pytest.mark.parametrize('jump', [2.0 * MAX_LAG, 1e6, -2.0, -1e6])
 @pytest.mark.parametrize('bench', [{'time_scale': 1.0}, {'time_scale': 1e5}], indirect=True)
 def test_jumps_of_the_clock_are_counted_but_not_followed(bench, jump):
     bench.now = 1e7

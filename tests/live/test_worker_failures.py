@@ -4,7 +4,6 @@
 """The worker: failures, waiting commands, and snapshots in progress."""
 
 from concurrent.futures import Future
-import queue
 
 import pytest
 
@@ -127,24 +126,16 @@ def copying(bench):
         simulation.is_copied.set()
 
 
-def test_simulation_continues_during_a_snapshot(copying):
-    shown = len(copying.shown)
-    copying.go_on()
-    assert copying.worker.latest.time == 0.0
-    copying.simulation.is_copied.set()
-    copying.wait(lambda: len(copying.shown) > shown)
-    assert copying.shown[-1].time == pytest.approx(0.5)
-    assert copying.worker.latest is copying.shown[-1]
-
-
 def test_requests_during_a_snapshot_start_one_more(copying):
+    shown = len(copying.shown)
     for _ in range(3):
         copying.go_on()
         copying.worker.request_snapshot()
-    assert copying.simulation.begun == 1
+    assert copying.simulation.begun == 1 and copying.worker.latest.time == 0.0
     copying.simulation.is_copied.set()
     copying.wait(lambda: copying.worker.latest.time == pytest.approx(2.0))
     assert copying.simulation.begun == 2
+    assert [item.time for item in copying.shown[shown:]] == pytest.approx([0.5, 2.0])
 
 
 def test_invalid_map_fails_the_simulation_and_is_not_shown(bench):
@@ -210,22 +201,6 @@ def put(commands, name, kind=''):
 
 def waiting_actions(commands):
     return [commands.get(0.0).action for _ in range(len(commands))]
-
-
-def test_newest_command_of_a_kind_replaces_the_waiting_one():
-    commands = CommandQueue()
-    old = put(commands, 'old vents', 'vents')
-    put(commands, 'terrain', 'terrain')
-    put(commands, 'step')
-    new = put(commands, 'new vents', 'vents')
-    assert old.cancelled()
-    assert not new.done()
-    assert waiting_actions(commands) == ['terrain', 'step', 'new vents']
-    later = put(commands, 'later vents', 'vents')
-    assert not later.done()
-    assert waiting_actions(commands) == ['later vents']
-    with pytest.raises(queue.Empty):
-        commands.get(0.0)
 
 
 def test_rejects_too_many_commands():

@@ -122,7 +122,7 @@ def test_page_has_the_elements_of_a_published_map(frame, texts):
 def test_maps_of_one_page_show_the_same_area(frame, tmp_path, monkeypatch):
     windows = []
     monkeypatch.setattr(
-        'lava_ros.maps.plot.draw_map', lambda axes, frame, picture, window, fissures: (
+        'lava_ros.maps.plot.draw_map', lambda axes, frame, picture, window: (
             axes.set_xlim(window[0], window[2]), axes.set_ylim(window[1], window[3]),
             windows.append(window),
         ),

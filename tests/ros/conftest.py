@@ -4,7 +4,6 @@
 """Fixtures for processes in the ROS graph of a test run, and for nodes in the test's process."""
 
 from contextlib import contextmanager
-from functools import partial
 import json
 import logging
 import os
@@ -232,7 +231,7 @@ def module_local(tmp_path_factory):
         yield start
 
 
-def _start_flow(local, **parameters):
+def start_flow(local, **parameters):
     """Start an active node with a slope, a vent and lava."""
     node = local(**parameters)
     assert node.change('configure') and node.change('activate'), node.log
@@ -245,16 +244,10 @@ def _start_flow(local, **parameters):
     return node
 
 
-@pytest.fixture
-def flowing(local):
-    """Return a function that starts an active node with a slope, a vent and lava."""
-    return partial(_start_flow, local)
-
-
 @pytest.fixture(scope='module')
 def running(module_local):
     """An active node with a slope, a vent and lava, which the tests of a module share."""
-    return _start_flow(module_local)
+    return start_flow(module_local)
 
 
 @pytest.fixture

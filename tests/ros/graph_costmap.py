@@ -32,7 +32,7 @@ LETHAL = 100
 def own_map():
     cells = np.zeros(SHAPE, np.int8)
     cells[WALL] = LETHAL
-    info = codec.map_metadata(Terrain(np.zeros(SHAPE), RESOLUTION, ORIGIN), 0)
+    info = codec.map_metadata(Terrain(np.zeros(SHAPE), RESOLUTION, ORIGIN), codec.time_message(0))
     return codec.occupancy_grid(cells, info, codec.header('map', 0))
 
 

@@ -16,40 +16,19 @@ from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.diagnostics import WARN
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.runtime import NodeRuntime
-from lava_ros.ros.services import Allowance, create_services, LIMITS
-from lava_ros.ros.subscribers import InputSubscribers
+from lava_ros.ros.services import create_services
+from lava_ros.ros.subscribers import Allowance, InputSubscribers, LIMITS
 
 N_CALLS = 400
 
 ON, OFF, NOTHING = SetBool.Request(data=True), SetBool.Request(data=False), Trigger.Request()
 
 
-@pytest.mark.parametrize('name', LIMITS)
-def test_limit_allows_one_more_call_each_period(name):
-    now, refused = [1e6], []
-    allowance = Allowance(lambda *words: refused.append(words), lambda: now[0])
-    calls, period = LIMITS[name]
-    now[0] += 100.0 * period
-    taken = 0
-    for _ in range(200):
-        try:
-            allowance.take(name)
-            taken += 1
-        except LavaError as error:
-            assert refused[-1] == (name, error)
-            expected = f"at most {calls} at once and one more each {period:g} s"
-            assert str(error).startswith(f"{name} is 'too often', expected {expected}")
-        now[0] += 0.05 * period
-    assert taken == calls + 9
-    assert len(refused) == 200 - taken
-    for other in LIMITS.keys() - {name}:
-        allowance.take(other)
-
-
 class NodeServices:
-    """Services of a node with stand-ins for their functions, and a stopped clock."""
+    """Services of a node with stand-ins for their functions, and a clock set by hand."""
 
     def __init__(self):
+        self.now = 1e6
         entities, self.worker = Mock(), Mock()
         for command in ('reset', 'step'):
             getattr(self.worker, command).side_effect = lambda *_: Future()
@@ -57,12 +36,11 @@ class NodeServices:
         self.active = Mock(is_active=True, step_length=1.0)
         self.active.pause.side_effect = lambda paused: Future()
         self.inputs = InputSubscribers(entities, self.worker, settings=Settings, steady=Clock())
-        self.allowance = Allowance(self.inputs.refuse, lambda: 0.0)
+        self.allowance = Allowance(self.inputs.refuse, lambda: self.now)
         entities.create.reset_mock()
-        create_services(
-            self.active, entities, worker=self.worker, inputs=self.inputs,
-            allowance=self.allowance,
-        )
+        self.active.worker, self.active.inputs = self.worker, self.inputs
+        self.active.allowance = self.allowance
+        create_services(self.active, entities)
         self.services = {
             call.args[2].removeprefix('~/'): (call.args[1], call.args[3])
             for call in entities.create.call_args_list
@@ -75,7 +53,7 @@ class NodeServices:
     def set_effects(self):
         """Change a setting of the effects and return the result as a response."""
         node = SimpleNamespace(
-            _settings=Settings(), _allowance=self.allowance, _bag_folder=self.active
+            _settings=Settings(), allowance=self.allowance, _bag_folder=self.active
         )
         try:
             NodeRuntime.check(node, Settings(effects_on=('inertia',)))
@@ -100,14 +78,20 @@ ASKED = {
 @pytest.mark.parametrize('name', LIMITS)
 def test_service_calls_above_the_limit_are_rejected(name):
     services = NodeServices()
-    answers = [ASKED[name](services) for _ in range(N_CALLS)]
     calls, period = LIMITS[name]
+    services.now += 100.0 * period
+    answers = [ASKED[name](services) for _ in range(N_CALLS)]
     assert [answer.success for answer in answers] == [True] * calls + [False] * (N_CALLS - calls)
-    assert f'one more each {period:g} s; try again later' in answers[-1].message
+    expected = f'at most {calls} at once and one more each {period:g} s; try again later'
+    assert answers[-1].message == f"{name} is 'too often', expected {expected}"
     level, values = services.status()
     assert level == WARN
     assert values[f'rejected.{name}'] == str(N_CALLS - calls)
     assert services.inputs._logger.error.call_count == 1
+    assert [other for other in LIMITS if not ASKED[other](services).success] == [name]
+    for _ in range(3):
+        services.now += 1.01 * period
+        assert [ASKED[name](services).success for _ in range(2)] == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -120,11 +104,19 @@ def test_cheap_services_have_no_limit(name, request_):
     assert 'rejected.' + name not in services.status()[1]
 
 
+def test_delayed_reset_names_what_it_waits_for():
+    services = NodeServices()
+    services.worker.status.blocked_by = 'a step takes 3 s or more'
+    answer = services.call('reset', NOTHING)
+    assert answer.success
+    assert answer.message == 'starting again at time 0, but later: a step takes 3 s or more'
+
+
 def test_total_size_of_saves_is_limited():
     services = NodeServices()
     node = SimpleNamespace(
         worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
-        _allowance=services.allowance,
+        allowance=services.allowance,
     )
     with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
         NodeRuntime.save(node)

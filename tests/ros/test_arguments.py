@@ -88,16 +88,12 @@ def test_mistake_is_one_sentence_and_status_2(run, words):
     assert status == 2
 
 
-def test_unexpected_error_is_the_last_line_and_status_1(run, monkeypatch):
+def test_unexpected_error_is_the_last_line_after_warnings_of_parameters(run, monkeypatch):
     monkeypatch.setattr(NodeRuntime, '_begin', Mock(side_effect=RuntimeError('went wrong')))
-    status, stderr = run('--ros-args', '-p', 'device:=cpu')
+    words = ('-p', 'device:=cpu', '--params-file', 'unknown.yaml')
+    status, stderr = run('--ros-args', *words)
     assert stderr.splitlines()[-1] == 'lava_node cannot start: RuntimeError: went wrong'
     assert status == 1
-
-
-def test_unknown_parameters_of_a_file_are_warnings(run, monkeypatch):
-    monkeypatch.setattr(NodeRuntime, '_begin', Mock(side_effect=RuntimeError('went wrong')))
-    _, stderr = run('--ros-args', '--params-file', 'unknown.yaml')
     warnings = [line for line in stderr.splitlines() if 'has no effect' in line]
     assert all('[WARN]' in line for line in warnings)
     discharge, scale, unheard_of = warnings

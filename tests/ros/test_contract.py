@@ -15,13 +15,19 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import GetAvailableTransitions
 import pytest
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import Marker
 import yaml
 
-from lava_ros.bag.qos import QosProfile
+from lava_ros.bag import BagReader, LATCHED
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
+from lava_ros.ros.codec import message_class
+from lava_ros.ros.snapshot_bags import write_snapshots
+from lava_ros.scene import Lava, Scene
 from maps.test_layers import EASTWARD as SNAPSHOT
+from recording import growing, snapshot_at, TERRAIN, VENT
 from ros.local_node import COARSE
 from scripts import load_script
 
@@ -244,7 +250,12 @@ def test_rviz_shows_what_the_node_publishes(rviz, shown):
     maps = [item for item in displays if item['Class'] == 'rviz_default_plugins/Map']
     seen = [item['Topic']['Value'] for item in maps if item['Enabled'] and item['Value']]
     assert seen == ['relief', 'hazard']
-    assert [item['Draw Behind'] for item in maps] == [True, False, False, False]
+    # translucent maps of lava are drawn on the relief
+    for item in maps:
+        is_ground = item['Topic']['Value'] == 'relief'
+        assert item['Draw Behind'] is is_ground
+        assert item['Color Scheme'] == ('map' if is_ground else 'costmap')
+        assert 0.4 <= item['Alpha'] < 1.0
 
 
 def test_rviz_publishes_clicks_to_the_topic_of_the_node(rviz, shown):
@@ -275,7 +286,10 @@ def test_foxglove_shows_topics_of_the_node(foxglove, shown):
     assert drawn & set(layers) == {'/hazard', '/height', '/temperature'}
     for topic in drawn & set(layers):
         assert layers[topic].record
-        assert layers[topic].qos == QosProfile(depth=1, durability='transient_local')
+        assert layers[topic].qos == LATCHED
+    topics = panels['3D!lava']['topics']
+    modes = {name: item['colorMode'] for name, item in topics.items() if 'colorMode' in item}
+    assert modes.pop('/relief') == 'map' and set(modes.values()) == {'costmap'}
 
 
 def test_foxglove_plots_numbers_of_the_diagnostics(foxglove):
@@ -291,3 +305,30 @@ def test_foxglove_plots_numbers_of_the_diagnostics(foxglove):
         name, key = re.findall(r'"([^"]+)"', path)
         assert name == status.name
         assert float(values[key]) >= 0.0
+
+
+def write_hindcast(directory):
+    """Write a bag as `lava hindcast` does; return it."""
+    snapshot = snapshot_at(600.0, growing(600.0), TERRAIN)
+    write_snapshots(directory, Scene(TERRAIN, (VENT,), lava=Lava()), [snapshot], custom_data={})
+    return directory
+
+
+@pytest.mark.parametrize('write', [write_hindcast, lambda _: ROOT / 'bags/sample'])
+def test_bags_have_the_topics_of_the_views(write, rviz, foxglove, tmp_path):
+    bag = BagReader(write(tmp_path / 'bag'))
+    first = {}
+    for item in bag.messages():
+        kind = message_class(bag.topics[item.topic].message_type)
+        first.setdefault(item.topic, (item.stamp_ns, deserialize_message(item.data, kind)))
+    drawn = {f'/{item["Topic"]["Value"]}' for item in rviz['Displays'] if 'Topic' in item}
+    for topic in drawn | set(foxglove['configById']['3D!lava']['topics']):
+        assert topic in first and bag.topics[topic].qos == LATCHED, topic
+    stamp_ns, hazard = first['/hazard']
+    assert all(first[topic][0] <= stamp_ns for topic in ('/relief', '/vents_markers'))
+    relief, markers = (first[topic][1] for topic in ('/relief', '/vents_markers'))
+    for name in ('width', 'height', 'resolution', 'origin'):
+        assert getattr(relief.info, name) == getattr(hazard.info, name)
+    frames = {item.header.frame_id for item in markers.markers if item.action == Marker.ADD}
+    assert frames == {relief.header.frame_id} == {'map'}
+    assert any(item.text for item in markers.markers)

@@ -49,7 +49,7 @@ def test_deadline_chooses_the_finest_plan_in_time(planned_members):
     assert chooser.accuracy(SCENE, SETTINGS).spacing == 25.0
     assert planned_members == [17]
     choice = chooser.choice
-    assert (choice.members, choice.is_met, choice.spacing) == (8, True, 25.0)
+    assert (choice.members, choice.plan.spacing) == (8, 25.0)
     assert '8 of 8 members: 17 runs in about 9 s of 20 s' in choice.reason
     assert choice.sampling_error == pytest.approx(0.5 / 8**0.5)
     status = diagnostics.deadline_status(20.0, choice, took=3.0)
@@ -73,7 +73,7 @@ def test_impossible_deadline_is_a_warning(monkeypatch):
     monkeypatch.setattr(affordable, 'plan_within', Mock(side_effect=too_late))
     settings = replace(SETTINGS, ensemble_members=0)
     assert chooser.accuracy(SCENE, settings) == preset_accuracy('draft', spacing=None)
-    assert not chooser.choice.is_met and 'the coarsest runs take more' in chooser.choice.reason
+    assert chooser.choice.plan is None and 'the coarsest runs take more' in chooser.choice.reason
     status = diagnostics.deadline_status(20.0, chooser.choice, took=0.0)
     assert status.level == status.WARN
 

@@ -3,6 +3,8 @@
 
 """Diagnostics and log of the node."""
 
+from concurrent.futures import Future
+from dataclasses import replace
 from socket import gethostname
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -10,8 +12,9 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
+from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
-from lava_ros.live.recorder import RecorderStatus
+from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.ros import diagnostics
 from lava_ros.ros.subscribers import InputLog
@@ -140,6 +143,11 @@ def test_simulation_values_are_those_of_the_frame():
         'steps': '40', 'step_s': '0.25', 'step_limit': 'advection', 'step_stages': '1',
         'highest_temperature_c': '-273.15',
     }
+    snapshot = _snapshot()
+    placed = replace(snapshot.terrain, epsg=32633, offset=(500_000.0, 0.5))
+    values = _values(_simulation(snapshot=replace(snapshot, terrain=placed)))
+    system = values['epsg'], values['offset_easting'], values['offset_northing']
+    assert system == ('32633', '500000.0', '0.5')
 
 
 @pytest.mark.parametrize(
@@ -183,10 +191,15 @@ def test_effects_status_lists_effects_with_reasons():
 
 
 def test_failed_recording_is_an_error():
-    good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 1, 5, ''))
+    recorder = Recorder()
+    recorder.directory, recorder.files, recorder.messages = 'bags/x', 1, 5
+    recorder.state = 'recording'
+    recording = CheckpointRecording(recorder, Future)
+    good = diagnostics.recorder_status(recording)
     assert (good.name, good.level, good.message) == ('recorder', OK, 'recording')
     assert _values(good) == {'state': 'recording', 'bag': 'bags/x', 'files': '1', 'messages': '5'}
-    bad = diagnostics.recorder_status(RecorderStatus('off', 'bags/x', 1, 5, 'disk full'))
+    recorder.state, recorder.error = 'off', 'disk full'
+    bad = diagnostics.recorder_status(recording)
     assert (bad.level, bad.message) == (ERROR, 'disk full')
 
 

@@ -12,12 +12,8 @@ import numpy as np
 import pytest
 import rclpy
 
-from lava_ros.effects import Effects
-from lava_ros.forecast.forecast_run import ForecastRun
 from lava_ros.ros import codec
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Terrain
 from ros_domain import own_domain
 from scripts import load_script
 
@@ -59,7 +55,7 @@ def planner():
 
 def grid(rows):
     cells = np.array(rows, dtype=np.int8)
-    info = codec.map_metadata(Terrain(np.zeros(cells.shape), CELL), 0)
+    info = codec.map_metadata(Terrain(np.zeros(cells.shape), CELL), codec.time_message(0))
     return codec.occupancy_grid(cells, info, codec.header('map', 0))
 
 
@@ -201,64 +197,6 @@ def test_deadline_is_the_earliest_arrival_within_the_clearance():
     assert until[0].tolist() == [np.inf] * 4 + [50.0] + [np.inf] * 3 + [-1.0]
     assert until[1, 2] == np.inf
     assert leave_in_time.deadlines(arrival, 0.0)[2, 4:].tolist() == [50.0, *[np.inf] * 3, -1.0]
-
-
-class Machine:
-    """A machine that drives along its plans more slowly than the lava."""
-
-    speed, clearance, margin = 0.25, 20.0, 30.0
-
-    def __init__(self, place):
-        self.place = np.array(place)
-        self.is_lost = False
-
-    @property
-    def cell(self):
-        return tuple(int(index) for index in self.place[::-1] // CELL)
-
-    def drive(self, arrival, age, duration, lava):
-        """Plan, and drive for a time [s]; lava in its cell destroys the machine."""
-        self.is_lost |= bool(lava[self.cell])
-        if self.is_lost:
-            return
-        way = leave_in_time.way_out(
-            arrival - age, self.cell, None, duration=CELL / self.speed,
-            clearance=self.clearance / CELL, margin=self.margin,
-        )
-        if len(way) > 1:
-            ahead = CELL * (np.array(way[1][::-1]) + 0.5) - self.place
-            self.place += ahead * min(1.0, self.speed * duration / np.linalg.norm(ahead))
-
-
-def test_machine_survives_with_a_forecast_but_not_with_the_current_map():
-    y, x = np.mgrid[0:40, 0:60] * CELL
-    ground = 400.0 - 0.12 * x + 8e-4 * (y - 200.0) ** 2
-    scene = Scene(
-        Terrain(ground, CELL), (Vent((45.0, 205.0), 30.0, radius=15.0),), Lava(viscosity=1e3)
-    )
-    simulation = Simulation(
-        scene, effects=Effects(steep=True), accuracy=Accuracy(spacing=8.0, thickness=2.0),
-        device='cpu',
-    )
-    # with one limit, stops do not change the flow
-    end = 960.0
-    simulation.advance(60.0, limit=end)
-    checkpoint = simulation.checkpoint()
-    forecast = ForecastRun(checkpoint, horizon=900.0, threshold=0.01, device='cpu').run()
-    with_forecast, with_map = (Machine((405.0, 205.0)) for _ in range(2))
-    assert 300.0 < forecast.arrival[with_map.cell] < 700.0
-    while simulation.time < end:
-        thickness = simulation.snapshot().thickness
-        lava = thickness >= 0.01
-        mask = np.where(lava, 0.0, np.nan)
-        with_forecast.drive(forecast.arrival, simulation.time - forecast.time, 5.0, lava)
-        with_map.drive(mask, 0.0, 5.0, lava)
-        simulation.advance(min(simulation.time + 5.0, end), limit=end)
-    assert with_map.is_lost
-    assert not with_forecast.is_lost
-    distance = np.hypot(*(CELL * np.argwhere(lava)[:, ::-1] + 5.0 - with_forecast.place).T)
-    assert distance.min() >= Machine.clearance
-    assert np.isnan(forecast.arrival[with_forecast.cell])
 
 
 def _coming(soon, late):

@@ -146,7 +146,15 @@ def test_outlines_weight_the_ensembles_and_are_recorded(node):
     node.publish('outline')
     sharper = node.status_now('ensemble', lambda item: item['outlines'] == '1')
     assert 0.0 < float(sharper['jaccard_mean']) < 1.0
-    wait_for_ensemble(node, lambda item: float(item['members_effective']) < MEMBERS - 0.5)
+    assert float(sharper['members_left_by_outline']) < MEMBERS - 0.5
+    node.wait_for_log(f'of {MEMBERS} members that counted like {MEMBERS}.0 of equal weight, ')
+    # new members are drawn near those that are left
+    ensembles = int(sharper['ensembles'])
+    wait_for_ensemble(
+        node,
+        lambda item: int(item['ensembles']) > ensembles
+        and float(item['members_effective']) == MEMBERS,
+    )
     next_forecast(node)
     next_forecast(node)
     assert node.call('record', False)['success']

@@ -14,12 +14,14 @@ from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData
 import numpy as np
 import pytest
-from sensor_msgs.msg import Image, PointField
+from sensor_msgs.msg import Image
 
 from lava_ros.errors import LavaError
+from lava_ros.forecast.assimilation import outline_on
 from lava_ros.ros import codec, inputs
 from lava_ros.ros.parameters import Settings
-from lava_ros.scene import Vent
+from lava_ros.scene import Terrain, Vent
+from ros.graph_publisher import cloud_of
 
 RULES = Settings()
 
@@ -168,18 +170,10 @@ def test_rejects_a_malformed_terrain_cloud(x, y, z, rules, field):
         inputs.terrain_from_cloud(_cloud(x, y, z), replace(RULES, **rules))
 
 
-def _wide_cloud(columns, **datatypes):
-    """Return a point cloud of FLOAT64 columns, or of given datatypes."""
-    kinds = {PointField.INT32: '<i4', PointField.FLOAT64: '<f8'}
-    types = {name: datatypes.get(name, PointField.FLOAT64) for name in columns}
-    dtype = np.dtype([(name, kinds[datatype]) for name, datatype in types.items()])
-    points = np.array(list(zip(*columns.values(), strict=True)), dtype)
-    cloud = codec.point_cloud({name: np.zeros(len(points)) for name in columns}, _header())
-    for item in cloud.fields:
-        item.datatype, item.offset = types[item.name], dtype.fields[item.name][1]
-    cloud.point_step, cloud.row_step = dtype.itemsize, points.nbytes
-    cloud.data = array.array('B', points.tobytes())
-    return cloud
+def _wide_cloud(columns, **kinds):
+    """Return a point cloud of float64 columns, or of given kinds."""
+    dtype = np.dtype([(name, kinds.get(name, '<f8')) for name in columns])
+    return cloud_of(np.array([*zip(*columns.values(), strict=True)], dtype)[None])
 
 
 @pytest.mark.parametrize('axis', ['x', 'y', 'z'])
@@ -207,7 +201,7 @@ def test_cloud_becomes_vents():
     assert inputs.vents_from_cloud(_vents(), RULES) == ()
     # the id may be an integer, and the other fields doubles
     columns = {name: [value] for name, value in {'id': 42, **VENT}.items()}
-    (vent,) = inputs.vents_from_cloud(_wide_cloud(columns, id=PointField.INT32), RULES)
+    (vent,) = inputs.vents_from_cloud(_wide_cloud(columns, id='<i4'), RULES)
     assert vent == replace(first, name='vent 42')
 
 
@@ -337,3 +331,48 @@ def test_rejects_a_large_terrain_without_allocating_memory(lie):
     finally:
         tracemalloc.stop()
     assert peak < 100_000
+
+
+def seen(cells, resolution=10.0, origin=(100.0, 50.0)):
+    ground = Terrain(np.zeros(np.shape(cells)), resolution, origin=origin)
+    info = codec.map_metadata(ground, codec.time_message(5))
+    return codec.occupancy_grid(np.array(cells, dtype=np.int8), info, codec.header('map', 5))
+
+
+def test_mask_is_resampled_to_the_terrain():
+    mask = inputs.mask_from_grid(seen([[100, 49, -1], [50, 0, 100]]), RULES)
+    assert mask.lava.tolist() == [[True, False, False], [True, False, True]]
+    assert mask.known.tolist() == [[True, True, False], [True, True, True]]
+    assert (mask.resolution, mask.origin) == (10.0, (100.0, 50.0))
+    ground = np.zeros((6, 10))
+    ground[2, 4] = np.nan
+    # the mask starts in column 2, row 1
+    outline = outline_on(Terrain(ground, 5.0, origin=(90.0, 45.0)), mask, 60.0)
+    fine = np.kron(mask.lava, np.ones((2, 2))).astype(bool)
+    known = np.kron(mask.known, np.ones((2, 2))).astype(bool)
+    known[1, 2] = False
+    np.testing.assert_array_equal(outline.known[1:5, 2:8], known)
+    np.testing.assert_array_equal(outline.lava[1:5, 2:8], fine & known)
+    assert outline.known.sum() == known.sum() and outline.lava.sum() == (fine & known).sum()
+    with pytest.raises(LavaError, match='outline with lava'):
+        outline_on(Terrain(ground, 5.0, origin=(900.0, 45.0)), mask, 60.0)
+
+
+@pytest.mark.parametrize(
+    ('path', 'value', 'field'),
+    [
+        ('header.frame_id', 'odom', 'header.frame_id'),
+        ('data', array.array('b', [100, 0, 0]), 'data'),
+        ('data', array.array('b', [101, 0, 0, 0]), 'data'),
+        ('info.origin.orientation.z', 0.7, 'info.origin.orientation'),
+        ('info.resolution', 0.0, 'info.resolution'),
+        ('info.origin.position.x', 1e308, 'info.origin.position.x'),
+    ],
+)
+def test_rejects_an_invalid_mask(path, value, field):
+    message = seen([[100, 0], [0, 0]])
+    owner, _, name = path.rpartition('.')
+    setattr(attrgetter(owner)(message) if owner else message, name, value)
+    with pytest.raises(LavaError) as caught:
+        inputs.mask_from_grid(message, RULES)
+    assert caught.value.field == f'observed.{field}'

@@ -13,7 +13,7 @@ from nav_msgs.msg import OccupancyGrid
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import Image, PointCloud2, PointField
+from sensor_msgs.msg import Image, PointField
 from visualization_msgs.msg import Marker
 
 from lava_ros.bag import BagReader
@@ -34,11 +34,12 @@ from lava_ros.ros.outputs import (
     vent_markers,
 )
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.publishers import LayerPublishers, published_layers
+from lava_ros.ros.publishers import LayerPublishers, NodeGraph, published_layers
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot, StepReport
 from recording import snapshot_at
+from ros.graph_publisher import cloud_of
 
 VALUES = np.array([[1.5, -2.0, 3.0], [4.0, 5.0, np.nan]])
 
@@ -62,37 +63,27 @@ def test_image_is_read_in_any_encoding_and_byte_order(encoding, dtype, padding, 
     np.testing.assert_array_equal(image_array(image, 'terrain'), values)
 
 
-def _cloud(order, datatypes, *, rows, padding, is_bigendian):
+def _cloud(order, kinds, *, rows, padding, is_bigendian):
     """Return points with fields in any order and padding between them."""
     names = {'x': 1.0, 'y': 2.0, 'z': 3.0}
-    kinds = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
-    mark = '>' if is_bigendian else '<'
-    formats = [mark + kinds[datatype] for datatype in datatypes]
+    formats = [('>' if is_bigendian else '<') + kind for kind in kinds]
     sizes = [np.dtype(item).itemsize + padding for item in formats]
     offsets = [padding + sum(sizes[:index]) for index in range(3)]
-    step = padding + sum(sizes)
-    dtype = np.dtype({'names': order, 'formats': formats, 'offsets': offsets, 'itemsize': step})
+    size = padding + sum(sizes)
+    dtype = np.dtype({'names': order, 'formats': formats, 'offsets': offsets, 'itemsize': size})
     points = np.zeros((rows, 3), dtype)
     for name in order:
         points[name] = names[name] + 10.0 * np.arange(rows * 3).reshape(rows, 3)
-    data = b''.join(line.tobytes() + b'\xee' * padding for line in points)
-    fields = [
-        PointField(name=name, offset=offset, datatype=datatype, count=1)
-        for name, offset, datatype in zip(order, offsets, datatypes, strict=True)
-    ]
-    return PointCloud2(
-        height=rows, width=3, fields=fields, is_bigendian=is_bigendian, point_step=step,
-        row_step=3 * step + padding, data=array('B', data),
-    )
+    return cloud_of(points, is_bigendian, padding)
 
 
 @pytest.mark.parametrize('order', [['x', 'y', 'z'], ['z', 'x', 'y']])
 @pytest.mark.parametrize('rows', [1, 2])
 @pytest.mark.parametrize('padding', [0, 3])
 @pytest.mark.parametrize('is_bigendian', [False, True])
-@pytest.mark.parametrize('datatypes', [(7, 7, 7), (8, 7, 8)])
-def test_cloud_is_read_in_any_layout(order, rows, padding, is_bigendian, datatypes):
-    cloud = _cloud(order, datatypes, rows=rows, padding=padding, is_bigendian=is_bigendian)
+@pytest.mark.parametrize('kinds', [('f4', 'f4', 'f4'), ('f8', 'f4', 'f8')])
+def test_cloud_is_read_in_any_layout(order, rows, padding, is_bigendian, kinds):
+    cloud = _cloud(order, kinds, rows=rows, padding=padding, is_bigendian=is_bigendian)
     columns = cloud_columns(cloud, 'cloud', ('x', 'y', 'z'), optional=('id',))
     steps = 10.0 * np.arange(rows * 3)
     for name, first in (('x', 1.0), ('y', 2.0), ('z', 3.0)):
@@ -120,7 +111,7 @@ def test_cloud_is_read_in_any_layout(order, rows, padding, is_bigendian, datatyp
     ],
 )
 def test_rejects_a_malformed_cloud(changes, field):
-    cloud = _cloud(['x', 'y', 'z'], (7, 7, 7), rows=1, padding=0, is_bigendian=False)
+    cloud = _cloud(['x', 'y', 'z'], ['f4'] * 3, rows=1, padding=0, is_bigendian=False)
     for name, value in changes.items():
         setattr(cloud, name, value)
     with pytest.raises(LavaError) as caught:
@@ -151,7 +142,7 @@ SNAPSHOT = Snapshot(
 
 def _message(**layer):
     (made,) = layers_from_dict({'layers': {'one': {'source': 'thickness'} | layer}})
-    return outputs.layer_message(made, SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
+    return outputs.layer_message(made, SNAPSHOT, codec.header('map', 3_000_000_004))
 
 
 def test_grid_and_image_have_place_and_values_of_the_layer():
@@ -192,13 +183,13 @@ def test_vents_message_has_the_current_discharge_and_elevation():
     rows = outputs.vent_rows(vents, 15.0)
     assert [row[2] for row in rows] == [8.0, 3.0, 3.0]
     assert [row[2] for row in outputs.vent_rows(vents, -1.0)] == [0.0, 3.0, 3.0]
-    cloud = outputs.vents_message(rows, TERRAIN, frame_id='map', stamp_ns=0)
+    cloud = outputs.vents_message(rows, TERRAIN, codec.header('map', 0))
     assert cloud_columns(cloud, 'vents', ('z',))['z'].tolist() == [0.0, 5.0, 1.0]
     again = inputs.vents_from_cloud(cloud, Settings())
     assert [vent.position for vent in again] == [(105.0, 205.0), (125.0, 215.0), (115.0, 205.0)]
     assert again[0].temperature == pytest.approx(1300.0, abs=1e-3)
     assert again[0].radius == 3.0
-    cloud = outputs.vents_message([], TERRAIN, frame_id='map', stamp_ns=0)
+    cloud = outputs.vents_message([], TERRAIN, codec.header('map', 0))
     assert inputs.vents_from_cloud(cloud, Settings()) == ()
 
 
@@ -206,7 +197,7 @@ def test_relief_is_lit_from_the_north_west():
     y, x = np.mgrid[0:5, 0:5] * 10.0
 
     def shade(elevation):
-        message = outputs.relief_message(Terrain(elevation, 10.0), frame_id='map', stamp_ns=1)
+        message = outputs.relief_message(Terrain(elevation, 10.0), codec.header('map', 1))
         return np.array(message.data).reshape(5, 5)
 
     facing, flat, away = shade(0.5 * (x - y)), shade(0.0 * x), shade(0.5 * (y - x))
@@ -228,7 +219,7 @@ def points(marker):
 
 
 def test_vent_has_a_marker_a_label_and_a_line_to_the_ground():
-    first, *others = vent_markers(VENTS, 10.0, HILL, frame_id='map', stamp_ns=0).markers
+    first, *others = vent_markers(VENTS, 10.0, HILL, codec.header('map', 0)).markers
     assert first.action == Marker.DELETEALL
     assert {item.action for item in others} == {Marker.ADD}
     assert len({(item.ns, item.id) for item in others}) == len(others) == 6
@@ -249,17 +240,22 @@ def test_vent_has_a_marker_a_label_and_a_line_to_the_ground():
     pole, frame = (item for item in others if item.ns == ELEVATIONS)
     assert pole.type == frame.type == Marker.LINE_STRIP
     assert points(pole) == [(105.0, 205.0, 0.0), (105.0, 205.0, 0.0)]
+    # below RViz's camera, which is at 500 m, and opaque: it draws translucent maps above them
+    for item in others:
+        heights = [item.pose.position.z, *(point.z for point in item.points)]
+        assert item.ns == ELEVATIONS or (0.0 <= min(heights) and max(heights) <= 1.0)
+        assert item.ns == ELEVATIONS or item.color.a == 1.0
     assert points(frame) == [
         (125.0, 215.0, 0.0), (125.0, 215.0, 32.0), (115.0, 205.0, 1.0), (115.0, 205.0, 0.0)
     ]
-    (only,) = vent_markers((), 0.0, HILL, frame_id='map', stamp_ns=0).markers
+    (only,) = vent_markers((), 0.0, HILL, codec.header('map', 0)).markers
     assert only.action == Marker.DELETEALL
 
 
 def test_barrier_is_a_line_on_the_map():
     crest = ((500_110.0, 4_180_210.0), (500_120.0, 4_180_215.0), (500_130.0, 4_180_215.0))
     ground = replace(HILL, offset=(500_000.0, 4_180_000.0), barriers=(crest,))
-    _, line = vent_markers((), 0.0, ground, frame_id='map', stamp_ns=0).markers
+    _, line = vent_markers((), 0.0, ground, codec.header('map', 0)).markers
     assert (line.ns, line.type, line.action) == (BARRIERS, Marker.LINE_STRIP, Marker.ADD)
     assert points(line) == [(110.0, 210.0, 0.0), (120.0, 215.0, 0.0), (130.0, 215.0, 0.0)]
     assert line.scale.x > 0.0 and line.color.a == line.pose.orientation.w == 1.0
@@ -270,9 +266,22 @@ def test_barrier_is_a_line_on_the_map():
     [(10.0, OPEN, 'north: 4 m3/s, 1100 C'), (30.0, CLOSED, 'north: 0 m3/s, 1100 C')],
 )
 def test_label_and_color_show_the_current_discharge(time, color, words):
-    _, disc, label, *_ = vent_markers(VENTS, time, HILL, frame_id='map', stamp_ns=0).markers
+    _, disc, label, *_ = vent_markers(VENTS, time, HILL, codec.header('map', 0)).markers
     assert (disc.color.r, disc.color.g, disc.color.b, disc.color.a) == pytest.approx(color)
     assert label.text == words
+
+
+def test_particles_are_on_the_surface_and_few(monkeypatch):
+    monkeypatch.setattr(outputs, 'MAX_PARTICLES', 3)
+    position = np.column_stack([100.0 + np.arange(8.0), np.full(8, 215.0)])
+    sample = ParticleSample(
+        position, np.ones(8), np.full(8, 1273.15), np.ones(8), np.zeros((8, 2)),
+    )
+    cloud = outputs.particle_message(sample, SNAPSHOT, codec.header('map', 7))
+    found = cloud_columns(cloud, 'lava_particles', ('x', 'y', 'z', 'temperature'))
+    assert found['x'].tolist() == [100.0, 103.0, 106.0]
+    # the ground is at 3 m there, below 3 m of lava
+    assert set(found['z']) == {6.0} and set(found['temperature']) == {1000.0}
 
 
 GROUND, SPRINGS = {'terrain', 'terrain_info', 'relief'}, {'vents', 'vents_markers'}
@@ -291,22 +300,22 @@ GROUND, SPRINGS = {'terrain', 'terrain_info', 'relief'}, {'vents', 'vents_marker
     ],
 )
 def test_scene_messages_are_only_those_that_changed(change, time, expected):
-    scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages('map')
-    assert set(messages.update(scene, 10.0, 1)) == GROUND | SPRINGS
-    changed = messages.update(replace(scene, **change), time, 2)
+    scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages()
+    assert set(messages.update(scene, 10.0, codec.header('map', 1))) == GROUND | SPRINGS
+    changed = messages.update(replace(scene, **change), time, codec.header('map', 2))
     assert set(changed) == expected
     messages.forget()
-    again = messages.update(replace(scene, **change), time, 3)
+    again = messages.update(replace(scene, **change), time, codec.header('map', 3))
     assert set(again) == GROUND | SPRINGS
     assert again['relief'].header.stamp.nanosec == 3
 
 
 def test_scene_messages_have_the_terrain_of_the_flow():
-    scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages('map')
+    scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages()
     old = Terrain(np.zeros((4, 5)), 10.0)
-    shown = messages.update(scene, 10.0, 1, ground=old)
+    shown = messages.update(scene, 10.0, codec.header('map', 1), ground=old)
     assert (shown['terrain'].height, shown['relief'].info.width) == (4, 5)
-    assert set(messages.update(scene, 10.0, 2)) == GROUND | SPRINGS
+    assert set(messages.update(scene, 10.0, codec.header('map', 2))) == GROUND | SPRINGS
 
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
@@ -317,11 +326,10 @@ class _Published:
 
     def __init__(self, file, recorder=None):
         self.sent, self.profiles, self.now = [], {}, 100.0
-        self.publishers = LayerPublishers(
-            SimpleNamespace(create=self._create),
-            [layer for layer in load_layers(CONFIGS / file) if layer.enabled],
-            recorder or Recorder(), frame_id='map', clock=lambda: self.now,
-        )
+        graph = NodeGraph(None, 'map')
+        graph.create, graph.recorder = self._create, recorder or graph.recorder
+        layers = [layer for layer in load_layers(CONFIGS / file) if layer.enabled]
+        self.publishers = LayerPublishers(graph, layers, clock=lambda: self.now)
 
     def _create(self, kind, message_class, topic, profile):
         self.profiles[topic] = profile
@@ -343,7 +351,7 @@ def test_grid_is_padded_to_its_minimum_size():
     snapshot, _ = _small_flow()
     plain, wide, high = (
         outputs.layer_message(
-            replace(layer, min_cells=count), snapshot, frame_id='map', stamp_ns=1
+            replace(layer, min_cells=count), snapshot, codec.header('map', 1)
         )
         for count in (0, 41, 25)
     )
@@ -362,7 +370,7 @@ def test_grid_is_padded_to_its_minimum_size():
 def test_heartbeat_repeats_the_newest_map(tmp_path):
     recorder = Recorder()
     recorder.arm(tmp_path / 'bag')
-    recorder.begin({})
+    recorder.describe({})
     world = _Published('nav2_speed.yaml', recorder)
     first, _ = _small_flow()
 

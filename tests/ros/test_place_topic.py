@@ -8,9 +8,7 @@ import re
 
 import numpy as np
 import pytest
-import rasterio
 
-from command_line import done
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, image_array
 from lava_ros.errors import LavaError
@@ -29,16 +27,12 @@ POSTS = {f'post {x}': (x, 152.0) for x in range(44, 400, 10)}
 
 QUANTILES = ('p10', 'p50', 'p90')
 
-#: Easting and northing of the origin of the map [m].
-CORNER = (500_000.0, 4_180_000.0)
-
 
 @pytest.fixture
 def folder(tmp_path):
     """Files of a scene and its places: posts, a road across the valley, a town off the map."""
-    np.savez(
-        tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0, epsg=32633, offset=CORNER
-    )
+    place = {'epsg': 32633, 'offset': (500_000.0, 4_180_000.0)}
+    np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0, **place)
     (tmp_path / 'scene.yaml').write_text(SCENE, encoding='utf-8')
     rows = [f'{name},{500_000 + x},{4_180_000 + y},,' for name, (x, y) in POSTS.items()]
     rows += ['road,500115,4180005,500115,4180295', 'town,590000,4180000,,']
@@ -77,7 +71,7 @@ def same(text, value):
     return np.isnan(value) if text == '' else np.float32(float(text)) == np.float32(value)
 
 
-def test_arrivals_are_those_of_the_maps_and_the_geotiff(local, folder):
+def test_arrivals_are_those_of_the_maps(local, folder):
     node = started(local)
     for _ in range(8):
         node.run(1.0)
@@ -105,17 +99,7 @@ def test_arrivals_are_those_of_the_maps_and_the_geotiff(local, folder):
         unknown = ('arrival_p50_s', 'probability_percent', 'reached')
         assert all(statuses['town'][key] == '' for key in unknown)
     _, last = found[-1]
-    reached = [name for name in POSTS if last[name]['reached'] == 'true']
-    assert 3 < len(reached) < len(POSTS)
-    done('export', 'recorded', '-o', 'maps', '--maps', 'arrival')
-    done('places', 'recorded', 'places.csv', '-o', 'table.csv')
-    table = np.genfromtxt('table.csv', delimiter=',', names=True, dtype=None, encoding='utf-8')
-    run = dict(zip(table['name'], table['arrival_p50_s'], strict=True))
-    with rasterio.open('maps/arrival.tif') as file:
-        for name in reached:
-            (value,) = next(file.sample([np.add(POSTS[name], CORNER)]))
-            assert same(last[name]['arrival_p50_s'], float(value))
-            assert run[name] == float(value)
+    assert 3 < [last[name]['reached'] for name in POSTS].count('true') < len(POSTS)
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,7 @@ import yaml
 
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.cli.main import main
-from lava_ros.live.recorder import Recorder
-from lava_ros.live.session import Origin
+from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import snapshot_at
@@ -30,20 +29,16 @@ class FrameRecording:
         self.directory = directory
         self.scene = Scene(terrain, (Vent((25.0, 15.0), 2.0),), lava=Lava())
         self.schedule = self.scene.vents
-        self.origin = None
-        self.parameters = {}
-        self.recorder = Recorder()
-        self.recording = SceneRecording(
-            SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/'),
-            self.recorder, frame_id='map', configs={}, parameters=lambda: self.parameters,
-        )
+        node = SimpleNamespace(resolve_topic_name='/{}'.format, get_namespace=lambda: '/')
+        graph = NodeGraph(node, 'map')
+        self.recorder = graph.recorder
+        self.recording = SceneRecording(graph, configs={}, parameters=dict)
 
     def write(self, time, effects):
         terrain = self.scene.terrain
         snapshot = snapshot_at(time, np.zeros(terrain.shape, np.float32), terrain)
         session = SimpleNamespace(
-            scene=self.scene, effects=effects, schedule=self.schedule, origin=self.origin,
-            device='cpu',
+            scene=self.scene, effects=effects, schedule=self.schedule, origin=None, device='cpu',
         )
         self.recording.write(session, snapshot, int(time * 1e9))
         self.recorder.flush()
@@ -80,23 +75,6 @@ def test_bag_has_each_change_of_effects(frames):
     assert frames.effects('two') == [{'stamp_ns': 7 * 10**9, 'time': 7.0, 'effects': FAST}]
 
 
-def test_bag_has_origin_and_onset_of_its_start(frames):
-    frames.origin = Origin('bags/first', 120.0, 7)
-    frames.parameters = {'onset': '2006-07-14T22:00Z'}
-    frames.write(2.0, STEEP)
-    frames.recorder.stop()
-    frames.recorder.arm(frames.directory / 'two')
-    frames.write(3.0, STEEP)
-    frames.origin = None
-    frames.write(0.0, FAST)
-    frames.recorder.stop()
-    first, second = (BagReader(frames.directory / name).custom_data for name in ('one', 'two'))
-    assert not {'resumed_from', 'onset'} & set(first)
-    origin = {'bag': 'bags/first', 'time': 120.0, 'stamp_ns': 7}
-    assert json.loads(second['resumed_from']) == origin
-    assert second['onset'] == '2006-07-14T22:00Z'
-
-
 def test_bag_has_the_schedule_of_closed_vents(frames):
     frames.schedule = (Vent((25.0, 15.0), ((0.0, 2.0), (3.0, 5.0), (4.0, 0.0)), 1423.0),)
     frames.scene = Scene(TERRAIN, lava=Lava())
@@ -120,10 +98,11 @@ def test_terrain_and_vents_are_repeated_as_the_bag_grows(tmp_path):
     for second in range(1000, 2000, 100):
         frames.write(float(second), STEEP)
     frames.recorder.stop()
-    seen = {}
-    for item in BagReader(tmp_path / 'one').messages():
+    seen, bag = {}, BagReader(tmp_path / 'one')
+    for item in bag.messages():
         seen.setdefault(item.topic, []).append(item.stamp_ns // 10**9)
     # nothing else is written after that
     assert seen['/terrain'] == [1, 61, 121, 181]
     scene = ('/terrain', '/terrain_info', '/relief', '/vents', '/vents_markers')
     assert all(seen[topic] == seen['/terrain'] for topic in scene)
+    assert all(bag.topics[topic].qos == LATCHED for topic in scene)

@@ -11,6 +11,7 @@ import shutil
 import signal
 import time
 
+from nav_msgs.msg import OccupancyGrid
 import numpy as np
 import pytest
 import yaml
@@ -28,7 +29,11 @@ from lava_ros.simulation.output.checkpoint import Checkpoint, MEDIA_TYPE
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import HORIZON
 from ros.conftest import QUICK_MODULE
-from ros.graph_publisher import elevation
+from ros.graph_listener import line_of
+from ros.graph_publisher import elevation, LATCHED
+
+#: Topics of the grids that are published by default.
+GRIDS = ('height', 'temperature', 'hazard')
 
 
 def numbers(status):
@@ -41,23 +46,39 @@ def has_lava(status):
     return float(status.get('volume_emitted_m3', 0.0)) > 0.0
 
 
-def test_node_resumes_from_the_bag_of_a_killed_node(graph, tmp_path):
+def test_process_resumes_from_the_bag_of_a_killed_process(graph, tmp_path):
+    """Lifecycle, inputs, grids, late subscribers, bags and signals over the middleware."""
     first_bag, second_bag = tmp_path / 'first', tmp_path / 'second'
     node = graph.node(
-        device='cpu', time_scale=50.0, record=True, bag_directory=str(first_bag),
+        device='cpu', time_scale=50.0, autostart=False, record=True, bag_directory=str(first_bag),
         checkpoint_period=1.0, preset='draft', effects_off=['cooling'], onset='2006-07-14T22:00Z',
     )
-    publisher, listener = graph.publisher(), graph.listener('height')
-
+    publisher, listener = graph.publisher(), graph.listener(*GRIDS)
     killed_ns = 0
 
     def wait_for(task, condition=lambda _: True):
         return listener.wait_for_status(task, condition, since_ns=killed_ns)
 
+    assert publisher.state() == 'unconfigured'
+    assert publisher.change('configure') and publisher.change('activate'), node.log
     publisher.publish('vents', 'terrain_info', 'terrain')
     recorder = wait_for('recorder', lambda item: float(item.get('checkpoint_time_s', 0.0)) > 100.0)
     seen_time, seen_volume, _ = numbers(wait_for('simulation', has_lava))
     discharge = seen_volume / seen_time
+    assert publisher.call('pause', True)['success']
+    last, late = listener.at_rest(*GRIDS), {}
+    for topic, grid in last.items():
+        place = [grid[name] for name in ('frame_id', 'shape', 'resolution', 'origin')]
+        assert place == ['map', [30, 40], 10.0, [0.0, 0.0]]
+        assert grid['min'] == 0 and 0 < grid['max'] <= 100
+        publisher.node.create_subscription(
+            OccupancyGrid, topic,
+            lambda data, topic=topic: late.update({topic: line_of(topic, OccupancyGrid, data)}),
+            LATCHED, raw=True,
+        )
+    publisher.spin_until(lambda: late == last)
+    # Warp prints a warning if there is no GPU
+    assert not [line for line in node.log.splitlines() if line.startswith('Warp ')]
     node.end(signal.SIGKILL)
     killed_ns = time.time_ns()
 
@@ -90,23 +111,35 @@ def test_node_resumes_from_the_bag_of_a_killed_node(graph, tmp_path):
     assert wait_for('effects')['cooling'] == 'off: forced'
     listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > killed_ns)
     assert node.end(signal.SIGTERM) == 0
-
+    assert 'stopped' in node.log.splitlines()[-1]
     assert 'Traceback' not in node.log
-    assert not BagReader(second_bag).recovered
+
+    bag = BagReader(second_bag)
+    assert not bag.recovered
     stored = checkpoints_of(second_bag)
     assert checkpoint.time <= stored[0].time
     assert stored[-1].time >= numbers(later)[0]
-    described = BagReader(second_bag).custom_data
-    assert json.loads(described['resumed_from']) == {
+    assert json.loads(bag.custom_data['resumed_from']) == {
         'bag': str(first_bag), 'time': checkpoint.time, 'stamp_ns': found.log_time_ns
     }
-    assert described['onset'] == '2006-07-14T22:00:00Z'
-    parameters = yaml.safe_load(described['parameters'])
+    assert bag.custom_data['onset'] == '2006-07-14T22:00:00Z'
+    parameters = yaml.safe_load(bag.custom_data['parameters'])
     assert (parameters['preset'], parameters['effects_off']) == ('draft', ['cooling'])
     again = Simulation.resume(newest_checkpoint(second_bag).checkpoint, device='cpu')
     assert again.time == stored[-1].time
     assert again.budget().emitted == pytest.approx(discharge * again.time, rel=1e-9)
     assert again.budget().error < 1e-5
+    recorded = [
+        line_of(item.topic.removeprefix('/'), OccupancyGrid, bytes(item.data))
+        for item in bag.messages({f'/{topic}' for topic in GRIDS})
+    ]
+    listener.hear()
+    received = [
+        item for item in listener.seen
+        if item['topic'] in GRIDS and killed_ns < item['stamp_ns'] <= bag.end_ns
+    ]
+    assert {item['topic'] for item in received} == set(GRIDS)
+    assert all(item in recorded for item in received)
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ UNCERTAINTY = {
     ],
 }
 
-#: Keys whose values the parsers of a case and of a scene share.
+#: Keys that a case shares with a scene: it reads its rasters each time, so they are nightly.
 SHARED = (('case', 'events'), ('case', 'uncertainty'))
 
 #: Valid files of each kind, which together have every key.
@@ -250,11 +250,6 @@ def _places(value, path=()):
         yield from _places(item, (*path, key))
 
 
-def _named(kind, path):
-    words = (f'[{key}]' if isinstance(key, int) else f'.{key}' for key in path)
-    return kind + ''.join(words)
-
-
 def _with(data, path, value):
     data = deepcopy(data)
     *parents, last = path
@@ -276,26 +271,22 @@ def _limits(schema, key=None):
             yield from _limits(item, key)
 
 
-@cache
-def _values(kind, key):
-    limits = sorted(set(_limits(_generator().schema(kind), key)))
-    result = list(WRONG)
-    for limit in limits:
-        step = 1 if isinstance(limit, int) else math.ulp(limit)
-        result += [limit - step, limit, limit + step]
-    return result
-
-
-def _mutations(kind, data, path):
-    """Yield files with another value, or an unknown key, at a place."""
-    key = next(name for name in reversed(path) if isinstance(name, str))
-    for value in _values(kind, key):
-        yield _with(data, path, value)
-    old = data
+def _wrong(kind, data, path):
+    """Yield wrong values, and an unknown key, for a place in a file."""
+    yield from WRONG
     for key in path:
-        old = old[key]
-    if isinstance(old, dict):
-        yield _with(data, path, {**old, 'wrong': 1})
+        data = data[key]
+    if isinstance(data, dict):
+        yield {**data, 'wrong': 1}
+
+
+def _wrong_and_limits(kind, data, path):
+    """Yield also the limits of numbers at a place, and the numbers next to them."""
+    yield from _wrong(kind, data, path)
+    key = next(name for name in reversed(path) if isinstance(name, str))
+    for limit in sorted(set(_limits(_generator().schema(kind), key))):
+        step = 1 if isinstance(limit, int) else math.ulp(limit)
+        yield from (limit - step, limit, limit + step)
 
 
 @pytest.mark.parametrize('kind', [*FILES, 'case'])
@@ -359,28 +350,25 @@ def test_valid_files_have_every_key():
 
 
 @pytest.mark.parametrize(
-    ('kind', 'number', 'path'),
-    [
-        pytest.param(
-            kind, number, path,
-            # a case has them in common with a scene, but reads its rasters each time
-            marks=[pytest.mark.nightly] * ((kind, path[0]) in SHARED),
-        )
-        for kind, files in VALID.items()
-        for number, data in enumerate(files)
-        for path in _places(data)
-    ],
-    ids=lambda item: _named('', item) if isinstance(item, tuple) else str(item),
+    'values', [_wrong, pytest.param(_wrong_and_limits, marks=pytest.mark.nightly)]
 )
-def test_schema_and_parser_agree_on_wrong_values(kind, number, path, folder):
-    place = _named(kind, path)
-    for data in _mutations(kind, VALID[kind][number], path):
-        refusal, fits = _refusal(kind, data, folder), _fits(kind, data)
-        if not fits:
-            # an editor has to accept every file that the program accepts
-            assert refusal is not None, f'{place}: only the schema refuses {data}'
-        elif not DEPENDENT.fullmatch(place):
-            assert refusal is None, f'{place}: the schema accepts {data}'
+@pytest.mark.parametrize(
+    ('kind', 'number'), [(kind, number) for kind in VALID for number in range(len(VALID[kind]))]
+)
+def test_schema_and_parser_agree_on_wrong_values(kind, number, values, folder):
+    valid = VALID[kind][number]
+    for path in _places(valid):
+        if values is _wrong and (kind, path[0]) in SHARED:
+            continue
+        place = kind + ''.join(f'[{key}]' if isinstance(key, int) else f'.{key}' for key in path)
+        for value in values(kind, valid, path):
+            data = _with(valid, path, value)
+            refusal, fits = _refusal(kind, data, folder), _fits(kind, data)
+            if not fits:
+                # an editor has to accept every file that the program accepts
+                assert refusal is not None, f'{place}: only the schema refuses {data}'
+            elif not DEPENDENT.fullmatch(place):
+                assert refusal is None, f'{place}: the schema accepts {data}'
 
 
 #: Parameters are never mappings; in JSON an integer is also a valid double.

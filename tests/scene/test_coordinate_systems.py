@@ -20,7 +20,7 @@ from geodata import write_raster
 from lava_ros.errors import LavaError
 from lava_ros.maps.export import export_bag
 from lava_ros.pages.runs import system_words
-from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.scene import Scene, scene_to_dict
 from lava_ros.scene.features import read_features
 from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.scene.projection import coordinate_system, projected, system_name
@@ -95,6 +95,15 @@ def test_transforms_places_in_degrees(tmp_path: Path, crs: CRS) -> None:
     np.testing.assert_array_equal(values, GROUND[::-1])
 
 
+def test_raster_on_a_terrain_has_the_scale_of_its_band(tmp_path: Path) -> None:
+    terrain = load_terrain(write(tmp_path / 'a.tif', CRS.from_epsg(32633)))
+    percent = np.full(GROUND.shape, 250, np.int16)
+    percent[0, 0] = -1
+    path = write_raster(tmp_path / 'b.tif', percent, nodata=-1, scale=(0.1, 5.0))
+    values = read_raster_on(terrain, path, field='x')
+    assert np.isnan(values[-1, 0]) and np.nanmin(values) == np.nanmax(values) == 30.0
+
+
 def test_error_names_a_local_system_without_longitudes(tmp_path: Path) -> None:
     terrain = load_terrain(write(tmp_path / 'a.tif', SITE))
     with pytest.raises(LavaError, match='the domain of quarry grid, no EPSG code'):
@@ -139,14 +148,6 @@ def test_stored_terrains_keep_the_system(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, 'rasterio', None)
     assert load_terrain(tmp_path / 'a.npz').wkt == terrain.wkt
     assert system_words(None, terrain.wkt) == 'unknown, no EPSG code'
-
-
-@pytest.mark.parametrize('wkt', ['', 5, 'x' * 200_000])
-def test_rejects_invalid_definitions(wkt: Any) -> None:
-    with pytest.raises(LavaError, match='terrain.wkt'):
-        Terrain(GROUND, 10.0, wkt=wkt)
-    with pytest.raises(LavaError, match='terrain.wkt'):
-        coordinate_system(None, 'nowhere')
 
 
 def test_maps_of_a_bag_have_its_system(

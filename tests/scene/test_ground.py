@@ -31,26 +31,6 @@ DEGREES = (15.001, 37.769)
 METRES = [[_X, _Y]]
 
 
-def test_reads_lines_of_a_table(tmp_path: Path) -> None:
-    """Degrees need a terrain with a coordinate system."""
-    (tmp_path / 'a.csv').write_text('x,y,x_end,y_end\n1,2,3,4\n5,6,,\n')
-    line, point = read_features('--vents', tmp_path / 'a.csv', TERRAIN)
-    assert line.rings[0].tolist() == [[1.0, 2.0], [3.0, 4.0]]
-    assert (line.kind, point.kind) == ('LineString', 'Point')
-    (tmp_path / 'a.csv').write_text('lon,lat\n15,37\n')
-    with pytest.raises(LavaError, match='which has no coordinate system'):
-        read_features('--vents', tmp_path / 'a.csv', Terrain(np.zeros((5, 5)), 10.0))
-
-
-def test_parts_of_a_feature_have_its_name(tmp_path: Path) -> None:
-    lines = feature('MultiLineString', [[[1, 2], [3, 4]], [[5, 6], [7, 8]]])
-    path = write_features(tmp_path / 'b.json', lines)
-    first, second = read_features('--overlay', path, TERRAIN)
-    assert first.where == second.where
-    np.testing.assert_allclose(first.rings[0], [[1, 2], [3, 4]], atol=1e-6)
-    np.testing.assert_allclose(second.rings[0], [[5, 6], [7, 8]], atol=1e-6)
-
-
 def test_warns_of_features_without_a_geometry(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -87,12 +67,10 @@ def test_polygon_marks_cells_by_their_centre_except_in_holes(tmp_path: Path) -> 
     ('a.csv', 'x,y\n', '1 lines'),
     ('a.csv', 'name,x,y\nhut,1,nan\n', r"line 2 \(hut\), y is 'nan', expected a finite"),
     ('a.csv', 'x,y\n1,1e30\n', 'two coordinates'),
-    ('a.csv', 'x,y,x_end\n1,2,3\n', 'both or neither'),
     ('a.csv', 'lon,lat,x,y\n2,4,5,6\n', 'the columns x,y or lon,lat or wkt'),
     ('a.csv', 'X,Easting,y\n2,4,5\n', "is 'X and Easting', expected one column for x"),
     ('a.csv', 'x (furlong),y\n2,4\n', "x .furlong. of .* is 'furlong', expected a unit such"),
     ('a.csv', 'wkt\nPNT\n', "line 2, wkt is 'PNT', expected well-known text"),
-    ('a.geojson', '[1]', 'a file of GeoJSON'),
     ('a.geojson', '{"features": []}', 'GeoJSON that GDAL can read'),
     ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'at least one point'),
     ('a.geojson', '{"type": "Feature", "geometry": {"type": "Circle"}}', 'at least one point'),
@@ -101,7 +79,6 @@ def test_polygon_marks_cells_by_their_centre_except_in_holes(tmp_path: Path) -> 
     ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "crs": {"type": "name", '
      '"properties": {"name": "EPSG:0"}}}', 'that GDAL knows'),
     ('a.gpkg', 'SQLite it is not', 'a file of GeoPackage'),
-    ('a.kml', '<html/>', 'a file of KML'),
     ('a.kml', '<!DOCTYPE x [<!ENTITY a "b">]><kml/>', 'a file of KML'),
     ('a.kmz', 'PK', 'a readable file'),
 ])
@@ -194,17 +171,6 @@ def test_elevation_file_keeps_its_barriers(
         assert 'maps will not show its barriers' in caplog.text
     stored = scene_to_dict(Scene(dam))['terrain']['barriers']
     assert stored == [[list(place) for place in crest] for crest in dam.barriers]
-
-
-def test_barrier_is_not_higher_at_a_bend_and_can_be_rotated() -> None:
-    line = (_place(100, 100), _place(300, 100), _place(300, 300))
-    added = _added(with_barrier(GROUND, Barrier(line, 8.0, 20.0)))
-    assert added.max() == pytest.approx(8.0)
-    flat = Terrain(np.zeros((40, 40)), 10.0)
-    one = with_barrier(flat, Barrier(((55.0, 105.0), (255.0, 305.0)), 8.0, 20.0))
-    other = with_barrier(flat, Barrier(((400.0 - 105.0, 55.0), (400.0 - 305.0, 255.0)), 8.0, 20.0))
-    turned = np.rot90(one.elevation[::-1], 1)[::-1]
-    np.testing.assert_allclose(other.elevation, turned, atol=1e-4)
 
 
 def test_barrier_and_filter_keep_cells_without_data() -> None:

@@ -14,7 +14,7 @@ import yaml
 
 from geodata import write_scene
 from lava_ros.errors import LavaError
-from lava_ros.scene import Lava, Scene, scene_from_yaml, scene_to_dict, Terrain
+from lava_ros.scene import scene_from_yaml, scene_to_dict
 from lava_ros.scene.uncertainty import (
     Displacement,
     Distribution,
@@ -141,23 +141,3 @@ def test_error_names_the_invalid_field_of_an_uncertainty(
     with pytest.raises(LavaError) as caught:
         scene_from_yaml(scene_file(tmp_path, section))
     assert caught.value.field == field
-
-
-@pytest.mark.parametrize('make', [
-    lambda: Distribution('normal', (0.0,)),
-    lambda: Distribution('uniform', (1.0, 1.0)),
-    lambda: Distribution('uniform', (0.0, 1.0), (0.0, 1.0)),
-    lambda: Displacement(),
-    lambda: Displacement(math.nan),
-    lambda: Roughness(1.0, -1.0),
-    lambda: Uncertainty(discharge=Distribution('normal', (1.0, 0.1))),
-    lambda: Uncertainty(discharge=2.0),  # type: ignore[arg-type]
-    lambda: Scene(
-        Terrain(np.zeros((4, 4)), 1.0),
-        lava=Lava(),
-        uncertainty=Uncertainty(yield_strength=Distribution('uniform', (0.5, 2.0))),
-    ),
-])
-def test_rejects_invalid_values_in_python(make: object) -> None:
-    with pytest.raises(LavaError):
-        make()  # type: ignore[operator]

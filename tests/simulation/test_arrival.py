@@ -117,15 +117,6 @@ def test_drained_cells_keep_arrival_and_peak(device):
     assert (result.thickness[0, 6:11] == 0.0).all() and np.isnan(result.temperature[0, 6:]).all()
 
 
-def test_arrival_is_between_the_observations(device):
-    random = np.random.default_rng(0)
-    before = np.where(random.random((20, 30)) < 0.1, random.random((20, 30)), 0.0)
-    after = np.where(random.random((20, 30)) < 0.6, random.random((20, 30)), 0.0)
-    is_new = (after >= 0.3) & (before < 0.3)
-    arrival = seen_of([(0.0, before), (1.0, after)], device, 0.3).arrival[is_new]
-    assert ((arrival >= 0.0) & (arrival <= 1.0)).all()
-
-
 @pytest.mark.parametrize(
     ('thickness', 'temperature', 'flaw'),
     [

@@ -95,36 +95,6 @@ def test_different_members_are_bitwise_identical_to_single_runs(device, name, mo
     assert ends[2].particle_count > 4096 or 'merging' in ends[2].effects
 
 
-def test_waiting_for_other_members_changes_nothing(device, monkeypatch):
-    monkeypatch.setattr(batch_module, '_IDLE', 1.0)
-    fluxes, times = (10.0, 20.0, 60.0), np.linspace(0.5, 6.0, 12)
-
-    def begun(flux):
-        knobs = {'spacing': 1.0, 'thickness': 0.4, 'deterministic': True, 'device': device}
-        vent = Vent((200.0, 200.0), flux, 1400.0)
-        simulation = simulated(incline(0.3, 200, 200, 2.0), Lava(), vent, **knobs)
-        return simulation, simulation.looks(0.1, len(times))
-
-    def route(flux):
-        simulation, looks = begun(flux)
-        for time in times:
-            yield from simulation.advancing(time)
-            yield from simulation.looking(looks)
-        ends[flux] = simulation.budget().held, simulation.seen(looks)
-
-    ends = {}
-    Batch().run(map(route, fluxes))
-    for flux in fluxes:
-        alone, looks = begun(flux)
-        for time in times:
-            alone.advance(time)
-            alone.look(looks)
-        held, seen = ends[flux]
-        assert held == pytest.approx(alone.budget().held, abs=1e-9)
-        for value, expected in zip(seen[1:4], alone.seen(looks)[1:4], strict=True):
-            np.testing.assert_allclose(value, expected, rtol=1e-5)
-
-
 @RUNNERS
 def test_tasks_without_a_simulation_end_or_raise(device, run):
     ended = []

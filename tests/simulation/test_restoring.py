@@ -21,7 +21,7 @@ from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.particles import neighbors
 from lava_ros.simulation.particles.layout import FAR
-from simulation.test_stops import begun, COOLING, END, hill, LAVA, VENTS
+from simulation.test_stops import begun, COOLING, END, hill, VENTS
 
 #: Time of the checkpoints [s].
 STOP = 200.0
@@ -78,19 +78,6 @@ def test_changes_after_a_checkpoint_have_the_same_result(device):
     assert other.effects == simulation.effects
     assert not simulation.effects.yielding
     assert simulation.budget().frozen > 0.0
-    assert are_equal(simulation, other)
-
-
-def test_capacity_grows_in_a_resumed_run_as_in_the_original(device):
-    scene = Scene(hill(), (Vent((95.0, 150.0), ((0.0, 1.0), (215.0, 7.2e3)), radius=40.0),), LAVA)
-    accuracy = Accuracy(spacing=2.0, thickness=0.5, deterministic=True, longest_step=20.0)
-    simulation = Simulation(scene, effects=Effects(), accuracy=accuracy, device=device)
-    simulation.advance(STOP)
-    checkpoint = simulation.checkpoint()
-    other = Simulation.resume(checkpoint, device=device)
-    for run in (simulation, other):
-        run.advance(216.0)
-    assert simulation.checkpoint().capacity > checkpoint.capacity
     assert are_equal(simulation, other)
 
 

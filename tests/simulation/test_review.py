@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution, measure_widths
-from lava_ros.simulation.selection import decide, Decision, noted
+from lava_ros.simulation.selection import Decision, noted
 from lava_ros.simulation.setup.review import LONGEST, next_review, Review
 from slope_scenes import ground, HOUR, LAVA, scene
 from solver import only
@@ -186,21 +186,6 @@ def test_width_is_the_shortest_chord(turns: int):
     assert not measure_widths(np.zeros_like(wet), 1.0).any()
 
 
-def test_every_number_is_finite():
-    lava = Lava(
-        yield_strength=10.0, arrhenius=0.01, emissivity=0.9, convection=10.0, solidus=1100.0,
-        latent_heat=3e5, conductivity=1.5, ground_conductivity=2.0, crystal_law='maron-pierce',
-        crystals=0.4, flow_index=0.9,
-    )
-    for terrain in (ground(10.0), Terrain(np.zeros((40, 40)), 10.0)):
-        one = Scene(terrain, (Vent((100.0, 300.0), 10.0),), lava, wind_speed=5.0)
-        decisions = decide(one, horizon=HOUR)
-        known = [item for item in decisions if not math.isnan(item.value)]
-        assert len(known) > 10
-        assert all(math.isfinite(item.value) for item in known)
-        assert {item.name for item in decisions} == set(EFFECTS) - {'merging'}
-
-
 def decision(name, value, is_on=False):
     return Decision(name, EFFECTS[name], value, is_on)
 
@@ -213,13 +198,6 @@ def test_cost_is_proportional_to_the_largest_number(name):
     assert half.cost == pytest.approx(0.5 * effect.cost)
     assert replace(half, measured=0.1 * effect.threshold).cost == half.cost
     assert replace(half, measured=effect.threshold).cost == pytest.approx(effect.cost)
-
-
-def test_effects_that_are_on_or_unavailable_cost_nothing():
-    assert decision('steep', 0.5, is_on=True).cost == 0.0
-    assert decision('yielding', math.nan).cost == 0.0
-    assert decision('green', 0.5).cost == 0.0
-    assert decision('vft', math.nan).cost == 0.0
 
 
 def test_review_measures_an_excluded_effect():

@@ -4,18 +4,15 @@
 """Outputs of a simulation: the volume budget, snapshots and their flaws."""
 
 from dataclasses import replace
-import gc
 import math
 
 import numpy as np
 import pytest
-import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation, solver
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
@@ -79,7 +76,6 @@ def test_budget_is_unchanged_by_diagnostics():
     assert VolumeBudget.from_texts({}) is None
 
 
-
 def flow(device):
     """Return lava in a valley with a hole in it, bitwise identical each time."""
     ground = valley()
@@ -128,25 +124,6 @@ def test_kept_snapshots_do_not_change(device):
         for grid, copy in zip(grids, copied, strict=True):
             assert np.array_equal(grid, copy, equal_nan=True)
     assert len({grids[0].ctypes.data for grids in kept}) == len(kept)
-
-
-def test_memory_of_snapshots_is_reused(device):
-    """A GPU's copies reuse the same memory, and few of them are page-locked."""
-    array = wp.array(np.arange(8.0), dtype=wp.float64, device=device)
-    reader, places = Reader(array.device), []
-    for number in range(20 if array.device.is_cuda else 2):
-        reader.before_writing()
-        array.fill_(float(number))
-        (values,) = reader.begin([array], beside=True)()
-        assert (values == number).all()
-        places.append(values.ctypes.data)
-        del values
-        gc.collect()
-    if array.device.is_cuda:
-        assert len(set(places)) == 1
-        held = [reader.begin([array], beside=True)() for _ in range(6)]
-        assert sum(reader._made.values()) == 4
-        assert len({values.ctypes.data for (values,) in held}) == 6
 
 
 def test_launches_in_flight_do_not_change_the_flow(monkeypatch):

@@ -3,7 +3,7 @@
 
 """A deterministic flow is bitwise identical however often it is observed, stopped or resumed."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import cycle
 
@@ -13,8 +13,6 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast.forecast_run import SampledRun
-from lava_ros.hindcast.case import Case, Event
-from lava_ros.hindcast.run import Run, Settings
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -164,40 +162,6 @@ def test_observations_do_not_change_the_flow(name, kind, counts, device):
         assert [key for key in expected if found[key].tobytes() != expected[key].tobytes()] == []
     assert (expected['arrived.times'] > 0.0).sum() > 50
     assert 'freezing' != name or expected['state.frozen'][0] > 100.0
-
-
-@pytest.mark.parametrize(
-    'name',
-    [pytest.param(name, marks=() if name == 'merging' else pytest.mark.nightly) for name in SCENES]
-)
-def test_maps_of_a_hindcast_do_not_change_the_flow(name, device, tmp_path):
-    """The ground changes during the hindcast, which is interrupted once."""
-    lava, effects = SCENES[name]
-    case = Case(
-        name='hill', title='', source='', scene=Scene(hill(), VENTS, lava), material=None,
-        footprint=np.zeros((30, 28), dtype=bool), start=0.0, end=END, volume=1.0,
-        events=(Event(130.0, hill(2.0), 'it rose'),),
-    )
-    settings = Settings('draft', spacing=8.0, device=device, forced=asdict(effects))
-    results = []
-    for count in (1, 7):
-        times = []
-        folder = tmp_path / str(count)
-        for stop in (1, count + 1):
-            run = Run(case, replace(settings, maps=count), folder=folder)
-            for time in run.parts():
-                if time is not None:
-                    times.append(time)
-                    if len(times) == stop:
-                        break
-            run.keep()
-        assert times == [item.time for item in run.kept()]
-        assert len(times) <= count
-        end = run.result().snapshot
-        assert times == sorted(set(times)) and times[-1] == END
-        maps = [getattr(end, name).tobytes() for name in ('thickness', 'temperature', 'arrived')]
-        results.append((*maps, end.budget, end.steps, end.particle_count))
-    assert results[0] == results[1]
 
 
 def test_advance_stays_within_its_limit():

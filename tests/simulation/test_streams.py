@@ -166,17 +166,17 @@ def test_updates_do_not_stop_slow_lava(kind: str, device: str) -> None:
             device=device,
         )
         fronts = []
-        for number in range(400):
+        for number in range(100):
             if number < updates and kind == 'terrain':
                 simulation.set_terrain(replace(ground, elevation=ground.elevation + number % 2))
             elif number < updates:
                 # its emitted volume becomes a particle when it closes
                 simulation.set_vents((slow, other) if number % 2 else (slow,))
-            simulation.advance(1e4 + 500.0 * number)
+            simulation.advance(1e4 + 2000.0 * number)
             x = simulation.sample().position[:, 0]
             fronts.append(x[x < 10_000.0].max())
         return float(fronts[-1] - fronts[0])
 
     expected = advance_front(0)
     assert expected > 0.05
-    assert advance_front(400) == pytest.approx(expected, rel=0.01)
+    assert advance_front(100) == pytest.approx(expected, rel=0.01)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The staggered terrain grid, and the order of particles by cell."""
+"""The staggered terrain grid."""
 
 import itertools
 
@@ -10,19 +10,8 @@ import pytest
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.particles.layout import (
-    arguments_type,
-    cell_frame,
-    ground_type,
-    PARTICLES,
-    REAL,
-    SPARE,
-)
-from lava_ros.simulation.particles.neighbors import _kernels
+from lava_ros.simulation.particles.layout import ground_type
 from lava_ros.simulation.particles.terrain import StaggeredTerrain, terrain_functions
-
-#: Number of cells, of particles in them, and of particles that have left.
-CELLS, COUNT, LEFT = 12, 40, 5
 
 
 def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
@@ -121,80 +110,9 @@ def test_curvature_is_the_largest_eigenvalue_or_zero(device):
     assert (bends == 0.0).any() and (bends > 0.0).any()
 
 
-def ordered(device, real, cell, rank, *, again):
-    """Return the volumes of particles numbered 1, 2, ... in their new order, and their count."""
-    *_, order_particles, _, list_members = _kernels(
-        real, False, False, False, False, False, again
-    )
-    count = len(cell)
-    sizes = np.bincount(cell, minlength=CELLS + 1)
-    starts = np.concatenate([[0], np.cumsum(sizes)])
-    rows = np.ones((count + SPARE, 4))
-    rows[:count, 2] = 1 + np.arange(count)
-    # a particle that has left may be NaN
-    rows[:count][cell == CELLS] = np.nan
-    args, cells = arguments_type(real)(), cell_frame(real)()
-    cells.rows, cells.columns = 1, CELLS
-    for name, values in (('starts', starts), ('sizes', np.append(sizes, 0))):
-        setattr(cells, name, wp.array(values, dtype=wp.int32, device=device))
-    args.cells = cells
-    for name, values in (
-        ('particle', rows),
-        ('ordered', np.full((count + SPARE, 4), np.nan)),
-        ('cell', np.append(cell, np.zeros(SPARE))),
-        ('rank', rank),
-        ('members', np.zeros(count)),
-        ('counts', [count, *[0] * 10]),
-        ('rates', np.zeros(2)),
-        ('chosen', np.ones(1)),
-        ('remainder', np.zeros((count, 2))),
-        ('ordered_remainder', np.zeros((count, 2))),
-    ):
-        dtype = arguments_type(real).vars[name].type.dtype
-        setattr(args, name, wp.array(np.asarray(values), dtype=dtype, device=device))
-    launches = [(list_members, count)] if again else []
-    for kernel, threads in (*launches, (order_particles, count + SPARE)):
-        wp.launch(kernel, threads, inputs=[args, 0], device=device)
-    counts, found = args.counts, args.ordered
-    return found.numpy()[:, 2], int(counts.numpy()[PARTICLES])
-
-
 def test_members_share_one_copy_of_the_ground(device):
     terrain = plane()
     one, other = (StaggeredTerrain.shared(terrain, 'float32', device).own() for _ in range(2))
     assert one.bare is other.bare
     assert one.known is other.known
     assert one.height.ptr != other.height.ptr
-
-
-def some_cells(seed):
-    """Return cells of particles, some of which have left, and ranks in random order."""
-    random = np.random.default_rng(seed)
-    cell = random.integers(0, CELLS, COUNT)
-    cell[random.permutation(COUNT)[:LEFT]] = CELLS
-    rank = np.zeros(COUNT, int)
-    for one in range(CELLS + 1):
-        (inside,) = np.nonzero(cell == one)
-        rank[inside] = random.permutation(len(inside))
-    return cell, rank
-
-
-@pytest.mark.parametrize('real', REAL.values(), ids=REAL)
-def test_order_in_a_cell_is_by_particle_number(device, real):
-    for seed in range(10):
-        cell, rank = some_cells(seed)
-        volumes, count = ordered(device, real, cell, rank, again=True)
-        assert count == COUNT - LEFT
-        expected = 1 + np.argsort(cell, kind='stable')[:count]
-        np.testing.assert_array_equal(volumes[:count], expected)
-
-
-def test_rows_of_lost_particles_are_zero(device):
-    """Sums read past the last row."""
-    for again in (False, True):
-        cell, rank = some_cells(3)
-        volumes, count = ordered(device, wp.float32, cell, rank, again=again)
-        (inside,) = np.nonzero(cell == 4)
-        first = int((cell < 4).sum())
-        assert set(volumes[first : first + len(inside)]) == set(1.0 + inside)
-        np.testing.assert_array_equal(volumes[count:], np.zeros(LEFT + SPARE))

@@ -204,7 +204,7 @@ def test_gentle_slope_does_not_change_the_places_of_emission() -> None:
 
 
 def test_table_of_a_long_discharge_series() -> None:
-    count = 300_000
+    count = 50_000
     vent = Vent((0.0, 0.0), 1.0)
     # point by point validation takes seconds
     series = tuple((float(time), float(time % 7)) for time in range(count))

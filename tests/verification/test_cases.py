@@ -13,14 +13,9 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.verification.bounds import bound, BOUNDED_PRESETS, BOUNDS
-from lava_ros.verification.cases import CASES, Measurement, spread_of_fixed_volume
+from lava_ros.verification.cases import CASES, Measurement
 from lava_ros.verification.cases.case import Field, front, slope_of
-from lava_ros.verification.cases.sheets import (
-    EXPERIMENTS,
-    GREEN_RADIUS,
-    response,
-    WAVELENGTHS,
-)
+from lava_ros.verification.cases.sheets import EXPERIMENTS, GREEN_RADIUS, response, WAVELENGTHS
 from lava_ros.verification.exact import wave_response
 
 
@@ -30,19 +25,12 @@ def test_error_is_relative_to_the_exact_value_or_the_scale():
     assert not Measurement('front', math.nan, 100.0, 'm').error <= 1e9
 
 
-@pytest.mark.nightly
-def test_fixed_volume_spreads_as_the_exact_solution(device):
-    errors = spread_of_fixed_volume(8000, accuracy=Accuracy(), device=device).errors
-    assert errors['radius'] < 0.003 and errors['profile'] < 0.01 and errors['scatter'] < 0.01
-    errors = spread_of_fixed_volume(2000, accuracy=Accuracy(kernel='poly6')).errors
-    assert errors['scatter'] > 0.02 and errors['radius'] > 0.01
-
-
-#: Cases of one second or more; tests/effects has a smaller scene of each process.
+#: The longest cases; tests/effects has a smaller scene of each process.
 LONG = (
-    'channel', 'cooling_current', 'cooling_front', 'cooling_plane', 'cooling_sheet',
-    'freezing_lens', 'herschel_bulkley', 'inertial_sheet', 'lister', 'material_laws', 'pond',
-    'radiating_sheet', 'smith', 'thacker', 'viscous_heating',
+    'channel', 'conduction', 'cooling_current', 'cooling_front', 'cooling_plane', 'cooling_sheet',
+    'critical_thickness', 'freezing_lens', 'herschel_bulkley', 'inertial_sheet', 'lister',
+    'material_laws', 'pond', 'radiating_sheet', 'silicone_oil', 'smith', 'stoker', 'thacker',
+    'viscous_heating',
 )
 
 
@@ -118,14 +106,6 @@ def test_green_needs_a_wide_support_and_helmholtz_a_small_radius(device):
     errors = run('helmholtz, l = 1 h', device)[1]
     assert set(errors) == {4.0, 8.0, 20.0}
     assert max(errors.values()) < 0.03
-
-
-def test_experiment_measures_evaluations_without_simulated_time():
-    local, solve = (run(f'{form}, l = 3.5 h')[0] for form in ('local', 'helmholtz'))
-    for found in (local, solve):
-        assert (found.simulated_time, found.steps, found.evaluations) == (0.0, 0, 15)
-        assert found.wall_time > 0.0
-    assert local.particles == solve.particles
 
 
 def test_front_is_interpolated_between_cells():

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.presets import DEFAULT, PRESETS
+from lava_ros.simulation.presets import PRESETS
 from lava_ros.verification import measure as measuring
-from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL
-from lava_ros.verification.measure import all_pairs, all_settings, Setting
+from lava_ros.verification.measure import all_settings, Setting
 from lava_ros.verification.rows import as_plain, pareto_front, Point, points, read_csv, write_csv
 
 
@@ -74,30 +73,6 @@ def test_settings_are_distinct_and_include_the_presets(quick):
     assert all(accuracy == PRESETS[name].accuracy for name, accuracy in presets.items())
     costs = [measuring.expected_cost(item.accuracy) for item in found]
     assert costs == sorted(costs)
-
-
-@pytest.mark.parametrize(
-    ('study', 'cases'),
-    [
-        (measuring.convergence, measuring.KNOB_CASES),
-        (measuring.stepping, measuring.KNOB_CASES),
-        (lambda: measuring.paper_settings().values(), measuring.KNOB_CASES),
-        (lambda: measuring.gradients().values(), measuring.GRADIENT_CASES),
-    ],
-)
-def test_every_setting_of_a_study_is_measured_once(study, cases):
-    pairs = [(case.name, item.accuracy) for case, item in all_pairs()]
-    assert all(pairs.count((case, accuracy)) == 1 for accuracy in study() for case in cases)
-
-
-def test_all_lateral_experiments_are_measured_at_the_default_preset():
-    names = list(EXPERIMENTS)
-    found = [item for case, item in all_pairs() if case.name == LATERAL]
-    assert [item.name for item in found] == names
-    assert {item.accuracy for item in found} == {PRESETS[DEFAULT].accuracy}
-    quick = [item.name for case, item in all_pairs(quick=True) if case.name == LATERAL]
-    assert len(quick) == 2 * len(FORMS)
-    assert set(quick) < set(names)
 
 
 def test_csv_round_trip(tmp_path, fake_case, measured):

@@ -12,6 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 from PIL import Image
 import pytest
+import rasterio
+from rasterio.transform import from_origin
+from rasterio.warp import reproject
 
 pytest.importorskip('viser')
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -64,6 +67,14 @@ def server(tmp_path_factory):
         yield result
 
 
+#: Paths, and the status of the server's answer to its own page.
+PAGES = {'/': 200, '/none': 404, '/../../_viser.py': 404, '/%2e%2e/%2e%2e/x': 404, '/ws': 101}
+
+UPGRADE = {
+    'Upgrade': 'websocket', 'Connection': 'Upgrade', 'Sec-WebSocket-Version': '13',
+    'Sec-WebSocket-Key': 'bGF2YSBpcyBob3QgISEhIQ==',
+}
+
 #: Requests to a server: expected status, ``Host`` and ``Origin``; {} stands for the port.
 ASKED = {
     'own address': (200, '127.0.0.1:{}', None),
@@ -83,23 +94,20 @@ ASKED = {
 
 
 @pytest.mark.parametrize('who', ASKED)
-@pytest.mark.parametrize('path', ['/', '/none', '/../../_viser.py', '/%2e%2e/%2e%2e/x', '/ws'])
-def test_serves_only_its_own_pages(server, who, path):
+def test_serves_only_its_own_pages(server, who):
     expected, host, origin = ASKED[who]
     headers = {'Host': host.format(server.port)}
     headers |= {} if origin is None else {'Origin': origin.format(server.port)}
-    if path == '/ws':
-        headers |= {'Upgrade': 'websocket', 'Connection': 'Upgrade'}
-        headers |= {'Sec-WebSocket-Version': '13', 'Sec-WebSocket-Key': 'bGF2YSBpcyBob3QgISEhIQ=='}
-    asking = HTTPConnection('127.0.0.1', server.port, timeout=60.0)
-    asking.request('GET', path, headers=headers)
-    answer = asking.getresponse()
-    own = {'/': 200, '/ws': 101}.get(path, 404)
-    assert answer.status == (403 if expected == 403 else own)
-    if path != '/ws':
-        policy = answer.headers['Content-Security-Policy']
-        assert "frame-ancestors 'none'" in policy and "default-src 'self'" in policy
-    asking.close()
+    for path, own in PAGES.items():
+        more = UPGRADE if path == '/ws' else {}
+        asking = HTTPConnection('127.0.0.1', server.port, timeout=60.0)
+        asking.request('GET', path, headers=headers | more)
+        answer = asking.getresponse()
+        assert answer.status == (403 if expected == 403 else own), path
+        if path != '/ws':
+            policy = answer.headers['Content-Security-Policy']
+            assert "frame-ancestors 'none'" in policy and "default-src 'self'" in policy
+        asking.close()
 
 
 def _exchange(port: int, sent: bytes) -> bytes:
@@ -280,8 +288,37 @@ def test_drapes_a_picture_with_north_at_the_top(frames, tmp_path):
     # a texture begins at the top, its coordinates at the bottom
     is_north = mesh.vertices[:, 1] > 0.5
     assert (image[0] == 255).all() and (mesh.visual.uv[is_north, 1] > 0.5).all()
-    with pytest.raises(LavaError, match='--drape'):
-        draped(str(tmp_path / 'none.png'))
+    Image.new('I;16', (20, 30)).save(tmp_path / 'deep.png')
+    (tmp_path / 'deep.pgw').write_text('5\n0\n0\n-5\n2.5\n147.5\n')
+    for name in ('none.png', 'deep.png'):
+        with pytest.raises(LavaError, match=f'--drape is .*{name}'):
+            draped(str(tmp_path / name))
+
+
+@pytest.mark.parametrize('kind', ['other system', 'world file'])
+def test_drapes_a_georeferenced_picture(frames, tmp_path, kind):
+    """The west of the terrain is red; the rest keeps its relief."""
+    frame, (west, south) = frames.frame(3), TERRAIN.corner
+    if kind == 'world file':
+        path = tmp_path / 'west.png'
+        picture = Image.new('P', (20, 30))
+        picture.putpalette([200, 40, 10])
+        picture.save(path)
+        (tmp_path / 'west.pgw').write_text(f'5\n0\n0\n-5\n{west + 2.5}\n{south + 147.5}\n')
+    else:
+        path = tmp_path / 'west.tif'
+        place = from_origin(west - 1000.0, south + 1000.0, 10.0, 10.0)
+        bands = np.broadcast_to(np.array([200, 40, 10], np.uint8)[:, None, None], (3, 200, 110))
+        systems = {'src_crs': 'EPSG:32633', 'dst_crs': 'EPSG:4326'}
+        bands, place = reproject(bands.copy(), src_transform=place, **systems, dst_nodata=0)
+        with rasterio.open(
+            path, 'w', width=bands.shape[2], height=bands.shape[1], count=3, dtype='uint8',
+            crs='EPSG:4326', transform=place, nodata=0,
+        ) as file:
+            file.write(bands)
+    colours = draped(str(path))(frame)
+    assert (colours[2:-2, 2:18] == (200, 40, 10)).all()
+    np.testing.assert_array_equal(colours[:, 22:], relief(frame)[:, 22:])
 
 
 def test_a_bag_that_grows(tmp_path, monkeypatch):

@@ -30,9 +30,6 @@ _OTHERS = {
     'late in the vents': 'volume_late_m3',
 }
 
-#: Minimum value for a larger unit, its name and its size.
-_LARGER = {'m³': (1e6, 'million m³', 1e6), 'm²': (1e5, 'km²', 1e6), 'm': (1e3, 'km', 1e3)}
-
 
 class Curve(NamedTuple):
     """A quantity over increasing simulated times [s]; NaN where it has no value."""
@@ -112,7 +109,9 @@ def _temperature(run: Sequence[Moment], summary: RunSummary) -> Curve:
 def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:
     """Return a chart, in a larger unit if its values are large."""
     most = max((v for item in curves for v in item.values if math.isfinite(v)), default=0.0)
-    least, name, size = _LARGER[unit]
+    least, name, size = {
+        'm³': (1e6, 'million m³', 1e6), 'm²': (1e5, 'km²', 1e6), 'm': (1e3, 'km', 1e3),
+    }[unit]
     if most < least:
         return Chart(key, title, unit, curves)
     scale = 1.0 / size

@@ -106,7 +106,6 @@ def _data(
     frame, view = summary.frame, view_of(summary)
     place = placement_of(recording.scene)
     onset = recorded_onset(recording.bag.custom_data)
-    maps = pack_maps(recording, summary, view, progress)
     rows, columns = (
         -(-(last - first) // view.factor) for first, last in (view.rows, view.columns)
     )
@@ -121,13 +120,10 @@ def _data(
         'vents': summary.vents.tolist(),
         'barriers': [crest.tolist() for crest in barriers_of(frame)],
         'relief': relief(summary, view),
-        'times': maps['times'],
-        'areas': maps['areas'],
+        **pack_maps(recording, summary, view, progress),
         'start': summary.times[0],
         'end': summary.times[-1],
         'onset': None if onset is None else onset.start.timestamp(),
-        'layers': maps['layers'],
-        'arrival': maps['arrival'],
         'charts': [item.data() for item in charts],
     }
 

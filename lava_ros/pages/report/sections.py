@@ -208,8 +208,7 @@ def recorded_tables(recording: Recording, summary: RunSummary) -> list[Table]:
     """Return tables of the contents of the bag."""
     bag, frame = recording.bag, summary.frame
     rows, columns = frame.elevation.shape
-    terrain = recording.scene.get('terrain')
-    terrain = terrain if isinstance(terrain, dict) else {}
+    terrain = recording.scene.get('terrain', {})
     lines = [
         ('bag', bag.path.name),
         ('state', 'cut off; earlier messages are complete' if bag.recovered else 'finished'),

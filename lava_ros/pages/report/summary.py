@@ -28,14 +28,8 @@ MAX_FRAMES, MAX_CELLS = 120, 90_000
 #: Margin around the flow, as a fraction of its size, and minimum size of the map [cells].
 MARGIN, MIN_CELLS = 0.15, 48
 
-#: Units of the layers on the page, by source.
-_UNITS = {'thickness': 'm', 'temperature': '°C', 'hazard': ''}
-
 #: Maximum code of a cell; 0 means no lava.
 _MAX_CODE = 250
-
-#: Maximum code of a cell in the map of arrival times.
-_MAX_ARRIVAL_CODE = 65_535
 
 
 @dataclass(eq=False)
@@ -216,7 +210,7 @@ def pack_maps(
             {
                 'name': source,
                 'title': STYLES[source].title,
-                'unit': _UNITS[source],
+                'unit': STYLES[source].label,
                 'colours': list(STYLES[source].colours),
                 'classes': list(STYLES[source].classes.items()),
                 'low': scales[source][0],
@@ -290,9 +284,10 @@ def _arrival(summary: RunSummary, view: View) -> dict[str, Any] | None:
         return None
     earliest = view.cut(times, np.fmin)
     start, end = summary.times[0], summary.times[-1]
-    step = max(end - start, 1.0) / (_MAX_ARRIVAL_CODE - 1)
+    most = 65_535
+    step = max(end - start, 1.0) / (most - 1)
     codes = 1.0 + np.floor((np.nan_to_num(earliest, nan=start) - start) / step)
-    codes = np.where(np.isfinite(earliest), np.clip(codes, 1, _MAX_ARRIVAL_CODE), 0)
+    codes = np.where(np.isfinite(earliest), np.clip(codes, 1, most), 0)
     return {
         'title': 'Arrival',
         'colours': list(STYLES['arrival'].colours),

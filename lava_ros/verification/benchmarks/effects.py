@@ -36,9 +36,6 @@ _AT_ONCE = 16
 #: Particle spacing and thickness of the lava [m].
 SPACING, THICKNESS = 2.0, 2.0
 
-#: Kernel radius over the particle spacing: 28 neighbours.
-RATIO = 3.0
-
 #: Length of a step [s]: nothing moves far, so every set of effects steps the same lava.
 STEP = 1e-3
 
@@ -60,7 +57,7 @@ def effect_sets() -> dict[str, Effects]:
 
 def lava_field(
     particles: int, effects: Effects, device: str, *, cells: int | None = None,
-    ratio: float = RATIO,
+    ratio: float = 3.0,
 ) -> Simulation:
     """Return a field of about ``particles`` particles on rough ground, with a vent in its middle.
 

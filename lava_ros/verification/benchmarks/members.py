@@ -29,9 +29,8 @@ MAX_PARTICLES = 3_000_000
 #: Sets of effects, by their names in ``effect_sets``.
 SETS = ('bare', 'green')
 
-#: Maximum number of particle-steps and number of steps in one measurement: starting a member takes
-#: as long as some steps.
-MAX_STEPS = 1e10
+#: Number of steps in one measurement, of at most 1e10 particle-steps: starting a member takes as
+#: long as some steps.
 STEPS = {'cuda': 16_384, 'cpu': 64}
 
 
@@ -53,7 +52,7 @@ def measure(
         simulations = [lava_field(number, effect_sets()[name], device) for _ in range(members)]
         count = sum(item.particle_count for item in simulations)
         what = f'{name}: {members} members'
-        steps = min(STEPS[kind], int(MAX_STEPS / count))
+        steps = min(STEPS[kind], int(1e10 / count))
         rates = [_rate(simulations, steps, device) for _ in range(repetitions + 1)]
         # the first one compiles and captures
         yield row_of(what, number, rates[1:], 'M particle-steps/s')

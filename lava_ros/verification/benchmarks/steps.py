@@ -44,12 +44,8 @@ MIN_MEASURED_TIME = 0.25
 #: Cells along a side of the published grids, and particles that cover them.
 GRIDS, COVERED_BY = (500, 1000, 2000), 100_000
 
-#: Command of a new process that takes a first snapshot with every effect, and its particles.
-_FIRST = f'from {__name__} import first_snapshot; first_snapshot({{device!r}})'
+#: Particles of a first snapshot with every effect.
 _FIRST_PARTICLES = 10_000
-
-#: Maximum time of a process to its first snapshot [s]: it may have to compile.
-_PATIENCE = 300.0
 
 
 def measure(
@@ -138,11 +134,13 @@ def _starts(device: str, repetitions: int) -> list[float]:
         LavaError: If a process fails.
     """
     times = []
-    command = [sys.executable, '-c', _FIRST.format(device=device)]
+    program = f'from {__name__} import first_snapshot; first_snapshot({device!r})'
+    command = [sys.executable, '-c', program]
     for _ in range(repetitions + 1):
         start = wall_clock.perf_counter()
         try:
-            subprocess.run(command, check=True, capture_output=True, timeout=_PATIENCE, text=True)
+            # it may have to compile
+            subprocess.run(command, check=True, capture_output=True, timeout=300.0, text=True)
         except subprocess.SubprocessError as error:
             output = getattr(error, 'stderr', None) or str(error)
             expected = f'a device on which a new process takes a snapshot ({output[-500:]})'

@@ -221,7 +221,7 @@ class Trial:
             origin=(x0 - beyond * cell, y0 - beyond * cell),
         )
         sample = self.sample()
-        inside = np.array([fine.covers(*place) for place in sample.position], dtype=bool)
+        inside = fine.covered(sample.position)
         copy = Simulation(
             replace(simulation.scene, terrain=fine, vents=()), effects=simulation.effects,
             accuracy=simulation.accuracy, device=simulation.device,

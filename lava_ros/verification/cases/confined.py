@@ -20,9 +20,6 @@ from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU
 #: Widths of the channel over the thickness, and particles across half of it, for helmholtz.
 WIDTHS = {1.0: 10, 2.5: 15, 5.0: 15}
 
-#: Width and particles for green, and its support over 1 / k, in as many spacings as possible.
-GREEN_WIDTH, GREEN_PARTICLES, GREEN_SUPPORT = 6.0, 9, 6.25
-
 #: Slope of the channel's floor.
 SLOPE = 0.01
 
@@ -32,18 +29,9 @@ LENGTH, MIDDLE = 12.0, 2.0
 #: Side of the terrain and of its cells [m].
 SIDE, CELL = 100.0, 2.0
 
-#: Elevation of the lava's surface above the bottom of the smooth bowl [m].
-LEVEL = 3.0
-
-#: Lava thicker than this counts as deep [m].
-DEEP = 1.0
-
 #: Times of measuring the pond [s]: an hour after filling, and an hour of rest later on. Films that
 #: run off the shores slow down as one over the time, whatever their viscosity.
 HOUR, REST = 3600.0, 30.0 * 3600.0
-
-#: Waves that make the bowl rough, the height of each [m], and the shortest and longest [m].
-WAVES, WAVE_HEIGHT, WAVELENGTHS = 16, 0.06, (14.0, 40.0)
 
 
 def channel_velocity(
@@ -92,7 +80,7 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
         spacing = 0.5 * width / max(2, round(across_half))
         if effect == 'green':
             # the support is the kernel radius: if it is fixed, finer means more neighbours
-            knobs['ratio'] = GREEN_SUPPORT / math.sqrt(LATERAL_DRAG) / spacing
+            knobs['ratio'] = 6.25 / math.sqrt(LATERAL_DRAG) / spacing
         finer = replace(accuracy, spacing=spacing, **knobs)
         trial, found = channel_velocity(width, effect=effect, accuracy=finer, device=device)
         return trial.run(found)
@@ -100,27 +88,26 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
     finer = accuracy.refinement
     runs = [run(width, 'helmholtz', count * finer) for width, count in WIDTHS.items()]
     # up to a limit; differences would smooth the jump of the slope at a wall over the support
-    count = GREEN_PARTICLES * min(1.0, finer)
-    return case.joined([*runs, run(GREEN_WIDTH, 'green', count, gradient='energy')])
+    return case.joined([*runs, run(6.0, 'green', 9 * min(1.0, finer), gradient='energy')])
 
 
 def rough_bowl() -> Terrain:
-    """Return a paraboloid with bumps of a few decimetres.
+    """Return a paraboloid with bumps of a few decimetres: 16 waves of 6 cm.
 
-    Wavelengths, directions and phases of the bumps are even over their ranges, in no order:
+    Wavelengths [m], directions and phases of the waves are even over their ranges, in no order:
     multiples of irrational numbers, modulo 1.
     """
     count = round(SIDE / CELL)
     ticks = (np.arange(count) + 0.5 - 0.5 * count) * CELL
     x, y = np.meshgrid(ticks, ticks)
     elevation = 0.003 * (x**2 + y**2)
-    shortest, longest = WAVELENGTHS
-    for index in range(1, WAVES + 1):
+    shortest, longest = 14.0, 40.0
+    for index in range(1, 17):
         length, turn, phase = np.modf(index * np.sqrt([2.0, 3.0, 5.0]))[0]
         q = 2.0 * math.pi / (shortest * (longest / shortest) ** length)
         angle = 2.0 * math.pi * turn
         place = x * math.cos(angle) + y * math.sin(angle)
-        elevation += WAVE_HEIGHT * np.sin(q * place + 2.0 * math.pi * phase)
+        elevation += 0.06 * np.sin(q * place + 2.0 * math.pi * phase)
     return Terrain(elevation, CELL, origin=(-0.5 * SIDE, -0.5 * SIDE))
 
 
@@ -141,13 +128,13 @@ def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
 
 
 def pond(accuracy: Accuracy, device: str = 'cpu') -> case.Trial:
-    """Return lava filled into the rough bowl up to a level; this sets spacing and thickness."""
+    """Return lava filled into the rough bowl up to 3 m; this sets spacing and thickness."""
     terrain = rough_bowl()
     spacing = 2.0 / accuracy.refinement
     # off the grid of the terrain's cells
     ticks = np.arange(-0.4 * SIDE, 0.4 * SIDE, spacing) + 0.15 * CELL
     position = case.places(ticks, ticks)
-    depth = LEVEL - ground_at(terrain, position)
+    depth = 3.0 - ground_at(terrain, position)
     wet = depth > 0.05
     return case.Trial(
         Scene(terrain, lava=ISOTHERMAL), accuracy, device,
@@ -162,10 +149,11 @@ def stillness(
     """Return speed of the fastest particle and scatter of the surface of a pond.
 
     The speed is relative to that of a fall from the surface to the bottom, the scatter of the
-    surface relative to the largest depth. ``when`` is appended to the names of the quantities.
+    surface, where it is deeper than 1 m, relative to the largest depth. ``when`` is appended to
+    the names of the quantities.
     """
     sample = trial.sample()
-    deep, depth = sample.thickness > DEEP, float(sample.thickness.max())
+    deep, depth = sample.thickness > 1.0, float(sample.thickness.max())
     surface = sample.thickness + ground_at(trial.simulation.scene.terrain, sample.position)
     fastest, fall = float(np.hypot(*sample.velocity.T).max()), math.sqrt(2.0 * GRAVITY * depth)
     return (

@@ -34,20 +34,12 @@ HOT, COLD, SLOPE = 1360.0, 300.0, math.radians(6.0)
 #: Flux of the sheets [m2/s], their width and length [m].
 FLUX, WIDTH, LENGTH = 0.1, 180.0, 130.0
 
-#: Times at which the steady sheets are sampled [s].
-MOMENTS = (400.0, 600.0, 800.0, 1000.0)
-
-#: Half of the length along the slope over which lava is emitted [m].
-REACH = 2.5
-
-#: Spacing of the sheets' particles at a refinement of 1 [m].
-SPACING = 2.0
+#: Half of the length along the slope over which lava is emitted, and spacing of the sheets'
+#: particles at a refinement of 1 [m].
+REACH, SPACING = 2.5, 2.0
 
 #: Time at which the front of a sheet is measured [s], and side of the cells of its reference [m].
 FRONT_TIME, CELL = 2000.0, 1.25
-
-#: Length of the bands whose means are compared [m]: particles at one place differ.
-BAND = 5.0
 
 #: Discharge of the point source [m3/s], its radius [m], and time of measuring its flow [s].
 DISCHARGE, RADIUS, END = 5.0, 10.0, 7200.0
@@ -101,11 +93,12 @@ def _steady(
 def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
     """Compare thickness and temperature along the middle while half of the sheet is replaced.
 
-    They are means over some moments, and over bands across the sheet.
+    They are means over some moments, and over bands of 5 m across the sheet: particles at one
+    place differ.
     """
     runs = []
     first, last, half = 10.0, 80.0, 40.0
-    edges = np.arange(first, last + 0.5 * BAND, BAND)
+    edges = np.arange(first, last + 2.5, 5.0)
     for name, lava in (('Newtonian', STIFFENING), ('Bingham', replace(STIFFENING, **STRONG))):
         solution = exact.CoolingSheet(
             lava, flux=FLUX, slope=SLOPE, length=LENGTH + REACH, initial=HOT, ambient=COLD,
@@ -113,7 +106,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
         )
         trial = _steady(solution, lava, accuracy, device)
         thicknesses, excesses = [], []
-        for moment in MOMENTS:
+        for moment in (400.0, 600.0, 800.0, 1000.0):
             trial.advance(moment)
             grid = trial.field((first, -half, last, half))
             line, expected = grid.along_x(half), solution.thickness(grid.x + REACH)

@@ -22,26 +22,8 @@ WEIGHT = ISOTHERMAL.density * GRAVITY
 #: Slope of most sheets [rad].
 SLOPE = math.radians(10.0)
 
-#: Strength over the stress at the base of the sheets that flow.
-STRENGTH = 0.4
-
 #: Temperature at which strength and viscosity are given [K].
 REFERENCE = ISOTHERMAL.reference_temperature
-
-#: Materials of the sheets: quantity, effects, exponent.
-SHEETS = (
-    ('speed, Bingham', {'yielding': True}, 1.0),
-    ('speed, power law, n 0.5', {'power_law': True}, 0.5),
-    ('speed, n 0.5', {'yielding': True, 'power_law': True}, 0.5),
-    ('speed, n 1', {'yielding': True, 'power_law': True}, 1.0),
-    ('speed, n 2', {'yielding': True, 'power_law': True}, 2.0),
-)
-
-#: Constants A, B [K] and C [K] of a basalt.
-VFT = (-4.55, 5700.0, 600.0)
-
-#: Exponent of each crystals' law.
-CRYSTAL_EXPONENTS = {'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 
 #: Time of measuring slumps, in mu / tau_y: the remainder of their motion falls as 1 / t.
 SLUMP = 1e4
@@ -52,8 +34,14 @@ SQUEEZE = 0.7
 
 def _run_sheets(accuracy: Accuracy, device: str) -> case.Run:
     runs = []
-    for quantity, switched, index in SHEETS:
-        strength = STRENGTH * WEIGHT * math.sin(SLOPE) if 'yielding' in switched else 0.0
+    for quantity, switched, index in (
+        ('speed, Bingham', {'yielding': True}, 1.0),
+        ('speed, power law, n 0.5', {'power_law': True}, 0.5),
+        ('speed, n 0.5', {'yielding': True, 'power_law': True}, 0.5),
+        ('speed, n 1', {'yielding': True, 'power_law': True}, 1.0),
+        ('speed, n 2', {'yielding': True, 'power_law': True}, 2.0),
+    ):
+        strength = 0.4 * WEIGHT * math.sin(SLOPE) if 'yielding' in switched else 0.0
         lava = replace(ISOTHERMAL, viscosity=4e3, yield_strength=strength, flow_index=index)
         runs.append(
             sheet_speed(
@@ -171,13 +159,15 @@ def _run_ridge(accuracy: Accuracy, device: str) -> case.Run:
 
 def _run_laws(accuracy: Accuracy, device: str) -> case.Run:
     """Compare sheets at several temperatures, whose speed reflects viscosity and strength."""
-    molten = replace(ISOTHERMAL, vft_a=VFT[0], vft_b=VFT[1], vft_c=VFT[2])
+    # A, B [K] and C [K] of a basalt
+    a, b, c = -4.55, 5700.0, 600.0
+    molten = replace(ISOTHERMAL, vft_a=a, vft_b=b, vft_c=c)
     # quantity, lava, temperature, and its viscosity and strength there
     sheets: list[tuple[str, Lava, float, float, float]] = [
-        (f'VFT, {hot:g} K', molten, hot, exact.vft_viscosity(hot, *VFT), 0.0)
+        (f'VFT, {hot:g} K', molten, hot, exact.vft_viscosity(hot, a, b, c), 0.0)
         for hot in (1400.0, 1200.0)
     ]
-    for law, exponent in CRYSTAL_EXPONENTS.items():
+    for law, exponent in (('einstein-roscoe', 2.5), ('maron-pierce', 2.0)):
         lava = replace(ISOTHERMAL, solidus=1273.0, liquidus=1473.0, crystal_law=law, crystals=0.5)
         # three quarters of the way to the solidus
         factor = exact.crystal_factor(0.375, lava.packing, exponent)

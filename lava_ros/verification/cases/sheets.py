@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-
 """Layers of uniform thickness: speed on a slope, and lateral stress over wavy ground.
 
 The driving force is along y and a wave along x, so that lateral stress is shear across the flow.
@@ -36,9 +35,6 @@ from lava_ros.verification.benchmarks.effects import timed
 from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, SLOPING
 
-#: Angles of the slopes [degrees].
-SLOPES = (3.0, 10.0, 25.0)
-
 #: Half the side of the middle of a sheet, which the ends do not influence [m].
 MIDDLE = 24.0
 
@@ -56,19 +52,8 @@ WAVELENGTHS = (4.0, 8.0, 20.0)
 #: Shortest wavelength that is resolved, over the spacing.
 RESOLVED = 4.0
 
-#: Number of particles at a refinement of 1; more if the margins need them.
-PARTICLES = 10_000
-
-#: Width of the layer around the measured part, in addition to a kernel radius, over the
-#: thickness: five times the reach 1 / k of the lateral stress.
-MARGIN = 3.0
-
 #: Number of velocity evaluations that are timed.
 EVALUATIONS = 5
-
-#: Maximum slope of the driving terrain along y. Across it is larger by the distance from the
-#: middle over a wavelength, so it must be small for a layer of thousands of rows.
-DRIVE = 1e-3
 
 
 def sheet_speed(
@@ -103,7 +88,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
             f'speed at {degrees:g} degrees', ISOTHERMAL, accuracy, device,
             slope=math.radians(degrees),
         )
-        for degrees in SLOPES
+        for degrees in (3.0, 10.0, 25.0)
     )
 
 
@@ -121,10 +106,11 @@ def response(
     q = 2.0 * math.pi / wavelength
     # half a wave on both sides of the largest drive, or a part of it where waves are long
     half = min(0.5 * wavelength, max(2.5, RESOLVED * spacing))
-    margin = radius + MARGIN
+    # five times the reach 1 / k of the lateral stress
+    margin = radius + 3.0
     columns = 2 * math.ceil((half + margin) / spacing)
     least = 2 * math.ceil((spacing + margin) / spacing)
-    rows = max(least, round(PARTICLES * accuracy.refinement**2 / columns))
+    rows = max(least, round(10_000 * accuracy.refinement**2 / columns))
     sides = (columns * spacing, rows * spacing)
 
     def amplitude(simulation: Simulation) -> float:
@@ -164,7 +150,8 @@ def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
         start + (np.arange(count) + 0.5) * cell
         for start, count in zip(reversed(terrain.origin), terrain.shape, strict=True)
     )
-    return replace(terrain, elevation=-DRIVE * np.outer(rows, np.cos(q * columns)))
+    # the slope across is larger by the distance from the middle over a wavelength
+    return replace(terrain, elevation=-1e-3 * np.outer(rows, np.cos(q * columns)))
 
 
 def _evaluation_time(simulation: Simulation) -> float:

@@ -22,9 +22,6 @@ from lava_ros.verification.cases.case import GRAVITY, ISOTHERMAL, NU, SLOPING
 #: Discharge of the point sources [m3/s].
 DISCHARGE = 10.0
 
-#: Compared times of Lister's flow, over its time scale.
-LISTER_TIMES = (20.0, 50.0, 100.0)
-
 #: Slope of the strip and of the fissure [rad], and its cosine.
 SLOPE = math.radians(20.0)
 COSINE = math.cos(SLOPE)
@@ -169,7 +166,7 @@ def _run_lister(accuracy: Accuracy, device: str) -> case.Run:
         slope, (-3.0, -7.0, 35.0, 7.0), accuracy, device, spacing=0.18, radius=0.3, cell=0.5
     )
     threshold = 0.02 * scales.thickness
-    for time in LISTER_TIMES:
+    for time in (20.0, 50.0, 100.0):
         trial.advance(time * scales.time)
         grid = trial.field(window)
         thickness = grid.thickness * cosine

@@ -8,7 +8,6 @@ nu = mu / rho, and from alpha = g / (3 nu) where that is shorter. On a slope, x 
 the slope and normal to it.
 """
 
-from lava_ros.verification.exact.cooling import *  # noqa: F403
 from lava_ros.verification.exact.heat import *  # noqa: F403
 from lava_ros.verification.exact.inertia import *  # noqa: F403
 from lava_ros.verification.exact.rheology import *  # noqa: F403

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time on /clock: absent, of a replay, with jumps and below 0."""
+"""Time on /clock: absent, of a replay, and stopped."""
 
 import signal
 
@@ -30,6 +30,7 @@ layers:
 """
 
 
+@pytest.mark.nightly
 def test_node_waits_for_the_clock_of_a_replay_and_follows_it(graph, tmp_path):
     (graph.directory / 'mine.yaml').write_text(CONFIG, encoding='utf-8')
     node = graph.node(
@@ -80,31 +81,3 @@ def test_node_waits_for_the_clock_of_a_replay_and_follows_it(graph, tmp_path):
     # at most one map per second of the clock
     assert 1 < len(stamps) <= (stamps[-1] - stamps[0]) / SECOND + 2
     assert 'height' not in {item['topic'] for item in listener.seen}
-
-
-def test_jumps_of_the_clock_are_reported_and_not_followed(running):
-    for to, where in ((1e6, 'ahead'), (500.0, 'back')):
-        before = running.worker.session.time
-        running.jump(to)
-        status = running.status_now(
-            'simulation', lambda item: f'the clock jumped {where}' in item['message']  # noqa: B023
-        )
-        assert status['level'] == 1
-        assert running.worker.session.time == before
-        running.run(1.0)
-        assert running.worker.session.time == pytest.approx(before + running.worker.time_scale)
-
-
-def test_rejects_a_negative_time_of_the_clock(running):
-    now, before = running.now, running.worker.session.time
-    for _ in range(2):
-        with pytest.raises(ValueError, match='must not be negative') as caught:
-            running.jump(-20.0)
-        # as the executor of the program does
-        running.node.report_callback(caught.value)
-    status = running.status_now('inputs')
-    assert (status['rejected.message'], status['level']) == ('2', 1)
-    assert running.log.count('must not be negative') == 1
-    running.now = now
-    running.run(1.0)
-    assert running.worker.session.time > before

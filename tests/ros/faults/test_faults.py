@@ -1,17 +1,15 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of the simulation in a running node, and overload by other nodes."""
+"""Faults of the simulation and of the clock in a running node, and overload by other nodes."""
 
 from pathlib import Path
 import signal
-import threading
 import time
 
 import numpy as np
 import pytest
 
-from lava_ros.live import worker_status
 from lava_ros.simulation import Simulation
 from ros.graph_publisher import vents
 from waiting import PATIENCE
@@ -60,28 +58,6 @@ def break_position(patch):
     patch.setattr(Simulation, 'advance', spoil)
 
 
-def fail(node):
-    """Advance time until the simulation has failed, and return its status."""
-
-    def has_failed(status):
-        node.jump(node.now + 0.5)
-        return status['state'] == 'failed'
-
-    return node.status_now('simulation', has_failed)
-
-
-def recover(node):
-    """Reset, and wait until there is lava."""
-    answer = node.call('reset')
-    assert answer['success'] and answer['message'].startswith('starting again at time 0')
-    assert 'reset: starting again at time 0' in node.log
-    node.run_commands()
-    status = node.status_now('simulation', lambda status: status['state'] == 'running')
-    assert status['level'] != ERROR
-    node.run(2.0)
-    node.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
-
-
 def memory(process):
     """Return the resident memory of a process [MiB]."""
     status = Path(f'/proc/{process}/status').read_text(encoding='utf-8')
@@ -98,9 +74,15 @@ def memory(process):
 )
 def test_fault_is_reported_and_the_last_maps_remain(running, monkeypatch, fault, words):
     before = len(running.log)
+
+    def has_failed(status):
+        # a value that is not a number is found in the next map
+        running.jump(running.now + 0.5)
+        return status['state'] == 'failed'
+
     with monkeypatch.context() as patch:
         fault(patch)
-        status = fail(running)
+        status = running.status_now('simulation', has_failed)
     assert status['level'] == ERROR
     assert all(word in status['message'] for word in words), status['message']
     (error,) = [line for line in running.log[before:].splitlines() if '[ERROR]' in line]
@@ -112,38 +94,39 @@ def test_fault_is_reported_and_the_last_maps_remain(running, monkeypatch, fault,
     assert last['height']['min'] == 0
     for topic in GRIDS:
         assert running.map(topic)['cells'] == last[topic]['cells']
-    recover(running)
+    assert running.call('reset')['message'].startswith('starting again at time 0')
+    running.run_commands()
+    running.status_now('simulation', lambda item: item['state'] == 'running')
+    running.run(2.0)
+    running.newest('height', condition=lambda newest: newest['height']['wet'] > 0)
 
 
-def test_step_that_does_not_end_is_reported(running, monkeypatch):
-    may_end, advance, before = threading.Event(), Simulation.advance, len(running.log)
+def test_jumps_of_the_clock_are_reported_and_not_followed(running):
+    for to, where in ((1e6, 'ahead'), (500.0, 'back')):
+        before = running.worker.session.time
+        running.jump(to)
+        status = running.status_now(
+            'simulation', lambda item: f'the clock jumped {where}' in item['message']  # noqa: B023
+        )
+        assert status['level'] == 1
+        assert running.worker.session.time == before
+        running.run(1.0)
+        assert running.worker.session.time == pytest.approx(before + running.worker.time_scale)
 
-    def advance_slowly(*arguments, **options):
-        may_end.wait()
-        return advance(*arguments, **options)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(worker_status, 'MAX_TASK_DURATION', 0.1)
-        patch.setattr(Simulation, 'advance', advance_slowly)
-        running.jump(running.now + 0.5)
-        try:
-            status = running.status_now(
-                'simulation', lambda status: 'a step takes' in status['message']
-            )
-            assert (status['state'], status['level']) == ('running', 1)
-            answer = running.call('reset')
-            assert answer['success']
-            words = 'starting again at time 0, but later: a step takes'
-            assert answer['message'].startswith(words)
-            status = running.status_now('simulation')
-            assert 'waiting for it: ' in status['message'] and 'reset' in status['message']
-            lines = running.log[before:].splitlines()
-            warnings = [line for line in lines if 'a step takes' in line]
-            assert len(warnings) == 1 and '[WARN]' in warnings[0], warnings
-        finally:
-            may_end.set()
-    recover(running)
-    running.status_now('simulation', lambda status: 'a step takes' not in status['message'])
+def test_rejects_a_negative_time_of_the_clock(running):
+    now, before = running.now, running.worker.session.time
+    for _ in range(2):
+        with pytest.raises(ValueError, match='must not be negative') as caught:
+            running.jump(-20.0)
+        # as the executor of the program does
+        running.node.report_callback(caught.value)
+    status = running.status_now('inputs')
+    assert (status['rejected.message'], status['level']) == ('2', 1)
+    assert running.log.count('must not be negative') == 1
+    running.now = now
+    running.run(1.0)
+    assert running.worker.session.time > before
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@
 import os
 import subprocess
 import sys
-import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -113,56 +112,7 @@ def test_few_items_start_no_helper(monkeypatch):
     assert (visits == 1).all()
 
 
-class Recorded:
-    """Fake of a recorded launch: each part calls a function with its first item."""
-
-    def __init__(self, function):
-        self.function, self.params, self.fwd_args = function, [], [0]
-
-    def set_dim(self, dim):
-        pass
-
-    def set_param_at_index(self, index, value):
-        self.first = value
-
-    def launch(self):
-        self.function(self.first)
-
-
-def test_helper_exception_reaches_the_caller():
-    caller, entered, done = threading.get_ident(), threading.Event(), threading.Event()
-
-    def part(first):
-        if threading.get_ident() == caller:
-            assert entered.wait(120.0)
-            return
-        entered.set()
-        done.wait(0.2)
-        done.set()
-        raise RuntimeError('of a helper')
-
-    job = threads._Job(lambda: Recorded(part), [(0, 1), (1, 2), (2, 3)])
-    with pytest.raises(RuntimeError, match='of a helper'):
-        job.compute(1)
-    assert done.is_set()
-    assert (visited(1000, 2)[0] == 1).all()
-
-
-def test_caller_exception_cancels_the_other_parts():
-    job = threads._Job(lambda: Recorded(lambda _: 1 / 0), [(0, 1), (1, 2)])
-    with pytest.raises(ZeroDivisionError):
-        job.compute(0)
-    job.help()
-    assert not job._parts
-
-
-def test_failed_recording_does_not_affect_the_next_launch():
-    threads.use_threads(2)
-    with pytest.raises(RuntimeError, match='requires 4'):
-        threads.launch_over(state_of(1000), count_visits, [], least=1)
-    assert (visited(1000, 2)[0] == 1).all()
-
-
+@pytest.mark.nightly
 def test_process_with_helpers_can_fork_and_exit():
     run = subprocess.run(
         [sys.executable, '-c', ENDS], capture_output=True, text=True, timeout=120, check=False

@@ -7,6 +7,7 @@ import signal
 
 from nav_msgs.msg import OccupancyGrid
 import numpy as np
+import pytest
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -19,6 +20,7 @@ layers:
 """
 
 
+@pytest.mark.nightly
 def test_killed_node_misses_its_deadline(graph, tmp_path):
     """A paused node repeats its maps with their stamps."""
     terrain, config = tmp_path / 'slope.npz', tmp_path / 'layers.yaml'

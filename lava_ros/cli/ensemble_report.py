@@ -1,0 +1,207 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The report of `lava ensemble`: numbers of its maps, scores against mapped lava, and text."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+import sys
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.cli.console import table_lines
+
+if TYPE_CHECKING:
+    from lava_ros.forecast.assimilation import Outline
+    from lava_ros.forecast.ensemble import Ensemble
+    from lava_ros.forecast.members import Plan
+    from lava_ros.forecast.probability import Footprint
+    from lava_ros.hindcast.case import Case
+    from lava_ros.maps.forecast import HazardMaps
+
+#: Reliability of the probabilities at dated outlines, in the folder of the maps.
+RELIABILITY = 'reliability.png'
+
+
+def score_against_case(
+    case: Case,
+    plan: Plan,
+    maps: HazardMaps,
+    members: Iterable[Footprint],
+    folder: Path,
+    *,
+    weights: Sequence[float] | None = None,
+    outline: Outline | None = None,
+) -> dict[str, Any]:
+    """Score the probabilities of an ensemble of a case, and draw their reliability.
+
+    Args:
+        case: The case.
+        plan: Plan of the members.
+        maps: Maps of the members.
+        members: The members, which only a case with dated outlines needs.
+        folder: Folder of the picture.
+        weights: Weights of the members, equal by default.
+        outline: Observed lava; only later outlines are then forecast, and it persists.
+
+    Returns:
+        The score at the end, and that at the dated outlines if there are any.
+    """
+    from lava_ros.forecast.picture import write_reliability
+    from lava_ros.hindcast.probabilistic_score import (
+        mapped_on,
+        outlines_on,
+        probability_at,
+        score_dates,
+        score_probability,
+    )
+
+    report: dict[str, Any] = {'score': score_probability(maps.probability, mapped_on(case, plan))}
+    known = -1.0 if outline is None else outline.time
+    later = {
+        text: item for text, item in outlines_on(case, plan).items() if item.time > known
+    }
+    if later:
+        probability = probability_at(
+            [item.time for item in later.values()], members, plan, weights
+        )
+        before = None if outline is None else outline.lava
+        report['dates'] = score_dates(probability, later, before)
+        came = [item.lava for item in later.values()]
+        write_reliability(probability, came, folder / RELIABILITY)
+    return report
+
+
+def summarize(
+    args: argparse.Namespace,
+    plan: Plan,
+    maps: HazardMaps,
+    done: Ensemble,
+    wall: float,
+    where: dict[str, Any],
+) -> dict[str, Any]:
+    """Return the numbers of the maps of an ensemble that took a wall time [s]."""
+    import numpy as np
+
+    ran = maps.members - done.resumed
+    likely, cell = np.nan_to_num(maps.probability), plan.scene.terrain.resolution**2
+    return {
+        'members': maps.members,
+        'resumed': done.resumed,
+        'effective_members': maps.effective_members,
+        'sampling_error_percent': maps.sampling_error,
+        'horizon_s': plan.horizon,
+        'arrival_error_s': maps.arrival_error,
+        'members_beyond': maps.members_beyond,
+        'threshold_m': plan.threshold,
+        'preset': args.preset,
+        'effects': list(plan.effects),
+        'switched_on': [asdict(item) for item in plan.switched_on],
+        'seed': args.seed,
+        **where,
+        'wall_s': wall,
+        'members_per_s': ran / wall if ran else None,
+        'area_m2': {
+            f'at least {percent} %': float((likely >= percent).sum() * cell)
+            for percent in (10, 50, 90)
+        },
+    }
+
+
+def describe_agreement(done: Ensemble, observation: str) -> dict[str, Any]:
+    """Return the numbers of the agreement of an ensemble with the observed lava."""
+    weights = done.weights
+    assert weights is not None
+    return {
+        'observation': observation,
+        'jaccard_mean': float(weights.jaccard.mean()),
+        'jaccard_best': float(weights.jaccard.max()),
+        'sharpness': weights.sharpness,
+    }
+
+
+def print_report(report: dict[str, Any], plan: Plan) -> None:
+    """Print the report of the command."""
+    ran = report['members'] - report['resumed']
+    pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
+    print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} from before')
+    if 'observed' in report:
+        mean = 100 * report['observed']['jaccard_mean']
+        print(
+            f'the members agree with the observed lava by {mean:.0f} % on average, and count like '
+            f'{report["effective_members"]:.1f} of equal weight'
+        )
+    print(
+        f'standard error of a probability of 50 %: {report["sampling_error_percent"]:.2g} '
+        f'percentage points, from {report["members"]} members'
+    )
+    print(f'effects of all members: {", ".join(plan.effects) or "none"}')
+    for item in plan.switched_on:
+        print(f'{item.effect} was switched on from the start: {item.reason}')
+    error = report['arrival_error_s']
+    print(f'error of the arrival times: up to {error:g} s and a time step of the flow')
+    if report['members_beyond']:
+        print(f'lava of {report["members_beyond"]} members left the map: no map shows that part')
+    if report.get('eruptions_cut_off'):
+        print(
+            f'{report["eruptions_cut_off"]} of the eruptions last longer than the horizon: no map '
+            'shows what comes later'
+        )
+    for name, area in report['area_m2'].items():
+        print(f'{name:>13}: {1e-6 * area:8.3f} km2')
+    if 'score' in report:
+        score, gap = report['score'], report['score']['largest_gap']
+        print(
+            f'against the map: Brier score {score["brier_score"]:.3f}, skill '
+            f'{score["brier_skill"]:.2f} over the {score["cells"]} cells with lava in a member or '
+            f'on the map ({score["brier_skill_of_terrain"]:.2f} over the terrain)'
+            + ('' if gap is None else f'; largest error of reliability {100.0 * gap:.0f} points')
+        )
+    if 'dates' in report:
+        _print_dates(report['dates'])
+    if 'posterior' in report:
+        new = report['posterior']
+        print(
+            f'{new["members"]} members drawn near {new["effective_parents"]:.1f} of these agree '
+            f'with the observed lava by {100 * new["jaccard_mean"]:.0f} % on average'
+        )
+        if 'dates' in new:
+            _print_dates(new['dates'])
+    if 'barriers' in report:
+        barriers = report['barriers']
+        for name, areas in barriers['area_m2'].items():
+            without, built = (1e-6 * areas[case] for case in ('without', 'with'))
+            print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
+        if barriers['places']:
+            from lava_ros.pages.comparison import place_texts
+
+            print('\n'.join(table_lines(place_texts(barriers['places']), '<>>>>')))
+        if barriers['effects'] != report['effects']:
+            print(
+                'lava ensemble: the runs with barriers have other effects, '
+                f'{", ".join(barriers["effects"])}: delete both folders to run all with these',
+                file=sys.stderr,
+            )
+    print('\n'.join(f'written to {path}' for path in report['files']))
+
+
+def _print_dates(dates: dict[str, Any]) -> None:
+    """Print the scores at dated outlines and the reliability over all of them."""
+    def text(value: float | None) -> str:
+        return '-' if value is None else f'{value:.3f}'
+
+    columns = ('brier_score', 'brier_skill', 'brier_persistence', 'brier_skill_persistence')
+    head = ['date', 'Brier score', 'skill', 'of persistence', 'skill against it']
+    rows = [[row['date'], *(text(row[name]) for name in columns)] for row in dates['dates']]
+    rows.append(['all dates', *(text(dates[name]) for name in columns)])
+    print('\n'.join(table_lines([head, *rows], '<>>>>')))
+    head = ['forecast', 'observed', 'cells']
+    bins = [
+        [f'{100.0 * item["forecast"]:.0f} %', f'{100.0 * item["observed"]:.0f} %',
+         str(item['count'])]
+        for item in dates['reliability']
+    ]
+    print('\n'.join(table_lines([head, *bins], '>>>')))
