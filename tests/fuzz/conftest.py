@@ -14,7 +14,7 @@ from typing import Any
 from hypothesis import given, HealthCheck, seed, settings
 import pytest
 
-from ros.conftest import flowing, graph, local  # noqa: F401
+from ros.conftest import graph, local  # noqa: F401
 
 #: Runs a check on a part of the examples: takes the check and the strategies of its arguments.
 RunPart = Callable[..., None]

@@ -17,6 +17,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.duration import Duration
 
 from fuzz.messages import messages, TOPICS
+from ros.conftest import start_flow
 from waiting import wait_until
 
 #: Maximum delay of a grid on a small, busy machine [s].
@@ -36,8 +37,8 @@ def test_messages_are_valid_or_raise_lava_errors(seed):
     assert 200 < len(refused) < 400
 
 
-def test_node_in_this_process_refuses_hostile_messages(flowing):
-    node = flowing()
+def test_node_in_this_process_refuses_hostile_messages(local):
+    node = start_flow(local)
     takers = {item.topic_name: item for item in node.node.subscriptions}
     for item in itertools.islice(messages(0), 200):
         takers[node.node.resolve_topic_name(item.topic)].callback(item.data)
