@@ -195,6 +195,8 @@ def placement_of(
             raise LavaError('offset', offset, f'{own}, as the bag states')
         return stated
     if stated.system:
+        # an unknown code is refused without a warning
+        coordinate_system(epsg)
         _LOG.warning(f'EPSG:{epsg} as given, although the bag states {system_name(known, wkt)}')
     return Placement(epsg, own if offset is None else offset)
 

@@ -178,6 +178,7 @@ def test_command_lines_are_accepted_or_refused(in_part: Any, place: None, trial:
     ['export', str(SAMPLE), '-o', '\udcff'],
     ['barrier', 'ground.npz', '-o', 'new.tif', '--height=5', '--line', '0,0', '0,1e-200'],
     ['export', str(SAMPLE), '-o', 'maps', '--at=nan'],
+    ['export', str(SAMPLE), '-o', 'maps', '--epsg=0'],
 ])
 def test_refuses_command_lines_that_fuzzing_found(words: list[str], place: None) -> None:
     status, errors = outcome(words)
