@@ -39,7 +39,7 @@ FOLDER = Path(__file__).parent
 SIZE, SHOWN_SIZE = (1200, 560), (750, 350)
 
 #: Duration of a picture of the recording [ms], and its number of colours.
-DURATION, COLOURS = 160, 96
+DURATION, COLOURS = 160, 255
 
 #: Movement of the mouse between two pictures [pixels], which turns the view, and of its wheel
 #: before the first one, which brings the lava nearer.
@@ -124,7 +124,7 @@ def main() -> None:
         camera = Camera(browser, server)
         if sys.argv[1:]:
             first, *others = (
-                item.quantize(COLOURS, dither=Image.Dither.NONE)
+                item.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
                 for item in record(camera, len(frames.times))
             )
             first.save(
