@@ -143,7 +143,7 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
         ('published ranges, all dates', outlines, store, None),
         ('published ranges', later, store, None),
         (f'weighted by {first}', later, store, weights.values),
-        (f'drawn anew after {first}', later, new, None),
+        (f'new members after {first}', later, new, None),
     ):
         before = outlines[first].lava if dated is later else None
         times = [item.time for item in dated.values()]

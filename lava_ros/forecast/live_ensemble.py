@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensembles that continue a running simulation, and learn from observed outlines.
+"""Ensembles that continue a running simulation, and are conditioned on observed outlines.
 
 Members start from the state of the simulation, with its resolution and effects, and then differ
 in their drawn inputs. Member k has the same draws in successive ensembles until an outline
@@ -35,7 +35,7 @@ Answer = Callable[..., None]
 
 @dataclass(eq=False)
 class Population:
-    """Drawn inputs that successive ensembles share, and what outlines say of them.
+    """Drawn inputs that successive ensembles share, and their agreement with observed outlines.
 
     Attributes:
         posterior: Distribution of the members; None for that of the scene.

@@ -46,7 +46,7 @@ _STEPS = 1024.0
 
 #: Variance added around weighted members, as a fraction of that before the observation: a single
 #: member with weight has none.
-LEAST_VARIANCE = 0.01
+MIN_VARIANCE = 0.01
 
 #: Bits of a coordinate, and digits of a value: further digits depend on the machine's logarithm.
 _BITS, _DIGITS = 30, 9
@@ -136,7 +136,7 @@ class Posterior:
         scores, size = ndtri(known[:, is_drawn]), int(is_drawn.sum())
         mean = weights @ scores / weights.sum()
         spread = (weights * (scores - mean).T) @ (scores - mean) / weights.sum()
-        spread += LEAST_VARIANCE * np.eye(size)
+        spread += MIN_VARIANCE * np.eye(size)
         width = (4.0 / ((size + 2.0) * self.effective_members)) ** (1.0 / (size + 4.0))
         width = min(width, 1.0)
         noise = ndtri(points[:, :-1][:, is_drawn]) @ np.linalg.cholesky(spread).T

@@ -130,7 +130,7 @@ def _against(
     """Return the Brier score of the last outline and the skill against it, None without one."""
     if last is None or not last.size:
         return {'brier_persistence': None, 'brier_skill_persistence': None}
-    # the same cells for both: those with lava in a member or in an outline
+    # both are scored over the cells with lava in a member or in an outline
     near = np.isfinite(probability) & ((probability > 0.0) | came | last)
     score, reference = (
         brier_score(np.asarray(forecast, dtype=np.float64)[near], came[near])

@@ -43,7 +43,7 @@ COURANT = 1.0
 
 #: Longest step of long runs [s], ten times the usual one, and as a fraction of the duration of
 #: shorter ones. A third of the steps of a flow of ten days remain (docs/VALIDATION.md).
-LONGEST_STEP, STEP_FRACTION = 600.0, 1e-3
+MAX_STEP, STEP_FRACTION = 600.0, 1e-3
 
 #: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
 #: that resolve waves during weeks of creeping flow. Lateral stress is in none of the models with
@@ -90,7 +90,7 @@ class Settings:
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant)
         if accuracy.longest_step == Accuracy().longest_step:
-            longest = min(LONGEST_STEP, STEP_FRACTION * case.duration)
+            longest = min(MAX_STEP, STEP_FRACTION * case.duration)
             accuracy = replace(accuracy, longest_step=max(longest, accuracy.longest_step))
         return resolved_accuracy(accuracy, case.scene, horizon=case.duration)
 

@@ -79,7 +79,7 @@ def published_layers(
 
 
 class NodeGraph:
-    """What a configured node has in the ROS graph: its entities, and a recorder of its messages.
+    """The entities of a configured node in the ROS graph, and the recorder of its messages.
 
     ``frame_id`` is the frame of the messages. Cleanup destroys the entities.
     """
@@ -289,7 +289,7 @@ class ScenePublisher:
 
 
 class ParticlePublisher:
-    """Publishes a sample of the particles with each map, while somebody subscribes."""
+    """Publishes a sample of the particles with each map, while the topic has a subscriber."""
 
     def __init__(self, graph: NodeGraph, worker: SimulationWorker) -> None:
         """Create the publisher."""
@@ -310,7 +310,7 @@ class ParticlePublisher:
         if self._asked is None:
             return
         (snapshot, stamp_ns, sample), self._asked = self._asked, None
-        # a simulation that has failed, or ended meanwhile, has no particles
+        # a simulation that failed or ended after the request has no particles
         if not sample.cancelled() and sample.exception() is None:
             header = self._graph.header(stamp_ns)
             message = outputs.particle_message(sample.result(), snapshot, header)

@@ -106,7 +106,7 @@ class _Group:
     def put(self, row: int, launches: Sequence[Launch], state: State) -> None:
         """Assign a row to a member."""
         self._stages.put(row, launches)
-        self._room[row] = state.ample
+        self._room[row] = state.growth_threshold
         if self._put.get(row, (None, 0))[0] is not state:
             # assume a full state until the first readback
             self._particles[row], self._is_guess[row] = state.capacity, True

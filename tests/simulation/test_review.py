@@ -16,7 +16,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution, measure_widths
 from lava_ros.simulation.selection import Decision, noted
-from lava_ros.simulation.setup.review import LONGEST, next_review, Review
+from lava_ros.simulation.setup.review import MAX_INTERVAL, next_review, Review
 from slope_scenes import ground, HOUR, LAVA, scene
 from solver import only
 
@@ -115,7 +115,7 @@ def test_reviews_become_rarer_while_the_flow_slows(horizon: float):
         times.append(next_review(times[-1], horizon))
     expected = [1 / 128, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1, 5 / 4, 25 / 16]
     assert times[:11] == pytest.approx([horizon * part for part in expected])
-    assert np.all(np.diff(times) <= LONGEST * np.maximum(times[:-1], horizon) * (1.0 + 1e-9))
+    assert np.all(np.diff(times) <= MAX_INTERVAL * np.maximum(times[:-1], horizon) * (1.0 + 1e-9))
 
 
 def test_review_times_do_not_depend_on_the_caller():

@@ -243,10 +243,10 @@ class State:
 
     def needs_room(self, counts: np.ndarray) -> bool:
         """Return True if the capacity is almost used up or a vent found none."""
-        return bool(counts[at.FULL] or at.count_in(counts) > self.ample)
+        return bool(counts[at.FULL] or at.count_in(counts) > self.growth_threshold)
 
     @property
-    def ample(self) -> float:
+    def growth_threshold(self) -> float:
         """Maximum number of particles for which the capacity suffices until the next readback."""
         return FULLEST * self.capacity - self.particles_ahead
 

@@ -21,7 +21,7 @@ from lava_ros.simulation.selection import Decision
 FIRST = 1.0 / 128.0
 
 #: Longest time between two reviews, as a fraction of the horizon, or of the time if that is more.
-LONGEST = 1.0 / 4.0
+MAX_INTERVAL = 1.0 / 4.0
 
 
 @dataclass
@@ -75,7 +75,7 @@ def next_review(time: float, horizon: float) -> float:
     # rounding must not find the same review twice
     passed, due = time / horizon * (1.0 + 1e-9), FIRST
     while due <= passed:
-        due += min(due, LONGEST * max(due, 1.0))
+        due += min(due, MAX_INTERVAL * max(due, 1.0))
     return horizon * due
 
 
