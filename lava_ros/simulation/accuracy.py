@@ -25,7 +25,7 @@ MAX_THICKNESS = 1e5
 
 FORMULATIONS = ('corrected', 'as-published')
 
-INTEGRATORS = ('rkl2', 'euler')
+INTEGRATORS = ('rkl2', 'rkl1', 'euler')
 
 PRECISIONS = ('float32', 'float64')
 
@@ -89,8 +89,8 @@ class Accuracy:
         "the grid's symmetries",
     )
     integrator: str = choice(
-        'rkl2', 'Time integration: second-order super-time-stepping, or the reference',
-        INTEGRATORS,
+        'rkl2', 'Time integration: super-time-stepping of second order; rkl1: of first order, for '
+        'steady flows; euler: explicit steps, for comparison', INTEGRATORS,
     )
     precision: str = choice('float32', 'Precision; float64 is the reference', PRECISIONS)
 
