@@ -16,17 +16,9 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import vectors
-from lava_ros.files.rasters import open_raster
-from lava_ros.scene.features import read_features
-from lava_ros.scene.on_terrain import check_placed, read_polygons_on, resampled
-from lava_ros.scene.projection import (
-    coordinate_system,
-    horizontal,
-    METRES_PER_DEGREE,
-    transformed,
-)
+from lava_ros.scene.on_terrain import mark_cells, read_band, read_polygons, resampled
+from lava_ros.scene.projection import coordinate_system, horizontal, metres_per_unit, transformed
 from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
-from lava_ros.scene.terrain_files import unit_of_band
 from lava_ros.scene.vents import TEMPERATURE_CHECK
 
 _LOG = logging.getLogger(__name__)
@@ -190,11 +182,9 @@ def _thickness_on(
     name, suffix = f'{label}.file', path.suffix.lower()
     if given is not None:
         height = THICKNESS_CHECK(f'{label}.thickness', given)
-        features = read_features(name, path, terrain)
-        rings = [item.rings[0] for item in features if item.kind == 'Polygon']
-        covered = read_polygons_on(terrain, path, field=name) & terrain.has_data
-        result = np.where(covered, height, 0.0)
-        places = np.concatenate(rings)
+        areas = read_polygons(name, path, terrain)
+        result = np.where(mark_cells(terrain, areas) & terrain.has_data, height, 0.0)
+        places = np.concatenate([item.rings[0] for item in areas])
         _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)
     elif suffix in vectors.ENDINGS and suffix != '.gpkg':
         expected = f'a thickness [m], which the outlines of {path.name} do not have'
@@ -209,27 +199,15 @@ def _thickness_on(
 
 def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.ndarray:
     """Read a raster of thickness on the cells of a terrain, or on finer cells [m]."""
-    with open_raster(field, path) as source:
-        kind = np.dtype(source.dtypes[0])
-        if source.count != 1 or kind.kind not in 'iuf' or kind.itemsize == 1:
-            found = f'{path.name}, {source.count} x {kind}'
-            raise LavaError(field, found, 'one band of thickness [m], of more than 8 bits')
-        values = source.read(1).astype(np.float64) * source.scales[0] + source.offsets[0]
-        is_known = source.read_masks(1) != 0
-        place, crs, described = source.transform, source.crs, source.descriptions[0] or ''
-        unit, length = unit_of_band(source, path, of='thickness')
-    check_placed(place, path, field=field)
-    where = f'thickness in {path.name}'
-    if length != 1.0:
-        raise LavaError(f'unit of the {where}', unit, 'm (gdal_calc.py can convert the values)')
-    if 'peak' in described.lower():
+    band = read_band(field, path, lengths='thickness')
+    where, place, crs = f'thickness in {path.name}', band.place, band.crs
+    if 'peak' in band.description.lower():
         expected = 'the thickness at one time: a map of peaks has more lava than there ever was'
-        raise LavaError(where, f'a map of {described}', expected)
-    bad = is_known & ~np.isfinite(values)
-    if bad.any():
+        raise LavaError(where, f'a map of {band.description}', expected)
+    lava = band.converted(band.stored).filled(0.0)
+    if (bad := lava[~np.isfinite(lava)]).size:
         expected = 'finite numbers; gdal_edit.py -a_nodata declares the value of empty cells'
-        raise LavaError(where, f'{values[bad][0]} in {int(bad.sum())} cells', expected)
-    lava = np.where(is_known, values, 0.0)
+        raise LavaError(where, f'{bad[0]} in {bad.size} cells', expected)
     low, high = float(lava.min()), float(lava.max())
     if low < 0.0:
         expected = f'at least 0 m (if {low:g} means no lava, declare it with '
@@ -243,9 +221,8 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
     row, column = np.nonzero(lava > 0.0)
     x, y = xy(place, row, column)
     area = abs(place.determinant)
-    degree = METRES_PER_DEGREE if crs is not None and crs.is_geographic else 1.0
     if not is_ground:
-        terrain = _subdivide(terrain, math.sqrt(area) * degree)
+        terrain = _subdivide(terrain, math.sqrt(area) * metres_per_unit(crs))
     result = np.nan_to_num(
         resampled(terrain, lava, place, crs, path, field=field, method='average')
     )

@@ -23,9 +23,6 @@ _LOG = logging.getLogger(__name__)
 #: Longitude and latitude of WGS 84.
 DEGREES = 'EPSG:4326'
 
-#: Length of a degree of latitude [m].
-METRES_PER_DEGREE = 111_195.0
-
 #: Smaller cells [m] in a file without a coordinate system are in degrees.
 SMALLEST_CELL = 0.05
 
@@ -129,6 +126,11 @@ def _definition(crs: Any) -> dict[str, Any]:
         return dict(crs.to_dict(projjson=True))
     except CRSError:
         return {}
+
+
+def metres_per_unit(crs: Any) -> float:
+    """Return the approximate unit of a coordinate system [m]: 1, or a degree of latitude."""
+    return 111_195.0 if crs and crs.is_geographic else 1.0
 
 
 def with_epsg(raster: Raster, epsg: int | None) -> Raster:

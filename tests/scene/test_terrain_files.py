@@ -224,7 +224,7 @@ def test_error_names_the_missing_extra(tmp_path: Path, monkeypatch: pytest.Monke
     (np.zeros((3, 4, 4), np.uint8), {}, {}, 'one band of elevations, not 3'),
     (FLOATS.astype(np.uint8), {}, {}, 'uint8 is the type of a picture'),
     (FLOATS.astype(np.complex64), {}, {}, 'numbers, not complex64'),
-    (FLOATS, {'unit': 'fathoms'}, {}, 'one unit of length, of m, metre'),
+    (FLOATS, {'unit': 'fathoms'}, {}, 'one unit of length, of m, km'),
     (FLOATS, {'crs': 'EPSG:2274'}, {}, 'in metres, such as UTM, not US survey foot'),
     (FLOATS, {'transform': Affine(8.0, 6.0, 5e5, 6.0, -8.0, 4.18e6)}, {}, 'north up'),
     (
