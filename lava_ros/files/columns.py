@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 import re
-from typing import Any
+from typing import Any, NoReturn
 import unicodedata
 
 from lava_ros import validation
@@ -130,6 +130,10 @@ class Column:
         label = f'{where}, {self.header}'
         result = validation.number(label, value) * self.factor + self.offset
         return validation.number(label, result, **limits)
+
+    def refuse(self, where: str, value: object, expected: str) -> NoReturn:
+        """Raise LavaError for a value, with ``where`` and the header."""
+        raise LavaError(f'{where}, {self.header}', value, expected)
 
 
 def understood(

@@ -137,7 +137,7 @@ def test_warns_of_unknown_columns(tmp_path: Path, caplog: pytest.LogCaptureFixtu
 
 
 @pytest.mark.parametrize(('text', 'words'), [
-    ('start,end,q\n0,100,-3\n', "line 2, q is '-3', expected at least 0"),
+    ('start,end,q\n0,100,-3\n', "line 2, q is -3.0, expected a finite number at least 0"),
     ('start,end,q\n100,0,3\n', 'line 2, end is 0.0, expected a time after its start, 100 s'),
     ('start,end,q\n0,100,3\n50,200,3\n', 'line 3, start is 50.0, expected at least 100 s'),
     ('start,end,q\n0,2021-09-19,3\n', "line 2, end is '2021-09-19', expected dates in all"),
