@@ -111,6 +111,7 @@ class Column:
         factor: Factor to SI.
         offset: Offset after the factor, for degrees Celsius.
         kind: ``dense-rock`` or ``bulk`` if the header has such a word, otherwise empty.
+        axis: ``longitude`` or ``latitude`` if the values are angles, otherwise empty.
     """
 
     header: str
@@ -118,9 +119,10 @@ class Column:
     factor: float = 1.0
     offset: float = 0.0
     kind: str = ''
+    axis: str = ''
 
     def number(self, where: str, value: object, **limits: Any) -> float:
-        """Return a value in SI units.
+        """Return a value in SI units, or an angle in degrees.
 
         ``limits`` are those of ``validation.number`` in SI units.
 
@@ -128,6 +130,9 @@ class Column:
             LavaError: If the value is not valid. The error names ``where`` and the header.
         """
         label = f'{where}, {self.header}'
+        if self.axis:
+            # a comma in a cell is a decimal comma
+            return angle(label, str(value).replace(',', '.'), self.axis)
         result = validation.number(label, value) * self.factor + self.offset
         return validation.number(label, result, **limits)
 
@@ -176,7 +181,8 @@ def understood(
         number = units.get(normal_unit(unit), 1.0) if unit else 1.0
         is_shift = name == 'temperature'
         found[name] = Column(
-            header, unit, 1.0 if is_shift else number, number if is_shift and unit else 0.0, kind
+            header, unit, 1.0 if is_shift else number, number if is_shift and unit else 0.0, kind,
+            {'lon': 'longitude', 'lat': 'latitude'}.get(name[:3], ''),
         )
     return found, [header for header, *_ in read if header in others]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
-from lava_ros.files.columns import angle, understood
+from lava_ros.files.columns import understood
 from lava_ros.files.csv import read_table
 from lava_ros.scene.projection import DEGREES, in_degrees, on_terrain
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
@@ -164,27 +164,22 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
     (pair,) = pairs
 
     def place(where: str, row: dict[str, str], end: str) -> list[float] | None:
-        names = [f'{name}{end}' for name in pair]
-        cells = [row.pop(columns[name].header, '') if name in columns else '' for name in names]
+        known = [columns[name + end] for name in pair if name + end in columns]
+        cells = [row.pop(column.header) for column in known]
         if end and not any(cells):
             return None
-        if not all(cells):
-            shown = ' and '.join(columns[name].header for name in names if name in columns)
+        if len(cells) < 2 or not all(cells):
+            shown = ' and '.join(column.header for column in known)
             raise LavaError(f'{where}, {shown}', tuple(cells), 'both or neither')
-        if pair == ('x', 'y'):
-            return [columns[name].number(where, cell)
-                    for name, cell in zip(names, cells, strict=True)]
-        # a comma in a cell is a decimal comma
-        return [angle(f'{where}, {columns[name].header}', cell.replace(',', '.'), axis)
-                for name, cell, axis in zip(names, cells, ('longitude', 'latitude'), strict=True)]
+        return [column.number(where, cell) for column, cell in zip(known, cells, strict=True)]
 
     for where, row in rows:
         label = _label(where, row)
-        start, end = place(label, row, ''), place(label, row, '_end')
-        kind: dict[str, Any] = {'type': 'Point', 'coordinates': start}
-        if end is not None:
-            kind = {'type': 'LineString', 'coordinates': [start, end]}
-        yield where, kind, None if pair == ('x', 'y') else DEGREES, _non_empty_cells(row)
+        places = [place(label, row, ''), place(label, row, '_end')]
+        geometry = {'type': 'LineString', 'coordinates': places}
+        if places[1] is None:
+            geometry = {'type': 'Point', 'coordinates': places[0]}
+        yield where, geometry, None if pair == ('x', 'y') else DEGREES, _non_empty_cells(row)
 
 
 def _non_empty_cells(row: Mapping[str, str]) -> dict[str, str]:

@@ -15,7 +15,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import MAX_CELLS
-from lava_ros.files.optional import require
+from lava_ros.files.optional import is_installed, require
 from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
 
 _LOG = logging.getLogger(__name__)
@@ -139,7 +139,9 @@ def with_epsg(raster: Raster, epsg: int | None) -> Raster:
         return raster
     x, y = raster.corner
     has_degrees = is_degrees((x, y)) and min(raster.dx, raster.dy) < SMALLEST_CELL
-    if has_degrees and not coordinate_system(epsg).is_geographic:
+    # an unknown code is an error, unless the file needs no GDAL
+    system = coordinate_system(epsg) if is_installed('rasterio') or has_degrees else None
+    if has_degrees and not system.is_geographic:
         expected = f'a system in degrees: cells are {raster.dx:.3g} wide at {x:g}, {y:g}'
         raise LavaError('terrain.epsg', epsg, expected)
     if raster.is_placed:
