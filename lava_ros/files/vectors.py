@@ -209,8 +209,6 @@ def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
 def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     """Return the format of a file, and its bytes for GDAL; a Shapefile becomes an archive."""
     ending = _ending(path)
-    if f'.{ending}' not in ENDINGS:
-        raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
     check_exists(field, path)
     journal = path.with_name(f'{path.name}-wal')
     with refusing(field, str(path), 'a readable file'):

@@ -9,7 +9,6 @@ from functools import partial, reduce
 from itertools import product
 import json
 import logging
-import os
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files import check_exists
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import is_installed, require
 from lava_ros.files.yaml import parse_json
@@ -101,8 +101,7 @@ def load_terrain(
         LavaError: If the file cannot be read, or its contents cannot be used.
     """
     path = Path(path)
-    if not os.path.isfile(path):
-        raise LavaError('terrain file', str(path), 'a file that exists')
+    check_exists('terrain file', path)
     check_epsg('terrain.epsg', epsg)
     if resolution is not None:
         resolution = RESOLUTION_CHECK('terrain.resolution', resolution)
@@ -260,12 +259,9 @@ def _log_summary(
         f'{holes or "none"} without data, elevations {low:.6g} to {high:.6g} m'
     )
     if wrong.any():
-        count = int(wrong.sum())
-        row, column = np.argwhere(wrong)[0]
-        east, north = (
-            terrain.offset[axis] + terrain.origin[axis] + (cell + 0.5) * terrain.resolution
-            for axis, cell in enumerate((column, row))
-        )
+        count, (row, column) = int(wrong.sum()), np.argwhere(wrong)[0]
+        middle = (np.array((column, row)) + 0.5) * terrain.resolution
+        east, north = np.add(terrain.corner, middle)
         done = 'the simulation would lose or trap lava there '
         done += '(--fill-holes, or fill_holes: true, fills them)'
         if is_filled:
