@@ -47,7 +47,7 @@ class Feature:
     @property
     def name(self) -> str:
         """Name of the feature; may be empty."""
-        return _name(self.where, self.properties)
+        return _name(self.properties)
 
     def on(self, terrain: Terrain) -> 'Feature':
         """Return the feature in the system of a terrain; raise LavaError if not possible."""
@@ -62,18 +62,15 @@ class Feature:
         return replace(self, rings=tuple(np.split(places, ends)), system=None)
 
 
-def _name(where: str, properties: Mapping[str, Any]) -> str:
+def _name(properties: Mapping[str, Any]) -> str:
     # the first of several columns with a name counts
-    for header, value in properties.items():
-        if value and understood(where, [header], ['name'])[0]:
-            return str(value)
-    return ''
+    known = (header for header in properties if understood('', [header], ['name'])[0])
+    return next((str(properties[header]) for header in known if properties[header]), '')
 
 
 def _label(where: str, properties: Mapping[str, Any]) -> str:
     """Return the position of a feature in its file, and its name if any, for errors."""
-    name = _name(where, properties)
-    return f'{where} ({name})' if name else where
+    return f'{where} ({name})' if (name := _name(properties)) else where
 
 
 def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Feature]:
@@ -112,15 +109,11 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
             _LOG.warning(f'{where} has no geometry and is left out')
             continue
         for kind, part in _parts(where, geometry):
-            rings = part if kind == 'Polygon' else [part]
-            try:
-                arrays = [np.array(ring, dtype=float).reshape(len(ring), -1) for ring in rings]
-                places = np.concatenate(arrays)
-            except (TypeError, ValueError):
-                raise LavaError(where, part, 'a geometry of numbers') from None
-            if places.shape[1] != 2 or not (np.abs(places) <= MAX_COORDINATE).all():
-                raise LavaError(where, part, 'a geometry of two coordinates for each place')
-            features.append(Feature(where, kind, tuple(arrays), properties, system))
+            rings = tuple(map(np.array, part if kind == 'Polygon' else [part]))
+            # NaN compares as False
+            if not (np.abs(np.concatenate(rings)) <= MAX_COORDINATE).all():
+                raise LavaError(where, part, f'coordinates of at most {MAX_COORDINATE:g}')
+            features.append(Feature(where, kind, rings, properties, system))
     if not features:
         raise LavaError(field, str(path), 'a file with at least one point, line or area')
     return features
