@@ -3,7 +3,6 @@
 
 """Raster formats: complete, truncated and rejected files, written by GDAL."""
 
-from collections.abc import Callable
 from pathlib import Path
 import socket
 from typing import Any
@@ -127,57 +126,33 @@ def test_virtual_raster_opens_files_of_its_folder(tmp_path: Path) -> None:
     np.testing.assert_array_equal(load_terrain(tmp_path / 'a.vrt').elevation, GROUND[::-1])
 
 
-def _other_folder(folder: Path) -> str:
-    (folder / 'other').mkdir()
-    write_ground(folder / 'other/tile.tif')
-    return virtual_raster('other/tile.tif')
+WMS = (
+    '<GDAL_WMS><Service name="WMS"><ServerUrl>http://127.0.0.1:{port}/x?</ServerUrl>'
+    '<Layers>a</Layers></Service><DataWindow><UpperLeftX>0</UpperLeftX>'
+    '<UpperLeftY>200</UpperLeftY><LowerRightX>200</LowerRightX><LowerRightY>0</LowerRightY>'
+    '<SizeX>20</SizeX><SizeY>20</SizeY></DataWindow><BandsCount>1</BandsCount></GDAL_WMS>'
+)
 
-
-def _absolute(folder: Path) -> str:
-    write_ground(folder / 'tile.tif')
-    return virtual_raster(str(folder / 'tile.tif'), attributes='relativeToVRT="0"')
-
-
-def _nested(folder: Path) -> str:
-    write_ground(folder / 'tile.tif')
-    (folder / 'b.vrt').write_text(virtual_raster('tile.tif'))
-    return virtual_raster('b.vrt')
-
-
-def _code(folder: Path) -> str:
-    write_ground(folder / 'tile.tif')
-    return virtual_raster('tile.tif', more='<PixelFunctionType>mul</PixelFunctionType>')
-
-
-def _system(folder: Path) -> str:
-    write_ground(folder / 'tile.tif')
-    return virtual_raster('tile.tif').replace('EPSG:32633', 'http://127.0.0.1/a.wkt')
-
-
-def _disguised(folder: Path) -> str:
-    (folder / 'N37E015.hgt').write_text('<GDAL_WMS><Service name="WMS"/></GDAL_WMS>')
-    return virtual_raster('N37E015.hgt')
-
-
-VIRTUAL: dict[str, Callable[[Path], str]] = {
-    'file in another folder': _other_folder,
-    'absolute path': _absolute,
-    'virtual raster': _nested,
-    'code': _code,
-    'system at an address': _system,
-    'service with the name of a tile': _disguised,
-    'address': lambda _: virtual_raster('/vsicurl/http://127.0.0.1:{port}/a.tif'),
-    'connection': lambda _: virtual_raster('NETCDF:a.nc:z'),
-    'missing file': lambda _: virtual_raster('none.tif'),
-    'no file': lambda _: '<VRTDataset rasterXSize="30" rasterYSize="40"/>',
-    'entities': lambda _: '<!DOCTYPE a [<!ENTITY b "c">]>' + virtual_raster('&b;'),
-    'cut off': lambda _: virtual_raster('tile.tif')[:-20],
-    'service': lambda _: (
-        '<GDAL_WMS><Service name="WMS"><ServerUrl>http://127.0.0.1:{port}/x?</ServerUrl>'
-        '<Layers>a</Layers></Service><DataWindow><UpperLeftX>0</UpperLeftX>'
-        '<UpperLeftY>200</UpperLeftY><LowerRightX>200</LowerRightX><LowerRightY>0</LowerRightY>'
-        '<SizeX>20</SizeX><SizeY>20</SizeY></DataWindow><BandsCount>1</BandsCount></GDAL_WMS>'
+#: Files that refer to others than rasters of their folder, and a text file that they refer to;
+#: ``other/tile.tif`` and ``tile.tif`` are rasters.
+VIRTUAL = {
+    'file in another folder': (virtual_raster('other/tile.tif'), {}),
+    'absolute path': (virtual_raster('{folder}/tile.tif', attributes='relativeToVRT="0"'), {}),
+    'virtual raster': (virtual_raster('b.vrt'), {'b.vrt': virtual_raster('tile.tif')}),
+    'code': (
+        virtual_raster('tile.tif', more='<PixelFunctionType>mul</PixelFunctionType>'), {},
     ),
+    'system at an address': (
+        virtual_raster('tile.tif').replace('EPSG:32633', 'http://127.0.0.1/a.wkt'), {},
+    ),
+    'service with the name of a tile': (virtual_raster('N37E015.hgt'), {'N37E015.hgt': WMS}),
+    'address': (virtual_raster('/vsicurl/http://127.0.0.1:{port}/a.tif'), {}),
+    'connection': (virtual_raster('NETCDF:a.nc:z'), {}),
+    'missing file': (virtual_raster('none.tif'), {}),
+    'no file': ('<VRTDataset rasterXSize="30" rasterYSize="40"/>', {}),
+    'entities': ('<!DOCTYPE a [<!ENTITY b "c">]>' + virtual_raster('&b;'), {}),
+    'cut off': (virtual_raster('tile.tif')[:-20], {}),
+    'service': (WMS, {}),
 }
 
 
@@ -185,9 +160,16 @@ VIRTUAL: dict[str, Callable[[Path], str]] = {
 def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
     with socket.create_server(('127.0.0.1', 0)) as server:
         server.settimeout(0.0)
-        text = VIRTUAL[case](tmp_path).replace('{port}', str(server.getsockname()[1]))
-        for name in ('a.vrt', 'a.asc') if case in ('address', 'service') else ('a.vrt',):
-            (tmp_path / name).write_text(text)
+        text, beside = VIRTUAL[case]
+        (tmp_path / 'other').mkdir()
+        for name in ('tile.tif', 'other/tile.tif'):
+            write_ground(tmp_path / name)
+        port = str(server.getsockname()[1])
+        names = ('a.vrt', 'a.asc') if case in ('address', 'service') else ('a.vrt',)
+        for name, content in {**beside, **dict.fromkeys(names, text)}.items():
+            content = content.replace('{port}', port).replace('{folder}', str(tmp_path))
+            (tmp_path / name).write_text(content)
+        for name in names:
             with pytest.raises(LavaError):
                 load_terrain(tmp_path / name)
         with pytest.raises(BlockingIOError):

@@ -3,7 +3,7 @@
 
 """Reading of cases, and errors for invalid input."""
 
-from collections.abc import Callable
+from functools import partial
 import json
 from pathlib import Path
 from typing import Any
@@ -150,47 +150,8 @@ def test_reads_events(tmp_path: Path) -> None:
     np.testing.assert_allclose(later.terrain.elevation, elevation() + 1.0, atol=1e-3)
 
 
-Change = Callable[[Path], object]
-
-
-def _all(*changes: Change) -> Change:
-    return lambda folder: [change(folder) for change in changes]
-
-
-def _without(name: str) -> Change:
-    return lambda folder: (folder / name).unlink()
-
-
-def _grid(name: str, values: np.ndarray, **places: Any) -> Change:
-    return lambda folder: write_grid(folder / f'{name}.asc', values, **places)
-
-
-def _changed(name: str, old: str, new: str) -> Change:
-    def change(folder: Path) -> None:
-        text = (folder / name).read_text(encoding='utf-8')
-        assert old in text
-        (folder / name).write_text(text.replace(old, new), encoding='utf-8')
-
-    return change
-
-
-def _text(name: str, text: str) -> Change:
-    return lambda folder: (folder / name).write_text(text)
-
-
-def _vents(text: str) -> Change:
-    return _text('vent.csv', text + '\n')
-
-
-def _yaml(text: str) -> Change:
-    return _text('case.yaml', text + '\n')
-
-
-def _rates(*rows: str) -> Change:
-    return _text('effusion_rate.csv', '\n'.join(['start_s,end_s,discharge_m3_per_s', *rows, '']))
-
-
-def _as_areas(folder: Path) -> None:
+def _as_areas(path: Path) -> None:
+    """Replace a grid of the footprint by areas in degrees."""
     from rasterio.features import shapes
     from rasterio.transform import from_origin
     from rasterio.warp import transform_geom
@@ -204,9 +165,9 @@ def _as_areas(folder: Path) -> None:
         }
         for area, value in areas if value
     ]
-    (folder / 'footprint.asc').unlink()
+    path.unlink()
     data = {'type': 'FeatureCollection', 'features': features}
-    (folder / 'footprint.geojson').write_text(json.dumps(data))
+    path.with_suffix('.geojson').write_text(json.dumps(data))
 
 
 def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path: Path) -> None:
@@ -218,7 +179,7 @@ def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path: Path) -> None:
     write_grid(folder / 'footprint.asc', fine, corner=corner, cell=5.0)
     np.testing.assert_array_equal(load_case(folder).footprint, expected)
     folder = write_case(tmp_path / 'areas', yaml='epsg: 32633\n')
-    _as_areas(folder)
+    _as_areas(folder / 'footprint.asc')
     np.testing.assert_array_equal(load_case(folder).footprint, expected)
 
 
@@ -254,85 +215,103 @@ def test_vents_close_between_intervals() -> None:
 
 X, Y = VENT
 
-RATES, COLUMNS = 'effusion_rate.csv', 'start_s,end_s,discharge_m3_per_s'
+ELEVATION, FOOTPRINT, RATES = 'elevation.asc', 'footprint.asc', 'effusion_rate.csv'
+
+HEADER = 'start_s,end_s,discharge_m3_per_s'
 
 UPSIDE_DOWN = 'm from the nearest vent ... rows seem to be upside down'
 
 #: Footprint of another eruption: as long as the valley is wide, and far from the vent.
 ELSEWHERE = np.eye(*SHAPE, k=-19)[:, ::-1] * (np.indices(SHAPE)[0] < 22)
 
-#: A change of a valid case, and words of the resulting error.
-WRONG: dict[str, tuple[Change, str]] = {
-    'no elevation': (_without('elevation.asc'), 'also holds ... elevation.asc'),
-    'no footprint': (_without('footprint.asc'), 'also holds ... footprint.asc'),
-    'elevation upside down': (
-        _grid('elevation', elevation()[::-1]), 'above all vents ... upside down',
-    ),
+#: A footprint at another place.
+moved = partial(write_grid, values=footprint(), corner=(CORNER[0] + 10_000.0, CORNER[1]))
+
+#: Changes of the files of a valid case, and words of the resulting error. A change is another
+#: text, a grid, an old and a new part of the text, a function of the path, or None without file.
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    'no elevation': ({ELEVATION: None}, 'also holds ... elevation.asc'),
+    'no footprint': ({FOOTPRINT: None}, 'also holds ... footprint.asc'),
+    'elevation upside down': ({ELEVATION: elevation()[::-1]}, 'above all vents ... upside down'),
     'both grids upside down': (
-        _all(_grid('elevation', elevation()[::-1]), _grid('footprint', footprint()[::-1])),
-        UPSIDE_DOWN,
+        {ELEVATION: elevation()[::-1], FOOTPRINT: footprint()[::-1]}, UPSIDE_DOWN,
     ),
     'discharge in litres': (
-        _rates('0,5400,20000', '5400,10800,10000'), 'mean thickness ... too much ... m3/s',
+        {RATES: f'{HEADER}\n0,5400,20000\n5400,10800,10000\n'},
+        'mean thickness ... too much ... m3/s',
     ),
     'times in hours': (
-        _rates('0,1.5,20', '1.5,3,10'), 'mean thickness ... too little ... start_s',
+        {RATES: f'{HEADER}\n0,1.5,20\n1.5,3,10\n'}, 'mean thickness ... too little ... start_s',
     ),
     'vent outside': (
-        _vents(f'x,y\n{X},{Y + 400}'),
+        {'vent.csv': f'x,y\n{X},{Y + 400}\n'},
         "'vent 0' of vent.csv ... on the terrain, which covers easting ... 4180000 to 4181200",
     ),
-    'vent in degrees': (_vents('x,y\n15.0,37.7'), 'vent.csv ... these are degrees'),
+    'vent in degrees': ({'vent.csv': 'x,y\n15.0,37.7\n'}, 'vent.csv ... these are degrees'),
     'vent of another zone': (
-        _vents(f'x,y\n{X + 500_000},{Y}'), 'vent.csv ... coordinates of another system',
+        {'vent.csv': f'x,y\n{X + 500_000},{Y}\n'}, 'vent.csv ... coordinates of another system',
     ),
     'vent on a cell without data': (
-        _grid('elevation', _holed()), "'vent 0' of vent.csv ... this cell has none",
+        {ELEVATION: _holed()}, "'vent 0' of vent.csv ... this cell has none",
     ),
     'vent of another eruption': (
-        _grid('footprint', ELSEWHERE),
+        {FOOTPRINT: ELSEWHERE},
         'the footprint ... m from the nearest vent ... not of the same eruption',
     ),
-    'footprint somewhere else': (
-        _grid('footprint', footprint(), corner=(CORNER[0] + 10_000.0, CORNER[1])),
-        'the footprint ... data on the terrain',
-    ),
+    'footprint somewhere else': ({FOOTPRINT: moved}, 'the footprint ... data on the terrain'),
     'areas in degrees without a coordinate system of the terrain': (
-        _as_areas, 'footprint.geojson ... the terrain, which has no coordinate system',
+        {FOOTPRINT: _as_areas},
+        'footprint.geojson ... the terrain, which has no coordinate system',
     ),
     'areas in metres without a coordinate system': (
-        _all(_as_areas, _yaml('epsg: 32633'), _changed('footprint.geojson', '[15', '[500315')),
+        {FOOTPRINT: _as_areas, 'case.yaml': 'epsg: 32633\n',
+         'footprint.geojson': ('[15', '[500315')},
         'footprint.geojson ... places of EPSG:4326 ... of a coordinate system',
     ),
     'footprint of thicknesses': (
-        _grid('footprint', 3.5 * footprint()),
+        {FOOTPRINT: 3.5 * footprint()},
         'a cell of the footprint ... 3.5 ... 0 (not covered) and 1 (covered)',
     ),
-    'empty footprint': (
-        _grid('footprint', np.zeros(SHAPE)), 'the footprint ... without one ... covered',
-    ),
+    'empty footprint': ({FOOTPRINT: np.zeros(SHAPE)}, 'the footprint ... without one ... covered'),
     'no-data value that the header does not declare': (
-        _all(_grid('elevation', _holed()), _changed('elevation.asc', 'value -9999', 'value -1')),
+        {ELEVATION: lambda path: _change(_change(path, _holed()), ('value -9999', 'value -1'))},
         'elevation of elevation.asc ... -9999 in ... --nodata -9999',
     ),
     # a low hill, because the elevations of a mountain would be out of range
     'heights in centimetres': (
-        _grid('elevation', 20.0 * (elevation() - 1000.0)),
+        {ELEVATION: 20.0 * (elevation() - 1000.0)},
         'median slope ... heights and cells both in metres',
     ),
     'other columns': (
-        _changed(RATES, COLUMNS, 'day,to,q'),
-        'first line ... day,to,q ... start, end and effusion_rate',
+        {RATES: (HEADER, 'day,to,q')}, 'first line ... day,to,q ... start, end and effusion_rate',
     ),
     'no vent open': (
-        _vents(f'x,y,start_s\n{X},{Y},3600'), 'vents open at 0 s ... at least one row of vent.csv',
+        {'vent.csv': f'x,y,start_s\n{X},{Y},3600\n'},
+        'vents open at 0 s ... at least one row of vent.csv',
     ),
-    'unknown constant': (_yaml('lava: {colour: 3}'), 'case.lava.colour ... no such key'),
-    'end before start': (_yaml('end: -5'), 'case.end ... -5 ... above 0 s'),
+    'unknown constant': ({'case.yaml': 'lava: {colour: 3}'}, 'case.lava.colour ... no such key'),
+    'end before start': ({'case.yaml': 'end: -5'}, 'case.end ... -5 ... above 0 s'),
     'another system': (
-        _yaml('epsg: 4326'), 'terrain latitude ... 4180600 ... degrees north or south, or metres',
+        {'case.yaml': 'epsg: 4326'},
+        'terrain latitude ... 4180600 ... degrees north or south, or metres',
     ),
 }
+
+
+def _change(path: Path, change: Any) -> Path:
+    if change is None:
+        path.unlink()
+    elif callable(change):
+        change(path)
+    elif isinstance(change, np.ndarray):
+        write_grid(path, change)
+    elif isinstance(change, tuple):
+        text = path.read_text(encoding='utf-8')
+        assert change[0] in text
+        path.write_text(text.replace(*change), encoding='utf-8')
+    else:
+        path.write_text(change)
+    return path
 
 
 @pytest.mark.parametrize('name', WRONG)
@@ -340,8 +319,9 @@ def test_raises_for_invalid_input(name: str, tmp_path: Path) -> None:
     with pytest.raises(LavaError, match='a folder that exists'):
         load_case(tmp_path / 'valley')
     folder = write_case(tmp_path / 'valley')
-    change, words = WRONG[name]
-    change(folder)
+    changes, words = WRONG[name]
+    for file, change in changes.items():
+        _change(folder / file, change)
     with pytest.raises(LavaError) as caught:
         load_case(folder)
     message = str(caught.value)
@@ -361,10 +341,3 @@ def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path: Path) -> None:
         (folder / f'{name}.asc').unlink()
     with pytest.raises(LavaError, match=r'the footprint.*data on the terrain'):
         load_case(folder)
-
-
-def test_reads_a_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
-    folder = write_case(tmp_path / 'valley')
-    table = 'start_s;end_s;discharge_m3_per_s\r\n0;5400;20,5\r\n5400;10800;9,5\r\n'
-    (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8-sig')
-    assert load_case(folder).volume == pytest.approx(162_000.0)

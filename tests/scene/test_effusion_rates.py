@@ -25,7 +25,7 @@ DAYS = ((0.0, 86400.0, 20.0), (86400.0, 172800.0, 10.0))
 
 WHOLE = {
     'seconds': 'start_s,end_s,discharge_m3_per_s\n0,86400,20\n86400,172800,10\n',
-    'hours and tabs': 'start_h\tend_h\tTADR\n0\t24\t20\n24\t48\t10\n',
+    'hours, tabs and a mark': '\ufeffstart_h\tend_h\tTADR\r\n0\t24\t20\r\n24\t48\t10\r\n',
     'days and comments': (
         '# of the observatory\nStart (days);End (days);Effusion rate (m3/s)\n'
         '# the first day\n0;1;20,0 # by satellite\n1;2;10,0\n'
