@@ -84,28 +84,12 @@ def vents_of(path: Path, discharge: Any = None) -> list[Any]:
     return vents_as_given(given, TERRAIN)
 
 
-@pytest.mark.parametrize('ending', DRIVERS)
-def test_reads_barriers_of_every_format(
-    ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    known = {'barrier_height': 12.0, 'owner': 'a'}
-    path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, known)
-    usual = {'height': None, 'width': 10.0, 'slope': 1.0}
-    first, second = read_barriers('--lines', path, TERRAIN, usual)
-    np.testing.assert_allclose(first.line, FISSURE[0], atol=0.02)
-    assert (first.height, first.width, second.height) == (12.0, 10.0, 12.0)
-    assert 'not understood are ignored: owner' in caplog.text
-    path = write(tmp_path / f'b.{ending}', 'MultiLineString', FISSURE, {'height': -2.0})
-    with pytest.raises(LavaError, match='height is -2.0, expected a finite number at least 0.1'):
-        read_barriers('--lines', path, TERRAIN, usual)
-
-
 def test_each_format_has_a_driver() -> None:
     assert {f'.{ending}' for ending in DRIVERS} == set(vectors.ENDINGS)
 
 
 @pytest.mark.parametrize('ending', DRIVERS)
-def test_reads_vents_of_every_format(
+def test_reads_vents_barriers_and_areas_of_every_format(
     ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, KNOWN)
@@ -114,22 +98,32 @@ def test_reads_vents_of_every_format(
     np.testing.assert_allclose([second.place, second.other_end], FISSURE[1], atol=0.02)
     assert (first.discharge, second.discharge) == pytest.approx((7.5, 22.5), rel=1e-4)
     assert (first.name, first.radius, first.temperature) == ('Fessura', 25.0, 1350.0)
-    assert 'not understood are ignored: remark' in caplog.text
+    assert 'not understood are ignored: remark (' in caplog.text
+    found = read_features('--overlay', path, TERRAIN)
+    assert [item.name for item in found] == ['Fessura', 'Fessura']
+    assert len({item.where for item in found}) == 1
     path = write(tmp_path / f'b.{ending}', 'MultiPoint', POINTS, KNOWN)
     assert [vent.discharge for vent in vents_of(path)] == [15.0, 15.0]
     with pytest.raises(LavaError, match='no --effusion-rate, since'):
         vents_of(path, 5.0)
+    known, usual = {'barrier_height': 12.0, 'owner': 'a'}, {'height': None, 'width': 10.0}
+    path = write(tmp_path / f'c.{ending}', 'MultiLineString', FISSURE, known)
+    one, other = read_barriers('--lines', path, TERRAIN, usual)
+    np.testing.assert_allclose(one.line, FISSURE[0], atol=0.02)
+    assert (one.height, one.width, one.slope, other.height) == (12.0, 10.0, 1.0, 12.0)
+    assert 'not understood are ignored: owner (' in caplog.text
+    path = write(tmp_path / f'd.{ending}', 'MultiPolygon', [SQUARE], {})
+    lava, known_cells = observed_in_file(path, TERRAIN)
+    assert known_cells.all() and lava.sum() == 100 and lava[5:15, 5:15].all()
 
 
-@pytest.mark.parametrize('ending', DRIVERS)
-def test_reads_lines_and_polygons_of_every_format(ending: str, tmp_path: Path) -> None:
-    path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, {'label': 'Strada'})
-    found = read_features('--overlay', path, TERRAIN)
-    assert [item.name for item in found] == ['Strada', 'Strada']
-    assert len({item.where for item in found}) == 1
-    path = write(tmp_path / f'b.{ending}', 'MultiPolygon', [SQUARE], {})
-    lava, known = observed_in_file(path, TERRAIN)
-    assert known.all() and lava.sum() == 100 and lava[5:15, 5:15].all()
+def test_rejects_invalid_barriers(tmp_path: Path) -> None:
+    path = write(tmp_path / 'a.gpkg', 'MultiLineString', FISSURE, {'height': -2.0})
+    with pytest.raises(LavaError, match='height is -2.0, expected a finite number at least 0.1'):
+        read_barriers('--lines', path, TERRAIN, {'height': None, 'width': 10.0})
+    path = write(tmp_path / 'b.gpkg', 'MultiPolygon', [SQUARE], {'height': 2.0})
+    with pytest.raises(LavaError, match="is 'a Polygon', expected a line"):
+        read_barriers('--lines', path, TERRAIN, {'height': None, 'width': 10.0})
 
 
 @pytest.mark.parametrize(('header', 'row'), [
