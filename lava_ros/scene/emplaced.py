@@ -142,21 +142,16 @@ def read_flows(
     Raises:
         LavaError: If a file or a number cannot be used.
     """
-    if not isinstance(items, list):
-        raise LavaError(label, items, f'a list of mappings with keys {", ".join(FLOW_KEYS)}')
-    flows = []
-    for index, item in enumerate(items):
-        name = f'{label}[{index}]'
+    flows, expected = [], f'a list of mappings with keys {", ".join(FLOW_KEYS)}'
+    for name, item in validation.items(label, items, expected):
         data: dict[str, Any] = validation.keys(name, item, allowed=FLOW_KEYS, required=['file'])
-        if not isinstance(data['file'], str):
-            raise LavaError(f'{name}.file', data['file'], 'the name of a file, text')
+        path = folder / validation.text(f'{name}.file', data['file'], 'the name of a file')
         kind = validation.choice(f'{name}.as', data.get('as', 'lava'), KINDS)
         given, temperature = data.get('thickness'), None
         if 'temperature' in data:
             if kind == 'ground':
                 raise LavaError(f'{name}.temperature', data['temperature'], 'absent for ground')
             temperature = TEMPERATURE_CHECK(f'{name}.temperature', data['temperature'])
-        path = folder / data['file']
         thickness = _thickness_on(name, path, terrain, given, is_ground=kind == 'ground')
         cell = terrain.resolution * terrain.shape[0] / len(thickness)
         flow = EmplacedFlow(thickness, cell, terrain.origin, temperature, path.name)

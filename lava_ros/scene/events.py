@@ -74,11 +74,8 @@ def read_events(
         LavaError: If a value or a file cannot be used, times do not increase, or an elevation is
             not on the grid of the ground.
     """
-    if not isinstance(items, list):
-        raise LavaError(label, items, 'a list of changes of the ground')
     events: list[TerrainEvent] = []
-    for index, item in enumerate(items):
-        where = f'{label}[{index}]'
+    for where, item in validation.items(label, items, 'a list of changes of the ground'):
         data = validation.keys(where, item, allowed=['time', *CHANGES], required=['time'])
         time = validation.number(f'{where}.time', data.pop('time'), unit='s')
         if events and time <= events[-1].time:
@@ -87,12 +84,12 @@ def read_events(
         if len(data) != 1:
             raise LavaError(where, sorted(data), f'one of {", ".join(CHANGES)}')
         (kind, change), = data.items()
+        if kind != 'barrier':
+            change = validation.text(f'{where}.{kind}', change, 'the name of a file')
         if kind == 'barrier':
             barrier = Barrier.from_dict(f'{where}.barrier', change)
             text = f'a barrier {barrier.height:g} m high'
             event = TerrainEvent(time, text, barriers=(barrier,))
-        elif not isinstance(change, str):
-            raise LavaError(f'{where}.{kind}', change, 'the name of a file, text')
         elif kind == 'barriers':
             usual = {'height': None, 'width': None, 'slope': Barrier.slope}
             built = tuple(read_barriers(f'{where}.barriers', folder / change, ground, usual))

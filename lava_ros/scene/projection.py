@@ -268,12 +268,8 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
 
 def crop(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
     """Return the part of a raster that a window in projected coordinates touches."""
-    if isinstance(window, str) or not isinstance(window, Sequence) or len(window) != 4:
-        raise LavaError('terrain.window', window, 'x0, y0, x1, y1 [m]')
-    x0, y0, x1, y1 = (
-        validation.number(f'terrain.window[{index}]', value, unit='m')
-        for index, value in enumerate(window)
-    )
+    items = validation.items('terrain.window', window, 'x0, y0, x1, y1 [m]', least=4, most=4)
+    x0, y0, x1, y1 = (validation.number(*item, unit='m') for item in items)
     corner, cell = np.array(raster.corner), np.array((raster.dx, raster.dy))
     size = raster.elevation.shape[::-1]
     # columns and rows

@@ -3,7 +3,7 @@
 
 """Changes of a terrain: earth barriers along a line, low-pass filter, refinement."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 import logging
@@ -47,13 +47,12 @@ class Barrier:
 
     def __post_init__(self) -> None:
         """Validate and normalise all fields; raise LavaError for an invalid one."""
-        if isinstance(self.line, str) or not isinstance(self.line, Sequence):
-            raise LavaError('barrier.line', self.line, 'two or more places [x, y] m')
+        expected = 'two or more places [x, y] m'
         places = tuple(
-            validation.pair(f'barrier.line[{index}]', place, most=MAX_COORDINATE)
-            for index, place in enumerate(self.line)
+            validation.pair(*place, most=MAX_COORDINATE)
+            for place in validation.items('barrier.line', self.line, expected, least=2)
         )
-        if len(places) < 2 or any(dist(a, b) < APART for a, b in pairwise(places)):
+        if any(dist(a, b) < APART for a, b in pairwise(places)):
             raise LavaError('barrier.line', places, 'two or more places that differ')
         object.__setattr__(self, 'line', places)
         for name, (least, most, unit) in LIMITS.items():
@@ -61,8 +60,7 @@ class Barrier:
                 f'barrier.{name}', getattr(self, name), at_least=least, at_most=most, unit=unit
             )
             object.__setattr__(self, name, value)
-        if not isinstance(self.name, str):
-            raise LavaError('barrier.name', self.name, 'text')
+        validation.text('barrier.name', self.name)
 
     @property
     def length(self) -> float:
