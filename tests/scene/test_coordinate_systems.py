@@ -121,6 +121,14 @@ def test_epsg_code_replaces_the_system_of_a_file(
     assert (terrain.wkt is not None) == is_same
 
 
+def test_unknown_epsg_code_is_refused_without_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with pytest.raises(LavaError, match='epsg is 5000, expected a coordinate system GDAL knows'):
+        load_terrain(write(tmp_path / 'a.tif', NATIONAL), epsg=5000)
+    assert not caplog.records
+
+
 def test_rejects_a_metric_code_for_a_file_in_degrees(tmp_path: Path) -> None:
     path = write(tmp_path / 'a.tif', 'EPSG:4326')
     assert load_terrain(path, epsg=32633).resolution == 10.0

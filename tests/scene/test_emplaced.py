@@ -99,6 +99,19 @@ def test_reads_a_thickness_map_of_another_run(tmp_path: Path) -> None:
     assert (flow.temperature, flow.source) == (1300.0, 'thickness.tif')
 
 
+@pytest.mark.parametrize(('stored', 'written', 'factor'), [
+    (_flow(), {'unit': 'ft'}, 0.3048),
+    (np.rint(20.0 * _flow()).astype(np.uint8), {'scale': (0.05, 1.0), 'nodata': 0}, 1.0),
+])
+def test_converts_thickness_by_its_unit_scale_and_offset(
+    tmp_path: Path, stored: np.ndarray, written: dict[str, Any], factor: float
+) -> None:
+    _write(tmp_path / 'a.tif', stored, **written)
+    _, (flow,) = _read(tmp_path, file='a.tif')
+    expected = np.where(stored > 0, factor * _flow() + written.get('scale', (0, 0))[1], 0.0)
+    assert flow.thickness == pytest.approx(expected, abs=0.03)
+
+
 def test_reads_thickness_in_degrees(tmp_path: Path) -> None:
     cell = 1.5e-4
     y, x = np.mgrid[0:40, 0:60]

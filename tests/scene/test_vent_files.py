@@ -157,6 +157,8 @@ def test_reads_coordinates_with_any_header(header: str, row: str, tmp_path: Path
     ('radius', 'radius', '50', 50.0),
     ('Radius_m', 'radius', '50', 50.0),
     ('width', 'radius', '50', 25.0),
+    ('width (cm)', 'radius', '500', 2.5),
+    ('radius_ft', 'radius', '100', 30.48),
     ('temperature', 'temperature', '1300', 1300.0),
     ('Temp (°C)', 'temperature', '1100', 1373.15),
     ('temp_c', 'temperature', '1100', 1373.15),
