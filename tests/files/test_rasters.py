@@ -63,12 +63,12 @@ def write_format(folder: Path, name: str) -> Path:
     return path
 
 
-def test_each_format_has_a_file() -> None:
+def test_each_format_has_a_file():
     assert list(FILES) == [item.name for item in FORMATS]
 
 
 @pytest.mark.parametrize('name', FILES)
-def test_reads_format(tmp_path: Path, name: str) -> None:
+def test_reads_format(tmp_path, name):
     path = write_format(tmp_path, name)
     with open_raster('terrain file', path) as source:
         cells = source.read(1)
@@ -83,7 +83,7 @@ def test_reads_format(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize('fraction', [0.3, 0.99])
 @pytest.mark.parametrize('name', FILES)
-def test_rejects_truncated_file(tmp_path: Path, name: str, fraction: float) -> None:
+def test_rejects_truncated_file(tmp_path, name, fraction):
     path = write_format(tmp_path, name)
     whole = path.read_bytes()
     path.write_bytes(whole[: int(fraction * len(whole))])
@@ -99,7 +99,7 @@ def test_rejects_truncated_file(tmp_path: Path, name: str, fraction: float) -> N
 @pytest.mark.parametrize(
     ('driver', 'name'), [('PNG', 'a.png'), ('ENVI', 'a.dat'), ('USGSDEM', 'a.dem')]
 )
-def test_rejects_other_formats_with_advice(tmp_path: Path, driver: str, name: str) -> None:
+def test_rejects_other_formats_with_advice(tmp_path, driver, name):
     data = np.ones((TILE, TILE), np.uint8 if driver == 'PNG' else np.int16)
     write_raster(
         tmp_path / name, data, driver=driver, crs='EPSG:4326', cell=1.0 / (TILE - 1),
@@ -120,7 +120,7 @@ def virtual_raster(name: str, *, attributes: str = 'relativeToVRT="1"', more: st
     )
 
 
-def test_virtual_raster_opens_files_of_its_folder(tmp_path: Path) -> None:
+def test_virtual_raster_opens_files_of_its_folder(tmp_path):
     write_ground(tmp_path / 'tile')
     (tmp_path / 'a.vrt').write_text(virtual_raster('tile'))
     np.testing.assert_array_equal(load_terrain(tmp_path / 'a.vrt').elevation, GROUND[::-1])
@@ -157,7 +157,7 @@ VIRTUAL = {
 
 
 @pytest.mark.parametrize('case', VIRTUAL)
-def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
+def test_virtual_raster_opens_nothing_else(tmp_path, case):
     with socket.create_server(('127.0.0.1', 0)) as server:
         server.settimeout(0.0)
         text, beside = VIRTUAL[case]
@@ -177,7 +177,7 @@ def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
 
 
 @pytest.mark.parametrize('sidecar', ['ground.tif.msk', 'ground.tif.ovr'])
-def test_rejects_masks_and_overviews_other_than_geotiff(tmp_path: Path, sidecar: str) -> None:
+def test_rejects_masks_and_overviews_other_than_geotiff(tmp_path, sidecar):
     path = write_format(tmp_path, 'GeoTIFF')
     (tmp_path / sidecar).write_text(virtual_raster('/vsicurl/http://127.0.0.1:9/a.tif'))
     with pytest.raises(LavaError, match='a mask or overviews in a GeoTIFF'):
@@ -187,7 +187,7 @@ def test_rejects_masks_and_overviews_other_than_geotiff(tmp_path: Path, sidecar:
 
 
 @pytest.mark.parametrize('name', ['GeoPackage', 'NetCDF-4'])
-def test_rejects_a_file_with_several_rasters(tmp_path: Path, name: str) -> None:
+def test_rejects_a_file_with_several_rasters(tmp_path, name):
     path = write_format(tmp_path, name)
     source = write_ground(tmp_path / 'source.tif')
     if name == 'GeoPackage':
@@ -214,13 +214,13 @@ def _write_text(path: Path, body: str) -> Path:
     ('dx 20\n1 2 3\n4 5 6\n', "of a.asc is 'cellsize and dx', expected a line of"),
     ('NODATA_value -9,5\n1 2 3\n4 5 6\n', "is '-9,5', expected a number or nan"),
 ])
-def test_rejects_ambiguous_text_grid(tmp_path: Path, body: str, message: str) -> None:
+def test_rejects_ambiguous_text_grid(tmp_path, body, message):
     with pytest.raises(LavaError, match=message):
         load_terrain(_write_text(tmp_path / 'a.asc', body))
 
 
 @pytest.mark.parametrize('name', ['ESRI ASCII grid', 'ESRI binary grid'])
-def test_rejects_a_header_without_position_or_cell_size(tmp_path: Path, name: str) -> None:
+def test_rejects_a_header_without_position_or_cell_size(tmp_path, name):
     path = write_format(tmp_path, name)
     header = path if path.suffix == '.asc' else path.with_suffix('.hdr')
     whole = header.read_text()

@@ -31,7 +31,7 @@ from lava_ros.scene.materials import material_named
 from lava_ros.scene.vent_files import VentRow
 
 
-def test_reads_a_case_without_case_yaml(tmp_path: Path) -> None:
+def test_reads_a_case_without_case_yaml(tmp_path):
     case = load_case(write_case(tmp_path / 'valley'))
     assert case.name == case.title == 'valley'
     np.testing.assert_allclose(case.scene.terrain.elevation, elevation(), atol=1e-3)
@@ -48,7 +48,7 @@ def test_reads_a_case_without_case_yaml(tmp_path: Path) -> None:
     assert case.events == ()
 
 
-def test_case_yaml_replaces_the_defaults(tmp_path: Path) -> None:
+def test_case_yaml_replaces_the_defaults(tmp_path):
     text = (
         'title: A valley\nsource: made up\nlava: {material: reunion_basalt, emissivity: 0.5}\n'
         'vent_temperature: 1400\nvent_radius: 25\nambient_temperature: 280\nstart: 1800\n'
@@ -79,17 +79,13 @@ def test_case_yaml_replaces_the_defaults(tmp_path: Path) -> None:
     ('effusion_rate: {start: "2021-09-19T16:10:00+02:00"}', '2021-09-19T16:10:00+02:00'),
     ('effusion_rate: {start: 2021-09-19T14:10:00Z}\nstart: 1800', '2021-09-19T14:40:00Z'),
 ])
-def test_the_onset_is_the_date_of_simulated_time_0(
-    given: str, onset: str | None, tmp_path: Path
-) -> None:
+def test_the_onset_is_the_date_of_simulated_time_0(given, onset, tmp_path):
     case = load_case(write_case(tmp_path / 'valley', yaml=given))
     assert (case.onset and case.onset.text) == onset
 
 
 @pytest.mark.parametrize('kind', ['case', 'scene'])
-def test_warns_of_a_material_outside_lava(
-    kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_warns_of_a_material_outside_lava(kind, tmp_path, caplog):
     """A material belongs into the section lava of case and scene files; both places raise."""
     folder = write_case(tmp_path / 'valley')
 
@@ -114,7 +110,7 @@ def test_warns_of_a_material_outside_lava(
             lava_of(text)
 
 
-def test_open_vents_divide_the_discharge(tmp_path: Path) -> None:
+def test_open_vents_divide_the_discharge(tmp_path):
     folder = write_case(tmp_path / 'valley')
     x, y = VENT
     (folder / 'vent.csv').write_text(
@@ -133,7 +129,7 @@ def test_open_vents_divide_the_discharge(tmp_path: Path) -> None:
     assert case.volume == pytest.approx(162_000.0)
 
 
-def test_reads_events(tmp_path: Path) -> None:
+def test_reads_events(tmp_path):
     x, y = VENT
     text = (
         'events:\n'
@@ -170,7 +166,7 @@ def _as_areas(path: Path) -> None:
     path.with_suffix('.geojson').write_text(json.dumps(data))
 
 
-def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path: Path) -> None:
+def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path):
     """Finer cells on a part of the terrain, and areas in degrees, cover the same cells."""
     expected = footprint() > 0.0
     fine = np.kron(footprint(), np.ones((4, 4)))[40:216, 20:120]
@@ -183,7 +179,7 @@ def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path: Path) -> None:
     np.testing.assert_array_equal(load_case(folder).footprint, expected)
 
 
-def test_reads_a_case_in_degrees(tmp_path: Path) -> None:
+def test_reads_a_case_in_degrees(tmp_path):
     folder, (x, y) = write_case_in_degrees(tmp_path / 'degrees')
     case = load_case(folder)
     assert case.scene.terrain.epsg == 32633
@@ -195,7 +191,7 @@ def test_reads_a_case_in_degrees(tmp_path: Path) -> None:
         load_case(folder)
 
 
-def test_fills_holes_if_case_yaml_sets_fill_holes(tmp_path: Path) -> None:
+def test_fills_holes_if_case_yaml_sets_fill_holes(tmp_path):
     folder = write_case(tmp_path / 'valley', yaml='fill_holes: true\n')
     write_grid(folder / 'elevation.asc', _holed())
     assert load_case(folder).scene.terrain.has_data.all()
@@ -207,7 +203,7 @@ def _holed() -> np.ndarray:
     return heights
 
 
-def test_vents_close_between_intervals() -> None:
+def test_vents_close_between_intervals():
     rates = Interval(0.0, 1.0, 2.0), Interval(3.0, 4.0, 2.0)
     (series,) = series_of((VentRow('', (0.0, 0.0)),), rates)
     assert series == ((0.0, 2.0), (1.0, 0.0), (3.0, 2.0), (4.0, 0.0))
@@ -315,7 +311,7 @@ def _change(path: Path, change: Any) -> Path:
 
 
 @pytest.mark.parametrize('name', WRONG)
-def test_raises_for_invalid_input(name: str, tmp_path: Path) -> None:
+def test_raises_for_invalid_input(name, tmp_path):
     with pytest.raises(LavaError, match='a folder that exists'):
         load_case(tmp_path / 'valley')
     folder = write_case(tmp_path / 'valley')
@@ -328,7 +324,7 @@ def test_raises_for_invalid_input(name: str, tmp_path: Path) -> None:
     assert all(word in message for word in words.split(' ... ')), message
 
 
-def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path: Path) -> None:
+def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path):
     import rasterio
 
     folder = write_case(tmp_path / 'valley')

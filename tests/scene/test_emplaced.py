@@ -56,9 +56,7 @@ def _read(folder: Path, **item: Any) -> tuple[Terrain, list[EmplacedFlow]]:
 
 
 @pytest.mark.parametrize('cell', [20.0, 10.0, 30.0, 7.5])
-def test_raster_of_any_cells_keeps_its_volume(
-    tmp_path: Path, cell: float, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_raster_of_any_cells_keeps_its_volume(tmp_path, cell, caplog):
     """Resampling to the ground and division into columns do not change the volume."""
     thickness = _flow(cell)
     _write(tmp_path / 'flow.tif', thickness, cell=cell)
@@ -81,7 +79,7 @@ def test_raster_of_any_cells_keeps_its_volume(
     assert flow.resolution == pytest.approx(wanted[cell])
 
 
-def test_columns_of_a_ring_are_on_lava() -> None:
+def test_columns_of_a_ring_are_on_lava():
     """The column of a block with a dry centre of mass is on a cell with lava."""
     thickness = np.ones((3, 3))
     thickness[1, 1] = 0.0
@@ -90,7 +88,7 @@ def test_columns_of_a_ring_are_on_lava() -> None:
     assert tuple(np.floor(places[0] / 10.0)) != (1.0, 1.0)
 
 
-def test_reads_a_thickness_map_of_another_run(tmp_path: Path) -> None:
+def test_reads_a_thickness_map_of_another_run(tmp_path):
     """Cells without lava have no data in such a map."""
     thickness = _flow()
     write_grid(tmp_path / 'thickness.tif', 'thickness', thickness, GROUND, Provenance('a'))
@@ -103,16 +101,14 @@ def test_reads_a_thickness_map_of_another_run(tmp_path: Path) -> None:
     (_flow(), {'unit': 'ft'}, 0.3048),
     (np.rint(20.0 * _flow()).astype(np.uint8), {'scale': (0.05, 1.0), 'nodata': 0}, 1.0),
 ])
-def test_converts_thickness_by_its_unit_scale_and_offset(
-    tmp_path: Path, stored: np.ndarray, written: dict[str, Any], factor: float
-) -> None:
+def test_converts_thickness_by_its_unit_scale_and_offset(tmp_path, stored, written, factor):
     _write(tmp_path / 'a.tif', stored, **written)
     _, (flow,) = _read(tmp_path, file='a.tif')
     expected = np.where(stored > 0, factor * _flow() + written.get('scale', (0, 0))[1], 0.0)
     assert flow.thickness == pytest.approx(expected, abs=0.03)
 
 
-def test_reads_thickness_in_degrees(tmp_path: Path) -> None:
+def test_reads_thickness_in_degrees(tmp_path):
     cell = 1.5e-4
     y, x = np.mgrid[0:40, 0:60]
     thickness = np.where(np.hypot(x - 15, y - 20) < 10, 4.0, 0.0).astype(np.float32)
@@ -123,7 +119,7 @@ def test_reads_thickness_in_degrees(tmp_path: Path) -> None:
     assert flow.volume == pytest.approx(thickness.sum() * cells, rel=0.02)
 
 
-def test_flow_is_ground_or_an_outline_with_one_thickness(tmp_path: Path) -> None:
+def test_flow_is_ground_or_an_outline_with_one_thickness(tmp_path):
     _write(tmp_path / 'flow.tif', _flow())
     raised, flows = _read(tmp_path, file='flow.tif', **{'as': 'ground'})
     assert flows == []
@@ -155,9 +151,7 @@ def test_flow_is_ground_or_an_outline_with_one_thickness(tmp_path: Path) -> None
     (np.stack([_flow()] * 2), {}, 'one band of thickness'),
     (_flow(), {'description': 'peak_thickness'}, 'thickness at one time'),
 ])
-def test_rejects_invalid_thickness(
-    tmp_path: Path, values: np.ndarray, written: dict[str, Any], message: str
-) -> None:
+def test_rejects_invalid_thickness(tmp_path, values, written, message):
     _write(tmp_path / 'a.tif', values, **written)
     with pytest.raises(LavaError, match=message):
         _read(tmp_path, file='a.tif')
@@ -175,7 +169,7 @@ def test_rejects_invalid_thickness(
     ({'file': 3}, r'flows\[0\].file'),
     ({'files': 'a.tif'}, r'flows\[0\].files'),
 ])
-def test_rejects_invalid_entries(tmp_path: Path, item: dict[str, Any], message: str) -> None:
+def test_rejects_invalid_entries(tmp_path, item, message):
     _write(tmp_path / 'flow.tif', _flow())
     _outline(tmp_path / 'a.geojson')
     with pytest.raises(LavaError, match=message):
@@ -188,7 +182,7 @@ def _scene_file(folder: Path, **more: Any) -> Path:
     return write_scene(folder, GROUND.elevation, CELL, {'vents': vents, **more}, **place)
 
 
-def test_scene_file_has_flows_and_events(tmp_path: Path) -> None:
+def test_scene_file_has_flows_and_events(tmp_path):
     _write(tmp_path / 'flow.tif', _flow())
     write_grid(
         tmp_path / 'new.tif', 'elevation', GROUND.elevation + 2.0, GROUND, Provenance('a')
@@ -218,7 +212,7 @@ def test_scene_file_has_flows_and_events(tmp_path: Path) -> None:
     yaml.safe_dump(stored)
 
 
-def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path: Path) -> None:
+def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path):
     np.savez(
         tmp_path / 'new.npz', elevation=GROUND.elevation + 1.0, resolution=CELL, offset=CORNER
     )
@@ -236,7 +230,7 @@ def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path: Path) -> 
     ([{'time': 9.0, 'terrain': 'hole.npz'}], r'vents\[0\]'),
     ([{'time': 9.0, 'barriers': 4}], r'events\[0\].barriers'),
 ])
-def test_rejects_invalid_events(tmp_path: Path, events: list[Any], message: str) -> None:
+def test_rejects_invalid_events(tmp_path, events, message):
     known = {'resolution': CELL, 'epsg': 32633, 'offset': CORNER}
     np.savez(tmp_path / 'other.npz', elevation=GROUND.elevation[1:], **known)
     np.savez(tmp_path / 'north.npz', elevation=GROUND.elevation, **known | {'epsg': 32634})
@@ -247,7 +241,7 @@ def test_rejects_invalid_events(tmp_path: Path, events: list[Any], message: str)
         scene_from_yaml(_scene_file(tmp_path, events=events))
 
 
-def test_rejects_emplaced_lava_below_the_solidus() -> None:
+def test_rejects_emplaced_lava_below_the_solidus():
     scene = Scene(GROUND)
     flow = EmplacedFlow(_flow().astype(float), CELL, (0.0, 0.0), 500.0)
     cold = replace(scene.lava, solidus=900.0)

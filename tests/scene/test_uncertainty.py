@@ -72,14 +72,14 @@ def scene_file(folder: Path, uncertainty: object) -> Path:
     (Distribution('triangular', (0.0, 0.0, 4.0)), stats.triang(0.0, 0.0, 4.0)),
     (Distribution('normal', (0.0, 2.0), (-1.0, 4.0)), stats.truncnorm(-0.5, 2.0, 0.0, 2.0)),
 ])
-def test_quantiles_are_those_of_scipy(distribution: Distribution, reference: object) -> None:
+def test_quantiles_are_those_of_scipy(distribution, reference):
     for probability in (1e-6, 0.01, 0.2, 0.5, 0.7, 0.99, 1.0 - 1e-6):
         expected = reference.ppf(probability)  # type: ignore[attr-defined]
         found = distribution.quantile(probability)
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_quantiles_are_within_limits_and_displacements_in_a_disc() -> None:
+def test_quantiles_are_within_limits_and_displacements_in_a_disc():
     cut = Distribution('lognormal', (1.0, 2.0), (0.5, 1.5))
     values = [cut.quantile(probability) for probability in (1e-300, 0.5, 1.0 - 1e-16)]
     assert 0.5 <= values[0] < values[1] < values[2] <= 1.5
@@ -93,7 +93,7 @@ def test_quantiles_are_within_limits_and_displacements_in_a_disc() -> None:
     assert deviation == pytest.approx(10.0, rel=0.01)
 
 
-def test_scene_file_has_every_uncertain_quantity(tmp_path: Path) -> None:
+def test_scene_file_has_every_uncertain_quantity(tmp_path):
     """Plain data and a checkpoint give the same uncertainty."""
     scene = scene_from_yaml(scene_file(tmp_path, WHOLE))
     assert scene.uncertainty == uncertainty_from_dict(WHOLE)
@@ -135,9 +135,7 @@ def test_scene_file_has_every_uncertain_quantity(tmp_path: Path) -> None:
     ),
     ([], 'uncertainty'),
 ])
-def test_error_names_the_invalid_field_of_an_uncertainty(
-    section: object, field: str, tmp_path: Path
-) -> None:
+def test_error_names_the_invalid_field_of_an_uncertainty(section, field, tmp_path):
     with pytest.raises(LavaError) as caught:
         scene_from_yaml(scene_file(tmp_path, section))
     assert caught.value.field == field

@@ -84,14 +84,12 @@ def vents_of(path: Path, discharge: Any = None) -> list[Any]:
     return vents_as_given(given, TERRAIN)
 
 
-def test_each_format_has_a_driver() -> None:
+def test_each_format_has_a_driver():
     assert {f'.{ending}' for ending in DRIVERS} == set(vectors.ENDINGS)
 
 
 @pytest.mark.parametrize('ending', DRIVERS)
-def test_reads_vents_barriers_and_areas_of_every_format(
-    ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_reads_vents_barriers_and_areas_of_every_format(ending, tmp_path, caplog):
     path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, KNOWN)
     first, second = vents_of(path)
     np.testing.assert_allclose([first.place, first.other_end], FISSURE[0], atol=0.02)
@@ -117,7 +115,7 @@ def test_reads_vents_barriers_and_areas_of_every_format(
     assert known_cells.all() and lava.sum() == 100 and lava[5:15, 5:15].all()
 
 
-def test_rejects_invalid_barriers(tmp_path: Path) -> None:
+def test_rejects_invalid_barriers(tmp_path):
     path = write(tmp_path / 'a.gpkg', 'MultiLineString', FISSURE, {'height': -2.0})
     with pytest.raises(LavaError, match='height is -2.0, expected a finite number at least 0.1'):
         read_barriers('--lines', path, TERRAIN, {'height': None, 'width': 10.0})
@@ -139,7 +137,7 @@ def test_rejects_invalid_barriers(tmp_path: Path) -> None:
     ('lat;lon;name', '37:46:8,4;15 0 3,6;a'),
     ('WKT,name', '"POINT ({x} {y})",a'),
 ])
-def test_reads_coordinates_with_any_header(header: str, row: str, tmp_path: Path) -> None:
+def test_reads_coordinates_with_any_header(header, row, tmp_path):
     lon, lat = 15.001, 37.769
     (x,), (y,) = transform('EPSG:4326', 'EPSG:32633', [lon], [lat])
     text = row.format(x=x, y=y, kx=x / 1000, ky=y / 1000, lon=lon, lat=lat)
@@ -164,15 +162,13 @@ def test_reads_coordinates_with_any_header(header: str, row: str, tmp_path: Path
     ('temp_c', 'temperature', '1100', 1373.15),
     ('start_h', 'start', '2', 7200.0),
 ])
-def test_converts_columns_of_vents_to_si(
-    header: str, field: str, cell: str, value: float, tmp_path: Path
-) -> None:
+def test_converts_columns_of_vents_to_si(header, field, cell, value, tmp_path):
     (tmp_path / 'a.csv').write_text(f'x,y,{header}\n500100,4180100,{cell}\n')
     (vent,) = read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
     assert getattr(vent, field) == pytest.approx(value)
 
 
-def test_reads_a_vent_table_of_lava2d(tmp_path: Path) -> None:
+def test_reads_a_vent_table_of_lava2d(tmp_path):
     (tmp_path / 'vent_01.txt').write_text(
         'time\tx0\ty0\tx1\ty1\twidth\tdischarge\n'
         + ''.join(f'{time}\t500100\t4180100\t500260\t4180220\t20\t{rate}\n'
@@ -195,13 +191,13 @@ def test_reads_a_vent_table_of_lava2d(tmp_path: Path) -> None:
     ('x,y\n510100,4180100\n', 'a vent of .*a place on the terrain, which covers'),
     ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of no length'),
 ])
-def test_rejects_invalid_vents(text: str, words: str, tmp_path: Path) -> None:
+def test_rejects_invalid_vents(text, words, tmp_path):
     (tmp_path / 'a.csv').write_text(text)
     with pytest.raises(LavaError, match=words):
         vents_of(tmp_path / 'a.csv')
 
 
-def test_column_names_have_one_meaning() -> None:
+def test_column_names_have_one_meaning():
     names = [name for known, _ in COLUMNS.values() for name in known]
     assert {name for name in names if names.count(name) > 1} == {'x1', 'y1'}
     found, _ = understood('a', ['x1', 'y1', 'x2', 'y2'], COLUMNS)
@@ -218,12 +214,12 @@ def test_column_names_have_one_meaning() -> None:
 @pytest.mark.parametrize(
     'text', ['15 61', '15 30.5 20', '15,006', '-15 W', 'W 15 W', '15 0 0 N', '181', '']
 )
-def test_rejects_invalid_angles(text: str) -> None:
+def test_rejects_invalid_angles(text):
     with pytest.raises(LavaError, match='a longitude from -180 to 180 degrees'):
         angle('lon', text, 'longitude')
 
 
-def test_rejects_incomplete_or_ambiguous_archives(tmp_path: Path) -> None:
+def test_rejects_incomplete_or_ambiguous_archives(tmp_path):
     path = write(tmp_path / 'a.shp', 'Point', POINTS[0], {'name': 'a'})
     path.with_suffix('.dbf').unlink()
     with pytest.raises(LavaError, match=r'its other parts in the same folder \(.dbf\)'):
@@ -240,7 +236,7 @@ def test_rejects_incomplete_or_ambiguous_archives(tmp_path: Path) -> None:
         read_features('--vents', tmp_path / 'd.gpkg', TERRAIN)
 
 
-def test_limits_the_unpacked_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limits_the_unpacked_size(tmp_path, monkeypatch):
     monkeypatch.setattr(vectors, 'MAX_BYTES', 1000)
     with zipfile.ZipFile(tmp_path / 'a.zip', 'w', zipfile.ZIP_DEFLATED) as archive:
         archive.writestr('a.geojson', '{' + ' ' * 10_000 + '}')
@@ -251,7 +247,7 @@ def test_limits_the_unpacked_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         read_features('--vents', tmp_path / 'a.json', TERRAIN)
 
 
-def test_warns_of_a_missing_system(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_warns_of_a_missing_system(tmp_path, caplog):
     path = write(tmp_path / 'a.shp', 'Point', POINTS[0], {'name': 'a'})
     path.with_suffix('.prj').unlink()
     (vent,) = vents_of(path)
@@ -267,9 +263,7 @@ def test_warns_of_a_missing_system(tmp_path: Path, caplog: pytest.LogCaptureFixt
     ('"a"', 'Infinity', 'name is inf, expected a finite number'),
     ('"name": "a"', '"q": 1, "q": 2', "q is 'given twice', expected each member once"),
 ])
-def test_reports_members_that_gdal_ignores(
-    old: str, new: str, words: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_reports_members_that_gdal_ignores(old, new, words, tmp_path, caplog):
     text = json.dumps({
         'type': 'FeatureCollection', 'crs': {'properties': {'name': 'EPSG:32633'}},
         'features': [{'type': 'Feature', 'properties': {'name': 'a'},
@@ -285,7 +279,7 @@ def test_reports_members_that_gdal_ignores(
     assert words in message
 
 
-def test_warns_of_duplicate_vents(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_warns_of_duplicate_vents(tmp_path, caplog):
     row = '500100,4180100,5,{},{}\n'
     for times, is_warned in (((0, 60), False), ((0, 60), True), ((60, 90), False)):
         rows = row.format(0, 60) + (row.format(*times) if is_warned or times != (0, 60) else '')
@@ -296,7 +290,7 @@ def test_warns_of_duplicate_vents(tmp_path: Path, caplog: pytest.LogCaptureFixtu
 
 
 @pytest.mark.parametrize('ending', ['csv', 'shp'])
-def test_places_are_degrees_if_they_are_then_on_the_terrain(ending: str, tmp_path: Path) -> None:
+def test_places_are_degrees_if_they_are_then_on_the_terrain(ending, tmp_path):
     path = tmp_path / f'a.{ending}'
     (lon, lat), (x, y) = geographic([POINTS[0]])[0], POINTS[0]
     if ending == 'csv':
