@@ -5,13 +5,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from eruption import write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.calibration import (
     COLUMNS,
@@ -26,7 +24,7 @@ from lava_ros.hindcast.calibration import (
     search,
     write_samples,
 )
-from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.free_parameters import changed, free_parameters_of, FreeParameter
 
 UNKNOWNS = (
@@ -138,34 +136,28 @@ def test_search_is_repeatable_and_resumes(trials, tmp_path):
     assert read_samples(tmp_path / 'none.csv', UNKNOWNS, list(CASES)) == []
 
 
-@pytest.fixture
-def valley(tmp_path: Path) -> Case:
-    """Return a case with the lava of Etna."""
-    return load_case(write_case(tmp_path / 'valley'))
-
-
-def test_unknowns_have_the_published_ranges(valley):
-    unknowns = {item.name: item for item in free_parameters_of(valley)}
+def test_unknowns_have_the_published_ranges(etna):
+    unknowns = {item.name: item for item in free_parameters_of(etna)}
     assert 'discharge' not in unknowns
-    assert valley.material is not None
-    viscosity, known = unknowns['viscosity'], valley.material.constants['viscosity']
+    assert etna.material is not None
+    viscosity, known = unknowns['viscosity'], etna.material.constants['viscosity']
     assert known.range == (viscosity.low, viscosity.high)
     assert viscosity.is_log and viscosity.source == known.range_source
-    (given,) = free_parameters_of(valley, ('discharge',), {'discharge': (0.9, 1.1)})
+    (given,) = free_parameters_of(etna, ('discharge',), {'discharge': (0.9, 1.1)})
     assert (given.low, given.high, given.usual) == (0.9, 1.1, 1.0)
     assert given.source == 'given by the user'
 
 
-def test_changed_sets_only_the_unknowns(valley, tmp_path):
+def test_changed_sets_only_the_unknowns(etna, tmp_path):
     values = {'viscosity': 3e3, 'emissivity': 0.5, 'vent_temperature': 1340.0, 'discharge': 1.1}
-    case = changed(valley, values)
+    case = changed(etna, values)
     assert case.scene.lava.viscosity_at(1360.0) == pytest.approx(3e3)
     assert case.scene.lava.emissivity == 0.5
     assert case.scene.vents[0].temperature == 1340.0
-    assert case.volume == pytest.approx(1.1 * valley.volume)
+    assert case.volume == pytest.approx(1.1 * etna.volume)
     assert case.scene.vents[0].series[0] == (0.0, pytest.approx(22.0))
-    assert case.scene.lava == replace(valley.scene.lava, emissivity=0.5, viscosity=3e3)
-    assert case.scene.terrain is valley.scene.terrain
+    assert case.scene.lava == replace(etna.scene.lava, emissivity=0.5, viscosity=3e3)
+    assert case.scene.terrain is etna.scene.terrain
     reunion = load_case(tmp_path / 'valley', material='reunion_basalt')
     before, after = reunion.scene.lava, changed(reunion, {'viscosity': 3e3}).scene.lava
     hot = reunion.scene.vents[0].temperature
@@ -174,12 +166,12 @@ def test_changed_sets_only_the_unknowns(valley, tmp_path):
     assert after.viscosity_at(1300.0) == pytest.approx(ratio * before.viscosity_at(1300.0))
 
 
-def test_raises_for_invalid_unknowns(valley, tmp_path):
+def test_raises_for_invalid_unknowns(etna, tmp_path):
     bare = load_case(tmp_path / 'valley', material='kedadry2023')
     for case, names, ranges, words in (
-        (valley, ('colour',), {}, '--unknown'),
-        (valley, ('emissivity',), {'emissivity': (0.9, 0.3)}, 'emissivity, highest'),
-        (valley, ('viscosity',), {'viscosity': (0.0, 1e3)}, 'viscosity, lowest'),
+        (etna, ('colour',), {}, '--unknown'),
+        (etna, ('emissivity',), {'emissivity': (0.9, 0.3)}, 'emissivity, highest'),
+        (etna, ('viscosity',), {'viscosity': (0.0, 1e3)}, 'viscosity, lowest'),
         (bare, (), {}, 'no published ranges'),
         (bare, ('emissivity',), {}, 'none has been published'),
     ):

@@ -110,20 +110,14 @@ def test_rotated_and_mirrored_maps_have_the_same_score(turns):
 SETTINGS = Settings('draft', 20.0, 'cpu', maps=4)
 
 
-@pytest.fixture
-def valley(tmp_path: Path) -> Case:
-    """Return a case with the lava of Etna."""
-    return load_case(write_case(tmp_path / 'valley'))
-
-
-def test_members_fill_the_published_ranges(valley):
-    plan = plan_of(valley, SETTINGS)
+def test_members_fill_the_published_ranges(etna):
+    plan = plan_of(etna, SETTINGS)
     scenes = [member_scene(plan.scene, item) for item in draw_members(plan.scene, 32)]
-    etna = material_named('etna_basalt')
-    known = {name: item.range for name, item in etna.constants.items() if item.range}
+    basalt = material_named('etna_basalt')
+    known = {name: item.range for name, item in basalt.constants.items() if item.range}
     found = {name: [getattr(item.lava, name) for item in scenes] for name in known}
     found['temperature'] = [item.vents[0].temperature for item in scenes]
-    known['temperature'] = etna.vent_temperature.range
+    known['temperature'] = basalt.vent_temperature.range
     found['discharge'] = [item.vents[0].series[0][1] / 20.0 for item in scenes]
     for name, (low, high) in {**known, 'discharge': (0.5, 1.5)}.items():
         values = np.array(found[name])
@@ -147,18 +141,18 @@ def test_uncertainty_of_a_case_replaces_the_published_ranges(tmp_path):
         load_case(folder)
 
 
-def test_members_run_on_the_cells_of_the_hindcast(valley):
+def test_members_run_on_the_cells_of_the_hindcast(etna):
     fine, coarse = (
-        plan_of(valley, Settings('draft', spacing, 'cpu')) for spacing in (20.0, 60.0)
+        plan_of(etna, Settings('draft', spacing, 'cpu')) for spacing in (20.0, 60.0)
     )
     assert fine.scene.terrain.shape == SHAPE
-    np.testing.assert_array_equal(mapped_on(valley, fine), valley.footprint)
+    np.testing.assert_array_equal(mapped_on(etna, fine), etna.footprint)
     assert coarse.scene.terrain.resolution == 60.0
-    area = mapped_on(valley, coarse).sum() * 60.0**2
-    assert area == pytest.approx(valley.area, rel=0.3)
-    assert fine.horizon == valley.duration and not fine.effects.inertia
+    area = mapped_on(etna, coarse).sum() * 60.0**2
+    assert area == pytest.approx(etna.area, rel=0.3)
+    assert fine.horizon == etna.duration and not fine.effects.inertia
     # all members run on one terrain, so a case with events is refused
-    changing = replace(valley, events=(Event(60.0, valley.scene.terrain, 'a wall'),))
+    changing = replace(etna, events=(Event(60.0, etna.scene.terrain, 'a wall'),))
     with pytest.raises(LavaError, match=r'case.events'):
         plan_of(changing, SETTINGS)
 

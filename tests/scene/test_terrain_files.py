@@ -113,32 +113,24 @@ def test_geotiff_with_scale_and_nodata(tmp_path):
         np.testing.assert_array_equal(load_terrain(path).elevation, [[np.nan, 4.0], [1.0, 2.0]])
 
 
-@pytest.mark.parametrize(
-    ('latitude', 'code'), [(37.7, 32633), (-37.7, 32733)], ids=['north', 'south']
-)
-def test_reprojects_degrees_to_utm(tmp_path, latitude, code):
-    west, north, step = 14.8, latitude + 0.06, 1.0 / 1200.0
-    longitudes = west + (np.arange(144) + 0.5) * step
-    latitudes = north - (np.arange(144) + 0.5) * step
-    at = (14.87, latitude + 0.005)
-    (x0,), (y0,) = transform_points('EPSG:4326', f'EPSG:{code}', [at[0]], [at[1]])
-    grid = np.meshgrid(longitudes, latitudes)
-    flat = transform_points('EPSG:4326', f'EPSG:{code}', grid[0].ravel(), grid[1].ravel())
-    x, y = (np.reshape(values, grid[0].shape) for values in flat)
-    hill = 500.0 + 900.0 * np.exp(-((x - x0) ** 2 + (y - y0) ** 2) / (2.0 * 800.0**2))
+@pytest.mark.parametrize(('south', 'code'), [(37.64, 32633), (-37.76, 32733)])
+def test_reprojects_degrees_to_utm(south, code, tmp_path):
+    def hill_at(longitude, latitude):
+        east, north = 88.4e3 * (longitude - 14.87), 111.0e3 * (latitude - south - 0.065)
+        return 500.0 + 900.0 * np.exp(-np.hypot(east, north) ** 2 / (2.0 * 800.0**2))
+
+    steps = (np.arange(144) + 0.5) / 1200.0
+    longitude, latitude = np.meshgrid(14.8 + steps, south + 0.12 - steps)
     path = write_raster(
-        tmp_path / 'a.tif',
-        hill.astype(np.float32),
-        crs='EPSG:4326',
-        transform=from_origin(west, north, step, step),
+        tmp_path / 'a.tif', hill_at(longitude, latitude).astype(np.float32), crs='EPSG:4326',
+        transform=from_origin(14.8, south + 0.12, 1.0 / 1200.0, 1.0 / 1200.0),
     )
     terrain = load_terrain(path)
     assert terrain.epsg == code
     assert 70.0 < terrain.resolution < 95.0
-    east, northing = centres(terrain)
-    exact = 500.0 + 900.0 * np.exp(
-        -((east - x0) ** 2 + (northing - y0) ** 2) / (2.0 * 800.0**2)
-    )
+    places = (values.ravel() for values in centres(terrain))
+    found = np.reshape(transform_points(f'EPSG:{code}', 'EPSG:4326', *places), (2, -1))
+    exact = hill_at(*found.reshape(2, *terrain.shape))
     known = terrain.has_data
     assert known.mean() > 0.9
     assert np.abs(terrain.elevation - exact)[known].max() < 5.0
@@ -222,7 +214,6 @@ def test_error_names_the_missing_extra(tmp_path, monkeypatch):
     (np.zeros((3, 4, 4), np.uint8), {}, {}, 'one band of elevations, not 3'),
     (FLOATS.astype(np.uint8), {}, {}, 'uint8 is the type of a picture'),
     (FLOATS.astype(np.complex64), {}, {}, 'numbers, not complex64'),
-    (FLOATS, {'unit': 'fathoms'}, {}, 'one unit of length, of m, km'),
     (FLOATS, {'crs': 'EPSG:2274'}, {}, 'in metres, such as UTM, not US survey foot'),
     (FLOATS, {'transform': Affine(8.0, 6.0, 5e5, 6.0, -8.0, 4.18e6)}, {}, 'north up'),
     (
@@ -347,7 +338,6 @@ def test_warns_of_enclosed_holes_and_pits_and_fills_them(tmp_path, caplog):
     np.testing.assert_allclose(filled.elevation[:, :-2], whole[::-1, :-2], atol=15.0)
     untouched = holed.has_data & (np.abs(holed.elevation - whole[::-1]) < 1.0)
     np.testing.assert_array_equal(filled.elevation[untouched], holed.elevation[untouched])
-
 
 
 @pytest.mark.parametrize('place', [(15.0, 95.0), (1000.0, 10.0)])
