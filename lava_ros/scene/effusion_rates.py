@@ -4,12 +4,13 @@
 """Tables of effusion rates: mean rates, rates at instants, or erupted volumes."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from itertools import pairwise
 import logging
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -36,15 +37,13 @@ _SETS = (
 class Interval:
     """An interval of time [s] with the mean effusion rate of all vents together [m3/s].
 
-    ``error`` is the standard error of the rate [m3/s], NaN if the table has none. ``where`` is the
-    row of the table in errors.
+    ``error`` is the standard error of the rate [m3/s], None if the table has none.
     """
 
     start: float
     end: float
     discharge: float
-    error: float = math.nan
-    where: str = ''
+    error: float | None = None
 
     @property
     def volume(self) -> float:
@@ -131,13 +130,14 @@ def read_effusion_rates(
         if math.isnan(rate) and options.gaps == 'interpolate' and times == ['time']:
             _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
         else:
-            read.append(Interval(when[0], when[-1], rate, error, where))
+            read.append(_Row(where, when[0], when[-1], rate, error))
     result = []
     for item in _mean_rates(str(path), read, columns, amount, options.gaps):
-        rate = item.discharge * factor
+        rate, error = item.value * factor, item.error * factor
         if rate > MAX_DISCHARGE:
             columns[amount].refuse(item.where, rate, f'0 to {MAX_DISCHARGE:g} m3/s')
-        result.append(replace(item, discharge=rate, error=item.error * factor))
+        known_error = None if math.isnan(error) else error
+        result.append(Interval(item.start, item.end, rate, known_error))
     if not any(interval.discharge > 0.0 for interval in result):
         raise LavaError(str(path), 'a table without lava', 'an effusion rate above 0 at some time')
     kind = 'cumulative volumes' if amount == 'cumulative_volume' else (
@@ -167,9 +167,9 @@ def error_of_rates(intervals: Sequence[Interval]) -> Distribution | None:
     The errors of a method are fully correlated in time, so that they add up: the relative standard
     deviation of the factor is the relative error of the volume, and its median is 1.
     """
-    known = [item for item in intervals if not math.isnan(item.error)]
+    known = [item for item in intervals if item.error is not None]
     volume = sum(item.volume for item in known)
-    error = sum(item.error * (item.end - item.start) for item in known)
+    error = sum((item.error or 0.0) * (item.end - item.start) for item in known)
     if not volume or not error:
         return None
     return Distribution('lognormal', (1.0, math.exp(math.sqrt(math.log1p((error / volume) ** 2)))))
@@ -179,8 +179,19 @@ def instants_to_series(
     where: str, instants: Sequence[tuple[float, float]]
 ) -> tuple[tuple[float, float], ...]:
     """Return a series of rates [m3/s], the means of linear changes between instants [s]."""
-    rows = [Interval(time, time, rate, where=where) for time, rate in instants]
-    return series_of_rates([*_mean_rates(where, rows, {'time': Column('time')}, '', None)])
+    rows = [_Row(where, time, time, rate) for time, rate in instants]
+    found = _mean_rates(where, rows, {'time': Column('time')}, '', None)
+    return series_of_rates([Interval(row.start, row.end, row.value) for row in found])
+
+
+class _Row(NamedTuple):
+    """A row: label in errors, times [s], and rate [m3/s] or volume [m3], NaN if missing."""
+
+    where: str
+    start: float
+    end: float
+    value: float
+    error: float = math.nan
 
 
 class _Clock:
@@ -239,19 +250,16 @@ def _number(
 
 
 def _mean_rates(
-    table: str, rows: list[Interval], columns: Mapping[str, Column], amount: str, gaps: str | None
-) -> Iterator[Interval]:
-    """Yield the mean rate of each interval, and warn of filled gaps.
-
-    The rates of ``rows`` are NaN where they are missing, and volumes [m3] if ``amount`` is one.
-    """
+    table: str, rows: list[_Row], columns: Mapping[str, Column], amount: str, gaps: str | None
+) -> Iterator[_Row]:
+    """Yield the mean rate of each interval, and warn of filled gaps."""
     is_instant, cumulative = 'time' in columns, columns.get('cumulative_volume')
     if is_instant and len(rows) < 2:
         where, shown = (rows[0].where, 'the only row') if rows else (table, 'no value')
         raise LavaError(where, shown, 'at least two instants')
     if is_instant:
         rows = [_between(*pair, cumulative) for pair in pairwise(rows)]
-    filled: list[Interval] = []
+    filled: list[_Row] = []
     for row in rows:
         span = row.end - row.start
         if span <= 0.0:
@@ -264,34 +272,33 @@ def _mean_rates(
             expected = f'at least {before:g} s, where the row before ends'
             columns['start'].refuse(row.where, row.start, expected)
         if filled and row.start > before * (1.0 + 1e-12) + 1e-9:
-            filled.append(Interval(before, row.start, math.nan, where=row.where))
+            filled.append(_Row(row.where, before, row.start, math.nan))
         unit = span if 'volume' in amount else 1.0
-        filled.append(replace(row, discharge=row.discharge / unit, error=row.error / unit))
+        filled.append(row._replace(value=row.value / unit, error=row.error / unit))
     last = 0.0
     for index, row in enumerate(filled):
-        if math.isnan(row.discharge):
-            known = (item.discharge for item in filled[index:] if item.discharge >= 0.0)
+        if math.isnan(row.value):
+            known = (item.value for item in filled[index:] if item.value >= 0.0)
             last = 0.5 * (last + next(known, 0.0)) if gaps == 'interpolate' else 0.0
             choice = '' if gaps else ' (gaps: zero or interpolate chooses)'
             _LOG.warning(
                 f'{row.where}: no effusion rate from {row.start:g} to {row.end:g} s, taken to be '
                 f'{last:.4g} m3/s{choice}'
             )
-            row = replace(row, discharge=last, error=math.nan)
-        last = row.discharge
+            row = row._replace(value=last, error=math.nan)
+        last = row.value
         yield row
 
 
-def _between(first: Interval, last: Interval, volume: Column | None) -> Interval:
+def _between(first: _Row, last: _Row, volume: Column | None) -> _Row:
     """Return the interval between two instants, with its mean rate or erupted volume."""
-    if volume is None:
-        errors = [row.error for row in (first, last) if not math.isnan(row.error)]
-        error = sum(errors) / len(errors) if errors else math.nan
-        return Interval(
-            first.start, last.start, 0.5 * (first.discharge + last.discharge), error, last.where
-        )
-    erupted = last.discharge - first.discharge
-    if erupted < 0.0:
-        expected = f'at least that of the row before, {first.discharge:g} m3'
-        volume.refuse(last.where, last.discharge, expected)
-    return Interval(first.start, last.start, erupted, where=last.where)
+    value, error = 0.5 * (first.value + last.value), math.nan
+    errors = [row.error for row in (first, last) if not math.isnan(row.error)]
+    if volume is not None:
+        value = last.value - first.value
+        if value < 0.0:
+            expected = f'at least that of the row before, {first.value:g} m3'
+            volume.refuse(last.where, last.value, expected)
+    elif errors:
+        error = sum(errors) / len(errors)
+    return _Row(last.where, first.start, last.start, value, error)
