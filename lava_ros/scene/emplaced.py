@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.scene.on_terrain import mark_cells, read_band, read_polygons, resampled
-from lava_ros.scene.projection import coordinate_system, horizontal, metres_per_unit, transformed
+from lava_ros.scene.projection import coordinate_system, horizontal, metres_per_unit, on_terrain
+from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
 from lava_ros.scene.vents import TEMPERATURE_CHECK
 
@@ -195,7 +196,7 @@ def _thickness_on(
 def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.ndarray:
     """Read a raster of thickness on the cells of a terrain, or on finer cells [m]."""
     band = read_band(field, path, lengths='thickness')
-    where, place, crs = f'thickness in {path.name}', band.place, band.crs
+    where, crs = f'thickness in {path.name}', band.crs
     if 'peak' in band.description.lower():
         expected = 'the thickness at one time: a map of peaks has more lava than there ever was'
         raise LavaError(where, f'a map of {band.description}', expected)
@@ -213,21 +214,16 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
         raise LavaError(where, high, expected)
     from rasterio.transform import xy
 
-    row, column = np.nonzero(lava > 0.0)
-    x, y = xy(place, row, column)
-    area = abs(place.determinant)
+    area = abs(band.place.determinant)
     if not is_ground:
         terrain = _subdivide(terrain, math.sqrt(area) * metres_per_unit(crs))
-    result = np.nan_to_num(
-        resampled(terrain, lava, place, crs, path, field=field, method='average')
-    )
+    result = np.nan_to_num(resampled(terrain, lava, band, path, field=field, method='average'))
     result = np.where(terrain.has_data, result, 0.0)
-    own = coordinate_system(terrain.epsg, terrain.wkt)
-    is_same = crs is None or horizontal(crs) == own
+    cells = np.nonzero(lava > 0.0)
+    places, volumes = np.stack(xy(band.place, *cells), axis=-1), lava[cells]
+    is_same = not crs or horizontal(crs) == coordinate_system(terrain.epsg, terrain.wkt)
     if not is_same:
-        with refusing(field, str(path), f'a place {terrain.bounds(projected=True)}', ValueError):
-            x, y = transformed(horizontal(crs), own, x, y)
-    places, volumes = np.stack([x, y], axis=-1), lava[row, column]
+        places = on_terrain(terrain, places, horizontal(crs), field, str(path))
     is_inside = _check_on_terrain(field, path, terrain, places, volumes, is_ground)
     _check_not_elevation(where, result, terrain)
     if is_same and is_inside and result.any():
@@ -237,14 +233,11 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
 
 
 def _subdivide(terrain: Terrain, cell: float) -> Terrain:
-    """Divide the cells of a terrain into smaller level cells, as small as ``cell`` if possible."""
+    """Divide the cells of a terrain into smaller ones, as small as ``cell`` [m] if possible."""
     rows, columns = terrain.shape
     most = min(math.isqrt(MAX_CELLS // (rows * columns)), MAX_SIDE_CELLS // max(rows, columns))
     factor = math.ceil(min(terrain.resolution / cell * (1.0 - 1e-6), most))
-    if factor <= 1:
-        return terrain
-    parts = np.kron(terrain.elevation, np.ones((factor, factor), dtype=np.float32))
-    return replace(terrain, elevation=parts, resolution=terrain.resolution / factor)
+    return finer(terrain, max(factor, 1))
 
 
 def _check_on_terrain(

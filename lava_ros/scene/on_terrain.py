@@ -125,7 +125,7 @@ def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndar
     band = read_band(field, Path(path))
     values = band.converted(band.stored).filled(np.nan)
     # probabilities and masks must not be interpolated
-    result = resampled(terrain, values, band.place, band.crs, path, field=field, method='nearest')
+    result = resampled(terrain, values, band, path, field=field, method='nearest')
     if np.isnan(result[terrain.has_data]).all():
         raise LavaError(field, str(path), 'a raster with data on the terrain')
     return result
@@ -152,10 +152,9 @@ class PlacedPicture(NamedTuple):
         Raises:
             LavaError: As ``resampled``.
         """
-        options = {'field': field, 'method': 'bilinear'}
         colours = [
-            resampled(terrain, values, self.place, self.crs, self.path, **options)
-            for values in (band.astype(np.float64).filled(np.nan) for band in self.bands)
+            resampled(terrain, band, self, self.path, field=field, method='bilinear')
+            for band in (item.astype(np.float64).filled(np.nan) for item in self.bands)
         ]
         return np.stack(colours, axis=-1)
 
@@ -190,16 +189,15 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
 
 
 def resampled(
-    terrain: Terrain, values: np.ndarray, place: Any, crs: Any, path: str | Path, *, field: str,
-    method: str,
+    terrain: Terrain, values: np.ndarray, source: 'Band | PlacedPicture', path: str | Path, *,
+    field: str, method: str,
 ) -> np.ndarray:
     """Resample a raster to a terrain's cells: float64, NaN without data.
 
     Args:
         terrain: Target grid.
-        values: Raster as stored in the file, float64, NaN without data.
-        place: Affine transformation of the raster.
-        crs: Coordinate system of the raster, None for that of the terrain.
+        values: Raster in the rows and columns of the file, float64, NaN without data.
+        source: Position and coordinate system of the raster, None for that of the terrain.
         path: Path of the file, for errors.
         field: Name of the field in errors.
         method: Method of ``rasterio.warp.Resampling``.
@@ -210,7 +208,7 @@ def resampled(
     """
     from rasterio.warp import reproject, Resampling
 
-    own = coordinate_system(terrain.epsg, terrain.wkt)
+    own, crs = coordinate_system(terrain.epsg, terrain.wkt), source.crs
     if own is None and crs:
         expected = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
         raise LavaError(field, str(path), expected)
@@ -221,7 +219,7 @@ def resampled(
         reproject(
             values,
             result,
-            src_transform=place,
+            src_transform=source.place,
             src_crs=horizontal(crs) if crs else target_crs,
             src_nodata=np.nan,
             dst_transform=affine_of(terrain),

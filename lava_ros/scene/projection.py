@@ -172,9 +172,7 @@ def to_square_metric_cells(raster: Raster, resolution: float | None) -> Raster:
 
 def _crs(raster: Raster) -> Any:
     """Return the raster's coordinate system; without one, any in metres, as for resampling."""
-    if not raster.is_placed:
-        return coordinate_system(32631)
-    return coordinate_system(raster.epsg, raster.wkt)
+    return coordinate_system(raster.epsg, raster.wkt) or coordinate_system(32631)
 
 
 def _target_epsg(raster: Raster) -> int | None:
@@ -315,7 +313,7 @@ def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[floa
 
 
 def on_terrain(
-    terrain: Terrain, places: np.ndarray, system: str, where: str, shown: object
+    terrain: Terrain, places: np.ndarray, system: Any, where: str, shown: object
 ) -> np.ndarray:
     """Transform places [count, 2] from a system to that of a terrain.
 

@@ -149,7 +149,6 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
     data = {name: item.tolist() for name, item in data.items()}
     cell = validation.number('resolution', data['resolution'], above=0.0, unit='m')
     epsg = data.get('epsg')
-    check_epsg('epsg', epsg)
     offset, origin = (
         validation.pair(name, data.get(name, (0.0, 0.0))) for name in ('offset', 'origin')
     )
