@@ -269,6 +269,6 @@ def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> 
         part = np.s_[first : first + step]
         # the ends of each segment are pairs of columns: [2, segments, 1]
         start, end = segments[part].transpose(1, 2, 0)[..., None]
-        near = distance_to_segment(*middles.T, start, end).min(axis=1)
+        near = distance_to_segment(middles[:, 0], middles[:, 1], start, end).min(axis=1)
         np.minimum.at(result, owner[part], near)
     return result

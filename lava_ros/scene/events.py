@@ -84,23 +84,23 @@ def read_events(
         if len(data) != 1:
             raise LavaError(where, sorted(data), f'one of {", ".join(CHANGES)}')
         (kind, change), = data.items()
-        if kind != 'barrier':
-            change = validation.text(f'{where}.{kind}', change, 'the name of a file')
         if kind == 'barrier':
             barrier = Barrier.from_dict(f'{where}.barrier', change)
             text = f'a barrier {barrier.height:g} m high'
             event = TerrainEvent(time, text, barriers=(barrier,))
-        elif kind == 'barriers':
-            usual = {'height': None, 'width': None, 'slope': Barrier.slope}
-            built = tuple(read_barriers(f'{where}.barriers', folder / change, ground, usual))
-            event = TerrainEvent(time, f'{len(built)} barriers from {change}', barriers=built)
         else:
-            terrain = read(folder / change)
-            if not terrain.has_system:
-                # a raster without a system is in that of the terrain
-                terrain = replace(terrain, epsg=ground.epsg, wkt=ground.wkt)
-            check_same_grid(f'{where}.terrain', terrain, ground)
-            event = TerrainEvent(time, f'new ground from {change}', terrain)
+            path = folder / validation.text(f'{where}.{kind}', change, 'the name of a file')
+            if kind == 'barriers':
+                usual = {'height': None, 'width': None, 'slope': Barrier.slope}
+                built = tuple(read_barriers(f'{where}.barriers', path, ground, usual))
+                event = TerrainEvent(time, f'{len(built)} barriers from {change}', barriers=built)
+            else:
+                terrain = read(path)
+                if not terrain.has_system:
+                    # a raster without a system is in that of the terrain
+                    terrain = replace(terrain, epsg=ground.epsg, wkt=ground.wkt)
+                check_same_grid(f'{where}.terrain', terrain, ground)
+                event = TerrainEvent(time, f'new ground from {change}', terrain)
         # raises LavaError for a barrier that touches no cell
         ground = event.ground(ground, is_told=True)
         events.append(event)
@@ -109,8 +109,8 @@ def read_events(
 
 def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
     """Raise LavaError, which names ``field``, for a terrain on a grid other than the ground's."""
-    places = [(*one.extent, *one.offset) for one in (terrain, ground)]
-    is_near = np.allclose(*places, rtol=0.0, atol=1e-3 * ground.resolution)
+    place, other = ((*one.extent, *one.offset) for one in (terrain, ground))
+    is_near = np.allclose(place, other, rtol=0.0, atol=1e-3 * ground.resolution)
     if is_near and (terrain.shape, terrain.epsg) == (ground.shape, ground.epsg):
         return
     shown, expected = (

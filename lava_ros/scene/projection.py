@@ -139,8 +139,8 @@ def with_epsg(raster: Raster, epsg: int | None) -> Raster:
         return raster
     x, y = raster.corner
     has_degrees = is_degrees((x, y)) and min(raster.dx, raster.dy) < SMALLEST_CELL
-    # an unknown code is an error, unless the file needs no GDAL
-    system = coordinate_system(epsg) if is_installed('rasterio') or has_degrees else None
+    # an unknown code is an error, which an .npz file without GDAL cannot find
+    system: Any = coordinate_system(epsg) if is_installed('rasterio') or has_degrees else None
     if has_degrees and not system.is_geographic:
         expected = f'a system in degrees: cells are {raster.dx:.3g} wide at {x:g}, {y:g}'
         raise LavaError('terrain.epsg', epsg, expected)

@@ -212,7 +212,7 @@ def vents_from_list(
         LavaError: If the data are not such a list.
     """
     names = [item.name for item in fields(Vent)]
-    vents = []
+    vents: list[Vent] = []
     for where, item in validation.items('vents', items, 'a list of vents'):
         allowed = [*names, 'projected', 'projected_end', 'effusion_rate']
         data = validation.keys(where, item, allowed=allowed)
