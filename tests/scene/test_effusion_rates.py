@@ -150,16 +150,6 @@ def test_rejects_invalid_tables(text, words, tmp_path):
         read(tmp_path, text)
 
 
-@pytest.mark.parametrize(('options', 'words'), [
-    ({'start': 'yesterday'}, "start is 'yesterday', expected a date such as"),
-    ({'gaps': 'none'}, "gaps is 'none', expected one of zero, interpolate"),
-    ({'porosity': 1.0}, 'porosity is 1.0, expected at least 0 and below 1'),
-])
-def test_rejects_invalid_options(options, words):
-    with pytest.raises(LavaError, match=words):
-        Options(**options)
-
-
 def scene(folder: Path, vent: str, rest: str = '') -> Any:
     """Read a scene file with a vent and a table."""
     (folder / 'rates.csv').write_text('date,q,error\n2021-09-19,4,1\n2021-09-20,8,2\n')
@@ -179,16 +169,3 @@ def test_vent_in_a_scene_file_has_a_number_a_series_or_a_table(tmp_path):
     assert found.uncertainty.discharge is not None
     known = 'uncertainty: {effusion_rate: {distribution: uniform, low: 0.5, high: 2}}'
     assert scene(tmp_path, table, known).uncertainty.discharge.kind == 'uniform'
-
-
-@pytest.mark.parametrize(('vent', 'words'), [
-    ('discharge: 5, effusion_rate: 5', r'vents\[0\].effusion_rate is 5, expected absent'),
-    ('radius: 5', r'vents\[0\].effusion_rate is missing, expected a value'),
-    ('effusion_rate: many', r"vents\[0\].effusion_rate is 'many', expected a finite number"),
-    ('effusion_rate: {gaps: zero}', r'vents\[0\].effusion_rate.file is missing'),
-    ('effusion_rate: {file: a.csv}', r"effusion_rate is '.*a.csv', expected a file"),
-    ('effusion_rate: {file: rates.csv, gap: 1}', r'effusion_rate.gap is 1, expected no such'),
-])
-def test_rejects_invalid_rates_in_a_scene_file(vent, words, tmp_path):
-    with pytest.raises(LavaError, match=words):
-        scene(tmp_path, vent)

@@ -157,25 +157,6 @@ def test_rejects_invalid_thickness(tmp_path, values, written, message):
         _read(tmp_path, file='a.tif')
 
 
-@pytest.mark.parametrize(('item', 'message'), [
-    ({'file': 'a.geojson'}, r'flows\[0\].thickness .*a thickness \[m\]'),
-    ({'file': 'a.geojson', 'thickness': -2.0}, r'flows\[0\].thickness .*above 0'),
-    ({'file': 'a.geojson', 'thickness': 900.0}, 'at most 500 m'),
-    ({'file': 'flow.tif', 'thickness': 2.0}, r'flows\[0\].file .*whose name ends with'),
-    ({'file': 'flow.tif', 'as': 'rock'}, 'one of lava, ground'),
-    ({'file': 'flow.tif', 'as': 'ground', 'temperature': 1300.0}, 'absent for ground'),
-    ({'file': 'flow.tif', 'temperature': 1e9}, r'flows\[0\].temperature'),
-    ({'file': 'none.tif'}, 'none.tif'),
-    ({'file': 3}, r'flows\[0\].file'),
-    ({'files': 'a.tif'}, r'flows\[0\].files'),
-])
-def test_rejects_invalid_entries(tmp_path, item, message):
-    _write(tmp_path / 'flow.tif', _flow())
-    _outline(tmp_path / 'a.geojson')
-    with pytest.raises(LavaError, match=message):
-        _read(tmp_path, **item)
-
-
 def _scene_file(folder: Path, **more: Any) -> Path:
     vents = [{'position': [240.0, 100.0], 'discharge': 10.0, 'radius': 30.0}]
     place = {'epsg': 32633, 'offset': CORNER}
@@ -219,26 +200,6 @@ def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path):
     events = [{'time': 9.0, 'terrain': 'new.npz'}]
     (event,) = scene_from_yaml(_scene_file(tmp_path, events=events)).events
     assert event.terrain is not None and event.terrain.epsg == 32633
-
-
-@pytest.mark.parametrize(('events', 'message'), [
-    ([{'time': 1.0}], r'events\[0\] .*one of terrain, barrier, barriers'),
-    ([{'time': -1.0, 'terrain': 'ground.npz'}], r'events\[0\].time .*at least 0'),
-    ([{'time': 9.0, 'terrain': 'ground.npz'}] * 2, 'a time after the event before'),
-    ([{'time': 9.0, 'terrain': 'other.npz'}], r'the grid of the ground before: 30 x 24.*-tr'),
-    ([{'time': 9.0, 'terrain': 'north.npz'}], 'EPSG:32634.*EPSG:32633.*-tr 20 20 -te 500000'),
-    ([{'time': 9.0, 'terrain': 'hole.npz'}], r'vents\[0\]'),
-    ([{'time': 9.0, 'barriers': 4}], r'events\[0\].barriers'),
-])
-def test_rejects_invalid_events(tmp_path, events, message):
-    known = {'resolution': CELL, 'epsg': 32633, 'offset': CORNER}
-    np.savez(tmp_path / 'other.npz', elevation=GROUND.elevation[1:], **known)
-    np.savez(tmp_path / 'north.npz', elevation=GROUND.elevation, **known | {'epsg': 32634})
-    holed = GROUND.elevation.copy()
-    holed[3:8, 10:14] = np.nan
-    np.savez(tmp_path / 'hole.npz', elevation=holed, **known)
-    with pytest.raises(LavaError, match=message):
-        scene_from_yaml(_scene_file(tmp_path, events=events))
 
 
 def test_rejects_emplaced_lava_below_the_solidus():

@@ -122,21 +122,6 @@ ambient_temperature: 290
     assert scene_to_dict(scene)['terrain']['offset'] == [990.0, 2000.0]
 
 
-@pytest.mark.parametrize(('text', 'field'), [
-    ('terrain: [1, 2', 'scene'),
-    ('- terrain', 'scene'),
-    ('volcano: Etna', r'scene\.volcano'),
-    ('terrain: {}', r'scene\.terrain\.file'),
-    ('lava: {stickiness: 3}', r'scene\.lava\.stickiness'),
-    ('vents: 3', 'vents'),
-    ('vents: [{position: [5, 5]}]', r'vents\[0\]\.effusion_rate'),
-    ('vents: [{discharge: 5}]', r'vents\[0\]\.position'),
-])
-def test_error_names_the_invalid_key_of_a_scene_file(tmp_path, text, field):
-    with pytest.raises(LavaError, match=f'^{field}'):
-        scene_from_yaml(scene_file(tmp_path, text))
-
-
 def test_finds_scenes_of_the_package_by_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = scene_from_yaml('etna.yaml')

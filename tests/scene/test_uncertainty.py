@@ -13,7 +13,6 @@ from scipy import stats
 import yaml
 
 from geodata import write_scene
-from lava_ros.errors import LavaError
 from lava_ros.scene import scene_from_yaml, scene_to_dict
 from lava_ros.scene.uncertainty import (
     Displacement,
@@ -49,11 +48,6 @@ WHOLE = {
         },
     ],
 }
-
-
-def drawn(quantity: str, kind: str, **numbers: object) -> dict[str, object]:
-    """Return a section with one distribution."""
-    return {quantity: {'distribution': kind, **numbers}}
 
 
 def scene_file(folder: Path, uncertainty: object) -> Path:
@@ -106,36 +100,3 @@ def test_scene_file_has_every_uncertain_quantity(tmp_path):
     assert uncertainty_to_dict(Uncertainty()) == {}
     data = replace(small_checkpoint(1.0, 3), scene=scene).to_bytes()
     assert from_bytes(data).scene.uncertainty == scene.uncertainty
-
-
-@pytest.mark.parametrize(('section', 'field'), [
-    ({'discharg': {}}, 'uncertainty.discharg'),
-    ({'discharge': 1.5}, 'uncertainty.discharge'),
-    ({'discharge': {'distribution': 'gamma'}}, 'uncertainty.discharge.distribution'),
-    (drawn('discharge', 'lognormal', median=1.0), 'uncertainty.discharge.factor'),
-    (drawn('viscosity', 'normal', mean=1.0, deviation=0.1), 'uncertainty.viscosity'),
-    (drawn('viscosity', 'uniform', low=2.0, high=1.0), 'uncertainty.viscosity.high'),
-    (drawn('viscosity', 'triangular', low=1, mode=3, high=2), 'uncertainty.viscosity.mode'),
-    (
-        drawn('temperature', 'uniform', low=-9, high=9, limits=[0, 1]),
-        'uncertainty.temperature.limits',
-    ),
-    (
-        drawn('temperature', 'normal', mean=0.0, deviation=1.0, limits=[20.0, 30.0]),
-        'uncertainty.temperature.limits',
-    ),
-    ({'position': {'deviation': 10.0, 'radius': 10.0}}, 'uncertainty.position'),
-    ({'position': {'radius': -1.0}}, 'uncertainty.position.radius'),
-    ({'terrain': {'deviation': 1.0}}, 'uncertainty.terrain.correlation'),
-    ({'eruption': {}}, 'uncertainty.eruption'),
-    ({'eruption': [{'probability': 1.0}]}, 'uncertainty.eruption[0].duration'),
-    (
-        {'eruption': [{**SHORT, 'volume': WHOLE['temperature']}]},
-        'uncertainty.eruption[0].volume',
-    ),
-    ([], 'uncertainty'),
-])
-def test_error_names_the_invalid_field_of_an_uncertainty(section, field, tmp_path):
-    with pytest.raises(LavaError) as caught:
-        scene_from_yaml(scene_file(tmp_path, section))
-    assert caught.value.field == field
