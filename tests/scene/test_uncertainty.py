@@ -5,7 +5,6 @@
 
 from dataclasses import replace
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,12 +24,6 @@ from lava_ros.scene.uncertainty import (
 from lava_ros.simulation.output.checkpoint import from_bytes
 from small_checkpoint import small_checkpoint
 
-SHORT = {
-    'name': 'short', 'probability': 3.0,
-    'duration': {'distribution': 'uniform', 'low': 3600, 'high': 86400},
-    'volume': {'distribution': 'lognormal', 'median': 1e5, 'factor': 2.0},
-}
-
 WHOLE = {
     'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5, 'limits': [0.3, 3]},
     'temperature': {'distribution': 'normal', 'mean': 0.0, 'deviation': 15.0},
@@ -40,7 +33,11 @@ WHOLE = {
     'terrain': {'deviation': 1.5, 'correlation': 100.0},
     'constants': {'crust_temperature': {'distribution': 'uniform', 'low': 700, 'high': 750}},
     'eruption': [
-        SHORT,
+        {
+            'name': 'short', 'probability': 3.0,
+            'duration': {'distribution': 'uniform', 'low': 3600, 'high': 86400},
+            'volume': {'distribution': 'lognormal', 'median': 1e5, 'factor': 2.0},
+        },
         {
             'name': 'long', 'probability': 1.0,
             'duration': {'distribution': 'uniform', 'low': 86400, 'high': 864000},
@@ -48,13 +45,6 @@ WHOLE = {
         },
     ],
 }
-
-
-def scene_file(folder: Path, uncertainty: object) -> Path:
-    """Write a scene file with an uncertainty."""
-    vent = {'position': [50.0, 50.0], 'discharge': 5.0}
-    scene = {'vents': [vent], 'lava': {'yield_strength': 100.0}, 'uncertainty': uncertainty}
-    return write_scene(folder, np.zeros((10, 10)), 10.0, scene)
 
 
 @pytest.mark.parametrize(('distribution', 'reference'), [
@@ -89,7 +79,8 @@ def test_quantiles_are_within_limits_and_displacements_in_a_disc():
 
 def test_scene_file_has_every_uncertain_quantity(tmp_path):
     """Plain data and a checkpoint give the same uncertainty."""
-    scene = scene_from_yaml(scene_file(tmp_path, WHOLE))
+    data = {'lava': {'yield_strength': 100.0}, 'uncertainty': WHOLE}
+    scene = scene_from_yaml(write_scene(tmp_path, np.zeros((10, 10)), 10.0, data))
     assert scene.uncertainty == uncertainty_from_dict(WHOLE)
     assert scene.uncertainty.discharge == Distribution('lognormal', (1.0, 1.5), (0.3, 3.0))
     assert scene.uncertainty.position == Displacement(radius=40.0)
@@ -98,5 +89,5 @@ def test_scene_file_has_every_uncertain_quantity(tmp_path):
     assert uncertainty_from_dict(plain) == scene.uncertainty
     assert yaml.safe_load(yaml.safe_dump(plain)) == plain
     assert uncertainty_to_dict(Uncertainty()) == {}
-    data = replace(small_checkpoint(1.0, 3), scene=scene).to_bytes()
-    assert from_bytes(data).scene.uncertainty == scene.uncertainty
+    stored = replace(small_checkpoint(1.0, 3), scene=scene).to_bytes()
+    assert from_bytes(stored).scene.uncertainty == scene.uncertainty
