@@ -14,7 +14,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
-from lava_ros.scene.reshaping import distance_to_segment
+from lava_ros.scene.reshaping import squared_distance
 
 #: Kind of place by type of feature.
 KINDS = {'Point': 'point', 'LineString': 'line', 'Polygon': 'area'}
@@ -269,6 +269,6 @@ def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> 
         part = np.s_[first : first + step]
         # the ends of each segment are pairs of columns: [2, segments, 1]
         start, end = segments[part].transpose(1, 2, 0)[..., None]
-        near = distance_to_segment(middles[:, 0], middles[:, 1], start, end).min(axis=1)
-        np.minimum.at(result, owner[part], near)
+        near = squared_distance(middles[:, 0], middles[:, 1], start, end).min(axis=1)
+        np.minimum.at(result, owner[part], np.sqrt(near))
     return result

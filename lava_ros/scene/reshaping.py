@@ -179,7 +179,7 @@ def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:
         low, high = np.minimum(start, end) - reach, np.maximum(start, end) + reach
         across = slice(*np.searchsorted(x, (low[0], high[0])))
         up = slice(*np.searchsorted(y, (low[1], high[1])))
-        near = distance_to_segment(x[across], y[up, None], start, end)
+        near = np.sqrt(squared_distance(x[across], y[up, None], start, end))
         distance[up, across] = np.minimum(distance[up, across], near)
     added = np.clip(barrier.height - (distance - half) * barrier.slope, 0.0, barrier.height)
     if not (terrain.has_data & (added > 0.0)).any():
@@ -193,15 +193,15 @@ def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:
     return np.asarray(added)
 
 
-def distance_to_segment(x: Any, y: Any, start: Any, end: Any) -> np.ndarray:
-    """Return the distance of places (x, y) from a segment between two pairs (x, y) [m].
+def squared_distance(x: Any, y: Any, start: Any, end: Any) -> Any:
+    """Return the squared distance of places (x, y) from a segment between two pairs (x, y) [m2].
 
     All are numbers, or arrays whose shapes numpy broadcasts together.
     """
     along, dx, dy = np.subtract(end, start), x - start[0], y - start[1]
     length = np.maximum(along[0] ** 2 + along[1] ** 2, 1e-30)
     fraction = np.clip((dx * along[0] + dy * along[1]) / length, 0.0, 1.0)
-    return np.sqrt((dx - fraction * along[0]) ** 2 + (dy - fraction * along[1]) ** 2)
+    return np.square(dx - fraction * along[0]) + np.square(dy - fraction * along[1])
 
 
 def low_pass(terrain: Terrain, width: float) -> Terrain:
