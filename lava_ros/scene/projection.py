@@ -4,6 +4,7 @@
 """Rasters of elevation: cropping, resampling to square cells, projection to UTM."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 import json
 import logging
@@ -91,10 +92,8 @@ def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:
 
 def horizontal(crs: Any) -> Any:
     """Return the horizontal part of a rasterio coordinate system, which may be compound."""
-    parts = _definition(crs)
-    if parts.get('type') != 'CompoundCRS':
-        return crs
-    return type(crs).from_user_input(json.dumps(parts['components'][0]))
+    parts = _parts(crs)
+    return type(crs).from_user_input(json.dumps(parts[0])) if parts else crs
 
 
 def vertical_unit(crs: Any) -> tuple[str, float]:
@@ -103,12 +102,10 @@ def vertical_unit(crs: Any) -> tuple[str, float]:
     The length is NaN for depths and for units that are not lengths. A system without heights gives
     ``'', 1``.
     """
-    parts = _definition(crs)
-    if parts.get('type') != 'CompoundCRS':
+    if not (parts := _parts(crs)):
         return '', 1.0
     # a bound system contains the actual one
-    heights = parts['components'][1]
-    heights = heights.get('source_crs', heights)
+    heights = parts[1].get('source_crs', parts[1])
     axis = heights['coordinate_system']['axis'][0]
     unit = axis['unit']
     if isinstance(unit, str):
@@ -118,14 +115,14 @@ def vertical_unit(crs: Any) -> tuple[str, float]:
     return unit['name'], float(unit['conversion_factor'])
 
 
-def _definition(crs: Any) -> dict[str, Any]:
-    """Return a coordinate system as PROJJSON, empty if PROJ cannot express it."""
+def _parts(crs: Any) -> list[dict[str, Any]]:
+    """Return the parts of a compound coordinate system as PROJJSON, none of another system."""
     from rasterio.errors import CRSError
 
-    try:
-        return dict(crs.to_dict(projjson=True))
-    except CRSError:
-        return {}
+    # PROJ cannot express every system
+    with suppress(CRSError):
+        return list(crs.to_dict(projjson=True).get('components', ()))
+    return []
 
 
 def metres_per_unit(crs: Any) -> float:
