@@ -159,12 +159,12 @@ def open_raster(
             rasterio is not installed.
     """
     require('rasterio', field, str(path))
-    from rasterio.errors import RasterioError
+    from rasterio.errors import CRSError, RasterioError
 
     # an absolute path cannot be a URL
     place = Path(path).absolute()
     # an error of GDAL may contain bytes of a damaged file
-    kinds = (RasterioError, OSError, UnicodeDecodeError)
+    kinds = (CRSError, RasterioError, OSError, UnicodeDecodeError)
     with refusing(field, str(path), 'a raster that GDAL can read', *kinds):
         kind = _format_of(field, place, formats)
         if kind.driver == 'VRT':

@@ -231,3 +231,12 @@ def test_rejects_a_header_without_position_or_cell_size(tmp_path, name):
         header.write_text(whole.replace(line, ''))
         with pytest.raises(LavaError, match='is missing, expected a line of the header'):
             load_terrain(path)
+
+
+def test_rejects_a_damaged_coordinate_system(tmp_path):
+    path = write_format(tmp_path, 'Erdas Imagine')
+    data = bytearray(path.read_bytes())
+    data[data.index(b'WGS 84') - 8] = 44
+    path.write_bytes(data)
+    with pytest.raises(LavaError, match='a raster that GDAL can read .The WKT could not'):
+        load_terrain(path)
