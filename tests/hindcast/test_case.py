@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rasterio.warp import transform
 
 from eruption import (
     CELL,
@@ -22,6 +23,7 @@ from eruption import (
     write_case_in_degrees,
     write_grid,
 )
+from geodata import feature
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.tables import series_of
@@ -147,22 +149,11 @@ def test_reads_events(tmp_path):
 
 
 def _as_areas(path: Path) -> None:
-    """Replace a grid of the footprint by areas in degrees."""
-    from rasterio.features import shapes
-    from rasterio.transform import from_origin
-    from rasterio.warp import transform_geom
-
-    place = from_origin(CORNER[0], CORNER[1] + SHAPE[0] * CELL, CELL, CELL)
-    areas = shapes(np.flipud(footprint()).astype(np.uint8), transform=place)
-    features = [
-        {
-            'type': 'Feature', 'properties': {},
-            'geometry': transform_geom('EPSG:32633', 'EPSG:4326', area),
-        }
-        for area, value in areas if value
-    ]
+    """Replace a grid of the footprint by its area in degrees."""
+    corners = np.array([(340, 400), (480, 400), (480, 1020), (340, 1020), (340, 400)]) + CORNER
+    ring = np.transpose(transform('EPSG:32633', 'EPSG:4326', *corners.T)).tolist()
+    data = {'type': 'FeatureCollection', 'features': [feature('Polygon', [ring])]}
     path.unlink()
-    data = {'type': 'FeatureCollection', 'features': features}
     path.with_suffix('.geojson').write_text(json.dumps(data))
 
 

@@ -16,6 +16,7 @@ from rasterio.crs import CRS
 from rasterio.transform import from_origin
 from rasterio.warp import transform
 
+from eruption import write_grid
 from geodata import write_raster
 from lava_ros.errors import LavaError
 from lava_ros.maps.export import export_bag
@@ -173,17 +174,13 @@ def test_maps_of_a_bag_have_its_system(tmp_path, caplog):
 
 @pytest.mark.parametrize('suffix', ['FEET', 'feet', 'METERS', 'NO'])
 def test_reads_the_unit_of_an_old_prj_file(tmp_path, suffix):
-    np.savetxt(
-        tmp_path / 'a.asc', GROUND, fmt='%g', comments='',
-        header='ncols 40\nnrows 40\nxllcorner 500000\nyllcorner 4180000\ncellsize 10',
-    )
+    write_grid(tmp_path / 'a.asc', GROUND, cell=10.0)
     (tmp_path / 'a.prj').write_text(
         'Projection UTM\nZone 33\nDatum WGS84\nZunits ' + suffix + '\nUnits METERS\nParameters\n'
     )
     factor = FOOT if suffix.lower() == 'feet' else 1.0
-    np.testing.assert_allclose(
-        load_terrain(tmp_path / 'a.asc').elevation, factor * GROUND[::-1], rtol=1e-6
-    )
+    elevation = load_terrain(tmp_path / 'a.asc').elevation
+    np.testing.assert_allclose(elevation, factor * GROUND, rtol=1e-6)
 
 
 @pytest.mark.parametrize(('crs', 'unit', 'factor'), [
