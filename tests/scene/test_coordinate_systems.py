@@ -17,7 +17,7 @@ from rasterio.transform import from_origin
 from rasterio.warp import transform
 
 from eruption import write_grid
-from geodata import write_raster
+from geodata import feature, write_raster
 from lava_ros.errors import LavaError
 from lava_ros.maps.export import export_bag
 from lava_ros.pages.runs import system_words
@@ -87,11 +87,10 @@ def test_transforms_places_in_degrees(tmp_path, crs):
     flat = CRS.from_epsg(32633) if crs == COMPOUND else crs
     (longitude,), (latitude,) = transform(flat, 'EPSG:4326', *([value] for value in middle))
     assert projected(terrain, longitude, latitude) == pytest.approx(middle, abs=1e-3)
-    point = {'type': 'Point', 'coordinates': [longitude, latitude]}
     file = tmp_path / 'a.geojson'
-    file.write_text(json.dumps({'type': 'Feature', 'properties': {}, 'geometry': point}))
-    (feature,) = read_features('--vents', file, terrain)
-    np.testing.assert_allclose(feature.rings[0], [middle], atol=1e-3)
+    file.write_text(json.dumps(feature('Point', [longitude, latitude])))
+    (found,) = read_features('--vents', file, terrain)
+    np.testing.assert_allclose(found.rings[0], [middle], atol=1e-3)
     values = read_raster_on(terrain, write(tmp_path / 'b.tif', crs), field='x')
     np.testing.assert_array_equal(values, GROUND[::-1])
 

@@ -32,7 +32,7 @@ METRES = [[_X, _Y]]
 
 def test_warns_of_features_without_a_geometry(tmp_path, caplog):
     path = tmp_path / 'a.geojson'
-    gone = {'type': 'Feature', 'properties': {'name': 'gone'}, 'geometry': None}
+    gone = feature('Point', (), name='gone') | {'geometry': None}
     path.write_text(json.dumps({'type': 'FeatureCollection', 'features': [gone]}))
     with pytest.raises(LavaError, match='at least one point'):
         read_features('--overlay', path, TERRAIN)

@@ -15,6 +15,7 @@ from pyogrio import raw
 import pytest
 from rasterio.warp import transform
 
+from geodata import feature
 from lava_ros.cli.scenes import vents_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
@@ -55,11 +56,7 @@ def geographic(places: Any) -> Any:
 def write(path: Path, kind: str, places: Any, known: dict[str, Any]) -> Path:
     """Write a feature with GDAL; zip a Shapefile with Python, in a folder."""
     ending = path.suffix[1:]
-    feature = {
-        'type': 'Feature', 'properties': known,
-        'geometry': {'type': kind, 'coordinates': geographic(places)},
-    }
-    data = json.dumps({'type': 'FeatureCollection', 'features': [feature]}).encode()
+    data = json.dumps(feature(kind, geographic(places), **known)).encode()
     target = path.with_suffix('.shp') if ending == 'zip' else path
     with warnings.catch_warnings():
         # GDAL limits integers to 64 bits, and cuts long names in a Shapefile
@@ -266,8 +263,7 @@ def test_warns_of_a_missing_system(tmp_path, caplog):
 def test_reports_members_that_gdal_ignores(old, new, words, tmp_path, caplog):
     text = json.dumps({
         'type': 'FeatureCollection', 'crs': {'properties': {'name': 'EPSG:32633'}},
-        'features': [{'type': 'Feature', 'properties': {'name': 'a'},
-                      'geometry': {'type': 'Point', 'coordinates': POINTS[0]}}],
+        'features': [feature('Point', POINTS[0], name='a')],
     })
     assert old in text
     (tmp_path / 'a.json').write_text(text.replace(old, new))
@@ -299,12 +295,12 @@ def test_places_are_degrees_if_they_are_then_on_the_terrain(ending, tmp_path):
         write(path, 'Point', POINTS[0], {'name': 'a'})
         path.with_suffix('.prj').unlink()
     (vent,) = vents_of(path)
-    (feature,) = read_features('--overlay', path, TERRAIN)
-    np.testing.assert_allclose([vent.place, feature.rings[0][0]], [(x, y)] * 2, atol=0.02)
+    (point,) = read_features('--overlay', path, TERRAIN)
+    np.testing.assert_allclose([vent.place, point.rings[0][0]], [(x, y)] * 2, atol=0.02)
     # eastings and northings near the origin of the system
     local = Terrain(np.zeros((50, 50)), 2.0, epsg=32633)
     (tmp_path / 'b.csv').write_text('x,y\n15.0,37.7\n')
-    (feature,) = read_features('--overlay', tmp_path / 'b.csv', local)
-    assert feature.rings[0].tolist() == [[15.0, 37.7]]
+    (point,) = read_features('--overlay', tmp_path / 'b.csv', local)
+    assert point.rings[0].tolist() == [[15.0, 37.7]]
     given = Namespace(vents=None, vent=['15.0,37.7'], discharge=1.0)
     assert vents_as_given(given, local)[0].place == (15.0, 37.7)
