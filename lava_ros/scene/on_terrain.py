@@ -254,14 +254,13 @@ def mark_cells(terrain: Terrain, polygons: Sequence[Feature]) -> np.ndarray:
         LavaError: If rasterio is not installed.
     """
     require('rasterio', 'polygons')
-    from rasterio.features import rasterize
+    from rasterio.features import geometry_mask
 
     areas = [
         {'type': 'Polygon', 'coordinates': [ring.tolist() for ring in item.rings]}
         for item in polygons
     ]
-    marked = rasterize(areas, terrain.shape, transform=affine_of(terrain), dtype=np.uint8)
-    return np.flipud(marked) > 0
+    return np.flipud(geometry_mask(areas, terrain.shape, affine_of(terrain), invert=True))
 
 
 def affine_of(terrain: Terrain) -> Any:
