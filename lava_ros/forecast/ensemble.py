@@ -256,7 +256,7 @@ def _client(scheduler: str) -> Iterator[Any]:
             client = Client(scheduler, timeout=PATIENCE)
         with client:
             expected = 'a scheduler with workers that have lava_ros installed'
-            # before Python 3.11 a TimeoutError of asyncio is no OSError
+            # before Python 3.11 a TimeoutError of asyncio is not an OSError
             kinds = (TimeoutError, OSError, ImportError)
             with refusing('--scheduler', scheduler, expected, *kinds):
                 client.wait_for_workers(1, timeout=PATIENCE)

@@ -109,7 +109,8 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
             _LOG.warning(f'{where} has no geometry and is left out')
             continue
         for kind, part in _parts(where, geometry):
-            rings = tuple(map(np.array, part if kind == 'Polygon' else [part]))
+            given = part if kind == 'Polygon' else [part]
+            rings = tuple(np.array(ring, dtype=float) for ring in given)
             # NaN compares as False
             if not (np.abs(np.concatenate(rings)) <= MAX_COORDINATE).all():
                 raise LavaError(where, part, f'coordinates of at most {MAX_COORDINATE:g}')

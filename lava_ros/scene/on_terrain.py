@@ -44,7 +44,7 @@ class Band(NamedTuple):
 
     def converted(self, stored: Any) -> Any:
         """Convert stored values in place, and return them."""
-        # whoever uses them refuses infinite values
+        # the caller refuses infinite values
         with np.errstate(over='ignore', invalid='ignore'):
             stored *= stored.dtype.type(self.scale)
             stored += stored.dtype.type(self.offset)
@@ -98,7 +98,7 @@ def _unit_of(source: Any, path: Path, lengths: str) -> float:
         with open_input(prj) as file:
             text = file.read(1 << 16).decode(errors='replace')
         # an old ESRI file; "NO" means no heights
-        names += re.findall(r'(?im)^\s*zunits\s+(?!no\s)(\S+)', text)
+        names += re.findall(r'(?im)^\s*zunits\s+(?!no\b)(\S+)', text)
     marks = dict([vertical_unit(source.crs)]) if source.crs else {}
     marks |= {name: LENGTHS.get(normal_unit(name), math.nan) for name in names}
     known = {name: factor for name, factor in marks.items() if name.strip()} or {'m': 1.0}
@@ -189,7 +189,7 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
 
 
 def resampled(
-    terrain: Terrain, values: np.ndarray, source: 'Band | PlacedPicture', path: str | Path, *,
+    terrain: Terrain, values: np.ndarray, source: Band | PlacedPicture, path: str | Path, *,
     field: str, method: str,
 ) -> np.ndarray:
     """Resample a raster to a terrain's cells: float64, NaN without data.

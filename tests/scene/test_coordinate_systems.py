@@ -175,7 +175,7 @@ def test_maps_of_a_bag_have_its_system(tmp_path, caplog):
 def test_reads_the_unit_of_an_old_prj_file(tmp_path, suffix):
     write_grid(tmp_path / 'a.asc', GROUND, cell=10.0)
     (tmp_path / 'a.prj').write_text(
-        'Projection UTM\nZone 33\nDatum WGS84\nZunits ' + suffix + '\nUnits METERS\nParameters\n'
+        'Projection UTM\nZone 33\nDatum WGS84\nUnits METERS\nParameters\nZunits ' + suffix
     )
     factor = FOOT if suffix.lower() == 'feet' else 1.0
     elevation = load_terrain(tmp_path / 'a.asc').elevation
