@@ -53,9 +53,9 @@ class Growing(Frames):
     def facts(self, index: int) -> dict[str, str]:
         return {'<i>effects</i>': f'frame <{index}>'}
 
-    def particles(self, index: int) -> np.ndarray | None:
+    def particles(self, index: int) -> np.ndarray:
         """Three particles, from the second frame on."""
-        return np.array([[0.0, 90.0 + 5.0 * i, 900.0 + i] for i in range(3)]) if index else None
+        return np.array([[0.0, 90.0, 900.0], [0.0, 95.0, 901.0], [0.0, 100.0, 902.0]])[: 3 * index]
 
     def command(self, name: str) -> None:
         self.commands.append(name)

@@ -60,6 +60,12 @@ def page(visitor):
     return visitor.pages[0]
 
 
+def drawn(page, room=''):
+    """Return what the page shows below a name."""
+    nodes = page._client.scene._handle_from_node_name
+    return {name: item for name, item in nodes.items() if name.startswith(room)}
+
+
 @pytest.fixture(scope='module')
 def server(tmp_path_factory):
     """A server whose frames stay the same, without control."""
@@ -195,7 +201,7 @@ def test_offers_the_maps_that_there_are(visitor, page, frames):
     visitor.press(page.choice, 'Arrival')
     visitor.wait(lambda: 'Arrival [min]' in page.legend.content)
     visitor.press(page.choice, '<none>')
-    visitor.wait(lambda: not any(name.startswith('/lava') for name in page._nodes))
+    visitor.wait(lambda: not drawn(page, '/lava/'))
 
 
 def test_a_click_shows_values_and_opens_a_vent(visitor, page, frames):
@@ -231,26 +237,28 @@ def test_untrusted_texts_are_escaped(page):
     assert 'no node answers &lt;here&gt;' in page.status.content
     assert '<td>&lt;i&gt;effects&lt;/i&gt;</td><td>frame &lt;3&gt;</td>' in page.facts.content
     # a label is drawn as text; one off the map is left out
-    labels = [item.text for name, item in page._nodes.items() if name.startswith('/labels')]
+    labels = [item.text for item in drawn(page, '/labels/').values()]
     assert labels == ['▲ open', '<b>hut</b>']
 
 
 def test_shows_particles_in_place_of_the_lava(visitor, page, frames):
     visitor.press(page.particles)
-    visitor.wait(lambda: '/particles' in page._nodes)
-    assert page._nodes['/particles'].points.shape == (3, 3)
-    assert not any(name.startswith('/lava') for name in page._nodes)
+    visitor.wait(lambda: '/lava/particles' in drawn(page))
+    assert drawn(page)['/lava/particles'].points.shape == (3, 3)
+    assert list(drawn(page, '/lava/')) == ['/lava/particles']
     visitor.press(page.slider, 0)
     visitor.wait(lambda: 'No particles' in page.legend.content)
-    assert '/particles' not in page._nodes
+    assert not drawn(page, '/lava/')
 
 
 def test_lava_lies_on_the_ground_where_its_cells_are(frames):
     frame = frames.frame(3)
     ground, thickness = Ground(frame, relief(frame)), frame.layers['thickness'].values
-    assert ground.fit([thickness], frame.vents) and not ground.fit([thickness], frame.vents)
+    assert ground.fit(frame, frame.lava) and not ground.fit(frame, frame.lava)
     blocks = ground.blocks(ground.cut(frame).layers['thickness'].values)
-    (_, points, faces), = ground.lava(0.0 * blocks, blocks)
+    colours = np.where(np.isfinite(blocks)[..., None], [1, 2, 3, 255], 0).astype(np.uint8)
+    (colour, points, faces), = ground.lava(colours, blocks)
+    assert colour == (1, 2, 3, 255)
     assert len(faces) == 2 * np.isfinite(thickness).sum()
     corner = ground.placed(np.array([[-50.0, 70.0]]))[0]
     np.testing.assert_allclose(points[:, :2].min(axis=0), corner[:2], atol=1e-5)
@@ -269,7 +277,7 @@ def test_a_large_ground_is_sent_coarse_away_from_the_lava(frames, monkeypatch):
         monkeypatch.setattr(surface, 'MAX_CORNERS', most)
         monkeypatch.setattr(surface, 'COARSE', coarse)
         ground = Ground(frame, relief(frame))
-        ground.fit([frame.layers['thickness'].values], frame.vents)
+        ground.fit(frame, frame.lava)
         mesh = ground.mesh()
         np.testing.assert_allclose(np.ptp(mesh.vertices[:, :2], axis=0), [SIDE, 0.75 * SIDE])
         sizes.append(len(mesh.vertices))
@@ -282,7 +290,7 @@ def test_drapes_a_picture_with_north_at_the_top(frames, tmp_path):
     Image.fromarray(picture).save(tmp_path / 'north.png')
     frame = frames.frame(3)
     ground = Ground(frame, draped(str(tmp_path / 'north.png'))(frame))
-    ground.fit([], frame.vents)
+    ground.fit(frame, frame.lava)
     mesh = ground.mesh()
     image = np.asarray(mesh.visual.material.emissiveTexture)
     # a texture begins at the top, its coordinates at the bottom
@@ -339,7 +347,7 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     assert frames.status.level is Level.OK
     seen, expected = frames.frame(1), Recording(whole).frame_at(400.0)
     assert seen.time == 400.0 and frames.facts(1)['simulated_time_s'] == '400.0'
-    assert frames.particles(1) is None
+    assert not len(frames.particles(1))
     checkpoint = small_checkpoint(400.0, 5)
     monkeypatch.setattr('lava_ros.watch.frames.checkpoint_at', lambda path, time: checkpoint)
     # the origin of particles is the centre of the terrain, which is 4 m x 3 m
