@@ -308,7 +308,7 @@ class Page:
         """Show the ground around the lava from a direction."""
         if self._ground is not None:
             middle, size = self._ground.middle
-            self._client.camera.position = middle * self._scale + 1.1 * size * np.array(direction)
+            self._client.camera.position = middle * self._scale + 0.8 * size * np.array(direction)
             self._client.camera.look_at = middle * self._scale
 
     @property

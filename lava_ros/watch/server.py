@@ -89,6 +89,8 @@ class Server:
         # viser prints its own address
         with _guarded(listener), redirect_stdout(StringIO()):
             self._server = viser.ViserServer(ADDRESS, self.port, verbose=False)
+        # its light would change the colours of the legend
+        self._server.scene.configure_environment_map(None)
         for message in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
             self._server._websock_server.unregister_handler(message)
 

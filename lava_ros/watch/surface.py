@@ -89,7 +89,7 @@ class Ground:
         cells, points, faces = self._triangles(shown, self._edges, self._z)
         # the picture has its own light and shade
         material = PBRMaterial(
-            emissiveTexture=self._picture, emissiveFactor=[1.0, 1.0, 1.0],
+            emissiveTexture=self._picture, emissiveFactor=[0.85, 0.85, 0.85],
             baseColorFactor=[0, 0, 0, 255], metallicFactor=0.0, roughnessFactor=1.0,
         )
         visual = TextureVisuals(uv=(cells / self.terrain.shape)[:, ::-1], material=material)
