@@ -14,10 +14,10 @@ import math
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from viser import ClientHandle
 
 from lava_ros.errors import LavaError
-from lava_ros.files.pictures import read_picture
 from lava_ros.maps.colours import Scale, scale_of, STYLES
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
@@ -58,21 +58,21 @@ def relief(frame: Frame) -> np.ndarray:
 
 
 def draped(path: str) -> Callable[[Frame], np.ndarray]:
-    """Return a function like ``relief`` that returns the picture of a file.
-
-    A picture that is not georeferenced covers exactly the terrain.
+    """Return a function like ``relief`` that shows the picture of a file over the relief.
 
     Raises:
         LavaError: The file is not a readable picture.
     """
     placed = read_placed_picture(path, field='--drape')
-    if placed is None:
-        picture = np.asarray(read_picture('--drape', path, MAX_PIXELS).convert('RGB'))[::-1]
-        return lambda frame: picture
 
     def paint(frame: Frame) -> np.ndarray:
-        colours = placed.on(_coarse(frame).terrain, field='--drape')
-        return np.where(np.isfinite(colours), np.rint(colours), relief(frame)).astype(np.uint8)
+        cells, ground = _coarse(frame).terrain, Image.fromarray(relief(frame))
+        # a picture may show more than the cells of the terrain
+        fine = MAX_PIXELS // max(cells.shape)
+        ground = ground.resize((fine * ground.width, fine * ground.height))
+        part, size = np.zeros(ground.size[::-1]), cells.resolution / fine
+        colours = placed.on(replace(cells, elevation=part, resolution=size), field='--drape')
+        return np.where(np.isfinite(colours), np.rint(colours), ground).astype(np.uint8)
 
     return paint
 

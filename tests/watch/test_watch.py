@@ -325,8 +325,10 @@ def test_drapes_a_georeferenced_picture(frames, tmp_path, kind):
         ) as file:
             file.write(bands)
     colours = draped(str(path))(frame)
-    assert (colours[2:-2, 2:18] == (200, 40, 10)).all()
-    np.testing.assert_array_equal(colours[:, 22:], relief(frame)[:, 22:])
+    # the pixels are smaller than the cells
+    assert colours.shape == (1200, 1600, 3)
+    assert (colours[80:-80, 80:720] == (200, 40, 10)).all()
+    np.testing.assert_allclose(colours[20::40, 900::40], relief(frame)[:, 22:], atol=8)
 
 
 def test_a_bag_that_grows(tmp_path, monkeypatch):
