@@ -112,7 +112,6 @@ class Page:
         self._drawn: tuple[Any, ...] = ()
         self._labelled: tuple[Any, ...] = ()
         self._ground: Ground | None = None
-        self._frame: Frame | None = None
         self._nodes: dict[str, Any] = {}
         self._place: np.ndarray | None = None
         gui = client.gui
@@ -182,7 +181,7 @@ class Page:
         return value
 
     def _show(self, index: int) -> None:
-        self._frame = whole = self._frames.frame(index)
+        whole = self._frames.frame(index)
         maps = _maps(whole)
         names = {SHOWN[source][0]: source for source in SHOWN if source in maps} or {'-': ''}
         if self.choice.options != (*names,):
@@ -214,7 +213,8 @@ class Page:
         elif source:
             self._draw_lava(ground, _maps(frame), source)
         self._draw_labels(ground, frame)
-        self._draw_values()
+        if self._place is not None:
+            self.values.content = _table(_values(ground, maps, self._place))
 
     def _draw_lava(self, ground: Ground, maps: Mapping[str, np.ndarray], source: str) -> None:
         title, style = SHOWN[source]
@@ -250,6 +250,7 @@ class Page:
 
     def _draw_labels(self, ground: Ground, frame: Frame) -> None:
         labels = [*_vents(frame), *self._frames.places.items()][:MAX_LABELS]
+        labels += [] if self._place is None else [('●', self._place.tolist())]
         crests = [crest.tolist() for crest in barriers_of(frame)]
         # a label that is made again blinks
         wanted = (ground, labels, crests, self._scale)
@@ -270,37 +271,13 @@ class Page:
                 '/labels/barriers', at * self._scale, colors=_BARRIER, line_width=3.0
             )
 
-    def _draw_values(self) -> None:
-        """Write the values of the clicked place, and mark it."""
-        if self._place is None or self._ground is None or self._frame is None:
-            return
-        ground, place, maps = self._ground, self._place, _maps(self._frame)
-        rows = {
-            'x, y': f'{place[0]:.0f} m, {place[1]:.0f} m',
-            'Elevation': f'{ground.terrain.elevations_at(place):.0f} m',
-        }
-        for source, (title, style) in SHOWN.items():
-            if source in maps:
-                value = float(ground.terrain.values_at(maps[source], place))
-                words = f'{value:.3g} {STYLES[style].label}'
-                if math.isfinite(value):
-                    rows[title] = duration(value) if style == 'arrival' else words
-                else:
-                    rows[title] = 'none'
-        self.values.content = _table(rows)
-        self._client.scene.add_icosphere(
-            '/place', 0.004 * SIDE, color=(255, 255, 255), cast_shadow=False,
-            position=ground.placed(place[None])[0] * self._scale,
-        )
-
     def _click(self, event: Any) -> None:
         if self._ground is None:
             return
         ray = np.array([event.ray_origin, event.ray_direction]) / self._scale
         place = self._ground.hit(*ray)
         if place is not None:
-            self._place = place
-            self._draw_values()
+            self._place, self._drawn = place, ()
             if self._control and self.opens.value:
                 self._frames.open_vent(*place.tolist())
 
@@ -320,6 +297,23 @@ class Page:
         if name in self._nodes:
             self._nodes[name].remove()
         self._nodes[name] = self._client.scene.add_frame(name, show_axes=False)
+
+
+def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -> dict[str, str]:
+    """Return the elevation and the values of maps at a map position [m] as texts by title."""
+    rows = {
+        'x, y': f'{place[0]:.0f} m, {place[1]:.0f} m',
+        'Elevation': f'{ground.terrain.elevations_at(place):.0f} m',
+    }
+    for source, (title, style) in SHOWN.items():
+        if source in maps:
+            value = float(ground.terrain.values_at(maps[source], place))
+            words = f'{value:.3g} {STYLES[style].label}'
+            if math.isfinite(value):
+                rows[title] = duration(value) if style == 'arrival' else words
+            else:
+                rows[title] = 'none'
+    return rows
 
 
 def _box(markup: str, style: str = '') -> str:
