@@ -25,7 +25,7 @@ import numpy as np
 
 from lava_ros.maps.frames import Frame, LayerFrame
 from lava_ros.maps.layers import IMAGE, Layer
-from lava_ros.watch.frames import Frames, Level, Status
+from lava_ros.watch.frames import Frames
 from lava_ros.watch.server import Server
 from pages.report.devtools import Browser
 
@@ -35,8 +35,6 @@ SIDE, RATE, N_MAPS, N_TIMES = 2500, 5.0, 4, 600
 
 class Flow(Frames):
     """A lobe of lava of 100,000 cells whose thickness changes with time."""
-
-    status = Status(Level.OK, 'benchmark')
 
     def __init__(self) -> None:
         """Make the maps."""

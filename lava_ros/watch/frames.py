@@ -3,7 +3,6 @@
 
 """Frames of a live view: a growing list whose source has a status."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from enum import Enum
@@ -54,8 +53,8 @@ class Status(NamedTuple):
     words: str
 
 
-class Frames(ABC):
-    """Frames of one run, oldest first.
+class Frames:
+    """Frames of one run, oldest first. Subclasses have those of a bag or a node.
 
     Attributes:
         times: Simulated times of the frames [s]; None if unknown.
@@ -65,33 +64,36 @@ class Frames(ABC):
         heading: Title and summary of all frames; None to describe each.
     """
 
+    _status = Status(Level.OK, '')
+    _facts: Mapping[str, str] = {}
     heading: tuple[str, str] | None = None
 
-    def __init__(self) -> None:
-        """Initialize without frames."""
-        self.times: list[float | None] = []
+    def __init__(self, frames: Sequence[Frame] = ()) -> None:
+        """Initialize with frames that are in memory."""
+        self._frames = frames
+        self.times = [frame.time for frame in frames]
         self.version, self.answer = 0, ''
         self.places: Mapping[str, tuple[float, float]] = {}
 
     @property
-    @abstractmethod
     def status(self) -> Status:
         """Status of the source."""
+        return self._status
 
-    def poll(self) -> None:  # noqa: B027
+    def poll(self) -> None:
         """Read new data if there can be any; never raises an error for invalid data."""
 
-    @abstractmethod
     def frame(self, index: int) -> Frame:
         """Return the frame of ``times[index]``.
 
         Raises:
             LavaError: If the frame cannot be read.
         """
+        return self._frames[index]
 
     def facts(self, index: int) -> Mapping[str, str]:
         """Return the diagnostics at ``times[index]`` as texts by name."""
-        return {}
+        return self._facts
 
     def particles(self, index: int) -> np.ndarray:
         """Return the newest particles at or before ``times[index]``.
@@ -119,7 +121,7 @@ def watched_layers() -> list[Layer]:
 class EnsembleFrames(Frames):
     """The maps of an ensemble's folder as a single frame."""
 
-    status = Status(Level.OK, 'maps of an ensemble')
+    _status = Status(Level.OK, 'maps of an ensemble')
 
     def __init__(self, path: str | Path) -> None:
         """Read the maps.
@@ -127,28 +129,19 @@ class EnsembleFrames(Frames):
         Raises:
             LavaError: If the path is not the folder of a finished ensemble.
         """
-        super().__init__()
-        self._run = run = read_run(path)
-        self.times, self.version, self.heading = [None], 1, (run.title, run.summary)
+        run = read_run(path)
         layers = {}
         for name, panel in run.panels.items():
             source = ENSEMBLE_MAPS[name][0]
             layers[source] = LayerFrame(Layer(source, source, source, IMAGE), panel.values, False)
-        self._frame = replace(next(iter(run.panels.values())).frame, layers=layers)
-
-    def frame(self, index: int) -> Frame:
-        """Return the maps."""
-        return self._frame
-
-    def facts(self, index: int) -> Mapping[str, str]:
-        """Return the facts about the ensemble."""
-        return self._run.facts
+        super().__init__([replace(next(iter(run.panels.values())).frame, layers=layers)])
+        self.heading, self._facts = (run.title, run.summary), run.facts
 
 
 class BagFrames(Frames):
     """The frames of a bag, which may still be recording."""
 
-    status = Status(Level.WARN, 'no maps yet')
+    _status = Status(Level.WARN, 'no maps yet')
 
     def __init__(self, path: str | Path) -> None:
         """Open a bag.
@@ -182,9 +175,9 @@ class BagFrames(Frames):
             self._moments = self._recording.timeline.last_run
             self.times = [item.time for item in self._moments] or [None]
             self.places = self._recording.places
-            self.status = Status(Level.OK, f'recorded in {printable(str(self._path))}')
+            self._status = Status(Level.OK, f'recorded in {printable(str(self._path))}')
         except LavaError as error:
-            self.status = Status(Level.WARN, str(error))
+            self._status = Status(Level.WARN, str(error))
         self._size = size
         self.version += 1
         self._next_look = time.monotonic() + max(PERIOD, REST * (time.monotonic() - begun))

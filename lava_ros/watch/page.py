@@ -66,12 +66,13 @@ def draped(path: str) -> Callable[[Frame], np.ndarray]:
     placed = read_placed_picture(path, field='--drape')
 
     def paint(frame: Frame) -> np.ndarray:
-        cells, ground = _coarse(frame).terrain, Image.fromarray(relief(frame))
+        cells = _coarse(frame).terrain
         # a picture may show more than the cells of the terrain
         fine = MAX_PIXELS // max(cells.shape)
-        ground = ground.resize((fine * ground.width, fine * ground.height))
-        part, size = np.zeros(ground.size[::-1]), cells.resolution / fine
-        colours = placed.on(replace(cells, elevation=part, resolution=size), field='--drape')
+        shape, size = np.multiply(cells.shape, fine), cells.resolution / fine
+        ground = np.asarray(Image.fromarray(relief(frame)).resize(shape[::-1]))
+        target = replace(cells, elevation=np.zeros(shape), resolution=size)
+        colours = placed.on(target, field='--drape')
         return np.where(np.isfinite(colours), np.rint(colours), ground).astype(np.uint8)
 
     return paint

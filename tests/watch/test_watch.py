@@ -361,7 +361,7 @@ def test_a_bag_without_maps_waits(tmp_path):
 
 
 def test_an_ensemble_is_one_frame(frames, monkeypatch):
-    frame = replace(frames.frame(5), arrived=None)
+    frame = replace(frames.frame(5), arrived=None, time=None)
     values = frame.layers[PROBABILITY].values
     panels = {PROBABILITY: Panel(frame, 'probability', values, '')}
     run = SimpleNamespace(panels=panels, title='3 runs', summary='all', facts={'runs': '3'})
