@@ -13,6 +13,7 @@ from itertools import pairwise
 import math
 from typing import Any
 
+from matplotlib.colors import to_rgb
 import numpy as np
 from PIL import Image
 from viser import ClientHandle
@@ -21,7 +22,7 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.colours import Scale, scale_of, STYLES
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
-from lava_ros.maps.plot import barriers_of, duration, shaded_ground, titles
+from lava_ros.maps.plot import BARRIER, barriers_of, duration, shaded_ground, titles
 from lava_ros.pages.runs import ENSEMBLE_MAPS
 from lava_ros.scene.on_terrain import read_placed_picture
 from lava_ros.watch.frames import COMMANDS, Frames, Level, Status
@@ -45,8 +46,6 @@ MAX_PARTICLES, MAX_LABELS, MAX_PIXELS = 100_000, 200, 1600
 
 #: Height of a map above the ground in the view, so that the ground does not show through.
 LIFT = np.array([0.0, 0.0, 0.0005 * SIDE], dtype=np.float32)
-
-_BARRIER = (61, 43, 31)
 
 #: Directions from the middle of the lava to the camera.
 _VIEWS = {'From above': (0.0, -0.001, 1.0), 'From the south': (0.0, -0.8, 0.6)}
@@ -252,9 +251,9 @@ class Page:
     def _draw_labels(self, ground: Ground, frame: Frame) -> None:
         labels = [*_vents(frame), *self._frames.places.items()][:MAX_LABELS]
         labels += [] if self._place is None else [('●', self._place.tolist())]
-        crests = [crest.tolist() for crest in barriers_of(frame)]
+        ends = [pair for crest in barriers_of(frame) for pair in pairwise(crest.tolist())]
         # a label that is made again blinks
-        wanted = (ground, labels, crests, self._scale)
+        wanted = (ground, labels, ends, self._scale)
         if wanted == self._labelled:
             return
         self._labelled, scene = wanted, self._client.scene
@@ -265,12 +264,10 @@ class Page:
                 scene.add_label(
                     f'/labels/{number}', text, position=position, anchor='bottom-center'
                 )
-        if crests:
-            ends = np.array([pair for crest in crests for pair in pairwise(crest)])
-            at = (ground.placed(ends.reshape(-1, 2)) + 2.0 * LIFT).reshape(-1, 2, 3)
-            scene.add_line_segments(
-                '/labels/barriers', at * self._scale, colors=_BARRIER, line_width=3.0
-            )
+        if ends:
+            at = (ground.placed(np.reshape(ends, (-1, 2))) + 2.0 * LIFT).reshape(-1, 2, 3)
+            look = {'colors': to_rgb(BARRIER['color']), 'line_width': 3.0}
+            scene.add_line_segments('/labels/barriers', at, scale=self._scale, **look)
 
     def _click(self, event: Any) -> None:
         if self._ground is None:
