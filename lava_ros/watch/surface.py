@@ -19,7 +19,7 @@ from lava_ros.maps.plot import bounds_of
 from lava_ros.scene import Terrain
 
 #: Rows or columns of blocks along a side if there is no lava, and maximum number of corners.
-COARSE, MAX_CORNERS = 128, 500_000
+COARSE, MAX_CORNERS = 128, 250_000
 
 #: Length of the longer side of the ground in the view.
 SIDE = 10.0
