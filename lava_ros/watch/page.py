@@ -194,11 +194,15 @@ class Page:
         ground = self._ground
         if ground.fit(whole, whole.lava | is_shown):
             self._nodes['/ground'] = self._client.scene.add_mesh_trimesh(
-                '/ground', ground.mesh(), cast_shadow=False
+                '/ground', ground.mesh(), scale=self._scale, cast_shadow=False
             )
+        node, camera = self._nodes['/ground'], self._client.camera
         if is_first:
             self._look(_VIEWS['From the south'])
-        self._nodes['/ground'].scale = self._scale
+        elif node.scale != self._scale:
+            # the camera rises with the ground
+            rise = np.subtract(self._scale, node.scale) * ground.middle[0]
+            camera.position, node.scale = camera.position + rise, self._scale
         frame = ground.cut(whole)
         title, facts = map(escape, self._frames.heading or titles(frame))
         last = self._frames.times[-1]
@@ -306,7 +310,7 @@ def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -
     for source, (title, style) in SHOWN.items():
         if source in maps:
             value = float(ground.terrain.values_at(maps[source], place))
-            words = f'{value:.3g} {STYLES[style].label}'
+            words = f'{value:.4g} {STYLES[style].label}'
             if math.isfinite(value):
                 rows[title] = duration(value) if style == 'arrival' else words
             else:

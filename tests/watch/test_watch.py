@@ -245,6 +245,15 @@ def test_shows_particles_in_place_of_the_lava(visitor, page, frames):
     assert not drawn(page, '/lava/')
 
 
+def test_the_camera_rises_with_the_ground(visitor, page):
+    before = page._client.camera.position.copy()
+    visitor.press(page.stretch, 3.0)
+    visitor.wait(lambda: drawn(page)['/ground'].scale == (1.0, 1.0, 3.0))
+    rise = page._ground.middle[0] * (0.0, 0.0, 2.0)
+    assert rise[2] > 0.1
+    np.testing.assert_allclose(page._client.camera.position, before + rise)
+
+
 def test_lava_lies_on_the_ground_where_its_cells_are(frames):
     frame = frames.frame(3)
     ground, thickness = Ground(frame, relief(frame)), frame.layers['thickness'].values
