@@ -106,7 +106,7 @@ class Page:
             control: Whether the page can send commands to the node.
         """
         self._client, self._frames, self._picture = client, frames, picture
-        self._version, self._ticks, self._time = -1, 0, math.inf
+        self._version, self._ticks, self._time = -1, 0, 0.0
         self._problem: Status | None = None
         self._asked: deque[Callable[[], Any]] = deque(maxlen=8)
         self._drawn: tuple[Any, ...] = ()
@@ -164,20 +164,18 @@ class Page:
 
     def _move(self) -> int:
         """Move the slider with new frames if it is at its end, or while it plays."""
-        times, slider = self._frames.times, self.slider
+        slider, times = self.slider, [time or 0.0 for time in self._frames.times]
         last, value = len(times) - 1, int(slider.value)
         if self._version != self._frames.version:
             is_at_end = self._version < 0 or value >= slider.max
             self._version = self._frames.version
             slider.max, slider.disabled = max(last, 1), last == 0
-            before = sum(time is not None and time < self._time for time in times)
-            value = last if is_at_end else before
+            value = last if is_at_end else int(np.searchsorted(times, self._time))
         elif self.play.value:
             self._ticks += 1
             value += self._ticks % 2
         slider.value = value = min(value, last)
-        time = times[value]
-        self._time = math.inf if time is None else time
+        self._time = times[value]
         return value
 
     def _show(self, index: int) -> None:
@@ -310,11 +308,12 @@ def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -
     for source, (title, style) in SHOWN.items():
         if source in maps:
             value = float(ground.terrain.values_at(maps[source], place))
-            words = f'{value:.4g} {STYLES[style].label}'
-            if math.isfinite(value):
-                rows[title] = duration(value) if style == 'arrival' else words
-            else:
+            if not math.isfinite(value):
                 rows[title] = 'none'
+            elif style == 'arrival':
+                rows[title] = duration(value)
+            else:
+                rows[title] = f'{value:.4g} {STYLES[style].label}'
     return rows
 
 
