@@ -132,12 +132,12 @@ def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndar
 
 
 class PlacedPicture(NamedTuple):
-    """A georeferenced picture.
+    """A picture on the ground.
 
     Attributes:
         path: Path of its file.
         bands: Red, green and blue, uint8, masked arrays of shape [rows, columns].
-        place: Affine transformation of the rows and columns.
+        place: Affine transformation of the rows and columns; None covers exactly a terrain.
         crs: Coordinate system, None for that of the terrain.
     """
 
@@ -152,15 +152,23 @@ class PlacedPicture(NamedTuple):
         Raises:
             LavaError: As ``resampled``.
         """
+        from rasterio.transform import from_bounds
+
+        placed = self
+        if self.place is None:
+            (west, south), (rows, columns) = terrain.corner, terrain.shape
+            east, north = west + columns * terrain.resolution, south + rows * terrain.resolution
+            size = self.bands[0].shape[::-1]
+            placed = self._replace(place=from_bounds(west, south, east, north, *size), crs=None)
         colours = [
-            resampled(terrain, band, self, self.path, field=field, method='bilinear')
+            resampled(terrain, band, placed, self.path, field=field, method='bilinear')
             for band in (item.astype(np.float64).filled(np.nan) for item in self.bands)
         ]
         return np.stack(colours, axis=-1)
 
 
-def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
-    """Read a picture, a GeoTIFF, PNG or JPEG; return None if it is not georeferenced.
+def read_placed_picture(path: str, *, field: str) -> PlacedPicture:
+    """Read a picture: a GeoTIFF, PNG or JPEG, which may be georeferenced.
 
     A file of more than ``MAX_PIXELS`` a side is thinned. Errors name ``field``.
 
@@ -168,15 +176,15 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
         LavaError: If the file cannot be read, or does not have 8 bits a colour.
     """
     with open_raster(field, path, PICTURES) as source:
-        if source.transform.is_identity:
-            return None
-        _check_placed(field, path, source.transform)
+        if not source.transform.is_identity:
+            _check_placed(field, path, source.transform)
         if set(source.dtypes) != {'uint8'}:
             raise LavaError(field, path, f'8 bits a colour, not {source.dtypes[0]}')
         step = max(source.shape) // MAX_PIXELS + 1
         rows, columns = (-(-side // step) for side in source.shape)
         bands = source.read(out_shape=(source.count, rows, columns), masked=True)
         place = source.transform
+        is_placed = not place.is_identity
         place *= place.scale(source.width / columns, source.height / rows)
         if source.colorinterp[0].name == 'palette':
             palette = np.zeros((256, 4), np.uint8)
@@ -185,7 +193,7 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
             numbers = bands[0]
             bands = [np.ma.array(palette[numbers.data, i], mask=numbers.mask) for i in range(3)]
         bands = bands[:3] if len(bands) > 2 else [bands[0]] * 3
-        return PlacedPicture(path, bands, place, source.crs)
+        return PlacedPicture(path, bands, place if is_placed else None, source.crs)
 
 
 def resampled(
