@@ -121,6 +121,30 @@ def choice(field: str, value: object, allowed: Iterable[str]) -> str:
     return value
 
 
+def text(field: str, value: object, expected: str = 'text') -> str:
+    """Return ``value`` if it is text.
+
+    Raises:
+        LavaError: If it is not.
+    """
+    if not isinstance(value, str):
+        raise LavaError(field, value, expected)
+    return value
+
+
+def items(
+    field: str, value: object, expected: str, *, least: int = 0, most: int | None = None
+) -> list[tuple[str, Any]]:
+    """Return the items of a list, each after its name in errors.
+
+    Raises:
+        LavaError: If ``value`` is not a list of ``least`` to ``most`` items.
+    """
+    if not isinstance(value, list | tuple) or not least <= len(value) <= (most or len(value)):
+        raise LavaError(field, value, expected)
+    return [(f'{field}[{index}]', item) for index, item in enumerate(value)]
+
+
 def keys(
     field: str, value: object, *, allowed: Iterable[str], required: Iterable[str] = ()
 ) -> dict[str, object]:

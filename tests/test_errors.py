@@ -73,6 +73,16 @@ def test_pair_refuses_other_values(value):
         validation.pair('p', value)
 
 
+def test_items_and_texts_are_checked():
+    assert validation.items('a', [1, 'b'], 'a list') == [('a[0]', 1), ('a[1]', 'b')]
+    for value, least, most in (('ab', 0, None), ({}, 0, None), ([1], 2, None), ([1, 2, 3], 0, 2)):
+        with pytest.raises(LavaError, match='^a is .*, expected a list'):
+            validation.items('a', value, 'a list', least=least, most=most)
+    assert validation.text('a', 'b') == 'b'
+    with pytest.raises(LavaError, match='^a is 3, expected text'):
+        validation.text('a', 3)
+
+
 def test_keys_names_unknown_and_missing_keys():
     with pytest.raises(LavaError, match='vent.flux is 1.0, expected no such key; one of a, b'):
         validation.keys('vent', {'flux': 1.0}, allowed=['a', 'b'])

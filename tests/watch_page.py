@@ -15,7 +15,7 @@ import numpy as np
 import viser
 from websockets.sync.client import ClientConnection, connect
 
-from lava_ros.maps.frames import Frame, LayerFrame, Recording
+from lava_ros.maps.frames import LayerFrame, Recording
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, PROBABILITY
 from lava_ros.watch.frames import Frames, Level, Status
 from lava_ros.watch.page import Page
@@ -28,12 +28,11 @@ TIMES = [200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0]
 class Growing(Frames):
     """Six frames of a flow, the first ``count`` available; the last has probabilities."""
 
-    status = Status(Level.ERROR, 'no node answers <here>')
+    _status = Status(Level.ERROR, 'no node answers <here>')
 
     def __init__(self, folder: Path, count: int) -> None:
-        super().__init__()
         bag = record(folder / 'bag', TIMES, arrived=_arrived)
-        self._frames = list(Recording(bag).frames())
+        super().__init__(list(Recording(bag).frames()))
         layer = Layer('p', 'p', PROBABILITY, OCCUPANCY_GRID)
         last = self._frames[-1]
         likely = LayerFrame(layer, 10.0 * last.layers['thickness'].values, False)
@@ -47,15 +46,12 @@ class Growing(Frames):
         self.times = [frame.time for frame in self._frames[:count]]
         self.version += 1
 
-    def frame(self, index: int) -> Frame:
-        return self._frames[index]
-
     def facts(self, index: int) -> dict[str, str]:
         return {'<i>effects</i>': f'frame <{index}>'}
 
-    def particles(self, index: int) -> np.ndarray | None:
+    def particles(self, index: int) -> np.ndarray:
         """Three particles, from the second frame on."""
-        return np.array([[0.0, 90.0 + 5.0 * i, 900.0 + i] for i in range(3)]) if index else None
+        return np.array([[0.0, 90.0, 900.0], [0.0, 95.0, 901.0], [0.0, 100.0, 902.0]])[: 3 * index]
 
     def command(self, name: str) -> None:
         self.commands.append(name)

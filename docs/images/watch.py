@@ -11,7 +11,7 @@ running node:
     lava node --ros-args -p scene:=examples/etna.yaml -p record:=true -p bag_directory:=bags/film \
         -p time_scale:=2400.0 -p preset:=draft -p end_time:=43200.0 -p checkpoint_period:=1.0
     PYTHONPATH=tests python docs/images/watch.py bags/film
-    lava node --ros-args -p scene:=examples/uncertain.yaml -p forecast_horizon:=7200.0 \
+    lava node --ros-args -p scene:=examples/uncertain.yaml -p forecast_horizon:=2.0 \
         -p ensemble_members:=8 -p time_scale:=60.0 -p preset:=draft &
     PYTHONPATH=tests python docs/images/watch.py
 """
@@ -43,10 +43,13 @@ DURATION, COLOURS = 160, 255
 
 #: Movement of the mouse between two pictures [pixels], which turns the view, and of its wheel
 #: before the first one, which brings the lava nearer.
-TURN, WHEEL = 8, -900
+TURN, WHEEL = 8, -700
 
 #: Closes the notice that there is no GPU.
 CLOSE = 'document.querySelectorAll("[class*=Notification-closeButton]").forEach(e => e.click())'
+
+#: The button of the view from the south.
+SOUTH = '[...document.querySelectorAll("button")].find(e => /south/.test(e.textContent))'
 
 #: Number of pictures with particles at the end of the recording.
 N_PARTICLES = 4
@@ -60,10 +63,9 @@ class Camera:
         self._browser, self._server = browser, server
         browser.resize(*SIZE)
         browser.call('Page.navigate', url=f'http://127.0.0.1:{server.port}/')
-        while not (server.pages and self.page.title.content):
+        while not browser.evaluate(f'{SOUTH} != null'):
             self.draw()
-        self._mouse('mouseWheel', deltaX=0, deltaY=WHEEL)
-        self.draw(60)
+        self.approach()
         browser.evaluate(CLOSE)
         self.draw(20)
 
@@ -79,13 +81,20 @@ class Camera:
             self._browser.evaluate('0')
             time.sleep(0.05)
 
+    def approach(self) -> None:
+        """Look at the lava from the south, from near."""
+        self._browser.evaluate(f'{SOUTH}.click()')
+        self.draw(10)
+        self._mouse('mouseWheel', deltaX=0, deltaY=WHEEL)
+        self.draw(60)
+
     def turn(self) -> None:
         """Turn the view about the lava."""
         for kind, moved in (('mousePressed', 0), ('mouseMoved', TURN), ('mouseReleased', TURN)):
             self._mouse(kind, moved, button='left', clickCount=1)
 
     def _mouse(self, kind: str, moved: int = 0, **options: Any) -> None:
-        place = {'x': SIZE[0] // 3 + moved, 'y': SIZE[1] // 2}
+        place = {'x': SIZE[0] // 2 + moved, 'y': SIZE[1] // 2}
         self._browser.call('Input.dispatchMouseEvent', type=kind, **place, **options)
 
     def picture(self) -> Image.Image:
@@ -136,7 +145,8 @@ def main() -> None:
             while probability not in camera.page.choice.options:
                 camera.draw(10)
             camera.page.choice.value = probability
-            camera.draw(100)
+            camera.draw(20)
+            camera.approach()
             camera.picture().save(FOLDER / 'watch.png', optimize=True)
 
 

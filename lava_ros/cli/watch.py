@@ -57,7 +57,7 @@ def watch(args: argparse.Namespace) -> int:
         """Print when the source of the frames fails, and when it works again."""
         nonlocal was_bad
         level, words = frames.status
-        if was_bad != (level == level.ERROR):
+        if was_bad != (level.name == 'ERROR'):
             was_bad = not was_bad
             print(f'lava watch: {words}', file=sys.stderr, flush=True)
 

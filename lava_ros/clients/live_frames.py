@@ -29,7 +29,7 @@ from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.ros.outputs import BARRIERS, LABELS, PLACES
-from lava_ros.watch.frames import Frames, Level, Status, watched_layers
+from lava_ros.watch.frames import Frames, Level, NO_PARTICLES, Status, watched_layers
 
 #: Time without diagnostics after which the node counts as silent [s]; the normal period is 1 s.
 PATIENCE = 5.0
@@ -88,7 +88,7 @@ class LiveFrames(Watcher, Frames):
         self._info: MapMetaData | None = None
         self._elevation: np.ndarray | None = None
         self._frame_id = 'map'
-        self._particles: np.ndarray | None = None
+        self._particles = NO_PARTICLES
         self._sampling: Any = None
         self._wanted_at = 0.0
         self._vents: list[dict[str, Any]] = []
@@ -188,7 +188,7 @@ class LiveFrames(Watcher, Frames):
         """Return the newest sentence of each status of the node."""
         return self._statuses
 
-    def particles(self, index: int) -> np.ndarray | None:
+    def particles(self, index: int) -> np.ndarray:
         """Return the newest particles with the newest maps; the first call subscribes to them."""
         self._wanted_at = time.monotonic()
         if self._sampling is None:
@@ -196,7 +196,7 @@ class LiveFrames(Watcher, Frames):
             read = partial(self._read, topic, self._on_particles)
             profile = qos.ros_profile(qos.NEWEST)
             self._sampling = self._node.create_subscription(PointCloud2, topic, read, profile)
-        return self._particles if index == len(self.times) - 1 else None
+        return self._particles if index == len(self.times) - 1 else NO_PARTICLES
 
     def command(self, name: str) -> None:
         """Call a service of the node; its answer follows in ``answer``."""
@@ -315,7 +315,7 @@ class LiveFrames(Watcher, Frames):
         if moment.time < before.time:
             self.times.clear()
             self._maps.clear()
-            self._particles = None
+            self._particles = NO_PARTICLES
             before = moment
         for stamp in sorted(item for item in self._waiting if item <= moment.stamp_ns):
             maps = self._waiting.pop(stamp) | self._forecasts

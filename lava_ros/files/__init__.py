@@ -52,8 +52,8 @@ def open_input(path: str | Path) -> BinaryIO:
 
 
 def check_exists(field: str, path: Path) -> None:
-    """Raise LavaError, which names ``field``, if a file does not exist."""
-    if not os.path.exists(path):
+    """Raise LavaError, which names ``field``, if a file does not exist or is a folder."""
+    if not os.path.exists(path) or os.path.isdir(path):
         raise LavaError(field, str(path), 'a file that exists')
 
 

@@ -11,14 +11,24 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 import re
-from typing import Any
+from typing import Any, NoReturn
 import unicodedata
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
 
 _NONE: Mapping[str, float] = {}
-_LENGTH = {'m': 1.0, 'metres': 1.0, 'meters': 1.0, 'km': 1000.0}
+
+#: Units of length as ``normal_unit`` spells them [m].
+LENGTHS = {
+    'm': 1.0, 'km': 1000.0, 'cm': 0.01, 'ft': 0.3048, 'dm': 0.1,
+    **dict.fromkeys(('metre', 'metres', 'meter', 'meters'), 1.0),
+    **dict.fromkeys(('decimetre', 'decimetres', 'decimeter', 'decimeters'), 0.1),
+    **dict.fromkeys(('centimetre', 'centimetres', 'centimeter', 'centimeters'), 0.01),
+    **dict.fromkeys(('foot', 'feet', 'international_foot', 'international_feet'), 0.3048),
+    **dict.fromkeys(('us_ft', 'ftus', 'us_survey_foot', 'us_survey_feet', 'foot_us'),
+                    1200.0 / 3937.0),
+}
 _SECONDS = {
     's': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86400.0, 'sec': 1.0, 'second': 1.0, 'seconds': 1.0,
     'minute': 60.0, 'minutes': 60.0, 'hr': 3600.0, 'hrs': 3600.0, 'hour': 3600.0, 'hours': 3600.0,
@@ -46,7 +56,7 @@ _ERROR = {**_RATE, '%': 0.01, 'percent': 0.01}
 COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
     names.split()[0]: (tuple(names.split()), units)
     for units, *columns in (
-        (_LENGTH,
+        (LENGTHS,
          'x easting east utm_e utm_x utm_easting x_utm x_coord xcoord coord_x point_x x_init '
          'x_start easting_start x0 x1',
          'y northing north utm_n utm_y utm_northing y_utm y_coord ycoord coord_y point_y '
@@ -101,6 +111,7 @@ class Column:
         factor: Factor to SI.
         offset: Offset after the factor, for degrees Celsius.
         kind: ``dense-rock`` or ``bulk`` if the header has such a word, otherwise empty.
+        axis: ``longitude`` or ``latitude`` if the values are angles, otherwise empty.
     """
 
     header: str
@@ -108,9 +119,10 @@ class Column:
     factor: float = 1.0
     offset: float = 0.0
     kind: str = ''
+    axis: str = ''
 
     def number(self, where: str, value: object, **limits: Any) -> float:
-        """Return a value in SI units.
+        """Return a value in SI units, or an angle in degrees.
 
         ``limits`` are those of ``validation.number`` in SI units.
 
@@ -118,8 +130,15 @@ class Column:
             LavaError: If the value is not valid. The error names ``where`` and the header.
         """
         label = f'{where}, {self.header}'
+        if self.axis:
+            # a comma in a cell is a decimal comma
+            return angle(label, str(value).replace(',', '.'), self.axis)
         result = validation.number(label, value) * self.factor + self.offset
         return validation.number(label, result, **limits)
+
+    def refuse(self, where: str, value: object, expected: str) -> NoReturn:
+        """Raise LavaError for a value, with ``where`` and the header."""
+        raise LavaError(f'{where}, {self.header}', value, expected)
 
 
 def understood(
@@ -155,14 +174,15 @@ def understood(
         units = COLUMNS[name][1]
         # brackets after a name do not contain a unit
         unit = unit if units else ''
-        if unit and _unit(unit) not in units:
+        if unit and normal_unit(unit) not in units:
             known = ', '.join(list(units)[:4]).replace('_per_', '/')
             field = f'unit of the column {header} of {where}'
             raise LavaError(field, unit, f'a unit such as {known}')
-        number = units.get(_unit(unit), 1.0) if unit else 1.0
+        number = units.get(normal_unit(unit), 1.0) if unit else 1.0
         is_shift = name == 'temperature'
         found[name] = Column(
-            header, unit, 1.0 if is_shift else number, number if is_shift and unit else 0.0, kind
+            header, unit, 1.0 if is_shift else number, number if is_shift and unit else 0.0, kind,
+            {'lon': 'longitude', 'lat': 'latitude'}.get(name[:3], ''),
         )
     return found, [header for header, *_ in read if header in others]
 
@@ -178,8 +198,8 @@ def _parts(header: str) -> tuple[list[str], str, str]:
     kind = next((_KINDS[word] for word in words if word in _KINDS), '')
     if kind and len(words) > 1:
         words = [word for word in words if word not in _KINDS]
-    if _unit(unit) in _KINDS:
-        unit, kind = '', _KINDS[_unit(unit)]
+    if normal_unit(unit) in _KINDS:
+        unit, kind = '', _KINDS[normal_unit(unit)]
     for count in range(len(words), 0, -1):
         base, rest = '_'.join(words[:count]), '_'.join(words[count:])
         names = [name for name, (known, _) in COLUMNS.items() if base in known]
@@ -189,7 +209,7 @@ def _parts(header: str) -> tuple[list[str], str, str]:
                 name for name, (known, _) in COLUMNS.items()
                 if any(item.startswith(base) for item in known)
             ][:1]
-        if names and (not rest or (not unit and _unit(rest) in COLUMNS[names[0]][1])):
+        if names and (not rest or (not unit and normal_unit(rest) in COLUMNS[names[0]][1])):
             return names, unit or rest, kind
     # a column of hours or days
     if not unit and len(words) == 1 and words[0] in _SECONDS and len(words[0]) > 2:
@@ -197,8 +217,8 @@ def _parts(header: str) -> tuple[list[str], str, str]:
     return [], unit, kind
 
 
-def _unit(text: str) -> str:
-    """Normalise a unit to its spelling in the tables above."""
+def normal_unit(text: str) -> str:
+    """Return the spelling of a unit in the tables of this module."""
     text = unicodedata.normalize('NFKC', text).lower().replace('°', 'deg').replace('^', '')
     text = text.replace('/', '_per_').strip()
     return '%' if text == '%' else re.sub(r'[^a-z0-9]+', '_', text).strip('_')

@@ -3,7 +3,7 @@
 
 """Reader of untrusted rasters, which chooses the GDAL driver by the contents of the file."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 import mmap
 from pathlib import Path
@@ -159,12 +159,12 @@ def open_raster(
             rasterio is not installed.
     """
     require('rasterio', field, str(path))
-    from rasterio.errors import RasterioError
+    from rasterio.errors import CRSError, RasterioError
 
     # an absolute path cannot be a URL
     place = Path(path).absolute()
     # an error of GDAL may contain bytes of a damaged file
-    kinds = (RasterioError, OSError, UnicodeDecodeError)
+    kinds = (CRSError, RasterioError, OSError, UnicodeDecodeError)
     with refusing(field, str(path), 'a raster that GDAL can read', *kinds):
         kind = _format_of(field, place, formats)
         if kind.driver == 'VRT':
@@ -236,15 +236,12 @@ def _without_undecodable_errors() -> Iterator[None]:
     """Prevent Python from printing GDAL errors that contain bytes which are not text."""
     hooks = sys.excepthook, sys.unraisablehook
 
-    def report(kind: Any, error: Any, traceback: Any) -> None:
+    def report(hook: Callable[..., None], error: object, *found: Any) -> None:
         if not isinstance(error, UnicodeDecodeError):
-            hooks[0](kind, error, traceback)
+            hook(*found)
 
-    def report_ignored(error: Any) -> None:
-        if not isinstance(error.exc_value, UnicodeDecodeError):
-            hooks[1](error)
-
-    sys.excepthook, sys.unraisablehook = report, report_ignored
+    sys.excepthook = lambda *found: report(hooks[0], found[1], *found)
+    sys.unraisablehook = lambda found: report(hooks[1], found.exc_value, found)
     try:
         yield
     finally:

@@ -7,7 +7,6 @@ GDAL reads a file from memory, so that it cannot open other files to which the f
 """
 
 from collections.abc import Mapping, Sequence
-import csv
 import io
 import json
 import logging
@@ -21,6 +20,7 @@ import zipfile
 
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import check_exists, open_input, warn_of_unknown, write_output
+from lava_ros.files.csv import format_table
 from lava_ros.files.optional import require
 
 _LOG = logging.getLogger(__name__)
@@ -209,8 +209,6 @@ def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
 def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
     """Return the format of a file, and its bytes for GDAL; a Shapefile becomes an archive."""
     ending = _ending(path)
-    if f'.{ending}' not in ENDINGS:
-        raise LavaError(field, str(path), f'a file whose name ends with {" or ".join(ENDINGS)}')
     check_exists(field, path)
     journal = path.with_name(f'{path.name}-wal')
     with refusing(field, str(path), 'a readable file'):
@@ -363,7 +361,7 @@ def geometries_of_wkt(field: str, texts: Sequence[str]) -> list[Mapping[str, Any
         # the caller reports invalid text
         warnings.simplefilter('ignore')
         place = Path(temporary, 'a.csv')
-        with place.open('w', newline='', encoding='utf-8') as file:
-            csv.writer(file).writerows([('WKT', 'row'), *((text, 0) for text in texts)])
+        rows = ({'WKT': text, 'row': 0} for text in texts)
+        place.write_text(format_table(['WKT', 'row'], rows), encoding='utf-8')
         meta, _, geometry, values = raw.read(place, force_2d=True)
     return [item['geometry'] for item in _as_geojson(meta, geometry, values)]

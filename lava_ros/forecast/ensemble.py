@@ -15,7 +15,7 @@ import numpy as np
 
 import lava_ros
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
@@ -229,15 +229,15 @@ def run_on_cluster(
             for part in _parts(members, batch_of(plan, device))
         }
         for future in as_completed(list(running)):
-            index = running.pop(future)
-            try:
-                yield from future.result()
-            except KilledWorker as error:
-                expected = f'one that does not end its worker; {DEATHS + 1} died (out of memory?)'
-                raise LavaError(f'member {index}', str(error), expected) from error
-            except (ImportError, OSError) as error:
-                expected = f'workers that can run lava_ros ({error})'
-                raise LavaError('--scheduler', scheduler, expected) from error
+            member = f'member {running.pop(future)}'
+            expected = f'one that does not end its worker; {DEATHS + 1} died: out of memory?'
+            with (
+                refusing(member, 'killed with its worker', expected, KilledWorker),
+                refusing('--scheduler', scheduler, 'workers that can run lava_ros',
+                         ImportError, OSError),
+            ):
+                footprints = future.result()
+            yield from footprints
             future.release()
 
 
@@ -251,20 +251,16 @@ def _client(scheduler: str) -> Iterator[Any]:
     with config.set(settings), warnings.catch_warnings():
         # a terrain is larger than Dask expects for a task
         warnings.filterwarnings('ignore', message='Sending large graph')
-        try:
+        expected = 'the address of a Dask scheduler, such as tcp://host:8786'
+        with refusing('--scheduler', scheduler, expected, OSError, ValueError, TypeError):
             client = Client(scheduler, timeout=PATIENCE)
-        except (OSError, ValueError, TypeError) as error:
-            expected = f'the address of a Dask scheduler, such as tcp://host:8786 ({error})'
-            raise LavaError('--scheduler', scheduler, expected) from error
         with client:
-            try:
+            expected = 'a scheduler with workers that have lava_ros installed'
+            # before Python 3.11 a TimeoutError of asyncio is not an OSError
+            kinds = (TimeoutError, OSError, ImportError)
+            with refusing('--scheduler', scheduler, expected, *kinds):
                 client.wait_for_workers(1, timeout=PATIENCE)
                 versions = client.run(_version)
-            except (TimeoutError, OSError) as error:
-                raise LavaError('--scheduler', scheduler, 'a scheduler with workers') from error
-            except ImportError as error:
-                expected = 'workers with lava_ros installed'
-                raise LavaError('--scheduler', scheduler, expected) from error
             for worker, version in versions.items():
                 if version != lava_ros.__version__:
                     expected = f'lava_ros {lava_ros.__version__}, as here'

@@ -4,6 +4,7 @@
 """Folder of an ensemble: its description, its finished members, and maps made of them."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 import hashlib
 import json
@@ -14,10 +15,9 @@ from typing import Any, NoReturn
 import numpy as np
 
 import lava_ros
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input, write_output, writing
 from lava_ros.files.npz import read_arrays
-from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.assimilation import UNIT, Weights
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, NEVER
@@ -67,7 +67,8 @@ class Store:
             'posterior': None if posterior is None else posterior.digest,
         }
         path = folder / MANIFEST
-        try:
+        # a ValueError is text that is not UTF-8 or JSON
+        with refusing('--output', str(folder), 'a folder to write to', OSError, ValueError):
             if path.exists():
                 known = json.loads(path.read_text(encoding='utf-8'))
                 self.plan = plan.switching_on(_switched_on(known))
@@ -77,9 +78,6 @@ class Store:
                 raise LavaError('--output', str(folder), expected)
             self._members.mkdir(parents=True, exist_ok=True)
             self.write_manifest(folder)
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            expected = f'a folder to write to ({error})'
-            raise LavaError('--output', str(folder), expected) from error
 
     def restart(self, called: Sequence[CalledEffect]) -> None:
         """Delete all members, and add effects to the plan.
@@ -88,13 +86,10 @@ class Store:
             LavaError: If the folder cannot be written.
         """
         self.plan = self.plan.switching_on(called)
-        try:
+        with refusing('--output', str(self._folder), 'a folder to write to', OSError):
             # members first, because the new description is not that of the old members
             for path in self._members.glob('*.npz'):
                 path.unlink()
-        except OSError as error:
-            expected = f'a folder to write to ({error})'
-            raise LavaError('--output', str(self._folder), expected) from error
         self.write_manifest(self._folder)
 
     def write(self, footprint: Footprint) -> None:
@@ -184,16 +179,15 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
         LavaError: If a member is missing or damaged, or the weights cannot be read.
     """
     weights = [1] * members
-    try:
-        with open_input(folder / WEIGHTS) as file:
-            weights = parse_json(WEIGHTS, file.read().decode())
+    file = folder / WEIGHTS
+    with (
+        refusing('ensemble', str(file), 'the weights of the members'),
+        suppress(FileNotFoundError),
+        open_input(file) as opened,
+    ):
+        weights = json.loads(opened.read())
         if not all(type(weight) is int and 0 <= weight <= UNIT for weight in weights):
             raise ValueError(f'a weight is not a whole number from 0 to {UNIT}')
-    except FileNotFoundError:
-        pass
-    except (OSError, TypeError, ValueError) as error:
-        expected = f'the weights of the members ({error})'
-        raise LavaError('ensemble', str(folder / WEIGHTS), expected) from error
     tally = EnsembleAccumulator(plan, places)
     where = folder if (folder / 'members').is_dir() else folder.parent
 

@@ -15,10 +15,8 @@ the parameters come from the same weights as those of ensemble members.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-import csv
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from io import StringIO, TextIOWrapper
 import math
 from pathlib import Path
 import time
@@ -27,7 +25,8 @@ from typing import Any
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.files import open_input, write_output
+from lava_ros.files import write_output
+from lava_ros.files.csv import format_table, read_table
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import effective_members, weigh
 from lava_ros.forecast.pool import Pool
@@ -374,14 +373,12 @@ def write_samples(
     path: Path, parameters: Sequence[FreeParameter], samples: Sequence[ParameterSample]
 ) -> None:
     """Write the table of runs; raise LavaError if that fails."""
-    names, text = [item.name for item in parameters], StringIO()
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow([*names, 'case', *COLUMNS])
-    for sample in samples:
-        values = [repr(sample.values[name]) for name in names]
-        for case, numbers in sample.numbers.items():
-            writer.writerow([*values, case, *(repr(numbers[name]) for name in COLUMNS)])
-    write_output('output', path, text.getvalue())
+    names = [item.name for item in parameters]
+    rows = (
+        {name: sample.values[name] for name in names} | {'case': case, **numbers}
+        for sample in samples for case, numbers in sample.numbers.items()
+    )
+    write_output('output', path, format_table([*names, 'case', *COLUMNS], rows))
 
 
 def read_samples(
@@ -392,8 +389,7 @@ def read_samples(
         return []
     names = [item.name for item in parameters]
     try:
-        with TextIOWrapper(open_input(path), newline='', encoding='utf-8') as file:
-            rows = list(csv.DictReader(file))
+        rows = [row for _, row in read_table('output', path, [*names, 'case', *COLUMNS])]
         samples = []
         for first in range(0, len(rows), len(cases)):
             part = rows[first : first + len(cases)]
@@ -403,9 +399,9 @@ def read_samples(
             values = {name: float(part[0][name]) for name in names}
             samples.append(ParameterSample(values, numbers))
         return samples
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except ValueError as error:
         expected = f'a table of runs with {", ".join(names)} of {", ".join(cases)}, or --fresh'
-        expected += f' ({error!r})'
+        expected += f' ({error})'
         raise LavaError('output', str(path), expected) from error
 
 

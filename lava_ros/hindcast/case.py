@@ -8,7 +8,7 @@ Coordinates are those of the elevation. Times are in seconds since time 0 of ``e
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from datetime import timedelta, timezone
+from datetime import timedelta
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.yaml import read_yaml
 from lava_ros.hindcast.outlines import Outline, read_outlines
 from lava_ros.hindcast.tables import (
@@ -205,7 +205,11 @@ def load_case(
     width = validation.number('case.low_pass', options.get('low_pass', 0.0), at_least=0.0)
     first, last = rates[0].start, rates[-1].end
     start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')
-    onset = _onset(choices.start, start)
+    onset = None
+    if choices.origin is not None:
+        expected = 'a time [s] at which the year is from 1 to 9999'
+        with refusing('case.start', start, expected, OverflowError):
+            onset = Onset(choices.origin + timedelta(seconds=start))
     outlines: tuple[Outline, ...] = ()
     footprints = partial(_footprint, ground=ground)
     if 'outlines' in options:
@@ -261,18 +265,6 @@ def load_case(
         onset=onset,
         outlines=outlines,
     )
-
-
-def _onset(first: str | None, start: float) -> Onset | None:
-    if first is None:
-        return None
-    zero = validation.date('case.effusion_rate.start', first, 'a date')
-    zero = zero if zero.tzinfo else zero.replace(tzinfo=timezone.utc)
-    try:
-        return Onset(zero + timedelta(seconds=start))
-    except OverflowError as error:
-        expected = 'a time [s] at which the year is from 1 to 9999'
-        raise LavaError('case.start', start, expected) from error
 
 
 def _options(folder: Path) -> dict[str, Any]:

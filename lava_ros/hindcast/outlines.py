@@ -46,20 +46,16 @@ def read_outlines(
     Raises:
         LavaError: If a value or a file cannot be used, or times do not increase.
     """
-    if not isinstance(items, list) or not items:
-        raise LavaError('case.outlines', items, 'a list of outlines, at least one')
     outlines: list[Outline] = []
-    for index, item in enumerate(items):
-        where = f'case.outlines[{index}]'
+    expected = 'a list of outlines, at least one'
+    for where, item in validation.items('case.outlines', items, expected, least=1):
         data = validation.keys(where, item, required=['time', 'file'], allowed=['time', 'file'])
         time = time_of_outline(f'{where}.time', data['time'], start, onset)
         least = outlines[-1].time if outlines else 0.0
         if time <= least:
             expected = f'a time after {"the outline before" if outlines else "the start"}'
             raise LavaError(f'{where}.time', data['time'], expected)
-        if not isinstance(data['file'], str):
-            raise LavaError(f'{where}.file', data['file'], 'the name of a file, text')
-        path = folder / data['file']
+        path = folder / validation.text(f'{where}.file', data['file'], 'the name of a file')
         if not path.is_file():
             raise LavaError(f'{where}.file', data['file'], f'a file in {folder}')
         text = f'{start + time:.10g} s' if onset is None else onset.utc(time)

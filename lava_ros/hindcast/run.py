@@ -17,7 +17,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.effects import EFFECTS
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import replacing, write_output
 from lava_ros.files.npz import read_arrays
 from lava_ros.hindcast.case import Case
@@ -280,7 +280,7 @@ class Run:
         folder = self._folder
         if folder is None:
             return
-        try:
+        with refusing('output', str(folder), 'a folder to write to', OSError):
             folder.mkdir(parents=True, exist_ok=True)
             for index, snapshot in enumerate(self._new, self._maps):
                 _write(folder / f'map_{index:04d}.npz', snapshot)
@@ -298,12 +298,11 @@ class Run:
             }
             write_output('output', folder / 'run.json', json.dumps(plain))
             (folder / f'checkpoint_{self._stored - 1:04d}').unlink(missing_ok=True)
-        except OSError as error:
-            raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
         self._stored_at = wall_clock.monotonic()
 
     def _resumed(self, folder: Path) -> Simulation:
-        try:
+        expected = 'a complete unfinished run; --fresh starts again from time 0'
+        with refusing('output', str(folder), expected, OSError, KeyError, ValueError):
             plain = json.loads((folder / 'run.json').read_text(encoding='utf-8'))
             if plain['identity'] != self._identity():
                 expected = 'a folder without an unfinished run of another case or of other '
@@ -311,11 +310,6 @@ class Run:
                 raise LavaError('output', str(folder.parent), expected)
             self._maps, self._stored = int(plain['maps']), int(plain['stored'])
             checkpoint = from_bytes((folder / f'checkpoint_{self._stored:04d}').read_bytes())
-        except LavaError:
-            raise
-        except (OSError, KeyError, ValueError) as error:
-            expected = f'a complete unfinished run; --fresh starts again from time 0 ({error})'
-            raise LavaError('output', str(folder), expected) from error
         for snapshot in self.kept():
             np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
         self._wall_time = float(plain['wall_time'])
@@ -344,7 +338,8 @@ def _write(path: Path, snapshot: Snapshot) -> None:
 
 
 def _read(path: Path, terrain: Terrain) -> Snapshot:
-    try:
+    expected = 'a map of an earlier run; --fresh starts again from time 0'
+    with refusing('output', str(path), expected, OSError, KeyError, TypeError, ValueError):
         arrays = read_arrays('output', path)
         plain = json.loads(arrays['plain'].tobytes())
         return Snapshot(
@@ -355,6 +350,3 @@ def _read(path: Path, terrain: Terrain) -> Snapshot:
             steps=StepReport(**plain['steps']),
             **{name: arrays[name] for name in GRIDS if name in arrays},
         )
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        expected = f'a map of an earlier run; --fresh starts again from time 0 ({error})'
-        raise LavaError('output', str(path), expected) from error

@@ -7,7 +7,7 @@ All numbers are invariant if both are rotated by 90 degrees or mirrored.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from heapq import heappop, heappush
 import math
 
@@ -159,15 +159,8 @@ def score_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineSco
         found = score_case(
             replace(case, footprint=outline.footprint), snapshots[0].thickness, inundated
         )
-        scores.append(OutlineScore(
-            outline=outline.text,
-            time=outline.time,
-            jaccard=found.jaccard,
-            recall=found.recall,
-            precision=found.precision,
-            area_error=found.area_error,
-            length_error=found.length_error,
-        ))
+        known = {item.name: getattr(found, item.name) for item in fields(OutlineScore)[2:]}
+        scores.append(OutlineScore(outline.text, outline.time, **known))
     return scores
 
 

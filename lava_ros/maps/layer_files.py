@@ -32,7 +32,7 @@ from lava_ros.maps.layers import (
     ZERO_CELSIUS,
 )
 from lava_ros.scene import MAX_SIDE_CELLS
-from lava_ros.validation import choice, flag, keys, number, whole
+from lava_ros.validation import choice, flag, items, keys, number, whole
 
 #: Full names of message types, by the names in a file.
 MESSAGES = {
@@ -196,15 +196,6 @@ def _refuse(where: str, data: Mapping[str, object], names: Iterable[str], expect
             raise LavaError(f'{where}.{key}', data[key], expected)
 
 
-def _listed(
-    where: str, value: object, expected: str, least: int = 2, most: int = 2
-) -> list[tuple[str, object]]:
-    """Return the items of a list, each with its name in errors."""
-    if not isinstance(value, list | tuple) or not least <= len(value) <= most:
-        raise LavaError(where, value, expected)
-    return [(f'{where}[{index}]', item) for index, item in enumerate(value)]
-
-
 def _scaling(where: str, data: Mapping[str, object], quantity: str) -> dict[str, Any]:
     """Return the fields of a layer for the values of an occupancy grid."""
     unit = _UNITS[quantity]
@@ -221,13 +212,14 @@ def _scaling(where: str, data: Mapping[str, object], quantity: str) -> dict[str,
         return {}
     ends = data.get('scale', (100, 0) if quantity == ARRIVAL else (0, 100))
     expected = 'two whole numbers, the grid values at the ends of range'
-    scale = tuple(SCALE_CHECK(*item) for item in _listed(f'{where}.scale', ends, expected))
+    two = partial(items, least=2, most=2)
+    scale = tuple(SCALE_CHECK(*item) for item in two(f'{where}.scale', ends, expected))
     if max(scale) == 0:
         raise LavaError(f'{where}.scale', ends, 'a value above 0 at one end: 0 means no lava')
     if 'range' not in data and quantity in (ARRIVAL, 'hazard'):
         return {'scale': scale, 'range': None if quantity == ARRIVAL else (0.0, 100.0)}
     expected = f'two numbers [low, high] {unit}'
-    first, second = _listed(f'{where}.range', data.get('range'), expected)
+    first, second = two(f'{where}.range', data.get('range'), expected)
     low = RANGE_CHECK(*first, unit=unit)
     high = RANGE_CHECK(*second, at_least=None, above=low, unit=unit)
     return {'scale': scale, 'range': (low, high)}
@@ -236,7 +228,7 @@ def _scaling(where: str, data: Mapping[str, object], quantity: str) -> dict[str,
 def _classes(where: str, value: object, unit: str) -> tuple[float, ...]:
     expected = f'1 to {MAX_CLASSES - 1} numbers {unit}, each larger than the previous'
     bounds: list[float] = []
-    for field, item in _listed(where, value, expected, least=1, most=MAX_CLASSES - 1):
+    for field, item in items(where, value, expected, least=1, most=MAX_CLASSES - 1):
         bounds.append(number(field, item, above=bounds[-1] if bounds else 0.0, unit=unit))
     return tuple(bounds)
 

@@ -14,6 +14,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
+from lava_ros.scene.reshaping import squared_distance
 
 #: Kind of place by type of feature.
 KINDS = {'Point': 'point', 'LineString': 'line', 'Polygon': 'area'}
@@ -266,15 +267,8 @@ def front_distances(places: Places, inundated: np.ndarray, terrain: Terrain) -> 
     step = max(_MAX_BAND_CELLS // len(middles), 1)
     for first in range(0, len(segments), step):
         part = np.s_[first : first + step]
-        np.minimum.at(result, owner[part], _distances(segments[part], middles))
+        # the ends of each segment are pairs of columns: [2, segments, 1]
+        start, end = segments[part].transpose(1, 2, 0)[..., None]
+        near = squared_distance(middles[:, 0], middles[:, 1], start, end).min(axis=1)
+        np.minimum.at(result, owner[part], np.sqrt(near))
     return result
-
-
-def _distances(segments: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the distance of each segment [count, 2, 2] from the nearest of places [places, 2]."""
-    start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
-    x, y = (places[:, axis] - start[:, axis, None] for axis in (0, 1))
-    length = np.maximum(np.square(along).sum(axis=1), 1e-30)[:, None]
-    fraction = np.clip((x * along[:, :1] + y * along[:, 1:]) / length, 0.0, 1.0)
-    squares = np.square(x - fraction * along[:, :1]) + np.square(y - fraction * along[:, 1:])
-    return np.asarray(np.sqrt(squares.min(axis=1)))

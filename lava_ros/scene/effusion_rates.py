@@ -80,6 +80,11 @@ class Options:
                 raise LavaError('effusion_rate.porosity', self.porosity, 'at least 0 and below 1')
             object.__setattr__(self, 'porosity', value)
 
+    @property
+    def origin(self) -> datetime | None:
+        """Date of time 0, in UTC unless it has a time zone; None if it is not given."""
+        return None if self.start is None else _date('effusion_rate.start', self.start)
+
 
 def read_effusion_rates(
     field: str, path: str | Path, options: Options | None = None
@@ -114,26 +119,25 @@ def read_effusion_rates(
     if amount == 'cumulative_volume' and 'error' in columns:
         _LOG.warning(f'{path}: errors of a cumulative volume are not used')
     factor = _bulk_factor(path, columns[amount], options)
-    clock = _Clock(options.start)
+    clock = _Clock(options.origin)
     read = []
     for where, row in rows:
-        when = [clock.seconds(where, columns[name], row[columns[name].header]) for name in times]
-        value, error = _number(where, columns[amount], row, options.gaps is not None), None
-        if value is not None and 'error' in columns:
-            error = _number(where, columns['error'], row, True)
-            if error is not None and columns['error'].unit in ('%', 'percent'):
-                error *= value
-        if value is None and options.gaps == 'interpolate' and times == ['time']:
+        when = [clock.seconds(where, columns[name], row) for name in times]
+        rate = _number(where, columns[amount], row, options.gaps is not None)
+        error = _number(where, columns['error'], row, True) if 'error' in columns else math.nan
+        if 'error' in columns and columns['error'].unit in ('%', 'percent'):
+            error *= rate
+        if math.isnan(rate) and options.gaps == 'interpolate' and times == ['time']:
             _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
         else:
-            read.append(_Row(where, when[0], when[-1], value, error))
+            read.append(_Row(where, when[0], when[-1], rate, error))
     result = []
-    for item in _intervals(str(path), read, columns, amount, options.gaps):
-        rate = (item.value or 0.0) * factor
-        if not 0.0 <= rate <= MAX_DISCHARGE:
-            label = f'{item.where}, {columns[amount].header}'
-            raise LavaError(label, rate, f'0 to {MAX_DISCHARGE:g} m3/s')
-        result.append(Interval(item.start, item.end, rate, item.error and item.error * factor))
+    for item in _mean_rates(str(path), read, columns, amount, options.gaps):
+        rate, error = item.value * factor, item.error * factor
+        if rate > MAX_DISCHARGE:
+            columns[amount].refuse(item.where, rate, f'0 to {MAX_DISCHARGE:g} m3/s')
+        known_error = None if math.isnan(error) else error
+        result.append(Interval(item.start, item.end, rate, known_error))
     if not any(interval.discharge > 0.0 for interval in result):
         raise LavaError(str(path), 'a table without lava', 'an effusion rate above 0 at some time')
     kind = 'cumulative volumes' if amount == 'cumulative_volume' else (
@@ -175,27 +179,37 @@ def instants_to_series(
     where: str, instants: Sequence[tuple[float, float]]
 ) -> tuple[tuple[float, float], ...]:
     """Return a series of rates [m3/s], the means of linear changes between instants [s]."""
-    rows = [_Row(where, time, time, rate, None) for time, rate in instants]
-    found = _intervals(where, rows, {'time': Column('time')}, 'effusion_rate', None)
-    return series_of_rates([Interval(row.start, row.end, row.value or 0.0) for row in found])
+    rows = [_Row(where, time, time, rate) for time, rate in instants]
+    found = _mean_rates(where, rows, {'time': Column('time')}, '', None)
+    return series_of_rates([Interval(row.start, row.end, row.value) for row in found])
+
+
+class _Row(NamedTuple):
+    """A row: label in errors, times [s], and rate [m3/s] or volume [m3], NaN if missing."""
+
+    where: str
+    start: float
+    end: float
+    value: float
+    error: float = math.nan
 
 
 class _Clock:
     """Converter of times in a table to seconds since the start, or since the first date."""
 
-    def __init__(self, start: str | None) -> None:
-        self.origin = None if start is None else _date('effusion_rate.start', start)
+    def __init__(self, origin: datetime | None) -> None:
+        self.origin = origin
         self._is_date: bool | None = None
 
-    def seconds(self, where: str, column: Column, text: str) -> float:
-        """Return the time [s] of a cell."""
-        label, date = f'{where}, {column.header}', None
+    def seconds(self, where: str, column: Column, row: Mapping[str, str]) -> float:
+        """Return the time [s] in a row."""
+        text, date, time = row[column.header], None, 0.0
         try:
             time = column.number(where, text)
         except LavaError:
-            date = _date(label, text, 'a finite number, or ')
+            date = _date(f'{where}, {column.header}', text, 'a finite number, or ')
         if self._is_date not in (None, date is not None):
-            raise LavaError(label, text, 'dates in all rows, or numbers in all')
+            column.refuse(where, text, 'dates in all rows, or numbers in all')
         self._is_date = date is not None
         if date is None:
             return time
@@ -215,7 +229,7 @@ def _bulk_factor(path: Path, column: Column, options: Options) -> float:
     """Return the ratio of the bulk volume to the volume in a table."""
     if column.kind == 'dense-rock' and options.porosity is None:
         expected = 'a porosity, which converts dense-rock to bulk rates'
-        raise LavaError(f'{path}, {column.header}', 'dense-rock', expected)
+        column.refuse(str(path), 'dense-rock', expected)
     if column.kind == 'bulk' and options.porosity:
         expected = f'absent: {path} has bulk rates'
         raise LavaError('effusion_rate.porosity', options.porosity, expected)
@@ -224,83 +238,67 @@ def _bulk_factor(path: Path, column: Column, options: Options) -> float:
 
 def _number(
     where: str, column: Column, row: Mapping[str, str], may_be_missing: bool
-) -> float | None:
-    """Return a number of a row, at least 0; None for a missing number that may be missing."""
-    text, label = row[column.header], f'{where}, {column.header}'
+) -> float:
+    """Return a number of a row, at least 0; NaN for a missing number that may be missing."""
+    text = row[column.header]
     is_missing = text.lower() in ('', '-', '--', 'na', 'n/a', 'nan', 'nodata', 'no data')
     if is_missing and may_be_missing:
-        return None
-    try:
-        value = column.number(where, text)
-    except LavaError:
-        expected = 'a finite number' + ', or gaps: zero or interpolate' * is_missing
-        raise LavaError(label, text, expected) from None
-    if value < 0.0:
-        raise LavaError(label, text, 'at least 0')
-    return value
+        return math.nan
+    if is_missing:
+        column.refuse(where, text, 'a finite number, or gaps: zero or interpolate')
+    return column.number(where, text, at_least=0.0)
 
 
-class _Row(NamedTuple):
-    """A row: label in errors, times [s], and rate [m3/s] or volume [m3], None if missing."""
-
-    where: str
-    start: float
-    end: float
-    value: float | None
-    error: float | None
-
-
-def _intervals(
+def _mean_rates(
     table: str, rows: list[_Row], columns: Mapping[str, Column], amount: str, gaps: str | None
 ) -> Iterator[_Row]:
     """Yield the mean rate of each interval, and warn of filled gaps."""
-    is_volume, is_instant = 'volume' in amount, 'time' in columns
+    is_instant, cumulative = 'time' in columns, columns.get('cumulative_volume')
     if is_instant and len(rows) < 2:
         where, shown = (rows[0].where, 'the only row') if rows else (table, 'no value')
         raise LavaError(where, shown, 'at least two instants')
     if is_instant:
-        rows = [_between(*pair, columns.get('cumulative_volume')) for pair in pairwise(rows)]
+        rows = [_between(*pair, cumulative) for pair in pairwise(rows)]
     filled: list[_Row] = []
-    for where, start, end, value, error in rows:
-        if end <= start:
+    for row in rows:
+        span = row.end - row.start
+        if span <= 0.0:
             name = 'the row before' if is_instant else 'its start'
-            expected = f'a time after {name}, {start:g} s'
-            header = columns['time' if is_instant else 'end'].header
-            raise LavaError(f'{where}, {header}', end, expected)
-        before = filled[-1].end if filled else start
+            expected = f'a time after {name}, {row.start:g} s'
+            columns['time' if is_instant else 'end'].refuse(row.where, row.end, expected)
+        before = filled[-1].end if filled else row.start
         # rounded times may overlap
-        if start < before - 1e-6 * (end - start):
+        if row.start < before - 1e-6 * span:
             expected = f'at least {before:g} s, where the row before ends'
-            raise LavaError(f'{where}, {columns["start"].header}', start, expected)
-        if filled and start > before * (1.0 + 1e-12) + 1e-9:
-            filled.append(_Row(where, before, start, None, None))
-        if is_volume and value is not None:
-            value, error = value / (end - start), error and error / (end - start)
-        filled.append(_Row(where, start, end, value, error))
+            columns['start'].refuse(row.where, row.start, expected)
+        if filled and row.start > before * (1.0 + 1e-12) + 1e-9:
+            filled.append(_Row(row.where, before, row.start, math.nan))
+        unit = span if 'volume' in amount else 1.0
+        filled.append(row._replace(value=row.value / unit, error=row.error / unit))
     last = 0.0
     for index, row in enumerate(filled):
-        if row.value is None:
-            later = next((item.value for item in filled[index:] if item.value is not None), 0.0)
-            rate = 0.5 * (last + later) if gaps == 'interpolate' else 0.0
+        if math.isnan(row.value):
+            known = (item.value for item in filled[index:] if item.value >= 0.0)
+            last = 0.5 * (last + next(known, 0.0)) if gaps == 'interpolate' else 0.0
             choice = '' if gaps else ' (gaps: zero or interpolate chooses)'
             _LOG.warning(
                 f'{row.where}: no effusion rate from {row.start:g} to {row.end:g} s, taken to be '
-                f'{rate:.4g} m3/s{choice}'
+                f'{last:.4g} m3/s{choice}'
             )
-            row = row._replace(value=rate)
-        last = row.value or 0.0
+            row = row._replace(value=last, error=math.nan)
+        last = row.value
         yield row
 
 
 def _between(first: _Row, last: _Row, volume: Column | None) -> _Row:
     """Return the interval between two instants, with its mean rate or erupted volume."""
-    value = error = None
-    if first.value is not None and last.value is not None:
-        value = last.value - first.value if volume else 0.5 * (first.value + last.value)
-        if volume and value < 0.0:
+    value, error = 0.5 * (first.value + last.value), math.nan
+    errors = [row.error for row in (first, last) if not math.isnan(row.error)]
+    if volume is not None:
+        value = last.value - first.value
+        if value < 0.0:
             expected = f'at least that of the row before, {first.value:g} m3'
-            raise LavaError(f'{last.where}, {volume.header}', last.value, expected)
-    errors = [row.error for row in (first, last) if row.error is not None]
-    if errors and not volume:
+            volume.refuse(last.where, last.value, expected)
+    elif errors:
         error = sum(errors) / len(errors)
     return _Row(last.where, first.start, last.start, value, error)

@@ -14,19 +14,12 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError
 from lava_ros.files import vectors
-from lava_ros.files.rasters import open_raster
-from lava_ros.scene.features import read_features
-from lava_ros.scene.on_terrain import check_placed, read_polygons_on, resampled
-from lava_ros.scene.projection import (
-    coordinate_system,
-    horizontal,
-    METRES_PER_DEGREE,
-    transformed,
-)
+from lava_ros.scene.on_terrain import mark_cells, read_band, read_polygons, resampled
+from lava_ros.scene.projection import coordinate_system, horizontal, metres_per_unit, on_terrain
+from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
-from lava_ros.scene.terrain_files import unit_of_band
 from lava_ros.scene.vents import TEMPERATURE_CHECK
 
 _LOG = logging.getLogger(__name__)
@@ -150,21 +143,16 @@ def read_flows(
     Raises:
         LavaError: If a file or a number cannot be used.
     """
-    if not isinstance(items, list):
-        raise LavaError(label, items, f'a list of mappings with keys {", ".join(FLOW_KEYS)}')
-    flows = []
-    for index, item in enumerate(items):
-        name = f'{label}[{index}]'
+    flows, expected = [], f'a list of mappings with keys {", ".join(FLOW_KEYS)}'
+    for name, item in validation.items(label, items, expected):
         data: dict[str, Any] = validation.keys(name, item, allowed=FLOW_KEYS, required=['file'])
-        if not isinstance(data['file'], str):
-            raise LavaError(f'{name}.file', data['file'], 'the name of a file, text')
+        path = folder / validation.text(f'{name}.file', data['file'], 'the name of a file')
         kind = validation.choice(f'{name}.as', data.get('as', 'lava'), KINDS)
         given, temperature = data.get('thickness'), None
         if 'temperature' in data:
             if kind == 'ground':
                 raise LavaError(f'{name}.temperature', data['temperature'], 'absent for ground')
             temperature = TEMPERATURE_CHECK(f'{name}.temperature', data['temperature'])
-        path = folder / data['file']
         thickness = _thickness_on(name, path, terrain, given, is_ground=kind == 'ground')
         cell = terrain.resolution * terrain.shape[0] / len(thickness)
         flow = EmplacedFlow(thickness, cell, terrain.origin, temperature, path.name)
@@ -190,11 +178,9 @@ def _thickness_on(
     name, suffix = f'{label}.file', path.suffix.lower()
     if given is not None:
         height = THICKNESS_CHECK(f'{label}.thickness', given)
-        features = read_features(name, path, terrain)
-        rings = [item.rings[0] for item in features if item.kind == 'Polygon']
-        covered = read_polygons_on(terrain, path, field=name) & terrain.has_data
-        result = np.where(covered, height, 0.0)
-        places = np.concatenate(rings)
+        areas = read_polygons(name, path, terrain)
+        result = np.where(mark_cells(terrain, areas) & terrain.has_data, height, 0.0)
+        places = np.concatenate([item.rings[0] for item in areas])
         _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)
     elif suffix in vectors.ENDINGS and suffix != '.gpkg':
         expected = f'a thickness [m], which the outlines of {path.name} do not have'
@@ -209,27 +195,15 @@ def _thickness_on(
 
 def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.ndarray:
     """Read a raster of thickness on the cells of a terrain, or on finer cells [m]."""
-    with open_raster(field, path) as source:
-        kind = np.dtype(source.dtypes[0])
-        if source.count != 1 or kind.kind not in 'iuf' or kind.itemsize == 1:
-            found = f'{path.name}, {source.count} x {kind}'
-            raise LavaError(field, found, 'one band of thickness [m], of more than 8 bits')
-        values = source.read(1).astype(np.float64) * source.scales[0] + source.offsets[0]
-        is_known = source.read_masks(1) != 0
-        place, crs, described = source.transform, source.crs, source.descriptions[0] or ''
-        unit, length = unit_of_band(source, path, of='thickness')
-    check_placed(place, path, field=field)
-    where = f'thickness in {path.name}'
-    if length != 1.0:
-        raise LavaError(f'unit of the {where}', unit, 'm (gdal_calc.py can convert the values)')
-    if 'peak' in described.lower():
+    band = read_band(field, path, lengths='thickness')
+    where, crs = f'thickness in {path.name}', band.crs
+    if 'peak' in band.description.lower():
         expected = 'the thickness at one time: a map of peaks has more lava than there ever was'
-        raise LavaError(where, f'a map of {described}', expected)
-    bad = is_known & ~np.isfinite(values)
-    if bad.any():
+        raise LavaError(where, f'a map of {band.description}', expected)
+    lava = band.converted(band.stored).filled(0.0)
+    if (bad := lava[~np.isfinite(lava)]).size:
         expected = 'finite numbers; gdal_edit.py -a_nodata declares the value of empty cells'
-        raise LavaError(where, f'{values[bad][0]} in {int(bad.sum())} cells', expected)
-    lava = np.where(is_known, values, 0.0)
+        raise LavaError(where, f'{bad[0]} in {bad.size} cells', expected)
     low, high = float(lava.min()), float(lava.max())
     if low < 0.0:
         expected = f'at least 0 m (if {low:g} means no lava, declare it with '
@@ -240,22 +214,16 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
         raise LavaError(where, high, expected)
     from rasterio.transform import xy
 
-    row, column = np.nonzero(lava > 0.0)
-    x, y = xy(place, row, column)
-    area = abs(place.determinant)
-    degree = METRES_PER_DEGREE if crs is not None and crs.is_geographic else 1.0
+    area = abs(band.place.determinant)
     if not is_ground:
-        terrain = _subdivide(terrain, math.sqrt(area) * degree)
-    result = np.nan_to_num(
-        resampled(terrain, lava, place, crs, path, field=field, method='average')
-    )
+        terrain = _subdivide(terrain, math.sqrt(area) * metres_per_unit(crs))
+    result = np.nan_to_num(resampled(terrain, lava, band, path, field=field, method='average'))
     result = np.where(terrain.has_data, result, 0.0)
-    own = coordinate_system(terrain.epsg, terrain.wkt)
-    is_same = crs is None or horizontal(crs) == own
+    cells = np.nonzero(lava > 0.0)
+    places, volumes = np.stack(xy(band.place, *cells), axis=-1), lava[cells]
+    is_same = not crs or horizontal(crs) == coordinate_system(terrain.epsg, terrain.wkt)
     if not is_same:
-        with refusing(field, str(path), f'a place {terrain.bounds(projected=True)}', ValueError):
-            x, y = transformed(horizontal(crs), own, x, y)
-    places, volumes = np.stack([x, y], axis=-1), lava[row, column]
+        places = on_terrain(terrain, places, horizontal(crs), field, str(path))
     is_inside = _check_on_terrain(field, path, terrain, places, volumes, is_ground)
     _check_not_elevation(where, result, terrain)
     if is_same and is_inside and result.any():
@@ -265,14 +233,11 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
 
 
 def _subdivide(terrain: Terrain, cell: float) -> Terrain:
-    """Divide the cells of a terrain into smaller level cells, as small as ``cell`` if possible."""
+    """Divide the cells of a terrain into smaller ones, as small as ``cell`` [m] if possible."""
     rows, columns = terrain.shape
     most = min(math.isqrt(MAX_CELLS // (rows * columns)), MAX_SIDE_CELLS // max(rows, columns))
     factor = math.ceil(min(terrain.resolution / cell * (1.0 - 1e-6), most))
-    if factor <= 1:
-        return terrain
-    parts = np.kron(terrain.elevation, np.ones((factor, factor), dtype=np.float32))
-    return replace(terrain, elevation=parts, resolution=terrain.resolution / factor)
+    return finer(terrain, max(factor, 1))
 
 
 def _check_on_terrain(

@@ -6,9 +6,10 @@
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 import hashlib
-import math
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -73,11 +74,8 @@ def read_events(
         LavaError: If a value or a file cannot be used, times do not increase, or an elevation is
             not on the grid of the ground.
     """
-    if not isinstance(items, list):
-        raise LavaError(label, items, 'a list of changes of the ground')
     events: list[TerrainEvent] = []
-    for index, item in enumerate(items):
-        where = f'{label}[{index}]'
+    for where, item in validation.items(label, items, 'a list of changes of the ground'):
         data = validation.keys(where, item, allowed=['time', *CHANGES], required=['time'])
         time = validation.number(f'{where}.time', data.pop('time'), unit='s')
         if events and time <= events[-1].time:
@@ -85,27 +83,24 @@ def read_events(
             raise LavaError(f'{where}.time', time, expected)
         if len(data) != 1:
             raise LavaError(where, sorted(data), f'one of {", ".join(CHANGES)}')
-        if 'barrier' in data:
-            barrier = Barrier.from_dict(f'{where}.barrier', data['barrier'])
-            event = TerrainEvent(
-                time, f'a barrier {barrier.height:g} m high', barriers=(barrier,)
-            )
+        (kind, change), = data.items()
+        if kind == 'barrier':
+            barrier = Barrier.from_dict(f'{where}.barrier', change)
+            text = f'a barrier {barrier.height:g} m high'
+            event = TerrainEvent(time, text, barriers=(barrier,))
         else:
-            (kind, name), = data.items()
-            if not isinstance(name, str):
-                raise LavaError(f'{where}.{kind}', name, 'the name of a file, text')
+            path = folder / validation.text(f'{where}.{kind}', change, 'the name of a file')
             if kind == 'barriers':
                 usual = {'height': None, 'width': None, 'slope': Barrier.slope}
-                built = read_barriers(f'{where}.barriers', folder / name, ground, usual)
-                text = f'{len(built)} barriers from {name}'
-                event = TerrainEvent(time, text, barriers=tuple(built))
+                built = tuple(read_barriers(f'{where}.barriers', path, ground, usual))
+                event = TerrainEvent(time, f'{len(built)} barriers from {change}', barriers=built)
             else:
-                terrain = read(folder / name)
+                terrain = read(path)
                 if not terrain.has_system:
                     # a raster without a system is in that of the terrain
                     terrain = replace(terrain, epsg=ground.epsg, wkt=ground.wkt)
                 check_same_grid(f'{where}.terrain', terrain, ground)
-                event = TerrainEvent(time, f'new ground from {name}', terrain)
+                event = TerrainEvent(time, f'new ground from {change}', terrain)
         # raises LavaError for a barrier that touches no cell
         ground = event.ground(ground, is_told=True)
         events.append(event)
@@ -114,25 +109,22 @@ def read_events(
 
 def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
     """Raise LavaError, which names ``field``, for a terrain on a grid other than the ground's."""
+    place, other = ((*one.extent, *one.offset) for one in (terrain, ground))
+    is_near = np.allclose(place, other, rtol=0.0, atol=1e-3 * ground.resolution)
+    if is_near and (terrain.shape, terrain.epsg) == (ground.shape, ground.epsg):
+        return
     shown, expected = (
         '{} x {} cells of {:.9g} m from easting {:.9g}, northing {:.9g}'.format(
             *one.shape, one.resolution, *one.corner
         )
         for one in (terrain, ground)
     )
-    is_near = all(
-        math.isclose(one, other, rel_tol=0.0, abs_tol=1e-3 * ground.resolution)
-        for one, other in zip(
-            (*terrain.extent, *terrain.offset), (*ground.extent, *ground.offset), strict=True
-        )
-    )
-    if terrain.shape != ground.shape or terrain.epsg != ground.epsg or not is_near:
-        x, y = ground.offset
-        west, south, east, north = ground.extent
-        cell = ground.resolution
-        command = f'gdalwarp -tr {cell:g} {cell:g} -te {west + x:.10g} {south + y:.10g} '
-        command += f'{east + x:.10g} {north + y:.10g}'
-        if terrain.epsg != ground.epsg:
-            shown += f', {system_name(terrain.epsg, terrain.wkt)}'
-            expected += f', {system_name(ground.epsg, ground.wkt)}'
-        raise LavaError(field, shown, f'the grid of the ground before: {expected} ({command})')
+    x, y = ground.offset
+    west, south, east, north = ground.extent
+    cell = ground.resolution
+    command = f'gdalwarp -tr {cell:g} {cell:g} -te {west + x:.10g} {south + y:.10g} '
+    command += f'{east + x:.10g} {north + y:.10g}'
+    if terrain.epsg != ground.epsg:
+        shown += f', {system_name(terrain.epsg, terrain.wkt)}'
+        expected += f', {system_name(ground.epsg, ground.wkt)}'
+    raise LavaError(field, shown, f'the grid of the ground before: {expected} ({command})')

@@ -13,7 +13,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
-from lava_ros.files.columns import angle, understood
+from lava_ros.files.columns import understood
 from lava_ros.files.csv import read_table
 from lava_ros.scene.projection import DEGREES, in_degrees, on_terrain
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
@@ -47,7 +47,7 @@ class Feature:
     @property
     def name(self) -> str:
         """Name of the feature; may be empty."""
-        return _name(self.where, self.properties)
+        return _name(self.properties)
 
     def on(self, terrain: Terrain) -> 'Feature':
         """Return the feature in the system of a terrain; raise LavaError if not possible."""
@@ -62,18 +62,15 @@ class Feature:
         return replace(self, rings=tuple(np.split(places, ends)), system=None)
 
 
-def _name(where: str, properties: Mapping[str, Any]) -> str:
+def _name(properties: Mapping[str, Any]) -> str:
     # the first of several columns with a name counts
-    for header, value in properties.items():
-        if value and understood(where, [header], ['name'])[0]:
-            return str(value)
-    return ''
+    known = (header for header in properties if understood('', [header], ['name'])[0])
+    return next((str(properties[header]) for header in known if properties[header]), '')
 
 
 def _label(where: str, properties: Mapping[str, Any]) -> str:
     """Return the position of a feature in its file, and its name if any, for errors."""
-    name = _name(where, properties)
-    return f'{where} ({name})' if name else where
+    return f'{where} ({name})' if (name := _name(properties)) else where
 
 
 def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Feature]:
@@ -112,15 +109,12 @@ def load_features(field: str, path: str | Path) -> list[Feature]:
             _LOG.warning(f'{where} has no geometry and is left out')
             continue
         for kind, part in _parts(where, geometry):
-            rings = part if kind == 'Polygon' else [part]
-            try:
-                arrays = [np.array(ring, dtype=float).reshape(len(ring), -1) for ring in rings]
-                places = np.concatenate(arrays)
-            except (TypeError, ValueError):
-                raise LavaError(where, part, 'a geometry of numbers') from None
-            if places.shape[1] != 2 or not (np.abs(places) <= MAX_COORDINATE).all():
-                raise LavaError(where, part, 'a geometry of two coordinates for each place')
-            features.append(Feature(where, kind, tuple(arrays), properties, system))
+            given = part if kind == 'Polygon' else [part]
+            rings = tuple(np.array(ring, dtype=float) for ring in given)
+            # NaN compares as False
+            if not (np.abs(np.concatenate(rings)) <= MAX_COORDINATE).all():
+                raise LavaError(where, part, f'coordinates of at most {MAX_COORDINATE:g}')
+            features.append(Feature(where, kind, rings, properties, system))
     if not features:
         raise LavaError(field, str(path), 'a file with at least one point, line or area')
     return features
@@ -164,27 +158,22 @@ def _from_table(field: str, path: Path) -> Iterator[vectors.Item]:
     (pair,) = pairs
 
     def place(where: str, row: dict[str, str], end: str) -> list[float] | None:
-        names = [f'{name}{end}' for name in pair]
-        cells = [row.pop(columns[name].header, '') if name in columns else '' for name in names]
+        known = [columns[name + end] for name in pair if name + end in columns]
+        cells = [row.pop(column.header) for column in known]
         if end and not any(cells):
             return None
-        if not all(cells):
-            shown = ' and '.join(columns[name].header for name in names if name in columns)
+        if len(cells) < 2 or not all(cells):
+            shown = ' and '.join(column.header for column in known)
             raise LavaError(f'{where}, {shown}', tuple(cells), 'both or neither')
-        if pair == ('x', 'y'):
-            return [columns[name].number(where, cell)
-                    for name, cell in zip(names, cells, strict=True)]
-        # a comma in a cell is a decimal comma
-        return [angle(f'{where}, {columns[name].header}', cell.replace(',', '.'), axis)
-                for name, cell, axis in zip(names, cells, ('longitude', 'latitude'), strict=True)]
+        return [column.number(where, cell) for column, cell in zip(known, cells, strict=True)]
 
     for where, row in rows:
         label = _label(where, row)
-        start, end = place(label, row, ''), place(label, row, '_end')
-        kind: dict[str, Any] = {'type': 'Point', 'coordinates': start}
-        if end is not None:
-            kind = {'type': 'LineString', 'coordinates': [start, end]}
-        yield where, kind, None if pair == ('x', 'y') else DEGREES, _non_empty_cells(row)
+        places = [place(label, row, ''), place(label, row, '_end')]
+        geometry = {'type': 'LineString', 'coordinates': places}
+        if places[1] is None:
+            geometry = {'type': 'Point', 'coordinates': places[0]}
+        yield where, geometry, None if pair == ('x', 'y') else DEGREES, _non_empty_cells(row)
 
 
 def _non_empty_cells(row: Mapping[str, str]) -> dict[str, str]:

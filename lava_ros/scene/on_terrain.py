@@ -1,24 +1,115 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rasters and polygons from files, resampled to the cells of a terrain."""
+"""Rasters and polygons from files, as stored and on the cells of a terrain."""
 
 from collections.abc import Sequence
+import logging
 import math
 from pathlib import Path
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lava_ros.errors import LavaError, refusing
+from lava_ros.files import open_input
+from lava_ros.files.columns import LENGTHS, normal_unit
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import open_raster, PICTURES
-from lava_ros.scene.features import read_features
-from lava_ros.scene.projection import coordinate_system, horizontal
+from lava_ros.scene.features import Feature, read_features
+from lava_ros.scene.projection import coordinate_system, horizontal, vertical_unit
 from lava_ros.scene.terrain import Terrain
+
+_LOG = logging.getLogger(__name__)
 
 #: Maximum side of a picture at which it is read [pixels].
 MAX_PIXELS = 4000
+
+
+class Band(NamedTuple):
+    """The only band of a raster: a masked array as stored, shape [rows, columns].
+
+    ``scale`` and ``offset`` convert it, to metres if the values are lengths; ``place`` is the
+    affine transformation of the rows and columns.
+    """
+
+    stored: Any
+    scale: float
+    offset: float
+    place: Any
+    crs: Any
+    description: str
+    tags: dict[str, str]
+
+    def converted(self, stored: Any) -> Any:
+        """Convert stored values in place, and return them."""
+        # the caller refuses infinite values
+        with np.errstate(over='ignore', invalid='ignore'):
+            stored *= stored.dtype.type(self.scale)
+            stored += stored.dtype.type(self.offset)
+        return stored
+
+
+def read_band(
+    field: str, path: Path, *, lengths: str = '', kind: type[np.floating[Any]] = np.float64
+) -> Band:
+    """Read the only band of a georeferenced raster as values of a kind; errors name ``field``.
+
+    ``lengths`` states what the values are if they are lengths, such as elevations.
+
+    Raises:
+        LavaError: If the file cannot be read, has several bands, no numbers or no position, or if
+            lengths have 8 bits, an unknown unit or two units.
+    """
+    with open_raster(field, path) as source:
+        stored, scale, offset = np.dtype(source.dtypes[0]), source.scales[0], source.offsets[0]
+        expected = ''
+        if source.count != 1:
+            expected = f'a raster with one band of {lengths or "numbers"}, not {source.count}'
+        elif stored.kind not in 'iuf':
+            expected = f'numbers, not {stored}'
+        elif lengths and stored.itemsize == 1 and (scale, offset) == (1.0, 0.0):
+            expected = f'{lengths}: {stored} is the type of a picture or a mask '
+            expected += '(gdal_translate -ot Int16 if these are lengths)'
+        if expected:
+            raise LavaError(field, str(path), expected)
+        _check_placed(field, path, source.transform)
+        unit, crs = _unit_of(source, path, lengths) if lengths else 1.0, source.crs
+        return Band(
+            source.read(1, masked=True, out_dtype=kind), scale * unit, offset * unit,
+            # a vertical system in feet no longer holds
+            source.transform, crs if unit == 1.0 or not crs else horizontal(crs),
+            source.descriptions[0] or '', source.tags(),
+        )
+
+
+def _check_placed(field: str, path: str | Path, place: Any) -> None:
+    """Raise LavaError if an affine transformation is not that of a georeferenced raster."""
+    is_placed = all(map(math.isfinite, place)) and not (place.is_identity or place.is_degenerate)
+    if not is_placed:
+        raise LavaError(field, str(path), 'a georeferenced raster')
+
+
+def _unit_of(source: Any, path: Path, lengths: str) -> float:
+    """Return the unit [m] that the coordinate system, the band or a ``.prj`` file declares."""
+    names = [source.units[0] or '']
+    if (prj := path.with_suffix('.prj')).is_file():
+        with open_input(prj) as file:
+            text = file.read(1 << 16).decode(errors='replace')
+        # an old ESRI file; "NO" means no heights
+        names += re.findall(r'(?im)^\s*zunits\s+(?!no\b)(\S+)', text)
+    marks = dict([vertical_unit(source.crs)]) if source.crs else {}
+    marks |= {name: LENGTHS.get(normal_unit(name), math.nan) for name in names}
+    known = {name: factor for name, factor in marks.items() if name.strip()} or {'m': 1.0}
+    unit = next(iter(known.values()))
+    # the foot and the US survey foot differ by 2 parts in a million
+    if not all(math.isclose(factor, unit, rel_tol=1e-5) for factor in known.values()):
+        expected = f'one unit of length, of {", ".join(LENGTHS)}'
+        raise LavaError(f'unit of the {lengths} of {path.name}', ' and '.join(known), expected)
+    if unit != 1.0:
+        _LOG.info(f'{path.name}: {lengths} in {" and ".join(known)} become metres')
+    return unit
 
 
 def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
@@ -31,26 +122,22 @@ def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndar
         LavaError: If the file cannot be read, has more than one band, has no data on the terrain,
             or has an unknown coordinate system.
     """
-    with open_raster(field, path) as source:
-        band = source.read(1, masked=True).astype(np.float64) * source.scales[0]
-        band = (band + source.offsets[0]).filled(np.nan)
-        place, crs, count = source.transform, source.crs, source.count
-    if count != 1:
-        raise LavaError(field, str(path), 'a georeferenced raster with one band')
+    band = read_band(field, Path(path))
+    values = band.converted(band.stored).filled(np.nan)
     # probabilities and masks must not be interpolated
-    result = resampled(terrain, band, place, crs, path, field=field, method='nearest')
+    result = resampled(terrain, values, band, path, field=field, method='nearest')
     if np.isnan(result[terrain.has_data]).all():
         raise LavaError(field, str(path), 'a raster with data on the terrain')
     return result
 
 
 class PlacedPicture(NamedTuple):
-    """A georeferenced picture.
+    """A picture on the ground.
 
     Attributes:
         path: Path of its file.
         bands: Red, green and blue, uint8, masked arrays of shape [rows, columns].
-        place: Affine transformation of the rows and columns.
+        place: Affine transformation of the rows and columns; None covers exactly a terrain.
         crs: Coordinate system, None for that of the terrain.
     """
 
@@ -65,16 +152,23 @@ class PlacedPicture(NamedTuple):
         Raises:
             LavaError: As ``resampled``.
         """
-        options = {'field': field, 'method': 'bilinear'}
+        from rasterio.transform import from_bounds
+
+        placed = self
+        if self.place is None:
+            (west, south), (rows, columns) = terrain.corner, terrain.shape
+            east, north = west + columns * terrain.resolution, south + rows * terrain.resolution
+            size = self.bands[0].shape[::-1]
+            placed = self._replace(place=from_bounds(west, south, east, north, *size), crs=None)
         colours = [
-            resampled(terrain, values, self.place, self.crs, self.path, **options)
-            for values in (band.astype(np.float64).filled(np.nan) for band in self.bands)
+            resampled(terrain, band, placed, self.path, field=field, method='bilinear')
+            for band in (item.astype(np.float64).filled(np.nan) for item in self.bands)
         ]
         return np.stack(colours, axis=-1)
 
 
-def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
-    """Read a picture, a GeoTIFF, PNG or JPEG; return None if it is not georeferenced.
+def read_placed_picture(path: str, *, field: str) -> PlacedPicture:
+    """Read a picture: a GeoTIFF, PNG or JPEG, which may be georeferenced.
 
     A file of more than ``MAX_PIXELS`` a side is thinned. Errors name ``field``.
 
@@ -82,14 +176,15 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
         LavaError: If the file cannot be read, or does not have 8 bits a colour.
     """
     with open_raster(field, path, PICTURES) as source:
-        if source.transform.is_identity:
-            return None
+        if not source.transform.is_identity:
+            _check_placed(field, path, source.transform)
         if set(source.dtypes) != {'uint8'}:
             raise LavaError(field, path, f'8 bits a colour, not {source.dtypes[0]}')
         step = max(source.shape) // MAX_PIXELS + 1
         rows, columns = (-(-side // step) for side in source.shape)
         bands = source.read(out_shape=(source.count, rows, columns), masked=True)
         place = source.transform
+        is_placed = not place.is_identity
         place *= place.scale(source.width / columns, source.height / rows)
         if source.colorinterp[0].name == 'palette':
             palette = np.zeros((256, 4), np.uint8)
@@ -98,32 +193,30 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture | None:
             numbers = bands[0]
             bands = [np.ma.array(palette[numbers.data, i], mask=numbers.mask) for i in range(3)]
         bands = bands[:3] if len(bands) > 2 else [bands[0]] * 3
-        return PlacedPicture(path, bands, place, source.crs)
+        return PlacedPicture(path, bands, place if is_placed else None, source.crs)
 
 
 def resampled(
-    terrain: Terrain, values: np.ndarray, place: Any, crs: Any, path: str | Path, *, field: str,
-    method: str,
+    terrain: Terrain, values: np.ndarray, source: Band | PlacedPicture, path: str | Path, *,
+    field: str, method: str,
 ) -> np.ndarray:
     """Resample a raster to a terrain's cells: float64, NaN without data.
 
     Args:
         terrain: Target grid.
-        values: Raster as stored in the file, float64, NaN without data.
-        place: Affine transformation of the raster.
-        crs: Coordinate system of the raster, None for that of the terrain.
+        values: Raster in the rows and columns of the file, float64, NaN without data.
+        source: Position and coordinate system of the raster, None for that of the terrain.
         path: Path of the file, for errors.
         field: Name of the field in errors.
         method: Method of ``rasterio.warp.Resampling``.
 
     Raises:
-        LavaError: If the raster is not georeferenced, if the raster has a coordinate system and
-            the terrain has none, or if one cannot be transformed to the other.
+        LavaError: If the raster has a coordinate system and the terrain has none, or if one
+            cannot be transformed to the other.
     """
     from rasterio.warp import reproject, Resampling
 
-    check_placed(place, path, field=field)
-    own = coordinate_system(terrain.epsg, terrain.wkt)
+    own, crs = coordinate_system(terrain.epsg, terrain.wkt), source.crs
     if own is None and crs:
         expected = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
         raise LavaError(field, str(path), expected)
@@ -134,7 +227,7 @@ def resampled(
         reproject(
             values,
             result,
-            src_transform=place,
+            src_transform=source.place,
             src_crs=horizontal(crs) if crs else target_crs,
             src_nodata=np.nan,
             dst_transform=affine_of(terrain),
@@ -145,35 +238,37 @@ def resampled(
     return np.flipud(result)
 
 
-def check_placed(place: Any, path: str | Path, *, field: str) -> None:
-    """Raise LavaError if an affine transformation is not that of a georeferenced raster."""
-    is_placed = all(map(math.isfinite, place)) and not (place.is_identity or place.is_degenerate)
-    if not is_placed:
-        raise LavaError(field, str(path), 'a georeferenced raster with one band')
-
-
 def read_polygons_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Mark the cells of a terrain whose centre is in a polygon of a file: bool.
+    """Mark the cells of a terrain whose centre is in a polygon of a file, as ``mark_cells``."""
+    return mark_cells(terrain, read_polygons(field, path, terrain))
 
-    ``features.read_features`` reads the file; its points and lines are ignored. Errors name
-    ``field``.
+
+def read_polygons(field: str, path: str | Path, terrain: Terrain) -> list[Feature]:
+    """Read the polygons of a file as ``read_features``; its points and lines are ignored.
 
     Raises:
-        LavaError: If the file cannot be read, has no polygon or an unknown coordinate system, or
-            if rasterio is not installed.
+        LavaError: Also if the file has no polygon.
     """
-    require('rasterio', 'GeoTIFF', str(path))
-    from rasterio.features import rasterize
-
-    areas = [
-        {'type': 'Polygon', 'coordinates': [ring.tolist() for ring in feature.rings]}
-        for feature in read_features(field, path, terrain)
-        if feature.kind == 'Polygon'
-    ]
+    areas = [item for item in read_features(field, path, terrain) if item.kind == 'Polygon']
     if not areas:
         raise LavaError(field, str(path), 'a file with at least one area')
-    marked = rasterize(areas, terrain.shape, transform=affine_of(terrain), dtype=np.uint8)
-    return np.flipud(marked) > 0
+    return areas
+
+
+def mark_cells(terrain: Terrain, polygons: Sequence[Feature]) -> np.ndarray:
+    """Mark the cells of a terrain whose centre is in one of some polygons: bool.
+
+    Raises:
+        LavaError: If rasterio is not installed.
+    """
+    require('rasterio', 'polygons')
+    from rasterio.features import geometry_mask
+
+    areas = [
+        {'type': 'Polygon', 'coordinates': [ring.tolist() for ring in item.rings]}
+        for item in polygons
+    ]
+    return np.flipud(geometry_mask(areas, terrain.shape, affine_of(terrain), invert=True))
 
 
 def affine_of(terrain: Terrain) -> Any:

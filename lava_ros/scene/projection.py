@@ -4,6 +4,7 @@
 """Rasters of elevation: cropping, resampling to square cells, projection to UTM."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 import json
 import logging
@@ -15,16 +16,13 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import MAX_CELLS
-from lava_ros.files.optional import require
+from lava_ros.files.optional import is_installed, require
 from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
 
 _LOG = logging.getLogger(__name__)
 
 #: Longitude and latitude of WGS 84.
 DEGREES = 'EPSG:4326'
-
-#: Length of a degree of latitude [m].
-METRES_PER_DEGREE = 111_195.0
 
 #: Smaller cells [m] in a file without a coordinate system are in degrees.
 SMALLEST_CELL = 0.05
@@ -94,10 +92,8 @@ def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:
 
 def horizontal(crs: Any) -> Any:
     """Return the horizontal part of a rasterio coordinate system, which may be compound."""
-    parts = _definition(crs)
-    if parts.get('type') != 'CompoundCRS':
-        return crs
-    return type(crs).from_user_input(json.dumps(parts['components'][0]))
+    parts = _parts(crs)
+    return type(crs).from_user_input(json.dumps(parts[0])) if parts else crs
 
 
 def vertical_unit(crs: Any) -> tuple[str, float]:
@@ -106,12 +102,10 @@ def vertical_unit(crs: Any) -> tuple[str, float]:
     The length is NaN for depths and for units that are not lengths. A system without heights gives
     ``'', 1``.
     """
-    parts = _definition(crs)
-    if parts.get('type') != 'CompoundCRS':
+    if not (parts := _parts(crs)):
         return '', 1.0
     # a bound system contains the actual one
-    heights = parts['components'][1]
-    heights = heights.get('source_crs', heights)
+    heights = parts[1].get('source_crs', parts[1])
     axis = heights['coordinate_system']['axis'][0]
     unit = axis['unit']
     if isinstance(unit, str):
@@ -121,14 +115,19 @@ def vertical_unit(crs: Any) -> tuple[str, float]:
     return unit['name'], float(unit['conversion_factor'])
 
 
-def _definition(crs: Any) -> dict[str, Any]:
-    """Return a coordinate system as PROJJSON, empty if PROJ cannot express it."""
+def _parts(crs: Any) -> list[dict[str, Any]]:
+    """Return the parts of a compound coordinate system as PROJJSON, none of another system."""
     from rasterio.errors import CRSError
 
-    try:
-        return dict(crs.to_dict(projjson=True))
-    except CRSError:
-        return {}
+    # PROJ cannot express every system
+    with suppress(CRSError):
+        return list(crs.to_dict(projjson=True).get('components', ()))
+    return []
+
+
+def metres_per_unit(crs: Any) -> float:
+    """Return the approximate unit of a coordinate system [m]: 1, or a degree of latitude."""
+    return 111_195.0 if crs and crs.is_geographic else 1.0
 
 
 def with_epsg(raster: Raster, epsg: int | None) -> Raster:
@@ -137,7 +136,9 @@ def with_epsg(raster: Raster, epsg: int | None) -> Raster:
         return raster
     x, y = raster.corner
     has_degrees = is_degrees((x, y)) and min(raster.dx, raster.dy) < SMALLEST_CELL
-    if has_degrees and not coordinate_system(epsg).is_geographic:
+    # an unknown code is an error, which an .npz file without GDAL cannot find
+    system: Any = coordinate_system(epsg) if is_installed('rasterio') or has_degrees else None
+    if has_degrees and not system.is_geographic:
         expected = f'a system in degrees: cells are {raster.dx:.3g} wide at {x:g}, {y:g}'
         raise LavaError('terrain.epsg', epsg, expected)
     if raster.is_placed:
@@ -168,9 +169,7 @@ def to_square_metric_cells(raster: Raster, resolution: float | None) -> Raster:
 
 def _crs(raster: Raster) -> Any:
     """Return the raster's coordinate system; without one, any in metres, as for resampling."""
-    if not raster.is_placed:
-        return coordinate_system(32631)
-    return coordinate_system(raster.epsg, raster.wkt)
+    return coordinate_system(raster.epsg, raster.wkt) or coordinate_system(32631)
 
 
 def _target_epsg(raster: Raster) -> int | None:
@@ -264,12 +263,8 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
 
 def crop(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
     """Return the part of a raster that a window in projected coordinates touches."""
-    if isinstance(window, str) or not isinstance(window, Sequence) or len(window) != 4:
-        raise LavaError('terrain.window', window, 'x0, y0, x1, y1 [m]')
-    x0, y0, x1, y1 = (
-        validation.number(f'terrain.window[{index}]', value, unit='m')
-        for index, value in enumerate(window)
-    )
+    items = validation.items('terrain.window', window, 'x0, y0, x1, y1 [m]', least=4, most=4)
+    x0, y0, x1, y1 = (validation.number(*item, unit='m') for item in items)
     corner, cell = np.array(raster.corner), np.array((raster.dx, raster.dy))
     size = raster.elevation.shape[::-1]
     # columns and rows
@@ -315,7 +310,7 @@ def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[floa
 
 
 def on_terrain(
-    terrain: Terrain, places: np.ndarray, system: str, where: str, shown: object
+    terrain: Terrain, places: np.ndarray, system: Any, where: str, shown: object
 ) -> np.ndarray:
     """Transform places [count, 2] from a system to that of a terrain.
 

@@ -3,13 +3,14 @@
 
 """Changes of a terrain: earth barriers along a line, low-pass filter, refinement."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 import logging
 import math
 from math import dist
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,13 +47,12 @@ class Barrier:
 
     def __post_init__(self) -> None:
         """Validate and normalise all fields; raise LavaError for an invalid one."""
-        if isinstance(self.line, str) or not isinstance(self.line, Sequence):
-            raise LavaError('barrier.line', self.line, 'two or more places [x, y] m')
+        expected = 'two or more places [x, y] m'
         places = tuple(
-            validation.pair(f'barrier.line[{index}]', place, most=MAX_COORDINATE)
-            for index, place in enumerate(self.line)
+            validation.pair(*place, most=MAX_COORDINATE)
+            for place in validation.items('barrier.line', self.line, expected, least=2)
         )
-        if len(places) < 2 or any(dist(a, b) < APART for a, b in pairwise(places)):
+        if any(dist(a, b) < APART for a, b in pairwise(places)):
             raise LavaError('barrier.line', places, 'two or more places that differ')
         object.__setattr__(self, 'line', places)
         for name, (least, most, unit) in LIMITS.items():
@@ -60,8 +60,7 @@ class Barrier:
                 f'barrier.{name}', getattr(self, name), at_least=least, at_most=most, unit=unit
             )
             object.__setattr__(self, name, value)
-        if not isinstance(self.name, str):
-            raise LavaError('barrier.name', self.name, 'text')
+        validation.text('barrier.name', self.name)
 
     @property
     def length(self) -> float:
@@ -180,7 +179,7 @@ def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:
         low, high = np.minimum(start, end) - reach, np.maximum(start, end) + reach
         across = slice(*np.searchsorted(x, (low[0], high[0])))
         up = slice(*np.searchsorted(y, (low[1], high[1])))
-        near = _distance_to_segment(x[across], y[up], start, end)
+        near = np.sqrt(squared_distance(x[across], y[up, None], start, end))
         distance[up, across] = np.minimum(distance[up, across], near)
     added = np.clip(barrier.height - (distance - half) * barrier.slope, 0.0, barrier.height)
     if not (terrain.has_data & (added > 0.0)).any():
@@ -194,14 +193,15 @@ def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:
     return np.asarray(added)
 
 
-def _distance_to_segment(
-    x: np.ndarray, y: np.ndarray, start: tuple[float, float], end: tuple[float, float]
-) -> np.ndarray:
-    """Return the distance of grid points from a segment [m], shape [len(y), len(x)]."""
-    along = np.subtract(end, start)
-    dx, dy = x[None, :] - start[0], y[:, None] - start[1]
-    fraction = np.clip((dx * along[0] + dy * along[1]) / (along @ along), 0.0, 1.0)
-    return np.hypot(dx - fraction * along[0], dy - fraction * along[1])
+def squared_distance(x: Any, y: Any, start: Any, end: Any) -> Any:
+    """Return the squared distance of places (x, y) from a segment between two pairs (x, y) [m2].
+
+    All are numbers, or arrays whose shapes numpy broadcasts together.
+    """
+    along, dx, dy = np.subtract(end, start), x - start[0], y - start[1]
+    length = np.maximum(along[0] ** 2 + along[1] ** 2, 1e-30)
+    fraction = np.clip((dx * along[0] + dy * along[1]) / length, 0.0, 1.0)
+    return np.square(dx - fraction * along[0]) + np.square(dy - fraction * along[1])
 
 
 def low_pass(terrain: Terrain, width: float) -> Terrain:

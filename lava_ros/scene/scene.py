@@ -231,9 +231,7 @@ def read_scene(
             allowed=['file', *TERRAIN_OPTIONS],
             required=['file'],
         )
-        name = known.pop('file')
-        if not isinstance(name, str):
-            raise LavaError('scene.terrain.file', name, 'the name of a file, text')
+        name = validation.text('scene.terrain.file', known.pop('file'), 'the name of a file')
         options = known | dict(options or {})
         terrain = load_terrain(terrain_path(name, path.parent), **options)
     data, terrain = with_changes(data, path.parent, terrain, options or {})
@@ -283,9 +281,7 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         if not isinstance(rate, Mapping):
             continue
         label = f'vents[{index}].effusion_rate'
-        name = rate.get('file')
-        if not isinstance(name, str):
-            raise LavaError(f'{label}.file', name, 'the name of a table')
+        name = validation.text(f'{label}.file', rate.get('file'), 'the name of a table')
         rest = {key: value for key, value in rate.items() if key != 'file'}
         options = validation.build(Options, label, rest)
         rates = read_effusion_rates(label, folder / name, options)

@@ -195,12 +195,10 @@ def crest_lines(field: str, lines: object) -> tuple[tuple[tuple[float, float], .
         LavaError: If ``lines`` is not a list of such lines. The error names ``field``.
     """
     expected = 'a list of crests, each two or more [easting, northing] m'
-    if not isinstance(lines, list | tuple):
-        raise LavaError(field, lines, expected)
-    for line in lines:
-        if not isinstance(line, list | tuple) or len(line) < 2:
-            raise LavaError(field, line, expected)
     return tuple(
-        tuple(validation.pair(field, place, most=MAX_COORDINATE) for place in line)
-        for line in lines
+        tuple(
+            validation.pair(*place, most=MAX_COORDINATE)
+            for place in validation.items(*line, expected, least=2)
+        )
+        for line in validation.items(field, lines, expected)
     )

@@ -9,49 +9,32 @@ from functools import partial, reduce
 from itertools import product
 import json
 import logging
-import math
-import os
 from pathlib import Path
-import re
 from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import open_input
+from lava_ros.files import check_exists
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import is_installed, require
-from lava_ros.files.rasters import open_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE
+from lava_ros.scene.on_terrain import read_band
 from lava_ros.scene.projection import (
     coordinate_system,
     crop,
     horizontal,
-    METRES_PER_DEGREE,
+    metres_per_unit,
     Raster,
     rasterio_for,
     to_square_metric_cells,
-    vertical_unit,
     with_epsg,
 )
-from lava_ros.scene.terrain import check_epsg, crest_lines, MAX_SIDE_CELLS, Terrain
+from lava_ros.scene.terrain import check_epsg, crest_lines, Terrain
 
 _LOG = logging.getLogger(__name__)
-
-#: Units of elevation by the names that rasters use, in lower case [m].
-UNITS = {
-    name: unit
-    for names, unit in (
-        (',m,metre,metres,meter,meters', 1.0),
-        ('ft,foot,feet,international foot,international feet', 0.3048),
-        ('us-ft,ftus,us survey foot,us survey feet,foot_us', 1200.0 / 3937.0),
-        ('dm,decimetre,decimetres,decimeter,decimeters', 0.1),
-        ('cm,centimetre,centimetres,centimeter,centimeters', 0.01),
-    )
-    for name in names.split(',')
-}
 
 #: Demonstration terrain of the package.
 DEMO = Path(__file__).with_name('st_helens.npz')
@@ -118,8 +101,7 @@ def load_terrain(
         LavaError: If the file cannot be read, or its contents cannot be used.
     """
     path = Path(path)
-    if not os.path.isfile(path):
-        raise LavaError('terrain file', str(path), 'a file that exists')
+    check_exists('terrain file', path)
     check_epsg('terrain.epsg', epsg)
     if resolution is not None:
         resolution = RESOLUTION_CHECK('terrain.resolution', resolution)
@@ -167,7 +149,6 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
     data = {name: item.tolist() for name, item in data.items()}
     cell = validation.number('resolution', data['resolution'], above=0.0, unit='m')
     epsg = data.get('epsg')
-    check_epsg('epsg', epsg)
     offset, origin = (
         validation.pair(name, data.get(name, (0.0, 0.0))) for name in ('offset', 'origin')
     )
@@ -185,37 +166,25 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
 
 
 def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Raster:
-    with open_raster('terrain file', path) as source:
-        _check_band(source, path)
-        elevation = source.read(1, out_dtype=np.float32)
-        elevation[source.read_masks(1) == 0] = np.nan
-        transform, crs, tags = source.transform, source.crs, source.tags()
-        scale, shift = source.scales[0], source.offsets[0]
-        named, unit = unit_of_band(source, path, of='elevations')
-    if unit != 1.0:
-        _LOG.info(f'{path.name}: elevations in {named} become metres')
+    band = read_band('terrain file', path, lengths='elevations', kind=np.float32)
+    place, crs = band.place, band.crs
+    if place.b or place.d or place.a <= 0.0:
+        raise LavaError('terrain file', str(path), 'a grid with north up (gdalwarp makes one)')
     code = horizontal(crs).to_epsg() if crs else None
-    # a vertical system in feet no longer holds
-    system = horizontal(crs) if crs and unit != 1.0 else crs
-    given = crs if epsg is None else coordinate_system(epsg)
-    cell = abs(transform.e) * (METRES_PER_DEGREE if given and given.is_geographic else 1.0)
+    cell = abs(place.e) * metres_per_unit(crs if epsg is None else coordinate_system(epsg))
     # missing data have a stored value, without unit and scale
-    elevation = _with_missing(elevation, cell, nodata, path, scale * unit)
-    # Terrain raises LavaError for values that overflow
-    with np.errstate(over='ignore', invalid='ignore'):
-        elevation *= np.float32(scale * unit)
-        elevation += np.float32(shift * unit)
-    if transform.e < 0.0:
+    stored = _with_missing(band.stored.filled(np.nan), cell, nodata, path, band.scale)
+    elevation = band.converted(stored)
+    if place.e < 0.0:
         elevation = np.flipud(elevation)
-    bottom = min(transform.f, transform.f + transform.e * elevation.shape[0])
     return Raster(
         elevation=elevation,
-        dx=transform.a,
-        dy=abs(transform.e),
-        corner=(transform.c, bottom),
+        dx=place.a,
+        dy=abs(place.e),
+        corner=(place.c, min(place.f, place.f + place.e * elevation.shape[0])),
         epsg=code,
-        wkt=system.to_wkt() if system and system.to_epsg() is None else None,
-        barriers=_barriers(tags, code, path),
+        wkt=crs.to_wkt() if crs and crs.to_epsg() is None else None,
+        barriers=_barriers(band.tags, code, path),
     )
 
 
@@ -260,55 +229,6 @@ def _with_missing(
     return elevation
 
 
-def unit_of_band(source: Any, path: Path, *, of: str) -> tuple[str, float]:
-    """Return the name of the unit of a raster's heights and its length [m].
-
-    The coordinate system, the band and a ``.prj`` file may declare it. ``of`` is the quantity in
-    errors, such as elevations.
-
-    Raises:
-        LavaError: If a unit is unknown, or two declarations differ.
-    """
-    name, factor = vertical_unit(source.crs) if source.crs else ('', 1.0)
-    marks = {name: factor} if name else {}
-    if name := (source.units[0] or '').strip():
-        marks[name] = UNITS.get(name.lower(), math.nan)
-    prj = path.with_suffix('.prj')
-    if prj.is_file():
-        with open_input(prj) as file:
-            text = file.read(1 << 16).decode(errors='replace')
-        # an old ESRI file; "NO" means no heights
-        zunits = re.search(r'^\s*zunits\s+(\S+)', text, re.IGNORECASE | re.MULTILINE)
-        if zunits and zunits[1].lower() != 'no':
-            marks[zunits[1]] = UNITS.get(zunits[1].lower(), math.nan)
-    factors = list(marks.values()) or [1.0]
-    # the foot and the US survey foot differ by 2 parts in a million
-    if not all(math.isclose(item, factors[0], rel_tol=1e-5) for item in factors):
-        expected = f'one unit of length, of {", ".join(filter(None, UNITS))}'
-        raise LavaError(f'unit of the {of} of {path.name}', ' and '.join(marks), expected)
-    return ' and '.join(marks), factors[0]
-
-
-def _check_band(source: Any, path: Path) -> None:
-    """Raise LavaError for a raster that is not an elevation on a north-up grid."""
-    transform = source.transform
-    kind = np.dtype(source.dtypes[0])
-    expected = ''
-    if source.count != 1:
-        expected = f'one band of elevations, not {source.count}'
-    elif kind.kind not in 'iuf':
-        expected = f'numbers, not {kind}'
-    elif kind.itemsize == 1 and (source.scales[0], source.offsets[0]) == (1.0, 0.0):
-        expected = f'elevations: {kind} is the type of a picture or a mask '
-        expected += '(gdal_translate -ot Int16 if these are heights)'
-    elif max(source.shape) > MAX_SIDE_CELLS:
-        expected = f'at most {MAX_SIDE_CELLS} cells a side, not {source.shape}'
-    elif transform.is_identity or transform.b or transform.d or transform.a <= 0.0:
-        expected = 'a georeferenced grid with north up (gdalwarp makes one)'
-    if expected:
-        raise LavaError('terrain file', str(path), expected)
-
-
 def _check_heights(raster: Raster, path: Path) -> None:
     """Raise LavaError for impossible elevations."""
     known = raster.elevation[np.isfinite(raster.elevation)]
@@ -338,12 +258,9 @@ def _log_summary(
         f'{holes or "none"} without data, elevations {low:.6g} to {high:.6g} m'
     )
     if wrong.any():
-        count = int(wrong.sum())
-        row, column = np.argwhere(wrong)[0]
-        east, north = (
-            terrain.offset[axis] + terrain.origin[axis] + (cell + 0.5) * terrain.resolution
-            for axis, cell in enumerate((column, row))
-        )
+        count, (row, column) = int(wrong.sum()), np.argwhere(wrong)[0]
+        middle = (np.array((column, row)) + 0.5) * terrain.resolution
+        east, north = np.add(terrain.corner, middle)
         done = 'the simulation would lose or trap lava there '
         done += '(--fill-holes, or fill_holes: true, fills them)'
         if is_filled:

@@ -209,8 +209,7 @@ class EruptionClass:
             if not isinstance(item, Distribution) or item.support[0] < 0.0:
                 expected = 'a distribution of values above 0: lognormal, loguniform or with limits'
                 raise LavaError(f'{where}.{name}', item, expected)
-        if not isinstance(self.name, str):
-            raise LavaError(f'{where}.name', self.name, 'text')
+        validation.text(f'{where}.name', self.name)
 
 
 @dataclass(frozen=True)
@@ -310,12 +309,9 @@ def _constants(where: str, data: object) -> dict[str, Distribution]:
 
 
 def _eruption_classes(where: str, data: object) -> tuple[EruptionClass, ...]:
-    if not isinstance(data, list):
-        raise LavaError(where, data, 'a list of classes of eruptions')
     names = [item.name for item in fields(EruptionClass)]
     result = []
-    for index, item in enumerate(data):
-        label = f'{where}[{index}]'
+    for label, item in validation.items(where, data, 'a list of classes of eruptions'):
         values = validation.keys(label, item, allowed=names, required=names[:-1])
         for name in ('duration', 'volume'):
             values[name] = _distribution(f'{label}.{name}', values[name])

@@ -12,7 +12,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
@@ -76,41 +75,34 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
     unknown: list[str] = []
     instants: dict[VentRow, list[tuple[float, float]]] = defaultdict(list)
 
-    def number(name: str, **limits: Any) -> float | None:
+    def number(name: str, usual: float | None = None, **limits: Any) -> Any:
         if name not in columns:
-            return None
-        column = columns[name]
-        return column.number(where, properties[column.header], **limits)
+            return usual
+        return columns[name].number(where, properties[columns[name].header], **limits)
 
     for index, (where, group) in enumerate(groupby(features, key=lambda item: item.where)):
         parts = [part.on(terrain) for part in group]
-        properties = dict(parts[0].properties)
+        properties = parts[0].properties
         columns, others = understood(str(path), properties, COLUMNS)
         unknown += others
         rate = number('effusion_rate', at_least=0.0, unit='m3/s')
         if rate is not None and columns['effusion_rate'].kind == 'dense-rock':
             expected = 'a bulk effusion rate: 1 / (1 - porosity) times the dense-rock one'
-            raise LavaError(f'{where}, {columns["effusion_rate"].header}', rate, expected)
-        time = number('time')
-        width = number('width', above=0.0)
+            columns['effusion_rate'].refuse(where, rate, expected)
+        time, width = number('time'), number('width', above=0.0)
         if width is not None and 'radius' in columns:
             expected = f'no {columns["radius"].header} as well'
             raise LavaError(where, columns['width'].header, expected)
-        opens, closes, share = (
-            usual if (value := number(name)) is None else value
-            for name, usual in (('start', -math.inf), ('end', math.inf), ('share', 1.0))
-        )
+        opens, closes = number('start', -math.inf), number('end', math.inf)
         if closes <= opens:
-            expected = f'a time after its start, {opens:g} s'
-            raise LavaError(f'{where}, {columns["end"].header}', closes, expected)
+            columns['end'].refuse(where, closes, f'a time after its start, {opens:g} s')
         whole = VentRow(
             # all rows with a time belong to one vent
-            str(properties[columns['name'].header]) if 'name' in columns
-            else f'vent {index if time is None else 0}',
+            parts[0].name or f'vent {index if time is None else 0}',
             (0.0, 0.0),
             start=opens,
             end=closes,
-            share=validation.number(f'{where}, share', share, above=0.0),
+            share=number('share', 1.0, above=0.0),
             discharge=rate,
             radius=number('radius', above=0.0) if width is None else 0.5 * width,
             temperature=number('temperature', above=0.0),
@@ -120,7 +112,7 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
             rows += _divide(whole, segments)
         elif len(segments) != 1 or rate is None:
             expected = 'an effusion rate, and a point or a straight line'
-            raise LavaError(f'{where}, {columns["time"].header}', time, expected)
+            columns['time'].refuse(where, time, expected)
         else:
             (vent,) = _divide(replace(whole, discharge=None), segments)
             instants[vent].append((time, rate))

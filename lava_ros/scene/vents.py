@@ -73,8 +73,7 @@ class Vent:
 
     def __post_init__(self) -> None:
         """Validate and normalise all fields; raise LavaError for an invalid one."""
-        if not isinstance(self.name, str):
-            raise LavaError('vent.name', self.name, 'text')
+        validation.text('vent.name', self.name)
         label = f'vent {self.name!r}.' if self.name else 'vent.'
         for name, check in {**VENT_CHECKS, 'discharge': _discharge}.items():
             value = getattr(self, name)
@@ -212,12 +211,9 @@ def vents_from_list(
     Raises:
         LavaError: If the data are not such a list.
     """
-    if not isinstance(items, list):
-        raise LavaError('vents', items, 'a list of vents')
     names = [item.name for item in fields(Vent)]
-    vents = []
-    for index, item in enumerate(items):
-        where = f'vents[{index}]'
+    vents: list[Vent] = []
+    for where, item in validation.items('vents', items, 'a list of vents'):
         allowed = [*names, 'projected', 'projected_end', 'effusion_rate']
         data = validation.keys(where, item, allowed=allowed)
         if ('effusion_rate' in data) == ('discharge' in data):
@@ -239,7 +235,7 @@ def vents_from_list(
                     raise LavaError(f'{where}.{source}', place, expected)
         if 'position' not in data:
             raise LavaError(f'{where}.position', None, 'a value: this key is required')
-        data.setdefault('name', f'vent {index}')
+        data.setdefault('name', f'vent {len(vents)}')
         if temperature is not None:
             data.setdefault('temperature', temperature)
         vents.append(Vent(**data))  # type: ignore[arg-type]

@@ -3,10 +3,9 @@
 
 """Frames of a live view: a growing list whose source has a status."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from enum import IntEnum
+from enum import Enum
 import math
 from pathlib import Path
 import time
@@ -15,31 +14,36 @@ from typing import NamedTuple
 import numpy as np
 
 from lava_ros.bag.checkpoints import checkpoint_at
+from lava_ros.bag.decoding import Moment
 from lava_ros.bag.reader import BagReader, mcap_files
 from lava_ros.errors import LavaError, printable
 from lava_ros.files.resources import share_path
 from lava_ros.maps.frames import Frame, LayerFrame, Recording
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer, PROBABILITY, ZERO_CELSIUS
-from lava_ros.maps.plot import titles
+from lava_ros.maps.layers import IMAGE, Layer, ZERO_CELSIUS
 from lava_ros.pages.runs import ENSEMBLE_MAPS, read_run
 
-#: Sources of the maps in a live view. The thickness is the layer that is not rounded.
-SOURCES = ('thickness', 'temperature', 'hazard', ARRIVED, ARRIVAL, PROBABILITY)
+#: Names of the layers in a live view, one of each source. The thickness is not rounded.
+LAYERS = (
+    'height_raw', 'temperature', 'hazard', 'arrived', 'arrival_time', 'inundation_probability'
+)
 
 #: Minimum wall time between two reads of a bag [s], and as a multiple of the duration of a read.
 PERIOD, REST = 1.0, 5.0
+
+#: The particles where there are none: x, y, temperature.
+NO_PARTICLES = np.empty((0, 3))
 
 #: Commands to a node.
 COMMANDS = ('pause', 'resume', 'step', 'reset')
 
 
-class Level(IntEnum):
-    """Severity of a status."""
+class Level(Enum):
+    """Severity of a status, with its colour."""
 
-    OK = 0
-    WARN = 1
-    ERROR = 2
+    OK = '#2f9e44'
+    WARN = '#e8910c'
+    ERROR = '#e03131'
 
 
 class Status(NamedTuple):
@@ -49,55 +53,55 @@ class Status(NamedTuple):
     words: str
 
 
-class Frames(ABC):
-    """Frames of one run, oldest first.
+class Frames:
+    """Frames of one run, oldest first. Subclasses have those of a bag or a node.
 
     Attributes:
         times: Simulated times of the frames [s]; None if unknown.
         version: Number that changes with the frames.
         places: Map positions [m] of named places, by name.
         answer: The last command, and the node's answer.
+        heading: Title and summary of all frames; None to describe each.
     """
 
-    answer = ''
+    _status = Status(Level.OK, '')
+    _facts: Mapping[str, str] = {}
+    heading: tuple[str, str] | None = None
 
-    def __init__(self) -> None:
-        """Initialize without frames."""
-        self.times: list[float | None] = []
-        self.version = 0
+    def __init__(self, frames: Sequence[Frame] = ()) -> None:
+        """Initialize with frames that are in memory."""
+        self._frames = frames
+        self.times = [frame.time for frame in frames]
+        self.version, self.answer = 0, ''
         self.places: Mapping[str, tuple[float, float]] = {}
 
     @property
-    @abstractmethod
     def status(self) -> Status:
         """Status of the source."""
+        return self._status
 
-    def poll(self) -> None:  # noqa: B027
+    def poll(self) -> None:
         """Read new data if there can be any; never raises an error for invalid data."""
 
-    @abstractmethod
     def frame(self, index: int) -> Frame:
         """Return the frame of ``times[index]``.
 
         Raises:
             LavaError: If the frame cannot be read.
         """
-
-    def titles(self, frame: Frame) -> tuple[str, str]:
-        """Return the title of a frame, and a line with its main numbers."""
-        return titles(frame)
+        return self._frames[index]
 
     def facts(self, index: int) -> Mapping[str, str]:
         """Return the diagnostics at ``times[index]`` as texts by name."""
-        return {}
+        return self._facts
 
-    def particles(self, index: int) -> np.ndarray | None:
-        """Return the newest particles at or before ``times[index]``, None if there are none.
+    def particles(self, index: int) -> np.ndarray:
+        """Return the newest particles at or before ``times[index]``.
 
         Returns:
             Map position x, y [m] and temperature [Celsius], shape [particles, 3].
         """
-        return None
+        return NO_PARTICLES
 
     def command(self, name: str) -> None:
         """Send one of ``COMMANDS`` to the node."""
@@ -108,19 +112,16 @@ class Frames(ABC):
         self.command(f'vent at {x:.0f} m, {y:.0f} m')
 
 
-def watched_layers(files: tuple[str, ...] = ('default.yaml', 'forecast.yaml')) -> list[Layer]:
-    """Return one layer for each of ``SOURCES`` from files in ``msg_configs/``."""
-    layers: dict[str, Layer] = {}
-    for file in files:
-        for item in load_layers(share_path(f'msg_configs/{file}')):
-            is_first = item.source not in layers or item.name == 'height_raw'
-            if item.enabled and item.source in SOURCES and is_first:
-                layers[item.source] = item
-    return list(layers.values())
+def watched_layers() -> list[Layer]:
+    """Return the layers of ``LAYERS``."""
+    files = (share_path(f'msg_configs/{name}.yaml') for name in ('default', 'forecast'))
+    return [item for file in files for item in load_layers(file) if item.name in LAYERS]
 
 
 class EnsembleFrames(Frames):
     """The maps of an ensemble's folder as a single frame."""
+
+    _status = Status(Level.OK, 'maps of an ensemble')
 
     def __init__(self, path: str | Path) -> None:
         """Read the maps.
@@ -128,35 +129,19 @@ class EnsembleFrames(Frames):
         Raises:
             LavaError: If the path is not the folder of a finished ensemble.
         """
-        super().__init__()
-        self._run = read_run(path)
-        self.times, self.version = [None], 1
+        run = read_run(path)
         layers = {}
-        for name, panel in self._run.panels.items():
+        for name, panel in run.panels.items():
             source = ENSEMBLE_MAPS[name][0]
             layers[source] = LayerFrame(Layer(source, source, source, IMAGE), panel.values, False)
-        self._frame = replace(next(iter(self._run.panels.values())).frame, layers=layers)
-        self.status = Status(Level.OK, f'ensemble in {printable(str(path))}')
-
-    status = Status(Level.OK, '')
-
-    def frame(self, index: int) -> Frame:
-        """Return the maps."""
-        return self._frame
-
-    def titles(self, frame: Frame) -> tuple[str, str]:
-        """Return the title and the summary of the ensemble."""
-        return self._run.title, self._run.summary
-
-    def facts(self, index: int) -> Mapping[str, str]:
-        """Return the facts about the ensemble."""
-        return self._run.facts
+        super().__init__([replace(next(iter(run.panels.values())).frame, layers=layers)])
+        self.heading, self._facts = (run.title, run.summary), run.facts
 
 
 class BagFrames(Frames):
     """The frames of a bag, which may still be recording."""
 
-    status = Status(Level.WARN, '')
+    _status = Status(Level.WARN, 'no maps yet')
 
     def __init__(self, path: str | Path) -> None:
         """Open a bag.
@@ -166,10 +151,10 @@ class BagFrames(Frames):
         """
         super().__init__()
         BagReader(path)
-        self.status = Status(Level.WARN, f'{path} has no maps yet')
         self._path = Path(path)
-        self._layers = watched_layers(('forecast.yaml',))
+        self._layers = [item for item in watched_layers() if item.is_forecast]
         self._recording: Recording | None = None
+        self._moments: Sequence[Moment] = ()
         self._size: dict[Path, int] = {}
         self._next_look = 0.0
 
@@ -187,11 +172,12 @@ class BagFrames(Frames):
             return
         try:
             self._recording = Recording(self._path, more=self._layers)
-            self.times = [item.time for item in self._recording.timeline.last_run] or [None]
+            self._moments = self._recording.timeline.last_run
+            self.times = [item.time for item in self._moments] or [None]
             self.places = self._recording.places
-            self.status = Status(Level.OK, f'recorded in {printable(str(self._path))}')
+            self._status = Status(Level.OK, f'recorded in {printable(str(self._path))}')
         except LavaError as error:
-            self.status = Status(Level.WARN, str(error))
+            self._status = Status(Level.WARN, str(error))
         self._size = size
         self.version += 1
         self._next_look = time.monotonic() + max(PERIOD, REST * (time.monotonic() - begun))
@@ -203,17 +189,14 @@ class BagFrames(Frames):
 
     def facts(self, index: int) -> Mapping[str, str]:
         """Return the diagnostics of the simulation at that time."""
-        assert self._recording is not None
-        time = self.times[index]
-        run = self._recording.timeline.last_run
-        return next((item.values for item in reversed(run) if item.time == time), {})
+        return self._moments[index].values if self._moments else {}
 
-    def particles(self, index: int) -> np.ndarray | None:
+    def particles(self, index: int) -> np.ndarray:
         """Return the particles of the newest checkpoint at or before that time."""
         time = self.times[index]
         found = checkpoint_at(self._path, math.inf if time is None else time)
         if found is None:
-            return None
+            return NO_PARTICLES
         particles = found.arrays['state.particle']
         positions = particles[:, :2] + found.scene.terrain.centre
         return np.column_stack([positions, particles[:, 3] - ZERO_CELSIUS])

@@ -4,7 +4,7 @@
 """The page of one browser: ground and lava in 3-D, a time slider, and texts beside them."""
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -13,15 +13,16 @@ from itertools import pairwise
 import math
 from typing import Any
 
+from matplotlib.colors import to_rgb
 import numpy as np
+from PIL import Image
 from viser import ClientHandle
 
 from lava_ros.errors import LavaError
-from lava_ros.files.pictures import read_picture
 from lava_ros.maps.colours import Scale, scale_of, STYLES
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
-from lava_ros.maps.plot import barriers_of, duration, shaded_ground
+from lava_ros.maps.plot import BARRIER, barriers_of, duration, shaded_ground, titles
 from lava_ros.pages.runs import ENSEMBLE_MAPS
 from lava_ros.scene.on_terrain import read_placed_picture
 from lava_ros.watch.frames import COMMANDS, Frames, Level, Status
@@ -37,9 +38,6 @@ SHOWN = {
     **{source: (title, style) for source, style, title in ENSEMBLE_MAPS.values()},
 }
 
-#: Maps whose values are the thickness of lava [m].
-_DEEP = ('thickness', EXPECTED)
-
 #: Number of colours of a map that does not consist of classes.
 COLOURS = 24
 
@@ -49,12 +47,8 @@ MAX_PARTICLES, MAX_LABELS, MAX_PIXELS = 100_000, 200, 1600
 #: Height of a map above the ground in the view, so that the ground does not show through.
 LIFT = np.array([0.0, 0.0, 0.0005 * SIDE], dtype=np.float32)
 
-_BARRIER = (61, 43, 31)
-
 #: Directions from the middle of the lava to the camera.
 _VIEWS = {'From above': (0.0, -0.001, 1.0), 'From the south': (0.0, -0.8, 0.6)}
-
-_LIGHTS = {Level.OK: '#2f9e44', Level.WARN: '#e8910c', Level.ERROR: '#e03131'}
 
 
 def relief(frame: Frame) -> np.ndarray:
@@ -63,21 +57,22 @@ def relief(frame: Frame) -> np.ndarray:
 
 
 def draped(path: str) -> Callable[[Frame], np.ndarray]:
-    """Return a function like ``relief`` that returns the picture of a file.
-
-    A picture that is not georeferenced covers exactly the terrain.
+    """Return a function like ``relief`` that shows the picture of a file over the relief.
 
     Raises:
         LavaError: The file is not a readable picture.
     """
     placed = read_placed_picture(path, field='--drape')
-    if placed is None:
-        picture = np.asarray(read_picture('--drape', path, MAX_PIXELS).convert('RGB'))[::-1]
-        return lambda frame: picture
 
     def paint(frame: Frame) -> np.ndarray:
-        colours = placed.on(_coarse(frame).terrain, field='--drape')
-        return np.where(np.isfinite(colours), np.rint(colours), relief(frame)).astype(np.uint8)
+        cells = _coarse(frame).terrain
+        # a picture may show more than the cells of the terrain
+        fine = MAX_PIXELS // max(cells.shape)
+        shape, size = np.multiply(cells.shape, fine), cells.resolution / fine
+        ground = np.asarray(Image.fromarray(relief(frame)).resize(shape[::-1]))
+        target = replace(cells, elevation=np.zeros(shape), resolution=size)
+        colours = placed.on(target, field='--drape')
+        return np.where(np.isfinite(colours), np.rint(colours), ground).astype(np.uint8)
 
     return paint
 
@@ -111,14 +106,12 @@ class Page:
             control: Whether the page can send commands to the node.
         """
         self._client, self._frames, self._picture = client, frames, picture
-        self._version, self._ticks = -1, 0
+        self._version, self._ticks, self._time = -1, 0, 0.0
         self._problem: Status | None = None
-        self._time: float | None = None
         self._asked: deque[Callable[[], Any]] = deque(maxlen=8)
         self._drawn: tuple[Any, ...] = ()
-        self._ground: Ground | None = None
-        self._frame: Frame | None = None
         self._labelled: tuple[Any, ...] = ()
+        self._ground: Ground | None = None
         self._nodes: dict[str, Any] = {}
         self._place: np.ndarray | None = None
         gui = client.gui
@@ -141,7 +134,6 @@ class Page:
                 self.opens = gui.add_checkbox('Click opens a vent', True)
                 for name in COMMANDS:
                     self._button(name.capitalize(), partial(frames.command, name))
-                self.answer = gui.add_html('')
         self._control = control
         with gui.add_folder('Diagnostics', expand_by_default=False):
             self.facts = gui.add_html('')
@@ -154,14 +146,10 @@ class Page:
         """Process clicks, and show new frames and changed choices."""
         while self._asked:
             self._asked.popleft()()
-        if self._control:
-            _set(self.answer, 'content', _box(escape(self._frames.answer)))
         if self._frames.times:
             index = self._move()
-            wanted = (
-                self._frames.version, index, self.choice.value, self.stretch.value,
-                self.particles.value,
-            )
+            inputs = (self.choice, self.stretch, self.particles)
+            wanted = (self._version, index, *(item.value for item in inputs))
             if wanted != self._drawn:
                 self._drawn, self._problem = wanted, None
                 try:
@@ -169,148 +157,119 @@ class Page:
                         self._show(index)
                 except LavaError as error:
                     self._problem = Status(Level.ERROR, str(error))
-            _set(self.facts, 'content', _table(self._frames.facts(index)))
+            self.facts.content = _table(self._frames.facts(index))
         level, words = self._problem or self._frames.status
-        _set(self.status, 'content', _box(escape(words), f'color: {_LIGHTS[level]}'))
+        words = '<br>'.join(map(escape, filter(None, (words, self._frames.answer))))
+        self.status.content = _box(words, f'color: {level.value}')
 
     def _move(self) -> int:
         """Move the slider with new frames if it is at its end, or while it plays."""
-        times = self._frames.times
-        last, slider = len(times) - 1, self.slider
-        value = min(max(int(slider.value), 0), last)
+        slider, times = self.slider, [time or 0.0 for time in self._frames.times]
+        last, value = len(times) - 1, int(slider.value)
         if self._version != self._frames.version:
-            is_at_end = self._version < 0 or slider.value >= slider.max
+            is_at_end = self._version < 0 or value >= slider.max
             self._version = self._frames.version
-            known = [math.nan if item is None else item for item in times]
-            before = int(np.searchsorted(known, self._time)) if self._time is not None else last
-            value = last if is_at_end else min(before, last)
-            _set(slider, 'max', max(last, 1))
-            _set(slider, 'disabled', last == 0)
+            slider.max, slider.disabled = max(last, 1), last == 0
+            value = last if is_at_end else int(np.searchsorted(times, self._time))
         elif self.play.value:
             self._ticks += 1
-            value = min(value + (self._ticks % 2), last)
-        _set(slider, 'value', value)
+            value += self._ticks % 2
+        slider.value = value = min(value, last)
+        self._time = times[value]
         return value
 
     def _show(self, index: int) -> None:
-        self._frame = whole = self._frames.frame(index)
-        self._time = whole.time
+        whole = self._frames.frame(index)
         maps = _maps(whole)
-        names = {SHOWN[source][0]: source for source in SHOWN if source in maps}
-        _set(self.choice, 'options', tuple(names) or ('-',))
+        names = {SHOWN[source][0]: source for source in SHOWN if source in maps} or {'-': ''}
+        if self.choice.options != (*names,):
+            self.choice.options = names
         source = names.get(self.choice.value, '')
+        is_shown = np.isfinite(maps[source]) if source else np.False_
+        is_first = self._ground is None
         if self._ground is None or not self._ground.is_of(whole):
-            self._drop('/ground')
             self._ground = Ground(whole, self._picture(whole))
         ground = self._ground
-        reaching = [maps[name] for name in (source, *_DEEP, ARRIVED) if name in maps]
-        is_first = '/ground' not in self._nodes
-        if ground.fit(reaching, whole.vents):
+        if ground.fit(whole, whole.lava | is_shown):
             self._nodes['/ground'] = self._client.scene.add_mesh_trimesh(
-                '/ground', ground.mesh(), cast_shadow=False
+                '/ground', ground.mesh(), scale=self._scale, cast_shadow=False
             )
+        node, camera = self._nodes['/ground'], self._client.camera
         if is_first:
             self._look(_VIEWS['From the south'])
-        _set(self._nodes['/ground'], 'scale', self._scale)
+        elif node.scale != self._scale:
+            # the camera rises with the ground
+            rise = np.subtract(self._scale, node.scale) * ground.middle[0]
+            camera.position, node.scale = camera.position + rise, self._scale
         frame = ground.cut(whole)
-        title, facts = map(escape, self._frames.titles(frame))
+        title, facts = map(escape, self._frames.heading or titles(frame))
         last = self._frames.times[-1]
         so_far = '' if last is None else f' of {duration(last)} so far'
-        if source and not np.isfinite(maps[source]).any():
+        if source and not is_shown.any():
             # a withdrawn forecast is a map without known cells
             facts += ' · <b>nothing on this map now</b>'
-        _set(self.title, 'content', _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px'))
-        self._draw_lava(ground, frame, '' if self.particles.value else source)
-        self._draw_particles(ground, whole, index)
+        self.title.content = _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px')
+        self._new_group('/lava')
+        if self.particles.value:
+            self._draw_particles(ground, whole, self._frames.particles(index))
+        elif source:
+            self._draw_lava(ground, _maps(frame), source)
         self._draw_labels(ground, frame)
-        self._draw_values()
+        if self._place is not None:
+            self.values.content = _table(_values(ground, maps, self._place))
 
-    def _draw_lava(self, ground: Ground, frame: Frame, source: str) -> None:
-        drawn = []
-        if source:
-            maps, (title, style) = _maps(frame), SHOWN[source]
-            scale = scale_of(style, maps[source])
-            _set(self.legend, 'content', _legend(title, style, scale))
-            blocks = ground.blocks(maps[source])
-            deep = next((maps[name] for name in _DEEP if name in maps), None)
-            thickness = np.zeros_like(blocks) if deep is None else ground.blocks(deep)
-            numbers, colours = _coloured(style, scale, blocks)
-            for number, points, faces in ground.lava(numbers, thickness):
-                drawn.append(f'/lava/{number}')
-                self._nodes[drawn[-1]] = self._client.scene.add_mesh_simple(
-                    drawn[-1], points + LIFT, faces, color=colours[number],
-                    scale=self._scale, cast_shadow=False, side='double',
-                )
-        self._drop('/lava', drawn)
+    def _draw_lava(self, ground: Ground, maps: Mapping[str, np.ndarray], source: str) -> None:
+        title, style = SHOWN[source]
+        scale = scale_of(style, maps[source])
+        self.legend.content = _legend(title, style, scale)
+        blocks = np.ma.masked_invalid(ground.blocks(maps[source]) / scale.unit)
+        shades = scale.colours.resampled(min(scale.colours.N, COLOURS))
+        deep = maps.get('thickness', maps.get(EXPECTED, np.full_like(maps[source], np.nan)))
+        colours = shades(scale.norm(blocks), bytes=True)
+        for colour, points, faces in ground.lava(colours, ground.blocks(deep)):
+            self._client.scene.add_mesh_simple(
+                '/lava/{}_{}_{}'.format(*colour), points + LIFT, faces, color=colour[:3],
+                scale=self._scale, cast_shadow=False, side='double',
+            )
 
-    def _draw_particles(self, ground: Ground, whole: Frame, index: int) -> None:
-        points = self._frames.particles(index) if self.particles.value else None
-        if points is None or not len(points):
-            self._drop('/particles')
-            if self.particles.value:
-                _set(self.legend, 'content', _box('No particles at this time.'))
+    def _draw_particles(self, ground: Ground, whole: Frame, points: np.ndarray) -> None:
+        if not len(points):
+            self.legend.content = _box('No particles at this time.')
             return
         points = points[:: -(-len(points) // MAX_PARTICLES)]
         xy, celsius = points[:, :2], points[:, 2]
         scale = scale_of('temperature', celsius)
-        _set(self.legend, 'content', _legend('Particles', 'temperature', scale))
+        self.legend.content = _legend('Particles', 'temperature', scale)
         z = ground.terrain.elevations_at(xy)
         if 'thickness' in whole.layers:
             thickness = whole.layers['thickness'].values
             z += np.nan_to_num(ground.terrain.values_at(thickness, xy))
-        colours = (255.0 * scale.colours(scale.norm(celsius))[:, :3]).astype(np.uint8)
-        self._nodes['/particles'] = self._client.scene.add_point_cloud(
-            '/particles', ground.placed(xy, z) + LIFT, colours,
-            point_size=0.7 * ground.cell, point_shape='circle', precision='float32',
-            scale=self._scale,
+        self._client.scene.add_point_cloud(
+            '/lava/particles', ground.placed(xy, z) + LIFT,
+            scale.colours(scale.norm(celsius), bytes=True)[:, :3], point_size=0.7 * ground.cell,
+            point_shape='circle', precision='float32', scale=self._scale,
         )
 
     def _draw_labels(self, ground: Ground, frame: Frame) -> None:
         labels = [*_vents(frame), *self._frames.places.items()][:MAX_LABELS]
-        crests = [crest.tolist() for crest in barriers_of(frame)]
+        labels += [] if self._place is None else [('●', self._place.tolist())]
+        ends = [pair for crest in barriers_of(frame) for pair in pairwise(crest.tolist())]
         # a label that is made again blinks
-        wanted = (ground, labels, crests, self._scale)
+        wanted = (ground, labels, ends, self._scale)
         if wanted == self._labelled:
             return
         self._labelled, scene = wanted, self._client.scene
-        self._drop('/labels')
+        self._new_group('/labels')
         for number, (text, place) in enumerate(labels):
-            at = np.array([place])
-            if ground.terrain.covered(at).all():
-                name = f'/labels/{number}'
-                self._nodes[name] = scene.add_label(
-                    name, text, position=ground.placed(at)[0] * self._scale,
-                    anchor='bottom-center',
+            if ground.terrain.covers(*place):
+                position = ground.placed(np.array([place]))[0] * self._scale
+                scene.add_label(
+                    f'/labels/{number}', text, position=position, anchor='bottom-center'
                 )
-        if crests:
-            ends = np.array([pair for crest in crests for pair in pairwise(crest)])
-            at = (ground.placed(ends.reshape(-1, 2)) + 2.0 * LIFT).reshape(-1, 2, 3)
-            self._nodes['/labels/barriers'] = scene.add_line_segments(
-                '/labels/barriers', at * self._scale, colors=_BARRIER, line_width=3.0
-            )
-
-    def _draw_values(self) -> None:
-        """Write the values of the clicked place, and mark it."""
-        if self._place is None or self._ground is None or self._frame is None:
-            return
-        ground, place, maps = self._ground, self._place, _maps(self._frame)
-        rows = {
-            'x, y': f'{place[0]:.0f} m, {place[1]:.0f} m',
-            'Elevation': f'{ground.terrain.elevations_at(place):.0f} m',
-        }
-        for source, (title, style) in SHOWN.items():
-            if source in maps:
-                value = float(ground.terrain.values_at(maps[source], place))
-                words = f'{value:.3g} {STYLES[style].label}'
-                if math.isfinite(value):
-                    rows[title] = duration(value) if style == 'arrival' else words
-                else:
-                    rows[title] = 'none'
-        _set(self.values, 'content', _table(rows))
-        self._client.scene.add_icosphere(
-            '/place', 0.004 * SIDE, color=(255, 255, 255), cast_shadow=False,
-            position=ground.placed(place[None])[0] * self._scale,
-        )
+        if ends:
+            at = (ground.placed(np.reshape(ends, (-1, 2))) + 2.0 * LIFT).reshape(-1, 2, 3)
+            look = {'colors': to_rgb(BARRIER['color']), 'line_width': 3.0}
+            scene.add_line_segments('/labels/barriers', at, scale=self._scale, **look)
 
     def _click(self, event: Any) -> None:
         if self._ground is None:
@@ -318,8 +277,7 @@ class Page:
         ray = np.array([event.ray_origin, event.ray_direction]) / self._scale
         place = self._ground.hit(*ray)
         if place is not None:
-            self._place = place
-            self._draw_values()
+            self._place, self._drawn = place, ()
             if self._control and self.opens.value:
                 self._frames.open_vent(*place.tolist())
 
@@ -327,23 +285,36 @@ class Page:
         """Show the ground around the lava from a direction."""
         if self._ground is not None:
             middle, size = self._ground.middle
-            self._client.camera.position = middle * self._scale + 1.1 * size * np.array(direction)
+            self._client.camera.position = middle * self._scale + 0.8 * size * np.array(direction)
             self._client.camera.look_at = middle * self._scale
 
     @property
     def _scale(self) -> tuple[float, float, float]:
         return (1.0, 1.0, float(self.stretch.value))
 
-    def _drop(self, room: str, drawn: Collection[str] = ()) -> None:
-        """Remove the nodes whose names start with ``room``, except those drawn now."""
-        for name in [name for name in self._nodes if name.startswith(room) and name not in drawn]:
-            self._nodes.pop(name).remove()
+    def _new_group(self, name: str) -> None:
+        """Remove the nodes below a name, and make their parent anew."""
+        if name in self._nodes:
+            self._nodes[name].remove()
+        self._nodes[name] = self._client.scene.add_frame(name, show_axes=False)
 
 
-def _set(handle: Any, name: str, value: Any) -> None:
-    """Set a property of an element if it has another value: every change is sent."""
-    if getattr(handle, name) != value:
-        setattr(handle, name, value)
+def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -> dict[str, str]:
+    """Return the elevation and the values of maps at a map position [m] as texts by title."""
+    rows = {
+        'x, y': f'{place[0]:.0f} m, {place[1]:.0f} m',
+        'Elevation': f'{ground.terrain.elevations_at(place):.0f} m',
+    }
+    for source, (title, style) in SHOWN.items():
+        if source in maps:
+            value = float(ground.terrain.values_at(maps[source], place))
+            if not math.isfinite(value):
+                rows[title] = 'none'
+            elif style == 'arrival':
+                rows[title] = duration(value)
+            else:
+                rows[title] = f'{value:.4g} {STYLES[style].label}'
+    return rows
 
 
 def _box(markup: str, style: str = '') -> str:
@@ -358,32 +329,16 @@ def _table(rows: Mapping[str, str]) -> str:
 
 
 def _legend(title: str, style: str, scale: Scale) -> str:
+    colours = STYLES[style].colours
     if scale.names:
-        text = '<br>'.join(
-            f'<span style="color: {colour}">■</span> {name}'
-            for colour, name in zip(STYLES[style].colours, scale.names, strict=True)
-        )
-        return _box(text)
-    bar = f'height: 12px; background: linear-gradient(90deg, {", ".join(STYLES[style].colours)})'
+        pairs = zip(colours, scale.names, strict=True)
+        return _box('<br>'.join(f'<span style="color: {a}">■</span> {b}' for a, b in pairs))
+    bar = f'height: 12px; background: linear-gradient(90deg, {", ".join(colours)})'
     ticks = np.linspace(scale.norm.vmin, scale.norm.vmax, 5)
     text = ''.join(f'<span>{tick:.4g}</span>' for tick in ticks)
     unit = f'{title} [{scale.label}]' if scale.label else title
     row = f'<div style="display: flex; justify-content: space-between">{text}</div>'
     return _box(f'{unit}<div style="{bar}"></div>{row}')
-
-
-def _coloured(
-    style: str, scale: Scale, values: np.ndarray
-) -> tuple[np.ndarray, list[tuple[int, int, int]]]:
-    """Return the number of the colour of each value, NaN for NaN, and the colours."""
-    if scale.names:
-        count, numbers = len(scale.names), STYLES[style].class_numbers(values) - 1.0
-    else:
-        count, low = COLOURS, scale.norm.vmin
-        part = (values / scale.unit - low) / (scale.norm.vmax - low)
-        numbers = np.clip(np.floor(part * count), 0, count - 1)
-    shown = scale.colours((np.arange(count) + 0.5) / count)[:, :3]
-    return numbers, [tuple(row) for row in (255.0 * shown).astype(int).tolist()]
 
 
 def _maps(frame: Frame) -> dict[str, np.ndarray]:
@@ -392,14 +347,16 @@ def _maps(frame: Frame) -> dict[str, np.ndarray]:
     return maps if frame.arrived is None else {**maps, ARRIVED: frame.arrived}
 
 
-def _vents(frame: Frame) -> Iterator[tuple[str, tuple[float, float]]]:
-    """Yield the label and the map position [m] of each vent."""
-    described = frame.scene.get('vents')
-    for x, y in frame.vents.tolist():
+def _vents(frame: Frame) -> list[tuple[str, list[float]]]:
+    """Return the label and the map position [m] of each vent."""
+    labels = []
+    for place in frame.vents.tolist():
         name = ''
-        for vent in described if isinstance(described, list) else ():
-            # the description in a foreign bag is untrusted
-            with suppress(AttributeError, TypeError, ValueError):
-                if np.allclose(vent.get('position'), (x, y), atol=0.01):
-                    name = str(vent.get('name') or '')
-        yield (f'▲ {name}' if name else '▲ vent'), (x, y)
+        # the description in a foreign bag is untrusted
+        with suppress(LookupError, StopIteration, TypeError, ValueError):
+            name = next(
+                vent['name'] for vent in frame.scene['vents']
+                if np.allclose(vent['position'], place, atol=0.01)
+            )
+        labels.append((f'▲ {name or "vent"}', place))
+    return labels

@@ -79,6 +79,7 @@ class Server:
         """
         self._frames, self._options = frames, options
         self.pages: dict[int, Page] = {}
+        # viser prints its own address, and would take the next free port
         try:
             listener = socket.create_server((ADDRESS, port))
         except OSError as error:
@@ -86,9 +87,10 @@ class Server:
         self.port: int = listener.getsockname()[1]
         # a browser may leave while its page is drawn
         warnings.filterwarnings('ignore', 'Queued a .* on a closed connection')
-        # viser prints its own address
         with _guarded(listener), redirect_stdout(StringIO()):
             self._server = viser.ViserServer(ADDRESS, self.port, verbose=False)
+        # its light would change the colours of the legend
+        self._server.scene.configure_environment_map(None)
         for message in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
             self._server._websock_server.unregister_handler(message)
 

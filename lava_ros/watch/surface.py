@@ -15,10 +15,11 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from lava_ros.maps.frames import Frame
+from lava_ros.maps.plot import bounds_of
 from lava_ros.scene import Terrain
 
 #: Rows or columns of blocks along a side if there is no lava, and maximum number of corners.
-COARSE, MAX_CORNERS = 128, 500_000
+COARSE, MAX_CORNERS = 128, 250_000
 
 #: Length of the longer side of the ground in the view.
 SIDE = 10.0
@@ -33,8 +34,8 @@ class Ground:
     def __init__(self, frame: Frame, picture: np.ndarray) -> None:
         """Initialize from a frame and the colours of its ground, uint8, shape [y, x, 3]."""
         self.terrain = Terrain(frame.elevation, frame.resolution, frame.origin)
-        self._elevation, self._shape = frame.elevation, np.array(self.terrain.shape)
-        self.cell = SIDE / float(self._shape.max())
+        self._elevation = frame.elevation
+        self.cell = SIDE / max(self.terrain.shape)
         self._low, self._high = np.nanmin(frame.elevation), np.nanmax(frame.elevation)
         self._picture = Image.fromarray(picture[::-1])
         # trimesh then stores it as JPEG
@@ -43,98 +44,83 @@ class Ground:
 
     def is_of(self, frame: Frame) -> bool:
         """Return True if a frame has the same ground."""
-        own = self.terrain
-        return (frame.resolution, frame.origin) == (own.resolution, own.origin) and (
-            frame.elevation is self._elevation
-            or np.array_equal(frame.elevation, self._elevation, equal_nan=True)
+        own = (self.terrain.resolution, self.terrain.origin)
+        return (frame.resolution, frame.origin) == own and np.array_equal(
+            frame.elevation, self._elevation, equal_nan=True
         )
 
-    def fit(self, maps: Sequence[np.ndarray], vents: np.ndarray) -> bool:
-        """Make the small blocks reach around maps and vents; return True if blocks have changed.
+    def fit(self, frame: Frame, shown: np.ndarray) -> bool:
+        """Make the small blocks reach around cells and vents; return True if blocks have changed.
 
         Args:
-            maps: Values of the cells, NaN where there is nothing to show.
-            vents: Map positions [m], shape [vents, 2].
+            frame: A frame with the same ground.
+            shown: The cells, bool; with neither cells nor vents, small blocks cover the ground.
         """
-        reached = np.zeros(self._shape, dtype=bool)
-        for values in maps:
-            reached |= np.isfinite(values)
-        for place in vents[self.terrain.covered(vents)].tolist():
-            reached[self.terrain.cell_at(*place)] = True
-        if not reached.any():
-            reached[:] = True
-        ends = [np.flatnonzero(reached.any(axis=axis))[[0, -1]] for axis in (1, 0)]
-        cells = np.add(ends, (0, 1))
-        if (self._window[:, 0] <= cells[:, 0]).all() and (cells[:, 1] <= self._window[:, 1]).all():
+        bounds = np.reshape(bounds_of(frame, shown), (2, 2)) - self.terrain.origin
+        sides = np.transpose([self.terrain.shape])
+        cells = np.floor(bounds / self.terrain.resolution).astype(int).T[::-1]
+        cells = np.clip(cells, 0, sides - 1) + np.array([0, 1])
+        if ((cells - self._window) * (1, -1) >= 0).all():
             return False
-        margin = np.maximum(MARGIN * np.diff(cells)[:, 0], MIN_MARGIN).astype(int)
-        first = np.maximum(cells[:, 0] - margin, 0)
-        last = np.minimum(cells[:, 1] + margin, self._shape)
-        self._window, step = np.stack([first, last], axis=1), 1
-        while math.prod(map(len, self._edges_with(step))) > MAX_CORNERS:
+        margin = np.maximum(MARGIN * np.diff(cells), MIN_MARGIN).astype(int)
+        self._window, step = np.clip(cells + margin * np.array([-1, 1]), 0, sides), 1
+        while math.prod(map(len, edges := self._edges_with(step))) > MAX_CORNERS:
             step += 1
-        self._edges = self._edges_with(step)
-        self._inside = tuple(
-            slice(*np.searchsorted(edges, (a, b + 1)))
-            for edges, (a, b) in zip(self._edges, self._window, strict=True)
-        )
-        # the cells on both sides of each edge
-        around = np.pad(self._elevation, 1, mode='edge')
-        rows, columns = self._edges
-        self._z = _mean([around[np.ix_(rows + i, columns + j)] for i in (0, 1) for j in (0, 1)])
+        self._edges, self._z = edges, _at_corners(self._elevation, *edges)
+        inside = [
+            (first <= item) & (item <= last)
+            for item, (first, last) in zip(edges, self._window, strict=True)
+        ]
+        self._small = [item[here] for item, here in zip(edges, inside, strict=True)]
+        self._small_z = self._z[np.ix_(*inside)]
         return True
 
     def _edges_with(self, step: int) -> list[np.ndarray]:
         """Return the rows and the columns of edges with small blocks of so many cells a side."""
-        far = max(int(self._shape.max()) // COARSE, step)
+        far = max(max(self.terrain.shape) // COARSE, step)
         return [
             np.unique([*range(0, a, far), *range(a, b, step), b, *range(b, count, far), count])
-            for (a, b), count in zip(self._window, self._shape, strict=True)
+            for (a, b), count in zip(self._window, self.terrain.shape, strict=True)
         ]
 
     def mesh(self) -> Trimesh:
         """Return the ground with its picture."""
-        is_known = np.isfinite(self._z)
-        shown = np.logical_and.reduce(_corners(is_known))
+        shown = np.ones(np.subtract(self._z.shape, 1), dtype=bool)
         cells, points, faces = self._triangles(shown, self._edges, self._z)
         # the picture has its own light and shade
         material = PBRMaterial(
-            emissiveTexture=self._picture, emissiveFactor=[1.0, 1.0, 1.0],
+            emissiveTexture=self._picture, emissiveFactor=[0.85, 0.85, 0.85],
             baseColorFactor=[0, 0, 0, 255], metallicFactor=0.0, roughnessFactor=1.0,
         )
-        visual = TextureVisuals(uv=(cells / self._shape)[:, ::-1], material=material)
+        visual = TextureVisuals(uv=(cells / self.terrain.shape)[:, ::-1], material=material)
         return Trimesh(points, faces, visual=visual, process=False)
 
     def blocks(self, values: np.ndarray) -> np.ndarray:
         """Reduce values of the cells that ``cut`` leaves to the largest of each small block."""
-        rows, columns = (
-            edges[inside][:-1] - edges[inside][0]
-            for edges, inside in zip(self._edges, self._inside, strict=True)
-        )
+        rows, columns = (edges[:-1] - edges[0] for edges in self._small)
         return np.asarray(np.fmax.reduceat(np.fmax.reduceat(values, rows), columns, axis=1))
 
     def lava(
-        self, numbers: np.ndarray, thickness: np.ndarray
-    ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-        """Yield the surface of the small blocks with each number.
+        self, colours: np.ndarray, thickness: np.ndarray
+    ) -> Iterator[tuple[tuple[int, ...], np.ndarray, np.ndarray]]:
+        """Yield the surface of the small blocks with each colour.
 
         Args:
-            numbers: Numbers of the blocks, NaN for those not shown.
+            colours: RGBA of the blocks, uint8, shape [y, x, 4]; 0 for those not shown.
             thickness: Thickness of the lava on the blocks [m], NaN for none.
 
         Yields:
-            A number, points in the view [points, 3], and the points of triangles [triangles, 3].
+            RGBA, points in the view [points, 3], and the points of triangles [triangles, 3].
         """
-        edges = [item[inside] for item, inside in zip(self._edges, self._inside, strict=True)]
-        padded = np.pad(thickness, 1, constant_values=np.nan)
-        z = self._z[self._inside] + np.nan_to_num(_mean(_corners(padded)))
-        for number in np.unique(numbers[np.isfinite(numbers)]).astype(int).tolist():
-            yield number, *self._triangles(numbers == number, edges, z)[1:]
+        depth = _at_corners(thickness, *map(np.arange, self._small_z.shape))
+        z, codes = self._small_z + np.nan_to_num(depth), colours.view(np.uint32)[..., 0]
+        for code in np.unique(codes[codes > 0]):
+            points, faces = self._triangles(codes == code, self._small, z)[1:]
+            yield tuple(code[None].view(np.uint8).tolist()), points, faces
 
     def cut(self, frame: Frame) -> Frame:
         """Return the part of a frame in small blocks."""
-        (a, b), (c, d) = self._window.tolist()
-        part = np.s_[a:b, c:d]
+        part = tuple(slice(*ends) for ends in self._window.tolist())
         layers = {
             key: replace(item, values=item.values[part]) for key, item in frame.layers.items()
         }
@@ -176,25 +162,21 @@ class Ground:
         self, shown: np.ndarray, edges: Sequence[np.ndarray], z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rows and columns of the corners of blocks, their points, and the triangles."""
-        row, column = np.nonzero(shown)
+        row, column = np.divmod(np.flatnonzero(shown), shown.shape[1])
         first = row * z.shape[1] + column
         above = first + z.shape[1]
         faces = np.stack([first, first + 1, above + 1, first, above + 1, above], -1).reshape(-1, 3)
+        faces = faces[np.isfinite(z.ravel()[faces]).all(axis=1)]
         is_used = np.zeros(z.size, dtype=bool)
         is_used[faces] = True
-        row, column = np.nonzero(is_used.reshape(z.shape))
+        row, column = np.divmod(np.flatnonzero(is_used), z.shape[1])
         cells = np.stack([edges[0][row], edges[1][column]], axis=-1)
         points = self.placed(self._positions(cells), z[row, column])
-        return cells, points, (np.cumsum(is_used, dtype=np.uint32) - np.uint32(1))[faces]
+        return cells, points, (np.cumsum(is_used) - 1)[faces]
 
 
-def _corners(cells: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return the four cells around each inner corner."""
-    return cells[:-1, :-1], cells[:-1, 1:], cells[1:, :-1], cells[1:, 1:]
-
-
-def _mean(parts: Sequence[np.ndarray]) -> Any:
-    """Return the mean of those that are known; NaN where none is."""
-    count = sum(np.isfinite(part).astype(float) for part in parts)
-    with np.errstate(invalid='ignore'):
-        return sum(np.nan_to_num(part, nan=0.0) for part in parts) / count
+def _at_corners(values: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Any:
+    """Return the mean of the known cells around the corners of blocks; NaN where none is."""
+    padded = np.pad(values, 1, constant_values=np.nan)
+    around = [padded[np.ix_(rows + i, columns + j)] for i in (0, 1) for j in (0, 1)]
+    return np.ma.masked_invalid(around).mean(axis=0).filled(np.nan)

@@ -3,7 +3,6 @@
 
 """Raster formats: complete, truncated and rejected files, written by GDAL."""
 
-from collections.abc import Callable
 from pathlib import Path
 import socket
 from typing import Any
@@ -64,12 +63,12 @@ def write_format(folder: Path, name: str) -> Path:
     return path
 
 
-def test_each_format_has_a_file() -> None:
+def test_each_format_has_a_file():
     assert list(FILES) == [item.name for item in FORMATS]
 
 
 @pytest.mark.parametrize('name', FILES)
-def test_reads_format(tmp_path: Path, name: str) -> None:
+def test_reads_format(tmp_path, name):
     path = write_format(tmp_path, name)
     with open_raster('terrain file', path) as source:
         cells = source.read(1)
@@ -84,7 +83,7 @@ def test_reads_format(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize('fraction', [0.3, 0.99])
 @pytest.mark.parametrize('name', FILES)
-def test_rejects_truncated_file(tmp_path: Path, name: str, fraction: float) -> None:
+def test_rejects_truncated_file(tmp_path, name, fraction):
     path = write_format(tmp_path, name)
     whole = path.read_bytes()
     path.write_bytes(whole[: int(fraction * len(whole))])
@@ -100,7 +99,7 @@ def test_rejects_truncated_file(tmp_path: Path, name: str, fraction: float) -> N
 @pytest.mark.parametrize(
     ('driver', 'name'), [('PNG', 'a.png'), ('ENVI', 'a.dat'), ('USGSDEM', 'a.dem')]
 )
-def test_rejects_other_formats_with_advice(tmp_path: Path, driver: str, name: str) -> None:
+def test_rejects_other_formats_with_advice(tmp_path, driver, name):
     data = np.ones((TILE, TILE), np.uint8 if driver == 'PNG' else np.int16)
     write_raster(
         tmp_path / name, data, driver=driver, crs='EPSG:4326', cell=1.0 / (TILE - 1),
@@ -121,73 +120,56 @@ def virtual_raster(name: str, *, attributes: str = 'relativeToVRT="1"', more: st
     )
 
 
-def test_virtual_raster_opens_files_of_its_folder(tmp_path: Path) -> None:
+def test_virtual_raster_opens_files_of_its_folder(tmp_path):
     write_ground(tmp_path / 'tile')
     (tmp_path / 'a.vrt').write_text(virtual_raster('tile'))
     np.testing.assert_array_equal(load_terrain(tmp_path / 'a.vrt').elevation, GROUND[::-1])
 
 
-def _other_folder(folder: Path) -> str:
-    (folder / 'other').mkdir()
-    write_ground(folder / 'other/tile.tif')
-    return virtual_raster('other/tile.tif')
+WMS = (
+    '<GDAL_WMS><Service name="WMS"><ServerUrl>http://127.0.0.1:{port}/x?</ServerUrl>'
+    '<Layers>a</Layers></Service><DataWindow><UpperLeftX>0</UpperLeftX>'
+    '<UpperLeftY>200</UpperLeftY><LowerRightX>200</LowerRightX><LowerRightY>0</LowerRightY>'
+    '<SizeX>20</SizeX><SizeY>20</SizeY></DataWindow><BandsCount>1</BandsCount></GDAL_WMS>'
+)
 
-
-def _absolute(folder: Path) -> str:
-    write_ground(folder / 'tile.tif')
-    return virtual_raster(str(folder / 'tile.tif'), attributes='relativeToVRT="0"')
-
-
-def _nested(folder: Path) -> str:
-    write_ground(folder / 'tile.tif')
-    (folder / 'b.vrt').write_text(virtual_raster('tile.tif'))
-    return virtual_raster('b.vrt')
-
-
-def _code(folder: Path) -> str:
-    write_ground(folder / 'tile.tif')
-    return virtual_raster('tile.tif', more='<PixelFunctionType>mul</PixelFunctionType>')
-
-
-def _system(folder: Path) -> str:
-    write_ground(folder / 'tile.tif')
-    return virtual_raster('tile.tif').replace('EPSG:32633', 'http://127.0.0.1/a.wkt')
-
-
-def _disguised(folder: Path) -> str:
-    (folder / 'N37E015.hgt').write_text('<GDAL_WMS><Service name="WMS"/></GDAL_WMS>')
-    return virtual_raster('N37E015.hgt')
-
-
-VIRTUAL: dict[str, Callable[[Path], str]] = {
-    'file in another folder': _other_folder,
-    'absolute path': _absolute,
-    'virtual raster': _nested,
-    'code': _code,
-    'system at an address': _system,
-    'service with the name of a tile': _disguised,
-    'address': lambda _: virtual_raster('/vsicurl/http://127.0.0.1:{port}/a.tif'),
-    'connection': lambda _: virtual_raster('NETCDF:a.nc:z'),
-    'missing file': lambda _: virtual_raster('none.tif'),
-    'no file': lambda _: '<VRTDataset rasterXSize="30" rasterYSize="40"/>',
-    'entities': lambda _: '<!DOCTYPE a [<!ENTITY b "c">]>' + virtual_raster('&b;'),
-    'cut off': lambda _: virtual_raster('tile.tif')[:-20],
-    'service': lambda _: (
-        '<GDAL_WMS><Service name="WMS"><ServerUrl>http://127.0.0.1:{port}/x?</ServerUrl>'
-        '<Layers>a</Layers></Service><DataWindow><UpperLeftX>0</UpperLeftX>'
-        '<UpperLeftY>200</UpperLeftY><LowerRightX>200</LowerRightX><LowerRightY>0</LowerRightY>'
-        '<SizeX>20</SizeX><SizeY>20</SizeY></DataWindow><BandsCount>1</BandsCount></GDAL_WMS>'
+#: Files that refer to others than rasters of their folder, and a text file that they refer to;
+#: ``other/tile.tif`` and ``tile.tif`` are rasters.
+VIRTUAL = {
+    'file in another folder': (virtual_raster('other/tile.tif'), {}),
+    'absolute path': (virtual_raster('{folder}/tile.tif', attributes='relativeToVRT="0"'), {}),
+    'virtual raster': (virtual_raster('b.vrt'), {'b.vrt': virtual_raster('tile.tif')}),
+    'code': (
+        virtual_raster('tile.tif', more='<PixelFunctionType>mul</PixelFunctionType>'), {},
     ),
+    'system at an address': (
+        virtual_raster('tile.tif').replace('EPSG:32633', 'http://127.0.0.1/a.wkt'), {},
+    ),
+    'service with the name of a tile': (virtual_raster('N37E015.hgt'), {'N37E015.hgt': WMS}),
+    'address': (virtual_raster('/vsicurl/http://127.0.0.1:{port}/a.tif'), {}),
+    'connection': (virtual_raster('NETCDF:a.nc:z'), {}),
+    'missing file': (virtual_raster('none.tif'), {}),
+    'no file': ('<VRTDataset rasterXSize="30" rasterYSize="40"/>', {}),
+    'entities': ('<!DOCTYPE a [<!ENTITY b "c">]>' + virtual_raster('&b;'), {}),
+    'cut off': (virtual_raster('tile.tif')[:-20], {}),
+    'service': (WMS, {}),
 }
 
 
 @pytest.mark.parametrize('case', VIRTUAL)
-def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
+def test_virtual_raster_opens_nothing_else(tmp_path, case):
     with socket.create_server(('127.0.0.1', 0)) as server:
         server.settimeout(0.0)
-        text = VIRTUAL[case](tmp_path).replace('{port}', str(server.getsockname()[1]))
-        for name in ('a.vrt', 'a.asc') if case in ('address', 'service') else ('a.vrt',):
-            (tmp_path / name).write_text(text)
+        text, beside = VIRTUAL[case]
+        (tmp_path / 'other').mkdir()
+        for name in ('tile.tif', 'other/tile.tif'):
+            write_ground(tmp_path / name)
+        port = str(server.getsockname()[1])
+        names = ('a.vrt', 'a.asc') if case in ('address', 'service') else ('a.vrt',)
+        for name, content in {**beside, **dict.fromkeys(names, text)}.items():
+            content = content.replace('{port}', port).replace('{folder}', str(tmp_path))
+            (tmp_path / name).write_text(content)
+        for name in names:
             with pytest.raises(LavaError):
                 load_terrain(tmp_path / name)
         with pytest.raises(BlockingIOError):
@@ -195,7 +177,7 @@ def test_virtual_raster_opens_nothing_else(tmp_path: Path, case: str) -> None:
 
 
 @pytest.mark.parametrize('sidecar', ['ground.tif.msk', 'ground.tif.ovr'])
-def test_rejects_masks_and_overviews_other_than_geotiff(tmp_path: Path, sidecar: str) -> None:
+def test_rejects_masks_and_overviews_other_than_geotiff(tmp_path, sidecar):
     path = write_format(tmp_path, 'GeoTIFF')
     (tmp_path / sidecar).write_text(virtual_raster('/vsicurl/http://127.0.0.1:9/a.tif'))
     with pytest.raises(LavaError, match='a mask or overviews in a GeoTIFF'):
@@ -205,7 +187,7 @@ def test_rejects_masks_and_overviews_other_than_geotiff(tmp_path: Path, sidecar:
 
 
 @pytest.mark.parametrize('name', ['GeoPackage', 'NetCDF-4'])
-def test_rejects_a_file_with_several_rasters(tmp_path: Path, name: str) -> None:
+def test_rejects_a_file_with_several_rasters(tmp_path, name):
     path = write_format(tmp_path, name)
     source = write_ground(tmp_path / 'source.tif')
     if name == 'GeoPackage':
@@ -232,13 +214,13 @@ def _write_text(path: Path, body: str) -> Path:
     ('dx 20\n1 2 3\n4 5 6\n', "of a.asc is 'cellsize and dx', expected a line of"),
     ('NODATA_value -9,5\n1 2 3\n4 5 6\n', "is '-9,5', expected a number or nan"),
 ])
-def test_rejects_ambiguous_text_grid(tmp_path: Path, body: str, message: str) -> None:
+def test_rejects_ambiguous_text_grid(tmp_path, body, message):
     with pytest.raises(LavaError, match=message):
         load_terrain(_write_text(tmp_path / 'a.asc', body))
 
 
 @pytest.mark.parametrize('name', ['ESRI ASCII grid', 'ESRI binary grid'])
-def test_rejects_a_header_without_position_or_cell_size(tmp_path: Path, name: str) -> None:
+def test_rejects_a_header_without_position_or_cell_size(tmp_path, name):
     path = write_format(tmp_path, name)
     header = path if path.suffix == '.asc' else path.with_suffix('.hdr')
     whole = header.read_text()
@@ -249,3 +231,12 @@ def test_rejects_a_header_without_position_or_cell_size(tmp_path: Path, name: st
         header.write_text(whole.replace(line, ''))
         with pytest.raises(LavaError, match='is missing, expected a line of the header'):
             load_terrain(path)
+
+
+def test_rejects_a_damaged_coordinate_system(tmp_path):
+    path = write_format(tmp_path, 'Erdas Imagine')
+    data = bytearray(path.read_bytes())
+    data[data.index(b'WGS 84') - 8] = 44
+    path.write_bytes(data)
+    with pytest.raises(LavaError, match='a raster that GDAL can read .The WKT could not'):
+        load_terrain(path)

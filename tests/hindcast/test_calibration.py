@@ -5,13 +5,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from eruption import write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.calibration import (
     COLUMNS,
@@ -26,7 +24,7 @@ from lava_ros.hindcast.calibration import (
     search,
     write_samples,
 )
-from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.free_parameters import changed, free_parameters_of, FreeParameter
 
 UNKNOWNS = (
@@ -63,7 +61,7 @@ def trials() -> list[ParameterSample]:
     return search(UNKNOWNS, _evaluated, runs=80, seed=1)
 
 
-def test_search_finds_the_best_inside_the_ranges(trials: list[ParameterSample]) -> None:
+def test_search_finds_the_best_inside_the_ranges(trials):
     assert len(trials) == 80
     assert trials[0].values == pytest.approx(
         {'viscosity': 1e5, 'emissivity': 0.9, 'discharge': 1.0}
@@ -77,7 +75,7 @@ def test_search_finds_the_best_inside_the_ranges(trials: list[ParameterSample]) 
         assert unknown.low * (1 - 1e-12) <= min(values) < max(values) <= unknown.high * (1 + 1e-12)
 
 
-def test_findings_distinguish_sensitive_unknowns(trials: list[ParameterSample]) -> None:
+def test_findings_distinguish_sensitive_unknowns(trials):
     found = {item.unknown.name: item for item in findings(UNKNOWNS, trials)}
     assert found['viscosity'].is_sensitive and found['emissivity'].is_sensitive
     assert not found['discharge'].is_sensitive and found['discharge'].spread > 0.6
@@ -88,7 +86,7 @@ def test_findings_distinguish_sensitive_unknowns(trials: list[ParameterSample]) 
     assert all(trial.jaccard >= near[0].jaccard - 0.03 for trial in near)
 
 
-def test_intervals_contain_the_best_values(trials: list[ParameterSample]) -> None:
+def test_intervals_contain_the_best_values(trials):
     found = {item.unknown.name: item.quantiles for item in findings(UNKNOWNS, trials)}
     low, middle, high = found['viscosity']
     assert 1e2 < low < 5e2 < middle < 2e3 < high < 1e5
@@ -101,7 +99,7 @@ def test_intervals_contain_the_best_values(trials: list[ParameterSample]) -> Non
 
 
 @pytest.mark.parametrize('jaccard', [0.0, 0.5])
-def test_intervals_do_not_depend_on_where_the_search_looked(jaccard: float) -> None:
+def test_intervals_do_not_depend_on_where_the_search_looked(jaccard):
     numbers = {'one': {'fitted': 1.0, 'jaccard': jaccard}}
     emissivity = UNKNOWNS[1]
     samples = [
@@ -112,7 +110,7 @@ def test_intervals_do_not_depend_on_where_the_search_looked(jaccard: float) -> N
     assert found['emissivity'] == pytest.approx((0.05, 0.5, 0.95), abs=1e-3)
 
 
-def test_cases_are_scored_with_the_constants_of_others(trials: list[ParameterSample]) -> None:
+def test_cases_are_scored_with_the_constants_of_others(trials):
     one, two = leave_one_out(trials)
     assert (one.case, two.case) == ('one', 'two')
     assert one.values['emissivity'] < 0.3 < two.values['emissivity']
@@ -123,7 +121,7 @@ def test_cases_are_scored_with_the_constants_of_others(trials: list[ParameterSam
     assert leave_one_out(alone) == []
 
 
-def test_search_is_repeatable_and_resumes(trials: list[ParameterSample], tmp_path: Path) -> None:
+def test_search_is_repeatable_and_resumes(trials, tmp_path):
     write_samples(tmp_path / 'runs.csv', UNKNOWNS, trials[:50])
     known = read_samples(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
     assert [trial.values for trial in known] == [trial.values for trial in trials[:50]]
@@ -138,34 +136,28 @@ def test_search_is_repeatable_and_resumes(trials: list[ParameterSample], tmp_pat
     assert read_samples(tmp_path / 'none.csv', UNKNOWNS, list(CASES)) == []
 
 
-@pytest.fixture
-def valley(tmp_path: Path) -> Case:
-    """Return a case with the lava of Etna."""
-    return load_case(write_case(tmp_path / 'valley'))
-
-
-def test_unknowns_have_the_published_ranges(valley: Case) -> None:
-    unknowns = {item.name: item for item in free_parameters_of(valley)}
+def test_unknowns_have_the_published_ranges(etna):
+    unknowns = {item.name: item for item in free_parameters_of(etna)}
     assert 'discharge' not in unknowns
-    assert valley.material is not None
-    viscosity, known = unknowns['viscosity'], valley.material.constants['viscosity']
+    assert etna.material is not None
+    viscosity, known = unknowns['viscosity'], etna.material.constants['viscosity']
     assert known.range == (viscosity.low, viscosity.high)
     assert viscosity.is_log and viscosity.source == known.range_source
-    (given,) = free_parameters_of(valley, ('discharge',), {'discharge': (0.9, 1.1)})
+    (given,) = free_parameters_of(etna, ('discharge',), {'discharge': (0.9, 1.1)})
     assert (given.low, given.high, given.usual) == (0.9, 1.1, 1.0)
     assert given.source == 'given by the user'
 
 
-def test_changed_sets_only_the_unknowns(valley: Case, tmp_path: Path) -> None:
+def test_changed_sets_only_the_unknowns(etna, tmp_path):
     values = {'viscosity': 3e3, 'emissivity': 0.5, 'vent_temperature': 1340.0, 'discharge': 1.1}
-    case = changed(valley, values)
+    case = changed(etna, values)
     assert case.scene.lava.viscosity_at(1360.0) == pytest.approx(3e3)
     assert case.scene.lava.emissivity == 0.5
     assert case.scene.vents[0].temperature == 1340.0
-    assert case.volume == pytest.approx(1.1 * valley.volume)
+    assert case.volume == pytest.approx(1.1 * etna.volume)
     assert case.scene.vents[0].series[0] == (0.0, pytest.approx(22.0))
-    assert case.scene.lava == replace(valley.scene.lava, emissivity=0.5, viscosity=3e3)
-    assert case.scene.terrain is valley.scene.terrain
+    assert case.scene.lava == replace(etna.scene.lava, emissivity=0.5, viscosity=3e3)
+    assert case.scene.terrain is etna.scene.terrain
     reunion = load_case(tmp_path / 'valley', material='reunion_basalt')
     before, after = reunion.scene.lava, changed(reunion, {'viscosity': 3e3}).scene.lava
     hot = reunion.scene.vents[0].temperature
@@ -174,12 +166,12 @@ def test_changed_sets_only_the_unknowns(valley: Case, tmp_path: Path) -> None:
     assert after.viscosity_at(1300.0) == pytest.approx(ratio * before.viscosity_at(1300.0))
 
 
-def test_raises_for_invalid_unknowns(valley: Case, tmp_path: Path) -> None:
+def test_raises_for_invalid_unknowns(etna, tmp_path):
     bare = load_case(tmp_path / 'valley', material='kedadry2023')
     for case, names, ranges, words in (
-        (valley, ('colour',), {}, '--unknown'),
-        (valley, ('emissivity',), {'emissivity': (0.9, 0.3)}, 'emissivity, highest'),
-        (valley, ('viscosity',), {'viscosity': (0.0, 1e3)}, 'viscosity, lowest'),
+        (etna, ('colour',), {}, '--unknown'),
+        (etna, ('emissivity',), {'emissivity': (0.9, 0.3)}, 'emissivity, highest'),
+        (etna, ('viscosity',), {'viscosity': (0.0, 1e3)}, 'viscosity, lowest'),
         (bare, (), {}, 'no published ranges'),
         (bare, ('emissivity',), {}, 'none has been published'),
     ):

@@ -3,13 +3,14 @@
 
 """Reading of cases, and errors for invalid input."""
 
-from collections.abc import Callable
+from functools import partial
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rasterio.warp import transform
 
 from eruption import (
     CELL,
@@ -22,6 +23,7 @@ from eruption import (
     write_case_in_degrees,
     write_grid,
 )
+from geodata import feature
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.tables import series_of
@@ -31,7 +33,7 @@ from lava_ros.scene.materials import material_named
 from lava_ros.scene.vent_files import VentRow
 
 
-def test_reads_a_case_without_case_yaml(tmp_path: Path) -> None:
+def test_reads_a_case_without_case_yaml(tmp_path):
     case = load_case(write_case(tmp_path / 'valley'))
     assert case.name == case.title == 'valley'
     np.testing.assert_allclose(case.scene.terrain.elevation, elevation(), atol=1e-3)
@@ -48,7 +50,7 @@ def test_reads_a_case_without_case_yaml(tmp_path: Path) -> None:
     assert case.events == ()
 
 
-def test_case_yaml_replaces_the_defaults(tmp_path: Path) -> None:
+def test_case_yaml_replaces_the_defaults(tmp_path):
     text = (
         'title: A valley\nsource: made up\nlava: {material: reunion_basalt, emissivity: 0.5}\n'
         'vent_temperature: 1400\nvent_radius: 25\nambient_temperature: 280\nstart: 1800\n'
@@ -79,17 +81,13 @@ def test_case_yaml_replaces_the_defaults(tmp_path: Path) -> None:
     ('effusion_rate: {start: "2021-09-19T16:10:00+02:00"}', '2021-09-19T16:10:00+02:00'),
     ('effusion_rate: {start: 2021-09-19T14:10:00Z}\nstart: 1800', '2021-09-19T14:40:00Z'),
 ])
-def test_the_onset_is_the_date_of_simulated_time_0(
-    given: str, onset: str | None, tmp_path: Path
-) -> None:
+def test_the_onset_is_the_date_of_simulated_time_0(given, onset, tmp_path):
     case = load_case(write_case(tmp_path / 'valley', yaml=given))
     assert (case.onset and case.onset.text) == onset
 
 
 @pytest.mark.parametrize('kind', ['case', 'scene'])
-def test_warns_of_a_material_outside_lava(
-    kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_warns_of_a_material_outside_lava(kind, tmp_path, caplog):
     """A material belongs into the section lava of case and scene files; both places raise."""
     folder = write_case(tmp_path / 'valley')
 
@@ -114,7 +112,7 @@ def test_warns_of_a_material_outside_lava(
             lava_of(text)
 
 
-def test_open_vents_divide_the_discharge(tmp_path: Path) -> None:
+def test_open_vents_divide_the_discharge(tmp_path):
     folder = write_case(tmp_path / 'valley')
     x, y = VENT
     (folder / 'vent.csv').write_text(
@@ -133,7 +131,7 @@ def test_open_vents_divide_the_discharge(tmp_path: Path) -> None:
     assert case.volume == pytest.approx(162_000.0)
 
 
-def test_reads_events(tmp_path: Path) -> None:
+def test_reads_events(tmp_path):
     x, y = VENT
     text = (
         'events:\n'
@@ -150,66 +148,16 @@ def test_reads_events(tmp_path: Path) -> None:
     np.testing.assert_allclose(later.terrain.elevation, elevation() + 1.0, atol=1e-3)
 
 
-Change = Callable[[Path], object]
+def _as_areas(path: Path) -> None:
+    """Replace a grid of the footprint by its area in degrees."""
+    corners = np.array([(340, 400), (480, 400), (480, 1020), (340, 1020), (340, 400)]) + CORNER
+    ring = np.transpose(transform('EPSG:32633', 'EPSG:4326', *corners.T)).tolist()
+    data = {'type': 'FeatureCollection', 'features': [feature('Polygon', [ring])]}
+    path.unlink()
+    path.with_suffix('.geojson').write_text(json.dumps(data))
 
 
-def _all(*changes: Change) -> Change:
-    return lambda folder: [change(folder) for change in changes]
-
-
-def _without(name: str) -> Change:
-    return lambda folder: (folder / name).unlink()
-
-
-def _grid(name: str, values: np.ndarray, **places: Any) -> Change:
-    return lambda folder: write_grid(folder / f'{name}.asc', values, **places)
-
-
-def _changed(name: str, old: str, new: str) -> Change:
-    def change(folder: Path) -> None:
-        text = (folder / name).read_text(encoding='utf-8')
-        assert old in text
-        (folder / name).write_text(text.replace(old, new), encoding='utf-8')
-
-    return change
-
-
-def _text(name: str, text: str) -> Change:
-    return lambda folder: (folder / name).write_text(text)
-
-
-def _vents(text: str) -> Change:
-    return _text('vent.csv', text + '\n')
-
-
-def _yaml(text: str) -> Change:
-    return _text('case.yaml', text + '\n')
-
-
-def _rates(*rows: str) -> Change:
-    return _text('effusion_rate.csv', '\n'.join(['start_s,end_s,discharge_m3_per_s', *rows, '']))
-
-
-def _as_areas(folder: Path) -> None:
-    from rasterio.features import shapes
-    from rasterio.transform import from_origin
-    from rasterio.warp import transform_geom
-
-    place = from_origin(CORNER[0], CORNER[1] + SHAPE[0] * CELL, CELL, CELL)
-    areas = shapes(np.flipud(footprint()).astype(np.uint8), transform=place)
-    features = [
-        {
-            'type': 'Feature', 'properties': {},
-            'geometry': transform_geom('EPSG:32633', 'EPSG:4326', area),
-        }
-        for area, value in areas if value
-    ]
-    (folder / 'footprint.asc').unlink()
-    data = {'type': 'FeatureCollection', 'features': features}
-    (folder / 'footprint.geojson').write_text(json.dumps(data))
-
-
-def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path: Path) -> None:
+def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path):
     """Finer cells on a part of the terrain, and areas in degrees, cover the same cells."""
     expected = footprint() > 0.0
     fine = np.kron(footprint(), np.ones((4, 4)))[40:216, 20:120]
@@ -218,11 +166,11 @@ def test_reads_a_footprint_of_finer_cells_or_areas(tmp_path: Path) -> None:
     write_grid(folder / 'footprint.asc', fine, corner=corner, cell=5.0)
     np.testing.assert_array_equal(load_case(folder).footprint, expected)
     folder = write_case(tmp_path / 'areas', yaml='epsg: 32633\n')
-    _as_areas(folder)
+    _as_areas(folder / 'footprint.asc')
     np.testing.assert_array_equal(load_case(folder).footprint, expected)
 
 
-def test_reads_a_case_in_degrees(tmp_path: Path) -> None:
+def test_reads_a_case_in_degrees(tmp_path):
     folder, (x, y) = write_case_in_degrees(tmp_path / 'degrees')
     case = load_case(folder)
     assert case.scene.terrain.epsg == 32633
@@ -234,7 +182,7 @@ def test_reads_a_case_in_degrees(tmp_path: Path) -> None:
         load_case(folder)
 
 
-def test_fills_holes_if_case_yaml_sets_fill_holes(tmp_path: Path) -> None:
+def test_fills_holes_if_case_yaml_sets_fill_holes(tmp_path):
     folder = write_case(tmp_path / 'valley', yaml='fill_holes: true\n')
     write_grid(folder / 'elevation.asc', _holed())
     assert load_case(folder).scene.terrain.has_data.all()
@@ -246,7 +194,7 @@ def _holed() -> np.ndarray:
     return heights
 
 
-def test_vents_close_between_intervals() -> None:
+def test_vents_close_between_intervals():
     rates = Interval(0.0, 1.0, 2.0), Interval(3.0, 4.0, 2.0)
     (series,) = series_of((VentRow('', (0.0, 0.0)),), rates)
     assert series == ((0.0, 2.0), (1.0, 0.0), (3.0, 2.0), (4.0, 0.0))
@@ -254,101 +202,120 @@ def test_vents_close_between_intervals() -> None:
 
 X, Y = VENT
 
-RATES, COLUMNS = 'effusion_rate.csv', 'start_s,end_s,discharge_m3_per_s'
+ELEVATION, FOOTPRINT, RATES = 'elevation.asc', 'footprint.asc', 'effusion_rate.csv'
+
+HEADER = 'start_s,end_s,discharge_m3_per_s'
 
 UPSIDE_DOWN = 'm from the nearest vent ... rows seem to be upside down'
 
 #: Footprint of another eruption: as long as the valley is wide, and far from the vent.
 ELSEWHERE = np.eye(*SHAPE, k=-19)[:, ::-1] * (np.indices(SHAPE)[0] < 22)
 
-#: A change of a valid case, and words of the resulting error.
-WRONG: dict[str, tuple[Change, str]] = {
-    'no elevation': (_without('elevation.asc'), 'also holds ... elevation.asc'),
-    'no footprint': (_without('footprint.asc'), 'also holds ... footprint.asc'),
-    'elevation upside down': (
-        _grid('elevation', elevation()[::-1]), 'above all vents ... upside down',
-    ),
+#: A footprint at another place.
+moved = partial(write_grid, values=footprint(), corner=(CORNER[0] + 10_000.0, CORNER[1]))
+
+#: Changes of the files of a valid case, and words of the resulting error. A change is another
+#: text, a grid, an old and a new part of the text, a function of the path, or None without file.
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    'no elevation': ({ELEVATION: None}, 'also holds ... elevation.asc'),
+    'no footprint': ({FOOTPRINT: None}, 'also holds ... footprint.asc'),
+    'elevation upside down': ({ELEVATION: elevation()[::-1]}, 'above all vents ... upside down'),
     'both grids upside down': (
-        _all(_grid('elevation', elevation()[::-1]), _grid('footprint', footprint()[::-1])),
-        UPSIDE_DOWN,
+        {ELEVATION: elevation()[::-1], FOOTPRINT: footprint()[::-1]}, UPSIDE_DOWN,
     ),
     'discharge in litres': (
-        _rates('0,5400,20000', '5400,10800,10000'), 'mean thickness ... too much ... m3/s',
+        {RATES: f'{HEADER}\n0,5400,20000\n5400,10800,10000\n'},
+        'mean thickness ... too much ... m3/s',
     ),
     'times in hours': (
-        _rates('0,1.5,20', '1.5,3,10'), 'mean thickness ... too little ... start_s',
+        {RATES: f'{HEADER}\n0,1.5,20\n1.5,3,10\n'}, 'mean thickness ... too little ... start_s',
     ),
     'vent outside': (
-        _vents(f'x,y\n{X},{Y + 400}'),
+        {'vent.csv': f'x,y\n{X},{Y + 400}\n'},
         "'vent 0' of vent.csv ... on the terrain, which covers easting ... 4180000 to 4181200",
     ),
-    'vent in degrees': (_vents('x,y\n15.0,37.7'), 'vent.csv ... these are degrees'),
+    'vent in degrees': ({'vent.csv': 'x,y\n15.0,37.7\n'}, 'vent.csv ... these are degrees'),
     'vent of another zone': (
-        _vents(f'x,y\n{X + 500_000},{Y}'), 'vent.csv ... coordinates of another system',
+        {'vent.csv': f'x,y\n{X + 500_000},{Y}\n'}, 'vent.csv ... coordinates of another system',
     ),
     'vent on a cell without data': (
-        _grid('elevation', _holed()), "'vent 0' of vent.csv ... this cell has none",
+        {ELEVATION: _holed()}, "'vent 0' of vent.csv ... this cell has none",
     ),
     'vent of another eruption': (
-        _grid('footprint', ELSEWHERE),
+        {FOOTPRINT: ELSEWHERE},
         'the footprint ... m from the nearest vent ... not of the same eruption',
     ),
-    'footprint somewhere else': (
-        _grid('footprint', footprint(), corner=(CORNER[0] + 10_000.0, CORNER[1])),
-        'the footprint ... data on the terrain',
-    ),
+    'footprint somewhere else': ({FOOTPRINT: moved}, 'the footprint ... data on the terrain'),
     'areas in degrees without a coordinate system of the terrain': (
-        _as_areas, 'footprint.geojson ... the terrain, which has no coordinate system',
+        {FOOTPRINT: _as_areas},
+        'footprint.geojson ... the terrain, which has no coordinate system',
     ),
     'areas in metres without a coordinate system': (
-        _all(_as_areas, _yaml('epsg: 32633'), _changed('footprint.geojson', '[15', '[500315')),
+        {FOOTPRINT: _as_areas, 'case.yaml': 'epsg: 32633\n',
+         'footprint.geojson': ('[15', '[500315')},
         'footprint.geojson ... places of EPSG:4326 ... of a coordinate system',
     ),
     'footprint of thicknesses': (
-        _grid('footprint', 3.5 * footprint()),
+        {FOOTPRINT: 3.5 * footprint()},
         'a cell of the footprint ... 3.5 ... 0 (not covered) and 1 (covered)',
     ),
-    'empty footprint': (
-        _grid('footprint', np.zeros(SHAPE)), 'the footprint ... without one ... covered',
-    ),
+    'empty footprint': ({FOOTPRINT: np.zeros(SHAPE)}, 'the footprint ... without one ... covered'),
     'no-data value that the header does not declare': (
-        _all(_grid('elevation', _holed()), _changed('elevation.asc', 'value -9999', 'value -1')),
+        {ELEVATION: lambda path: _change(_change(path, _holed()), ('value -9999', 'value -1'))},
         'elevation of elevation.asc ... -9999 in ... --nodata -9999',
     ),
     # a low hill, because the elevations of a mountain would be out of range
     'heights in centimetres': (
-        _grid('elevation', 20.0 * (elevation() - 1000.0)),
+        {ELEVATION: 20.0 * (elevation() - 1000.0)},
         'median slope ... heights and cells both in metres',
     ),
     'other columns': (
-        _changed(RATES, COLUMNS, 'day,to,q'),
-        'first line ... day,to,q ... start, end and effusion_rate',
+        {RATES: (HEADER, 'day,to,q')}, 'first line ... day,to,q ... start, end and effusion_rate',
     ),
     'no vent open': (
-        _vents(f'x,y,start_s\n{X},{Y},3600'), 'vents open at 0 s ... at least one row of vent.csv',
+        {'vent.csv': f'x,y,start_s\n{X},{Y},3600\n'},
+        'vents open at 0 s ... at least one row of vent.csv',
     ),
-    'unknown constant': (_yaml('lava: {colour: 3}'), 'case.lava.colour ... no such key'),
-    'end before start': (_yaml('end: -5'), 'case.end ... -5 ... above 0 s'),
+    'unknown constant': ({'case.yaml': 'lava: {colour: 3}'}, 'case.lava.colour ... no such key'),
+    'end before start': ({'case.yaml': 'end: -5'}, 'case.end ... -5 ... above 0 s'),
     'another system': (
-        _yaml('epsg: 4326'), 'terrain latitude ... 4180600 ... degrees north or south, or metres',
+        {'case.yaml': 'epsg: 4326'},
+        'terrain latitude ... 4180600 ... degrees north or south, or metres',
     ),
 }
 
 
+def _change(path: Path, change: Any) -> Path:
+    if change is None:
+        path.unlink()
+    elif callable(change):
+        change(path)
+    elif isinstance(change, np.ndarray):
+        write_grid(path, change)
+    elif isinstance(change, tuple):
+        text = path.read_text(encoding='utf-8')
+        assert change[0] in text
+        path.write_text(text.replace(*change), encoding='utf-8')
+    else:
+        path.write_text(change)
+    return path
+
+
 @pytest.mark.parametrize('name', WRONG)
-def test_raises_for_invalid_input(name: str, tmp_path: Path) -> None:
+def test_raises_for_invalid_input(name, tmp_path):
     with pytest.raises(LavaError, match='a folder that exists'):
         load_case(tmp_path / 'valley')
     folder = write_case(tmp_path / 'valley')
-    change, words = WRONG[name]
-    change(folder)
+    changes, words = WRONG[name]
+    for file, change in changes.items():
+        _change(folder / file, change)
     with pytest.raises(LavaError) as caught:
         load_case(folder)
     message = str(caught.value)
     assert all(word in message for word in words.split(' ... ')), message
 
 
-def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path: Path) -> None:
+def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path):
     import rasterio
 
     folder = write_case(tmp_path / 'valley')
@@ -361,10 +328,3 @@ def test_raises_for_a_footprint_with_a_wrong_utm_zone(tmp_path: Path) -> None:
         (folder / f'{name}.asc').unlink()
     with pytest.raises(LavaError, match=r'the footprint.*data on the terrain'):
         load_case(folder)
-
-
-def test_reads_a_table_with_semicolons_and_decimal_commas(tmp_path: Path) -> None:
-    folder = write_case(tmp_path / 'valley')
-    table = 'start_s;end_s;discharge_m3_per_s\r\n0;5400;20,5\r\n5400;10800;9,5\r\n'
-    (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8-sig')
-    assert load_case(folder).volume == pytest.approx(162_000.0)

@@ -29,7 +29,7 @@ def result(valley: Case) -> Result:
     return simulate(valley, SETTINGS)
 
 
-def test_error_of_the_spacing_is_that_of_a_pilot(valley: Case, result: Result) -> None:
+def test_error_of_the_spacing_is_that_of_a_pilot(valley, result):
     """A coarser run and the order of convergence give the error of the particle spacing."""
     found = estimate_error(valley, SETTINGS, result)
     coarser = replace(SETTINGS, spacing=COARSER * result.accuracy.spacing)
@@ -45,7 +45,7 @@ def test_error_of_the_spacing_is_that_of_a_pilot(valley: Case, result: Result) -
     assert 'chance' not in found.text()
 
 
-def test_chance_is_the_expected_difference_of_two_runs(valley: Case, result: Result) -> None:
+def test_chance_is_the_expected_difference_of_two_runs(valley, result):
     covered = result.snapshot.inundated
     one = score_case(valley, result.snapshot.thickness, covered)
     fraction = covered * 1.0
@@ -64,7 +64,7 @@ def test_chance_is_the_expected_difference_of_two_runs(valley: Case, result: Res
 
 
 @pytest.mark.parametrize('preset', ['draft', 'standard'])
-def test_expected_error_is_within_a_factor_of_two_of_the_actual_error(preset: str) -> None:
+def test_expected_error_is_within_a_factor_of_two_of_the_actual_error(preset):
     """This holds in 16 of 18 cases; in a V-shaped valley whole rows of cells change at once."""
     with MEASURED.open(encoding='utf-8') as file:
         rows = [row for row in csv.DictReader(file) if row['preset'] == preset]

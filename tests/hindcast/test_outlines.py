@@ -17,7 +17,7 @@ from eruption import footprint, LAVA, write_case, write_grid
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Outline as Observed
 from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of
-from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.probabilistic_score import probability_at, score_dates
 from lava_ros.hindcast.run import Result, Settings, simulate
 from lava_ros.hindcast.score import count_visits, descend, PATHS, refer, score_outlines
@@ -50,7 +50,7 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     return folder, result
 
 
-def test_outlines_of_a_simulation_agree_with_it_at_each_time(mapped: tuple[Path, Result]) -> None:
+def test_outlines_of_a_simulation_agree_with_it_at_each_time(mapped):
     folder, result = mapped
     case = load_case(folder)
     assert [item.time for item in case.outlines] == [FIRST, SECOND] and case.end == SECOND
@@ -68,7 +68,7 @@ def test_outlines_of_a_simulation_agree_with_it_at_each_time(mapped: tuple[Path,
     assert only.persistence == 1.0 and only.descent == second.descent
 
 
-def test_outlines_rotate_with_their_case(mapped: tuple[Path, Result]) -> None:
+def test_outlines_rotate_with_their_case(mapped):
     from lava_ros.hindcast.replicates import directions
 
     case = load_case(mapped[0])
@@ -79,7 +79,7 @@ def test_outlines_rotate_with_their_case(mapped: tuple[Path, Result]) -> None:
             assert np.array_equal(way.rotate_back(item.footprint), original.footprint)
 
 
-def test_majority_of_runs_counts_at_each_time(mapped: tuple[Path, Result]) -> None:
+def test_majority_of_runs_counts_at_each_time(mapped):
     folder, result = mapped
     case, snapshot = load_case(folder), result.snapshot
     nothing = replace(snapshot, arrived=np.full_like(snapshot.arrived, np.nan))
@@ -87,7 +87,7 @@ def test_majority_of_runs_counts_at_each_time(mapped: tuple[Path, Result]) -> No
     assert score_outlines(case, [snapshot, nothing, nothing])[1].jaccard == 0.0
 
 
-def test_outline_of_the_vent_alone_has_no_length(mapped: tuple[Path, Result]) -> None:
+def test_outline_of_the_vent_alone_has_no_length(mapped):
     case = load_case(mapped[0])
     alone = np.zeros_like(case.footprint)
     alone[case.vent_cells[0]] = True
@@ -115,28 +115,26 @@ def test_outline_of_the_vent_alone_has_no_length(mapped: tuple[Path, Result]) ->
      'after the start'),
     ('[{time: 9000, file: early.asc}]\nend: 1800', '', 'outlines[0].time', 'before the end'),
 ])
-def test_refuses_unusable_outlines(
-    outlines: str, start: str, field: str, valid: str, tmp_path: Path
-) -> None:
+def test_refuses_unusable_outlines(outlines, start, field, valid, tmp_path):
     case = dated(tmp_path / 'valley', outlines, start=start)
     with pytest.raises(LavaError) as caught:
         load_case(case)
     assert f'case.{field}' in str(caught.value) and valid in str(caught.value)
 
 
-def test_times_of_outlines_may_be_dates(tmp_path: Path) -> None:
+def test_times_of_outlines_may_be_dates(tmp_path):
     items = '[{time: "2021-09-24T12:00Z", file: early.asc}]'
     case = load_case(dated(tmp_path / 'valley', items, start='"2021-09-24T11:50:00Z"'))
     assert [(item.time, item.text) for item in case.outlines] == [(600.0, '2021-09-24T12:00:00Z')]
 
 
-def test_volume_until_the_end_is_compared_with_the_outline(tmp_path: Path) -> None:
+def test_volume_until_the_end_is_compared_with_the_outline(tmp_path):
     # all of the table's volume would be 240 m thick on this outline
     case = write_case(tmp_path / 'valley', hours=400.0, yaml=f'{LAVA}end: 3600\n')
     assert load_case(case).volume == pytest.approx(20.0 * 3600.0)
 
 
-def test_steepest_descent_fills_pits_on_its_way_to_the_border() -> None:
+def test_steepest_descent_fills_pits_on_its_way_to_the_border():
     elevation = np.full((7, 5), 9.0)
     # a pit at 1 behind a sill at 4, then down to the border
     low = {(5, 2): 6.0, (4, 2): 1.0, (3, 3): 4.0, (2, 2): 3.0, (1, 2): 2.0, (0, 2): 0.0}
@@ -148,7 +146,7 @@ def test_steepest_descent_fills_pits_on_its_way_to_the_border() -> None:
     assert not descend(elevation, [(5, 2)])[1, 2]
 
 
-def test_paths_of_steepest_descent_spread_by_the_noise_of_the_ground() -> None:
+def test_paths_of_steepest_descent_spread_by_the_noise_of_the_ground():
     y, x = np.indices((40, 41)).astype(float)
     visits = count_visits(10.0 * y, [(38, 20)])
     assert visits[38, 20] == PATHS and visits.max() == PATHS
@@ -157,7 +155,7 @@ def test_paths_of_steepest_descent_spread_by_the_noise_of_the_ground() -> None:
     assert 0.2 < near < far < 10.0
 
 
-def test_calibration_forecasts_later_outlines(mapped: tuple[Path, Result], tmp_path: Path) -> None:
+def test_calibration_forecasts_later_outlines(mapped, tmp_path):
     words = ['calibrate', mapped[0], '--device', 'cpu', '--spacing', '40', '--runs', '4']
     words += ['--unknown', 'viscosity=1e4:4e4', '-o', tmp_path / 'out']
     text = done(*words, '--until', '1000')
@@ -186,14 +184,14 @@ def test_calibration_forecasts_later_outlines(mapped: tuple[Path, Result], tmp_p
     assert 'after the first outline' in refused(*words, '--until', '10', '--fresh')
 
 
-def test_until_needs_outlines(tmp_path: Path) -> None:
+def test_until_needs_outlines(tmp_path):
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
     text = refused('calibrate', case, '--until', '900', '-o', tmp_path / 'out')
     assert "lava calibrate: --until is '900', expected cases with dated outlines" in text
     assert not (tmp_path / 'out').exists()
 
 
-def test_hindcast_reports_each_outline(mapped: tuple[Path, Result], tmp_path: Path) -> None:
+def test_hindcast_reports_each_outline(mapped, tmp_path):
     words = ['hindcast', mapped[0], '--preset', 'draft', '--spacing', '40', '--device', 'cpu']
     text = done(*words, '-o', tmp_path / 'out', '--maps', '1')
     assert 'Jaccard on 900 s' in text and 'Jaccard on 1800 s' in text
@@ -202,9 +200,7 @@ def test_hindcast_reports_each_outline(mapped: tuple[Path, Result], tmp_path: Pa
     assert 'Jaccard on 1800 s' in (tmp_path / 'out/hindcast.html').read_text()
 
 
-def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(
-    mapped: tuple[Path, Result], tmp_path: Path
-) -> None:
+def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(mapped, tmp_path):
     case = Path(shutil.copytree(mapped[0], tmp_path / 'valley'))
     with (case / 'case.yaml').open('a') as file:
         file.write('uncertainty: {discharge: {distribution: uniform, low: 0.2, high: 2.0}}\n')
@@ -243,7 +239,7 @@ def cells(*values: int) -> np.ndarray:
     return np.array([values], dtype=bool)
 
 
-def test_dates_are_scored_together_against_persistence() -> None:
+def test_dates_are_scored_together_against_persistence():
     known = cells(1, 1, 1, 1, 0)
     outlines = {
         'one': Observed(1.0, cells(1, 0, 0, 0, 0), known),
@@ -267,7 +263,7 @@ def test_dates_are_scored_together_against_persistence() -> None:
     assert found['dates'][1]['brier_skill_persistence'] is None
 
 
-def test_probability_at_a_time_counts_the_weights_of_members() -> None:
+def test_probability_at_a_time_counts_the_weights_of_members():
     plan, members = disc_plan(), [disc_fields(0, 0.5), disc_fields(1, 2.0)]
     footprints = [footprint_of(item, plan) for item in members]
     early, late = probability_at([600.0, HORIZON], footprints, plan, [1.0, 3.0])
@@ -280,5 +276,5 @@ def test_probability_at_a_time_counts_the_weights_of_members() -> None:
     np.testing.assert_array_equal(even, tally.maps().probability)
 
 
-def test_case_without_outlines_has_none(valley: Case) -> None:
+def test_case_without_outlines_has_none(valley):
     assert valley.outlines == () and score_outlines(valley, []) == []

@@ -4,8 +4,6 @@
 """Runs of a case: maps, resume, changes of the terrain, and replicates."""
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +49,7 @@ def whole(
     return run, [(run.time, due) for due in run.parts()]
 
 
-def test_lava_flows_down_the_valley(valley: Case, whole: Any) -> None:
+def test_lava_flows_down_the_valley(valley, whole):
     run, parts = whole
     done, maps = [part for part, _ in parts], list(run.kept())
     assert done == sorted(done)
@@ -81,9 +79,7 @@ def test_lava_flows_down_the_valley(valley: Case, whole: Any) -> None:
     assert result.most_particles > 10
 
 
-def test_interrupted_run_resumes(
-    valley: Case, whole: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interrupted_run_resumes(valley, whole, tmp_path, monkeypatch):
     """The state is stored at the second map, not at the first."""
     monkeypatch.setattr('lava_ros.hindcast.run.KEEP_EVERY', np.inf)
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
@@ -105,7 +101,7 @@ def test_interrupted_run_resumes(
         assert a.budget == b.budget
 
 
-def test_finished_run_is_not_repeated(valley: Case, whole: Any, tmp_path: Path) -> None:
+def test_finished_run_is_not_repeated(valley, whole, tmp_path):
     """The number of maps does not change its result."""
     settings, folder = replace(SETTINGS, maps=1), tmp_path / 'kept'
     _finished(Run(valley, settings, folder=folder)).keep()
@@ -128,7 +124,7 @@ def test_finished_run_is_not_repeated(valley: Case, whole: Any, tmp_path: Path) 
         Run(valley, settings, folder=folder)
 
 
-def test_spacing_of_a_case_is_that_of_its_scene(valley: Case) -> None:
+def test_spacing_of_a_case_is_that_of_its_scene(valley):
     for preset in ('draft', 'standard', 'fine'):
         found = resolution_of(valley.scene, PRESETS[preset].accuracy, horizon=valley.duration)
         accuracy = Settings(preset).accuracy(valley)
@@ -139,7 +135,7 @@ def test_spacing_of_a_case_is_that_of_its_scene(valley: Case) -> None:
     assert Settings('fine', spacing=45.0).coarseness(valley) == 2
 
 
-def test_comparison_classifies_each_cell() -> None:
+def test_comparison_classifies_each_cell():
     """A cell without an elevation is unknown unless it is mapped."""
     never, ground = np.nan, np.array([[0.0, 0.0, 0.0], [0.0, np.nan, np.nan]])
     arrived = np.array([[5.0, never, 7.0], [never, never, never]])
@@ -148,7 +144,7 @@ def test_comparison_classifies_each_cell() -> None:
     assert codes.tolist() == [[HIT, MISS, FALSE_ALARM], [NEITHER, UNKNOWN, MISS]]
 
 
-def test_coarse_cells_are_area_weighted_means() -> None:
+def test_coarse_cells_are_area_weighted_means():
     elevation = np.arange(35.0).reshape(5, 7)
     elevation[0, 0] = np.nan
     elevation[3:, 5:] = np.nan
@@ -165,7 +161,7 @@ def test_coarse_cells_are_area_weighted_means() -> None:
     assert coarsened(ground, 1) is ground
 
 
-def test_refined_maps_keep_volume_and_cells_without_data() -> None:
+def test_refined_maps_keep_volume_and_cells_without_data():
     elevation = np.zeros((6, 4))
     elevation[5, 3] = np.nan
     ground = Terrain(elevation, 10.0)
@@ -203,7 +199,7 @@ def test_refined_lava_stands_on_inundated_cells_and_keeps_its_volume(shape):
 TWO_MAPS = replace(SETTINGS, maps=2)
 
 
-def test_directions_are_all_different(valley: Case) -> None:
+def test_directions_are_all_different(valley):
     """The first eight are all rotations and mirror images; up to 64 also displace the vents."""
     for runs in (1, 65):
         with pytest.raises(LavaError, match='--runs'):
@@ -217,7 +213,7 @@ def test_directions_are_all_different(valley: Case) -> None:
     assert directions(24)[:8] == first
 
 
-def test_replicates_equal_single_runs(valley: Case) -> None:
+def test_replicates_equal_single_runs(valley):
     settings = replace(SETTINGS, maps=1)
     done: list[float] = []
     results = run_replicates(valley, settings, 3, progress=done.append)
@@ -243,9 +239,7 @@ def test_replicates_equal_single_runs(valley: Case) -> None:
     pytest.param(2, False, 16, marks=pytest.mark.nightly),
     pytest.param(3, True, 16, marks=pytest.mark.nightly),
 ])
-def test_a_rotated_case_has_the_same_replicates(
-    valley: Case, device: str, quarters: int, mirror: bool, runs: int
-) -> None:
+def test_a_rotated_case_has_the_same_replicates(valley, device, quarters, mirror, runs):
     """They are bitwise identical in another order, so their majority is the same."""
     settings = replace(SETTINGS, spacing=24.0, device=device, maps=1)
     (vent,) = valley.scene.vents
@@ -264,7 +258,7 @@ def test_a_rotated_case_has_the_same_replicates(
     np.testing.assert_array_equal(direction.rotate_back(other.share), found.share)
 
 
-def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -> None:
+def test_barrier_in_mid_eruption_holds_lava_back(valley, tmp_path):
     x, y = VENT
     barrier = (
         f'events:\n- time: 300\n  barrier: {{line: [[{x - 250}, {y - 250}], '
@@ -280,7 +274,7 @@ def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -
     assert free.min() > 30.0 and (stopped < 0.1 * free).all()
 
 
-def test_majority_is_the_area_that_half_of_the_runs_cover(valley: Case) -> None:
+def test_majority_is_the_area_that_half_of_the_runs_cover(valley):
     maps = np.zeros((3, *valley.footprint.shape))
     maps[0, 10:20, 10:20] = 3.0
     maps[1, 10:20, 10:16] = 1.0
@@ -302,9 +296,7 @@ class CutOffError(Exception):
     """Interrupts runs."""
 
 
-def test_interrupted_replicates_resume(
-    valley: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interrupted_replicates_resume(valley, tmp_path, monkeypatch):
     """They are bitwise identical, also if their number has grown; other settings raise."""
     monkeypatch.setattr('lava_ros.hindcast.run.KEEP_EVERY', 0.0)
 
@@ -327,7 +319,7 @@ def test_interrupted_replicates_resume(
         run_replicates(valley, replace(TWO_MAPS, spacing=20.0), 3, folder=tmp_path)
 
 
-def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley: Case) -> None:
+def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley):
     """A valley that slopes south slopes east after a quarter turn."""
     (vent,) = valley.scene.vents
     before = valley.scene.terrain

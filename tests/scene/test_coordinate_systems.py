@@ -16,7 +16,8 @@ from rasterio.crs import CRS
 from rasterio.transform import from_origin
 from rasterio.warp import transform
 
-from geodata import write_raster
+from eruption import write_grid
+from geodata import feature, write_raster
 from lava_ros.errors import LavaError
 from lava_ros.maps.export import export_bag
 from lava_ros.pages.runs import system_words
@@ -55,7 +56,7 @@ def write(path: Path, crs: Any, data: np.ndarray = GROUND, **options: Any) -> Pa
     (SITE, None, 'quarry grid, no EPSG code'),
     (CRS.from_epsg(32633), 32633, 'EPSG:32633'),
 ])
-def test_keeps_the_system_of_a_file(tmp_path: Path, crs: CRS, code: int | None, name: str) -> None:
+def test_keeps_the_system_of_a_file(tmp_path, crs, code, name):
     terrain = load_terrain(write(tmp_path / 'a.tif', crs))
     np.testing.assert_array_equal(terrain.elevation, GROUND[::-1])
     assert (terrain.epsg, terrain.offset) == (code, (500_000.0, 4_179_600.0))
@@ -68,7 +69,7 @@ def test_keeps_the_system_of_a_file(tmp_path: Path, crs: CRS, code: int | None, 
     assert coordinate_system(terrain.epsg, terrain.wkt) == expected
 
 
-def test_compound_system_without_codes_has_a_horizontal_part(tmp_path: Path) -> None:
+def test_compound_system_without_codes_has_a_horizontal_part(tmp_path):
     _, name, heights = COMPOUND.to_wkt().partition('VERT_CS')
     wkt = f'COMPD_CS["local heights",{NATIONAL.to_wkt()},{name}{heights}'
     terrain = load_terrain(write(tmp_path / 'a.tif', CRS.from_wkt(wkt)))
@@ -80,22 +81,21 @@ def test_compound_system_without_codes_has_a_horizontal_part(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize('crs', [COMPOUND, NATIONAL], ids=['compound', 'national'])
-def test_transforms_places_in_degrees(tmp_path: Path, crs: CRS) -> None:
+def test_transforms_places_in_degrees(tmp_path, crs):
     terrain = load_terrain(write(tmp_path / 'a.tif', crs))
     middle = (500_200.0, 4_179_800.0)
     flat = CRS.from_epsg(32633) if crs == COMPOUND else crs
     (longitude,), (latitude,) = transform(flat, 'EPSG:4326', *([value] for value in middle))
     assert projected(terrain, longitude, latitude) == pytest.approx(middle, abs=1e-3)
-    point = {'type': 'Point', 'coordinates': [longitude, latitude]}
     file = tmp_path / 'a.geojson'
-    file.write_text(json.dumps({'type': 'Feature', 'properties': {}, 'geometry': point}))
-    (feature,) = read_features('--vents', file, terrain)
-    np.testing.assert_allclose(feature.rings[0], [middle], atol=1e-3)
+    file.write_text(json.dumps(feature('Point', [longitude, latitude])))
+    (found,) = read_features('--vents', file, terrain)
+    np.testing.assert_allclose(found.rings[0], [middle], atol=1e-3)
     values = read_raster_on(terrain, write(tmp_path / 'b.tif', crs), field='x')
     np.testing.assert_array_equal(values, GROUND[::-1])
 
 
-def test_raster_on_a_terrain_has_the_scale_of_its_band(tmp_path: Path) -> None:
+def test_raster_on_a_terrain_has_the_scale_of_its_band(tmp_path):
     terrain = load_terrain(write(tmp_path / 'a.tif', CRS.from_epsg(32633)))
     percent = np.full(GROUND.shape, 250, np.int16)
     percent[0, 0] = -1
@@ -104,16 +104,14 @@ def test_raster_on_a_terrain_has_the_scale_of_its_band(tmp_path: Path) -> None:
     assert np.isnan(values[-1, 0]) and np.nanmin(values) == np.nanmax(values) == 30.0
 
 
-def test_error_names_a_local_system_without_longitudes(tmp_path: Path) -> None:
+def test_error_names_a_local_system_without_longitudes(tmp_path):
     terrain = load_terrain(write(tmp_path / 'a.tif', SITE))
     with pytest.raises(LavaError, match='the domain of quarry grid, no EPSG code'):
         projected(terrain, 15.0, 37.0)
 
 
 @pytest.mark.parametrize('crs', [COMPOUND, NATIONAL, SITE, CRS.from_epsg(32634)])
-def test_epsg_code_replaces_the_system_of_a_file(
-    tmp_path: Path, crs: CRS, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_epsg_code_replaces_the_system_of_a_file(tmp_path, crs, caplog):
     terrain = load_terrain(write(tmp_path / 'a.tif', crs), epsg=32633)
     assert terrain.epsg == 32633
     is_same = crs == COMPOUND
@@ -121,7 +119,13 @@ def test_epsg_code_replaces_the_system_of_a_file(
     assert (terrain.wkt is not None) == is_same
 
 
-def test_rejects_a_metric_code_for_a_file_in_degrees(tmp_path: Path) -> None:
+def test_unknown_epsg_code_is_refused_without_a_warning(tmp_path, caplog):
+    with pytest.raises(LavaError, match='epsg is 5000, expected a coordinate system GDAL knows'):
+        load_terrain(write(tmp_path / 'a.tif', NATIONAL), epsg=5000)
+    assert not caplog.records
+
+
+def test_rejects_a_metric_code_for_a_file_in_degrees(tmp_path):
     path = write(tmp_path / 'a.tif', 'EPSG:4326')
     assert load_terrain(path, epsg=32633).resolution == 10.0
     with rasterio.open(path, 'r+') as file:
@@ -131,7 +135,7 @@ def test_rejects_a_metric_code_for_a_file_in_degrees(tmp_path: Path) -> None:
     assert load_terrain(path, epsg=4258).epsg == 32633
 
 
-def test_stored_terrains_keep_the_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stored_terrains_keep_the_system(tmp_path, monkeypatch):
     """Files without a definition remain readable."""
     terrain = load_terrain(write(tmp_path / 'a.tif', NATIONAL))
     stored = scene_to_dict(Scene(terrain))['terrain']
@@ -150,9 +154,7 @@ def test_stored_terrains_keep_the_system(tmp_path: Path, monkeypatch: pytest.Mon
     assert system_words(None, terrain.wkt) == 'unknown, no EPSG code'
 
 
-def test_maps_of_a_bag_have_its_system(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_maps_of_a_bag_have_its_system(tmp_path, caplog):
     bag = record(
         tmp_path / 'bag', times=(200.0,),
         terrain=replace(TERRAIN, epsg=None, wkt=NATIONAL.to_wkt()),
@@ -170,18 +172,14 @@ def test_maps_of_a_bag_have_its_system(
 
 
 @pytest.mark.parametrize('suffix', ['FEET', 'feet', 'METERS', 'NO'])
-def test_reads_the_unit_of_an_old_prj_file(tmp_path: Path, suffix: str) -> None:
-    np.savetxt(
-        tmp_path / 'a.asc', GROUND, fmt='%g', comments='',
-        header='ncols 40\nnrows 40\nxllcorner 500000\nyllcorner 4180000\ncellsize 10',
-    )
+def test_reads_the_unit_of_an_old_prj_file(tmp_path, suffix):
+    write_grid(tmp_path / 'a.asc', GROUND, cell=10.0)
     (tmp_path / 'a.prj').write_text(
-        'Projection UTM\nZone 33\nDatum WGS84\nZunits ' + suffix + '\nUnits METERS\nParameters\n'
+        'Projection UTM\nZone 33\nDatum WGS84\nUnits METERS\nParameters\nZunits ' + suffix
     )
     factor = FOOT if suffix.lower() == 'feet' else 1.0
-    np.testing.assert_allclose(
-        load_terrain(tmp_path / 'a.asc').elevation, factor * GROUND[::-1], rtol=1e-6
-    )
+    elevation = load_terrain(tmp_path / 'a.asc').elevation
+    np.testing.assert_allclose(elevation, factor * GROUND, rtol=1e-6)
 
 
 @pytest.mark.parametrize(('crs', 'unit', 'factor'), [
@@ -194,9 +192,7 @@ def test_reads_the_unit_of_an_old_prj_file(tmp_path: Path, suffix: str) -> None:
     ('EPSG:32633+6360', None, SURVEY_FOOT),
     ('EPSG:32633+8228', 'foot', FOOT),
 ])
-def test_converts_heights_to_metres(
-    tmp_path: Path, crs: str, unit: str | None, factor: float, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_converts_heights_to_metres(tmp_path, crs, unit, factor, caplog):
     caplog.set_level('INFO')
     stored = GROUND.copy()
     stored[0, 0] = -9999.0
@@ -213,8 +209,6 @@ def test_converts_heights_to_metres(
     # mean sea level, depths
     ('EPSG:32633+5715', None, 'metre of depth'),
 ])
-def test_rejects_unknown_and_contradictory_units(
-    tmp_path: Path, crs: str, unit: str | None, value: str
-) -> None:
+def test_rejects_unknown_and_contradictory_units(tmp_path, crs, unit, value):
     with pytest.raises(LavaError, match=f'unit of the elevations of a.tif is .{value}.'):
         load_terrain(write(tmp_path / 'a.tif', crs, unit=unit))

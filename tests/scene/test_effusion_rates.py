@@ -25,7 +25,7 @@ DAYS = ((0.0, 86400.0, 20.0), (86400.0, 172800.0, 10.0))
 
 WHOLE = {
     'seconds': 'start_s,end_s,discharge_m3_per_s\n0,86400,20\n86400,172800,10\n',
-    'hours and tabs': 'start_h\tend_h\tTADR\n0\t24\t20\n24\t48\t10\n',
+    'hours, tabs and a mark': '\ufeffstart_h\tend_h\tTADR\r\n0\t24\t20\r\n24\t48\t10\r\n',
     'days and comments': (
         '# of the observatory\nStart (days);End (days);Effusion rate (m3/s)\n'
         '# the first day\n0;1;20,0 # by satellite\n1;2;10,0\n'
@@ -52,7 +52,7 @@ def read(folder: Path, text: str, **options: Any) -> Any:
 
 
 @pytest.mark.parametrize('name', WHOLE)
-def test_formats_of_one_eruption_give_the_same_intervals(name: str, tmp_path: Path) -> None:
+def test_formats_of_one_eruption_give_the_same_intervals(name, tmp_path):
     found = read(tmp_path, WHOLE[name])
     intervals = [(item.start, item.end, item.discharge) for item in found]
     np.testing.assert_allclose(intervals, DAYS, rtol=1e-12)
@@ -60,9 +60,7 @@ def test_formats_of_one_eruption_give_the_same_intervals(name: str, tmp_path: Pa
     np.testing.assert_allclose(series_of_rates(found), series, rtol=1e-12)
 
 
-def test_time_0_is_the_given_start_or_the_first_date(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_time_0_is_the_given_start_or_the_first_date(tmp_path, caplog):
     found = read(tmp_path, WHOLE['dates'], start='2021-09-18T12:00:00Z')
     assert (found[0].start, found[-1].end) == (43200.0, 216000.0)
     assert not caplog.messages
@@ -70,12 +68,12 @@ def test_time_0_is_the_given_start_or_the_first_date(
     assert 'the eruption is taken to start with the first date, 2021-09-19' in caplog.text
 
 
-def test_rates_at_instants_have_the_volume_of_a_linear_change(tmp_path: Path) -> None:
+def test_rates_at_instants_have_the_volume_of_a_linear_change(tmp_path):
     found = read(tmp_path, 'time_s,rate\n0,0\n10,4\n40,1\n')
     assert sum(item.discharge * (item.end - item.start) for item in found) == 20.0 + 75.0
 
 
-def test_converts_dense_rock_to_bulk_rates_with_a_porosity(tmp_path: Path) -> None:
+def test_converts_dense_rock_to_bulk_rates_with_a_porosity(tmp_path):
     text = 'start_d,end_d,rate_dre\n0,1,15\n'
     (found,) = read(tmp_path, text, porosity=0.25)
     assert found.discharge == pytest.approx(20.0)
@@ -90,9 +88,7 @@ def test_converts_dense_rock_to_bulk_rates_with_a_porosity(tmp_path: Path) -> No
     ('zero', 0.0, 'from 100 to 200 s, taken to be 0 m3/s'),
     ('interpolate', 3.0, 'from 100 to 200 s, taken to be 3 m3/s'),
 ])
-def test_fills_gaps_between_intervals_with_a_warning(
-    gaps: str | None, rate: float, words: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_fills_gaps_between_intervals_with_a_warning(gaps, rate, words, tmp_path, caplog):
     found = read(tmp_path, 'start,end,q\n0,100,2\n200,300,4\n', gaps=gaps)
     assert [(item.start, item.end, item.discharge) for item in found] == [
         (0.0, 100.0, 2.0), (100.0, 200.0, rate), (200.0, 300.0, 4.0),
@@ -102,7 +98,7 @@ def test_fills_gaps_between_intervals_with_a_warning(
 
 
 @pytest.mark.parametrize('cell', ['', 'nan', '-', 'N/A'])
-def test_rejects_cells_without_a_rate_unless_gaps_is_set(cell: str, tmp_path: Path) -> None:
+def test_rejects_cells_without_a_rate_unless_gaps_is_set(cell, tmp_path):
     text = f'start,end,q\n0,100,2\n100,200,{cell}\n200,300,4\n'
     with pytest.raises(LavaError, match=r'line 3, q is .*a finite number, or gaps: zero or'):
         read(tmp_path, text)
@@ -119,9 +115,7 @@ def test_rejects_cells_without_a_rate_unless_gaps_is_set(cell: str, tmp_path: Pa
     ('header', 'cells'),
     [('error', ('5', '5')), ('Error (%)', ('25', '50')), ('sigma', ('10', ''))],
 )
-def test_uncertainty_is_the_relative_error_of_volume(
-    header: str, cells: Any, tmp_path: Path
-) -> None:
+def test_uncertainty_is_the_relative_error_of_volume(header, cells, tmp_path):
     first, second = cells
     text = f'start_d,end_d,q,{header},remark\n0,1,20,{first},x\n1,2,10,{second},y\n'
     found = error_of_rates(read(tmp_path, text))
@@ -131,13 +125,13 @@ def test_uncertainty_is_the_relative_error_of_volume(
     assert error_of_rates(read(tmp_path, WHOLE['seconds'])) is None
 
 
-def test_warns_of_unknown_columns(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_warns_of_unknown_columns(tmp_path, caplog):
     read(tmp_path, 'start,end,q,satellite,remark\n0,1,2,MODIS,x\n')
     assert 'not understood are ignored: satellite, remark' in caplog.text
 
 
 @pytest.mark.parametrize(('text', 'words'), [
-    ('start,end,q\n0,100,-3\n', "line 2, q is '-3', expected at least 0"),
+    ('start,end,q\n0,100,-3\n', "line 2, q is -3.0, expected a finite number at least 0"),
     ('start,end,q\n100,0,3\n', 'line 2, end is 0.0, expected a time after its start, 100 s'),
     ('start,end,q\n0,100,3\n50,200,3\n', 'line 3, start is 50.0, expected at least 100 s'),
     ('start,end,q\n0,2021-09-19,3\n', "line 2, end is '2021-09-19', expected dates in all"),
@@ -151,19 +145,9 @@ def test_warns_of_unknown_columns(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     ('start,end,q\n0,1,0\n', 'a table without lava'),
     ('start,end,q\n0,1,1e9\n', r'line 2, q is 1000000000.0, expected 0 to 1e\+08 m3/s'),
 ])
-def test_rejects_invalid_tables(text: str, words: str, tmp_path: Path) -> None:
+def test_rejects_invalid_tables(text, words, tmp_path):
     with pytest.raises(LavaError, match=words):
         read(tmp_path, text)
-
-
-@pytest.mark.parametrize(('options', 'words'), [
-    ({'start': 'yesterday'}, "start is 'yesterday', expected a date such as"),
-    ({'gaps': 'none'}, "gaps is 'none', expected one of zero, interpolate"),
-    ({'porosity': 1.0}, 'porosity is 1.0, expected at least 0 and below 1'),
-])
-def test_rejects_invalid_options(options: Any, words: str) -> None:
-    with pytest.raises(LavaError, match=words):
-        Options(**options)
 
 
 def scene(folder: Path, vent: str, rest: str = '') -> Any:
@@ -173,7 +157,7 @@ def scene(folder: Path, vent: str, rest: str = '') -> Any:
     return scene_from_yaml(write_scene(folder, np.zeros((60, 60)), 10.0, text))
 
 
-def test_vent_in_a_scene_file_has_a_number_a_series_or_a_table(tmp_path: Path) -> None:
+def test_vent_in_a_scene_file_has_a_number_a_series_or_a_table(tmp_path):
     for word in ('discharge', 'effusion_rate'):
         (vent,) = scene(tmp_path, f'{word}: 5').vents
         assert vent.discharge == 5.0
@@ -185,16 +169,3 @@ def test_vent_in_a_scene_file_has_a_number_a_series_or_a_table(tmp_path: Path) -
     assert found.uncertainty.discharge is not None
     known = 'uncertainty: {effusion_rate: {distribution: uniform, low: 0.5, high: 2}}'
     assert scene(tmp_path, table, known).uncertainty.discharge.kind == 'uniform'
-
-
-@pytest.mark.parametrize(('vent', 'words'), [
-    ('discharge: 5, effusion_rate: 5', r'vents\[0\].effusion_rate is 5, expected absent'),
-    ('radius: 5', r'vents\[0\].effusion_rate is missing, expected a value'),
-    ('effusion_rate: many', r"vents\[0\].effusion_rate is 'many', expected a finite number"),
-    ('effusion_rate: {gaps: zero}', r'vents\[0\].effusion_rate.file is missing'),
-    ('effusion_rate: {file: a.csv}', r"effusion_rate is '.*a.csv', expected a file"),
-    ('effusion_rate: {file: rates.csv, gap: 1}', r'effusion_rate.gap is 1, expected no such'),
-])
-def test_rejects_invalid_rates_in_a_scene_file(vent: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(LavaError, match=words):
-        scene(tmp_path, vent)

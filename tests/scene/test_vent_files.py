@@ -15,6 +15,7 @@ from pyogrio import raw
 import pytest
 from rasterio.warp import transform
 
+from geodata import feature
 from lava_ros.cli.scenes import vents_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
@@ -55,11 +56,7 @@ def geographic(places: Any) -> Any:
 def write(path: Path, kind: str, places: Any, known: dict[str, Any]) -> Path:
     """Write a feature with GDAL; zip a Shapefile with Python, in a folder."""
     ending = path.suffix[1:]
-    feature = {
-        'type': 'Feature', 'properties': known,
-        'geometry': {'type': kind, 'coordinates': geographic(places)},
-    }
-    data = json.dumps({'type': 'FeatureCollection', 'features': [feature]}).encode()
+    data = json.dumps(feature(kind, geographic(places), **known)).encode()
     target = path.with_suffix('.shp') if ending == 'zip' else path
     with warnings.catch_warnings():
         # GDAL limits integers to 64 bits, and cuts long names in a Shapefile
@@ -84,52 +81,44 @@ def vents_of(path: Path, discharge: Any = None) -> list[Any]:
     return vents_as_given(given, TERRAIN)
 
 
-@pytest.mark.parametrize('ending', DRIVERS)
-def test_reads_barriers_of_every_format(
-    ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    known = {'barrier_height': 12.0, 'owner': 'a'}
-    path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, known)
-    usual = {'height': None, 'width': 10.0, 'slope': 1.0}
-    first, second = read_barriers('--lines', path, TERRAIN, usual)
-    np.testing.assert_allclose(first.line, FISSURE[0], atol=0.02)
-    assert (first.height, first.width, second.height) == (12.0, 10.0, 12.0)
-    assert 'not understood are ignored: owner' in caplog.text
-    path = write(tmp_path / f'b.{ending}', 'MultiLineString', FISSURE, {'height': -2.0})
-    with pytest.raises(LavaError, match='height is -2.0, expected a finite number at least 0.1'):
-        read_barriers('--lines', path, TERRAIN, usual)
-
-
-def test_each_format_has_a_driver() -> None:
+def test_each_format_has_a_driver():
     assert {f'.{ending}' for ending in DRIVERS} == set(vectors.ENDINGS)
 
 
 @pytest.mark.parametrize('ending', DRIVERS)
-def test_reads_vents_of_every_format(
-    ending: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_reads_vents_barriers_and_areas_of_every_format(ending, tmp_path, caplog):
     path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, KNOWN)
     first, second = vents_of(path)
     np.testing.assert_allclose([first.place, first.other_end], FISSURE[0], atol=0.02)
     np.testing.assert_allclose([second.place, second.other_end], FISSURE[1], atol=0.02)
     assert (first.discharge, second.discharge) == pytest.approx((7.5, 22.5), rel=1e-4)
     assert (first.name, first.radius, first.temperature) == ('Fessura', 25.0, 1350.0)
-    assert 'not understood are ignored: remark' in caplog.text
+    assert 'not understood are ignored: remark (' in caplog.text
+    found = read_features('--overlay', path, TERRAIN)
+    assert [item.name for item in found] == ['Fessura', 'Fessura']
+    assert len({item.where for item in found}) == 1
     path = write(tmp_path / f'b.{ending}', 'MultiPoint', POINTS, KNOWN)
     assert [vent.discharge for vent in vents_of(path)] == [15.0, 15.0]
     with pytest.raises(LavaError, match='no --effusion-rate, since'):
         vents_of(path, 5.0)
+    known, usual = {'barrier_height': 12.0, 'owner': 'a'}, {'height': None, 'width': 10.0}
+    path = write(tmp_path / f'c.{ending}', 'MultiLineString', FISSURE, known)
+    one, other = read_barriers('--lines', path, TERRAIN, usual)
+    np.testing.assert_allclose(one.line, FISSURE[0], atol=0.02)
+    assert (one.height, one.width, one.slope, other.height) == (12.0, 10.0, 1.0, 12.0)
+    assert 'not understood are ignored: owner (' in caplog.text
+    path = write(tmp_path / f'd.{ending}', 'MultiPolygon', [SQUARE], {})
+    lava, known_cells = observed_in_file(path, TERRAIN)
+    assert known_cells.all() and lava.sum() == 100 and lava[5:15, 5:15].all()
 
 
-@pytest.mark.parametrize('ending', DRIVERS)
-def test_reads_lines_and_polygons_of_every_format(ending: str, tmp_path: Path) -> None:
-    path = write(tmp_path / f'a.{ending}', 'MultiLineString', FISSURE, {'label': 'Strada'})
-    found = read_features('--overlay', path, TERRAIN)
-    assert [item.name for item in found] == ['Strada', 'Strada']
-    assert len({item.where for item in found}) == 1
-    path = write(tmp_path / f'b.{ending}', 'MultiPolygon', [SQUARE], {})
-    lava, known = observed_in_file(path, TERRAIN)
-    assert known.all() and lava.sum() == 100 and lava[5:15, 5:15].all()
+def test_rejects_invalid_barriers(tmp_path):
+    path = write(tmp_path / 'a.gpkg', 'MultiLineString', FISSURE, {'height': -2.0})
+    with pytest.raises(LavaError, match='height is -2.0, expected a finite number at least 0.1'):
+        read_barriers('--lines', path, TERRAIN, {'height': None, 'width': 10.0})
+    path = write(tmp_path / 'b.gpkg', 'MultiPolygon', [SQUARE], {'height': 2.0})
+    with pytest.raises(LavaError, match="is 'a Polygon', expected a line"):
+        read_barriers('--lines', path, TERRAIN, {'height': None, 'width': 10.0})
 
 
 @pytest.mark.parametrize(('header', 'row'), [
@@ -145,7 +134,7 @@ def test_reads_lines_and_polygons_of_every_format(ending: str, tmp_path: Path) -
     ('lat;lon;name', '37:46:8,4;15 0 3,6;a'),
     ('WKT,name', '"POINT ({x} {y})",a'),
 ])
-def test_reads_coordinates_with_any_header(header: str, row: str, tmp_path: Path) -> None:
+def test_reads_coordinates_with_any_header(header, row, tmp_path):
     lon, lat = 15.001, 37.769
     (x,), (y,) = transform('EPSG:4326', 'EPSG:32633', [lon], [lat])
     text = row.format(x=x, y=y, kx=x / 1000, ky=y / 1000, lon=lon, lat=lat)
@@ -163,20 +152,20 @@ def test_reads_coordinates_with_any_header(header: str, row: str, tmp_path: Path
     ('radius', 'radius', '50', 50.0),
     ('Radius_m', 'radius', '50', 50.0),
     ('width', 'radius', '50', 25.0),
+    ('width (cm)', 'radius', '500', 2.5),
+    ('radius_ft', 'radius', '100', 30.48),
     ('temperature', 'temperature', '1300', 1300.0),
     ('Temp (°C)', 'temperature', '1100', 1373.15),
     ('temp_c', 'temperature', '1100', 1373.15),
     ('start_h', 'start', '2', 7200.0),
 ])
-def test_converts_columns_of_vents_to_si(
-    header: str, field: str, cell: str, value: float, tmp_path: Path
-) -> None:
+def test_converts_columns_of_vents_to_si(header, field, cell, value, tmp_path):
     (tmp_path / 'a.csv').write_text(f'x,y,{header}\n500100,4180100,{cell}\n')
     (vent,) = read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
     assert getattr(vent, field) == pytest.approx(value)
 
 
-def test_reads_a_vent_table_of_lava2d(tmp_path: Path) -> None:
+def test_reads_a_vent_table_of_lava2d(tmp_path):
     (tmp_path / 'vent_01.txt').write_text(
         'time\tx0\ty0\tx1\ty1\twidth\tdischarge\n'
         + ''.join(f'{time}\t500100\t4180100\t500260\t4180220\t20\t{rate}\n'
@@ -199,13 +188,13 @@ def test_reads_a_vent_table_of_lava2d(tmp_path: Path) -> None:
     ('x,y\n510100,4180100\n', 'a vent of .*a place on the terrain, which covers'),
     ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of no length'),
 ])
-def test_rejects_invalid_vents(text: str, words: str, tmp_path: Path) -> None:
+def test_rejects_invalid_vents(text, words, tmp_path):
     (tmp_path / 'a.csv').write_text(text)
     with pytest.raises(LavaError, match=words):
         vents_of(tmp_path / 'a.csv')
 
 
-def test_column_names_have_one_meaning() -> None:
+def test_column_names_have_one_meaning():
     names = [name for known, _ in COLUMNS.values() for name in known]
     assert {name for name in names if names.count(name) > 1} == {'x1', 'y1'}
     found, _ = understood('a', ['x1', 'y1', 'x2', 'y2'], COLUMNS)
@@ -222,12 +211,12 @@ def test_column_names_have_one_meaning() -> None:
 @pytest.mark.parametrize(
     'text', ['15 61', '15 30.5 20', '15,006', '-15 W', 'W 15 W', '15 0 0 N', '181', '']
 )
-def test_rejects_invalid_angles(text: str) -> None:
+def test_rejects_invalid_angles(text):
     with pytest.raises(LavaError, match='a longitude from -180 to 180 degrees'):
         angle('lon', text, 'longitude')
 
 
-def test_rejects_incomplete_or_ambiguous_archives(tmp_path: Path) -> None:
+def test_rejects_incomplete_or_ambiguous_archives(tmp_path):
     path = write(tmp_path / 'a.shp', 'Point', POINTS[0], {'name': 'a'})
     path.with_suffix('.dbf').unlink()
     with pytest.raises(LavaError, match=r'its other parts in the same folder \(.dbf\)'):
@@ -244,7 +233,7 @@ def test_rejects_incomplete_or_ambiguous_archives(tmp_path: Path) -> None:
         read_features('--vents', tmp_path / 'd.gpkg', TERRAIN)
 
 
-def test_limits_the_unpacked_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_limits_the_unpacked_size(tmp_path, monkeypatch):
     monkeypatch.setattr(vectors, 'MAX_BYTES', 1000)
     with zipfile.ZipFile(tmp_path / 'a.zip', 'w', zipfile.ZIP_DEFLATED) as archive:
         archive.writestr('a.geojson', '{' + ' ' * 10_000 + '}')
@@ -255,7 +244,7 @@ def test_limits_the_unpacked_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         read_features('--vents', tmp_path / 'a.json', TERRAIN)
 
 
-def test_warns_of_a_missing_system(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_warns_of_a_missing_system(tmp_path, caplog):
     path = write(tmp_path / 'a.shp', 'Point', POINTS[0], {'name': 'a'})
     path.with_suffix('.prj').unlink()
     (vent,) = vents_of(path)
@@ -271,13 +260,10 @@ def test_warns_of_a_missing_system(tmp_path: Path, caplog: pytest.LogCaptureFixt
     ('"a"', 'Infinity', 'name is inf, expected a finite number'),
     ('"name": "a"', '"q": 1, "q": 2', "q is 'given twice', expected each member once"),
 ])
-def test_reports_members_that_gdal_ignores(
-    old: str, new: str, words: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_reports_members_that_gdal_ignores(old, new, words, tmp_path, caplog):
     text = json.dumps({
         'type': 'FeatureCollection', 'crs': {'properties': {'name': 'EPSG:32633'}},
-        'features': [{'type': 'Feature', 'properties': {'name': 'a'},
-                      'geometry': {'type': 'Point', 'coordinates': POINTS[0]}}],
+        'features': [feature('Point', POINTS[0], name='a')],
     })
     assert old in text
     (tmp_path / 'a.json').write_text(text.replace(old, new))
@@ -289,7 +275,7 @@ def test_reports_members_that_gdal_ignores(
     assert words in message
 
 
-def test_warns_of_duplicate_vents(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_warns_of_duplicate_vents(tmp_path, caplog):
     row = '500100,4180100,5,{},{}\n'
     for times, is_warned in (((0, 60), False), ((0, 60), True), ((60, 90), False)):
         rows = row.format(0, 60) + (row.format(*times) if is_warned or times != (0, 60) else '')
@@ -300,7 +286,7 @@ def test_warns_of_duplicate_vents(tmp_path: Path, caplog: pytest.LogCaptureFixtu
 
 
 @pytest.mark.parametrize('ending', ['csv', 'shp'])
-def test_places_are_degrees_if_they_are_then_on_the_terrain(ending: str, tmp_path: Path) -> None:
+def test_places_are_degrees_if_they_are_then_on_the_terrain(ending, tmp_path):
     path = tmp_path / f'a.{ending}'
     (lon, lat), (x, y) = geographic([POINTS[0]])[0], POINTS[0]
     if ending == 'csv':
@@ -309,12 +295,12 @@ def test_places_are_degrees_if_they_are_then_on_the_terrain(ending: str, tmp_pat
         write(path, 'Point', POINTS[0], {'name': 'a'})
         path.with_suffix('.prj').unlink()
     (vent,) = vents_of(path)
-    (feature,) = read_features('--overlay', path, TERRAIN)
-    np.testing.assert_allclose([vent.place, feature.rings[0][0]], [(x, y)] * 2, atol=0.02)
+    (point,) = read_features('--overlay', path, TERRAIN)
+    np.testing.assert_allclose([vent.place, point.rings[0][0]], [(x, y)] * 2, atol=0.02)
     # eastings and northings near the origin of the system
     local = Terrain(np.zeros((50, 50)), 2.0, epsg=32633)
     (tmp_path / 'b.csv').write_text('x,y\n15.0,37.7\n')
-    (feature,) = read_features('--overlay', tmp_path / 'b.csv', local)
-    assert feature.rings[0].tolist() == [[15.0, 37.7]]
+    (point,) = read_features('--overlay', tmp_path / 'b.csv', local)
+    assert point.rings[0].tolist() == [[15.0, 37.7]]
     given = Namespace(vents=None, vent=['15.0,37.7'], discharge=1.0)
     assert vents_as_given(given, local)[0].place == (15.0, 37.7)

@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image
 import pytest
 import rasterio
-from rasterio.transform import from_origin
-from rasterio.warp import reproject
+from rasterio.transform import from_bounds
+from rasterio.warp import transform_bounds
 
 pytest.importorskip('viser')
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -60,6 +60,12 @@ def page(visitor):
     return visitor.pages[0]
 
 
+def drawn(page, room=''):
+    """Return what the page shows below a name."""
+    nodes = page._client.scene._handle_from_node_name
+    return {name: item for name, item in nodes.items() if name.startswith(room)}
+
+
 @pytest.fixture(scope='module')
 def server(tmp_path_factory):
     """A server whose frames stay the same, without control."""
@@ -75,27 +81,21 @@ UPGRADE = {
     'Sec-WebSocket-Key': 'bGF2YSBpcyBob3QgISEhIQ==',
 }
 
-#: Requests to a server: expected status, ``Host`` and ``Origin``; {} stands for the port.
-ASKED = {
-    'own address': (200, '127.0.0.1:{}', None),
-    'own name': (200, 'LocalHost:{}', None),
-    'tunnel': (200, 'localhost:8080', None),
-    'own page': (200, '127.0.0.1:{}', 'http://127.0.0.1:{}'),
-    'other host': (403, 'evil.example:{}', None),
-    'rebound host': (403, 'evil.example:{}', 'http://evil.example:{}'),
-    'longer name': (403, 'localhost.evil.example:{}', None),
-    'user name': (403, 'evil@127.0.0.1:{}', None),
-    'other address': (403, '203.0.113.1:{}', None),
-    'no port': (403, 'localhost:here', None),
-    'other site': (403, '127.0.0.1:{}', 'http://evil.example'),
-    'other server here': (403, '127.0.0.1:{}', 'http://127.0.0.1:1'),
-    'sandbox': (403, '127.0.0.1:{}', 'null'),
-}
+#: ``Host`` and ``Origin`` of requests, and whether the server answers; {} stands for the port.
+ASKED = [
+    ('127.0.0.1:{}', None, True), ('LocalHost:{}', None, True),
+    # through a tunnel, and from the page
+    ('localhost:8080', None, True), ('127.0.0.1:{}', 'http://127.0.0.1:{}', True),
+    ('evil.example:{}', None, False), ('evil.example:{}', 'http://evil.example:{}', False),
+    ('localhost.evil.example:{}', None, False), ('evil@127.0.0.1:{}', None, False),
+    ('203.0.113.1:{}', None, False), ('localhost:here', None, False),
+    ('127.0.0.1:{}', 'http://evil.example', False), ('127.0.0.1:{}', 'http://127.0.0.1:1', False),
+    ('127.0.0.1:{}', 'null', False),
+]
 
 
-@pytest.mark.parametrize('who', ASKED)
-def test_serves_only_its_own_pages(server, who):
-    expected, host, origin = ASKED[who]
+@pytest.mark.parametrize(('host', 'origin', 'is_own'), ASKED)
+def test_serves_only_its_own_pages(server, host, origin, is_own):
     headers = {'Host': host.format(server.port)}
     headers |= {} if origin is None else {'Origin': origin.format(server.port)}
     for path, own in PAGES.items():
@@ -103,7 +103,7 @@ def test_serves_only_its_own_pages(server, who):
         asking = HTTPConnection('127.0.0.1', server.port, timeout=60.0)
         asking.request('GET', path, headers=headers | more)
         answer = asking.getresponse()
-        assert answer.status == (403 if expected == 403 else own), path
+        assert answer.status == (own if is_own else 403), path
         if path != '/ws':
             policy = answer.headers['Content-Security-Policy']
             assert "frame-ancestors 'none'" in policy and "default-src 'self'" in policy
@@ -195,7 +195,7 @@ def test_offers_the_maps_that_there_are(visitor, page, frames):
     visitor.press(page.choice, 'Arrival')
     visitor.wait(lambda: 'Arrival [min]' in page.legend.content)
     visitor.press(page.choice, '<none>')
-    visitor.wait(lambda: not any(name.startswith('/lava') for name in page._nodes))
+    visitor.wait(lambda: not drawn(page, '/lava/'))
 
 
 def test_a_click_shows_values_and_opens_a_vent(visitor, page, frames):
@@ -231,26 +231,37 @@ def test_untrusted_texts_are_escaped(page):
     assert 'no node answers &lt;here&gt;' in page.status.content
     assert '<td>&lt;i&gt;effects&lt;/i&gt;</td><td>frame &lt;3&gt;</td>' in page.facts.content
     # a label is drawn as text; one off the map is left out
-    labels = [item.text for name, item in page._nodes.items() if name.startswith('/labels')]
+    labels = [item.text for item in drawn(page, '/labels/').values()]
     assert labels == ['▲ open', '<b>hut</b>']
 
 
 def test_shows_particles_in_place_of_the_lava(visitor, page, frames):
     visitor.press(page.particles)
-    visitor.wait(lambda: '/particles' in page._nodes)
-    assert page._nodes['/particles'].points.shape == (3, 3)
-    assert not any(name.startswith('/lava') for name in page._nodes)
+    visitor.wait(lambda: '/lava/particles' in drawn(page))
+    assert drawn(page)['/lava/particles'].points.shape == (3, 3)
+    assert list(drawn(page, '/lava/')) == ['/lava/particles']
     visitor.press(page.slider, 0)
     visitor.wait(lambda: 'No particles' in page.legend.content)
-    assert '/particles' not in page._nodes
+    assert not drawn(page, '/lava/')
+
+
+def test_the_camera_rises_with_the_ground(visitor, page):
+    before = page._client.camera.position.copy()
+    visitor.press(page.stretch, 3.0)
+    visitor.wait(lambda: drawn(page)['/ground'].scale == (1.0, 1.0, 3.0))
+    rise = page._ground.middle[0] * (0.0, 0.0, 2.0)
+    assert rise[2] > 0.1
+    np.testing.assert_allclose(page._client.camera.position, before + rise)
 
 
 def test_lava_lies_on_the_ground_where_its_cells_are(frames):
     frame = frames.frame(3)
     ground, thickness = Ground(frame, relief(frame)), frame.layers['thickness'].values
-    assert ground.fit([thickness], frame.vents) and not ground.fit([thickness], frame.vents)
+    assert ground.fit(frame, frame.lava) and not ground.fit(frame, frame.lava)
     blocks = ground.blocks(ground.cut(frame).layers['thickness'].values)
-    (_, points, faces), = ground.lava(0.0 * blocks, blocks)
+    colours = np.where(np.isfinite(blocks)[..., None], [1, 2, 3, 255], 0).astype(np.uint8)
+    (colour, points, faces), = ground.lava(colours, blocks)
+    assert colour == (1, 2, 3, 255)
     assert len(faces) == 2 * np.isfinite(thickness).sum()
     corner = ground.placed(np.array([[-50.0, 70.0]]))[0]
     np.testing.assert_allclose(points[:, :2].min(axis=0), corner[:2], atol=1e-5)
@@ -269,7 +280,7 @@ def test_a_large_ground_is_sent_coarse_away_from_the_lava(frames, monkeypatch):
         monkeypatch.setattr(surface, 'MAX_CORNERS', most)
         monkeypatch.setattr(surface, 'COARSE', coarse)
         ground = Ground(frame, relief(frame))
-        ground.fit([frame.layers['thickness'].values], frame.vents)
+        ground.fit(frame, frame.lava)
         mesh = ground.mesh()
         np.testing.assert_allclose(np.ptp(mesh.vertices[:, :2], axis=0), [SIDE, 0.75 * SIDE])
         sizes.append(len(mesh.vertices))
@@ -282,7 +293,7 @@ def test_drapes_a_picture_with_north_at_the_top(frames, tmp_path):
     Image.fromarray(picture).save(tmp_path / 'north.png')
     frame = frames.frame(3)
     ground = Ground(frame, draped(str(tmp_path / 'north.png'))(frame))
-    ground.fit([], frame.vents)
+    ground.fit(frame, frame.lava)
     mesh = ground.mesh()
     image = np.asarray(mesh.visual.material.emissiveTexture)
     # a texture begins at the top, its coordinates at the bottom
@@ -307,18 +318,16 @@ def test_drapes_a_georeferenced_picture(frames, tmp_path, kind):
         (tmp_path / 'west.pgw').write_text(f'5\n0\n0\n-5\n{west + 2.5}\n{south + 147.5}\n')
     else:
         path = tmp_path / 'west.tif'
-        place = from_origin(west - 1000.0, south + 1000.0, 10.0, 10.0)
-        bands = np.broadcast_to(np.array([200, 40, 10], np.uint8)[:, None, None], (3, 200, 110))
-        systems = {'src_crs': 'EPSG:32633', 'dst_crs': 'EPSG:4326'}
-        bands, place = reproject(bands.copy(), src_transform=place, **systems, dst_nodata=0)
-        with rasterio.open(
-            path, 'w', width=bands.shape[2], height=bands.shape[1], count=3, dtype='uint8',
-            crs='EPSG:4326', transform=place, nodata=0,
-        ) as file:
-            file.write(bands)
+        bounds = west - 1000.0, south - 1000.0, west + 100.0, south + 1000.0
+        place = from_bounds(*transform_bounds('EPSG:32633', 'EPSG:4326', *bounds), 110, 200)
+        options = {'width': 110, 'height': 200, 'count': 3, 'dtype': 'uint8', 'transform': place}
+        with rasterio.open(path, 'w', crs='EPSG:4326', **options) as file:
+            file.write(np.full((3, 200, 110), np.reshape([200, 40, 10], (3, 1, 1))))
     colours = draped(str(path))(frame)
-    assert (colours[2:-2, 2:18] == (200, 40, 10)).all()
-    np.testing.assert_array_equal(colours[:, 22:], relief(frame)[:, 22:])
+    # the pixels are smaller than the cells
+    assert colours.shape == (1200, 1600, 3)
+    assert (colours[80:-80, 80:720] == (200, 40, 10)).all()
+    np.testing.assert_allclose(colours[20::40, 900::40], relief(frame)[:, 22:], atol=8)
 
 
 def test_a_bag_that_grows(tmp_path, monkeypatch):
@@ -339,7 +348,7 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     assert frames.status.level is Level.OK
     seen, expected = frames.frame(1), Recording(whole).frame_at(400.0)
     assert seen.time == 400.0 and frames.facts(1)['simulated_time_s'] == '400.0'
-    assert frames.particles(1) is None
+    assert not len(frames.particles(1))
     checkpoint = small_checkpoint(400.0, 5)
     monkeypatch.setattr('lava_ros.watch.frames.checkpoint_at', lambda path, time: checkpoint)
     # the origin of particles is the centre of the terrain, which is 4 m x 3 m
@@ -361,7 +370,7 @@ def test_a_bag_without_maps_waits(tmp_path):
 
 
 def test_an_ensemble_is_one_frame(frames, monkeypatch):
-    frame = replace(frames.frame(5), arrived=None)
+    frame = replace(frames.frame(5), arrived=None, time=None)
     values = frame.layers[PROBABILITY].values
     panels = {PROBABILITY: Panel(frame, 'probability', values, '')}
     run = SimpleNamespace(panels=panels, title='3 runs', summary='all', facts={'runs': '3'})
