@@ -144,24 +144,16 @@ def with_material_in_lava(label: str, data: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _material(name: str, item: Mapping[str, Any], sources: Mapping[str, str]) -> Material:
-    law, composition = {}, item.get('composition', {})
-    if composition:
-        label = f'{FILE}.{name}.composition'
-        source = sources['giordano2008']
-        law = {
-            key: Constant(value, source)
-            for key, value in vft_constants(label, composition['value']).items()
-        }
-    return Material(
-        name,
-        item['title'],
-        _constant(item['vent_temperature'], sources),
-        {**law, **{key: _constant(one, sources) for key, one in item['constants'].items()}},
-        {
-            oxide: Constant(value, sources[composition['source']])
-            for oxide, value in composition.get('value', {}).items()
-        },
-    )
+    constants = {key: _constant(value, sources) for key, value in item['constants'].items()}
+    oxides: dict[str, Constant] = {}
+    if 'composition' in item:
+        melt, cited = item['composition']['value'], sources[item['composition']['source']]
+        oxides = {oxide: Constant(value, cited) for oxide, value in melt.items()}
+        law = vft_constants(f'{FILE}.{name}.composition', melt)
+        by_melt = {key: Constant(value, sources['giordano2008']) for key, value in law.items()}
+        constants = {**by_melt, **constants}
+    hot = _constant(item['vent_temperature'], sources)
+    return Material(name, item['title'], hot, constants, oxides)
 
 
 def _constant(item: Mapping[str, Any], sources: Mapping[str, str]) -> Constant:
