@@ -30,6 +30,7 @@ from lava_ros.scene import (
     uncertainty,
     Vent,
 )
+from lava_ros.scene.composition import MOLAR_MASSES, OXIDE_CHECK
 from lava_ros.scene.materials import materials
 from lava_ros.scene.scene import ENVIRONMENT, SCENE_KEYS
 from lava_ros.scene.terrain import MIN_EPSG
@@ -161,7 +162,10 @@ def lava() -> Schema:
         'description': 'A name of `lava materials`, whose constants are the defaults',
         'enum': list(materials()),
     }
-    return mapping({'material': names, **{item.name: of_field(item) for item in fields(Lava)}})
+    oxides = mapping(dict.fromkeys(MOLAR_MASSES, of_check(OXIDE_CHECK)), ['SiO2'])
+    oxides['description'] = 'Composition of the melt [wt%]; gives vft_a, vft_b and vft_c'
+    constants = {item.name: of_field(item) for item in fields(Lava)}
+    return mapping({'material': names, 'composition': oxides, **constants})
 
 
 def deprecated_material() -> Schema:

@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 def materials(args: argparse.Namespace) -> int:
     """List the lavas that have a name, with their constants and sources.
 
-    A scene file and the case.yaml of a case name one with lava: {material: NAME}.
+    A scene file and the case.yaml of a case name one with lava: {material: NAME}, or give the
+    composition of the melt with lava: {composition: {SiO2: 50.4, ...}}, in wt%.
     """
+    from lava_ros.scene.composition import MOLAR_MASSES
     from lava_ros.scene.lava import constant_units
     from lava_ros.scene.materials import material_named
     from lava_ros.scene.materials import materials as known_materials
@@ -33,11 +35,15 @@ def materials(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps([asdict(item) for item in chosen], indent=1))
         return 0
-    units = constant_units()
+    units = {**constant_units(), **dict.fromkeys(MOLAR_MASSES, 'wt%')}
     sources: dict[str, int] = {}
     for material in chosen:
         print(f'{material.name}: {material.title}')
-        constants = {'vent_temperature': material.vent_temperature, **material.constants}
+        constants = {
+            'vent_temperature': material.vent_temperature,
+            **material.composition,
+            **material.constants,
+        }
         for name, constant in constants.items():
             value = constant.value
             shown = value if isinstance(value, str) else f'{value:g}'

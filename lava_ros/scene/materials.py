@@ -4,7 +4,7 @@
 """Lavas by name, with the reference of each constant."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib import resources
 import logging
@@ -12,6 +12,7 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.scene.composition import vft_constants
 from lava_ros.scene.lava import Lava
 
 _LOG = logging.getLogger(__name__)
@@ -21,6 +22,9 @@ FILE = 'materials.yaml'
 
 #: Name of the default material in scene files, commands, the node and the Python API.
 DEFAULT = 'etna_basalt'
+
+#: Name of the material that has the other constants of a melt given by its composition.
+ANY_BASALT = 'basalt'
 
 
 @dataclass(frozen=True)
@@ -41,12 +45,14 @@ class Material:
     """A lava with a name in scene and case files, and its eruption temperature [K].
 
     ``constants`` are the fields of ``Lava`` with a source; the others keep their defaults.
+    ``composition`` is that of the melt in wt% of oxides, if it is the source of the viscosity.
     """
 
     name: str
     title: str
     vent_temperature: Constant
     constants: Mapping[str, Constant]
+    composition: Mapping[str, Constant] = field(default_factory=dict)
 
     @property
     def lava(self) -> Lava:
@@ -70,13 +76,7 @@ def materials() -> dict[str, Material]:
     text = resources.files('lava_ros.scene').joinpath(FILE).read_text(encoding='utf-8')
     data = parse_yaml(FILE, text)
     return {
-        name: Material(
-            name,
-            item['title'],
-            _constant(item['vent_temperature'], data['sources']),
-            {key: _constant(value, data['sources']) for key, value in item['constants'].items()},
-        )
-        for name, item in data['materials'].items()
+        name: _material(name, item, data['sources']) for name, item in data['materials'].items()
     }
 
 
@@ -99,15 +99,21 @@ def lava_from_dict(
     Args:
         label: Name of the data in errors.
         data: Mapping with fields of ``Lava``, and optionally ``material``, the name of the
-            material whose constants they replace, by default ``DEFAULT``.
+            material whose constants they replace, and ``composition``, that of the melt in wt% of
+            oxides, which gives the constants of the VFT law. The material is by default
+            ``DEFAULT``, or ``ANY_BASALT`` with a composition.
         replacement: Name of a material that replaces that of the data.
 
     Raises:
         LavaError: If a name or a value is not valid.
     """
     names = [item.name for item in fields(Lava)]
-    given = validation.keys(label, data, allowed=['material', *names])
-    name = given.pop('material', DEFAULT)
+    given = validation.keys(label, data, allowed=['material', 'composition', *names])
+    usual = DEFAULT
+    if 'composition' in given:
+        usual = ANY_BASALT
+        given = {**vft_constants(f'{label}.composition', given.pop('composition')), **given}
+    name = given.pop('material', usual)
     material = material_named(name if replacement is None else replacement)
     return material.lava_with(given), material
 
@@ -135,6 +141,19 @@ def with_material_in_lava(label: str, data: Mapping[str, Any]) -> dict[str, Any]
         _LOG.warning(f'{label}.material: its place is lava: {{material: {name}}}')
         data['lava'] = {'material': name, **lava}
     return data
+
+
+def _material(name: str, item: Mapping[str, Any], sources: Mapping[str, str]) -> Material:
+    constants = {key: _constant(value, sources) for key, value in item['constants'].items()}
+    oxides: dict[str, Constant] = {}
+    if 'composition' in item:
+        melt, cited = item['composition']['value'], sources[item['composition']['source']]
+        oxides = {oxide: Constant(value, cited) for oxide, value in melt.items()}
+        law = vft_constants(f'{FILE}.{name}.composition', melt)
+        by_melt = {key: Constant(value, sources['giordano2008']) for key, value in law.items()}
+        constants = {**by_melt, **constants}
+    hot = _constant(item['vent_temperature'], sources)
+    return Material(name, item['title'], hot, constants, oxides)
 
 
 def _constant(item: Mapping[str, Any], sources: Mapping[str, str]) -> Constant:

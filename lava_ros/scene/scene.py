@@ -301,10 +301,9 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
     """Build a scene from the plain data of a YAML file.
 
     Args:
-        data: Mapping with any of ``vents``, ``lava`` (fields of ``Lava``, and optionally
-            ``material``, the name of the material whose constants they replace, by default
-            ``materials.DEFAULT``), ``ambient_temperature``, ``gravity``, ``uncertainty``, and
-            ``emplaced_flows`` and ``events`` as returned by ``with_changes``.
+        data: Mapping with any of ``vents``, ``lava`` (as for ``materials.lava_from_dict``),
+            ``ambient_temperature``, ``gravity``, ``uncertainty``, and ``emplaced_flows`` and
+            ``events`` as returned by ``with_changes``.
         terrain: Terrain of the scene.
 
     Raises:

@@ -235,10 +235,12 @@ def test_refuses_unusable_barriers(words, named, tmp_path):
 
 def test_materials_are_listed():
     output = done('materials')
-    for part in ('etna_basalt: Etna basalt', '1143 K', '[1] Kedadry'):
+    for part in ('etna_basalt: Etna basalt', '1143 K', '[1] Kedadry', 'SiO2', '50.41 wt%'):
         assert part in output
     (one,) = json.loads(done('materials', 'reunion_basalt', '--json'))
-    assert one['constants']['vft_b']['value'] == 5558.0
+    assert one['constants']['vft_b']['value'] == 5558.0 and not one['composition']
+    (one,) = json.loads(done('materials', 'basalt', '--json'))
+    assert one['composition']['MgO']['value'] == 7.69
     assert 'etna_basalt' in refused('materials', 'obsidian')
 
 

@@ -26,6 +26,7 @@ from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros import node_parameters, parameters
 from lava_ros.ros.executor import start_ros
 from lava_ros.scene import constants_of, scene_from_yaml
+from lava_ros.scene.composition import MOLAR_MASSES
 from lava_ros.scene.materials import default_lava
 from ros_domain import own_domain
 from scripts import load_script
@@ -70,7 +71,11 @@ VALID = {
                 'file': 'ground.npz', 'epsg': 32633, 'resolution': 10.0, 'offset': [0.0, 0.0],
                 'window': [0.0, 0.0, 300.0, 300.0], 'fill_holes': False, 'nodata': -9999,
             },
-            'lava': {'material': 'etna_basalt', **asdict(default_lava())},
+            'lava': {
+                'material': 'etna_basalt',
+                'composition': {**dict.fromkeys(MOLAR_MASSES, 1.0), 'SiO2': 88.0},
+                **asdict(default_lava()),
+            },
             **{name: value for name, value in constants_of(None).items() if name != 'lava'},
         },
         {
@@ -170,7 +175,7 @@ DEPENDENT = re.compile(
     r'|scene\.vents\[.\]\.(position|end|projected|projected_end)\[.\]'
     r'|scene\.vents\[.\]\.(temperature|effusion_rate\.(file|porosity)|discharge\[.\]\[0\])'
     # only conduction transfers heat through an aging crust
-    r'|scene\.lava\.(crust|liquidus|solidus)'
+    r'|scene\.lava\.(crust|liquidus|solidus|composition\.[\w-]+)'
     r'|scene\.uncertainty\.(temperature\.(mean|deviation)|position\.(deviation|radius))'
     r'|scene\.uncertainty\.(viscosity\.median|\w+\.limits\[.\])'
     r'|\w+\.uncertainty\..*\.(low|mode|high)'

@@ -339,6 +339,9 @@ def test_material_laws_are_as_published(temperature):
     kilauea = material_named('kilauea_tholeiite').lava
     assert fraction(kilauea, 1423.15) == pytest.approx(0.05, abs=1e-3)
     assert fraction(kilauea, 1237.15) == pytest.approx(0.30, abs=1e-3)
+    basalt = material_named('basalt').lava
+    assert fraction(basalt, 1137.0 + 273.15) == pytest.approx(0.15, abs=1e-3)
+    assert fraction(basalt, 990.0 + 273.15) == pytest.approx(0.60, abs=1e-3)
 
 
 def test_scene_file_has_a_material_and_constants_that_replace_its_own(tmp_path):
