@@ -63,7 +63,7 @@ class Accuracy:
     )
     courant_number: float = number(
         0.5, 'Largest displacement in a step over the smaller of kernel radius and terrain cell',
-        1e-4, 1.0,
+        1e-4, 2.0,
     )
     longest_step: float = number(60.0, 'Longest step', 1e-6, 1e9, 's')
     fixed_step: float | None = number(
