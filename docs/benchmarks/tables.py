@@ -86,6 +86,26 @@ def largest_gap(diagrams: Iterable[str]) -> float:
     )
 
 
+def hindcast_steps() -> Iterator[Line]:
+    """Yield the time and the scores of hindcasts, by integrator and displacement in a step."""
+    yield (
+        'flow', 'integrator', 'cells in a step', 'evaluations', 'one run', 'majority',
+        'single runs', 'area', 'length',
+    )
+    for row in lines_of('hindcast_steps_h100.csv'):
+        yield (
+            row['case'].removeprefix('etna'),
+            row['integrator'].upper(),
+            f'{float(row["courant_number"]):g}',
+            f'{int(row["evaluations"]):,}',
+            f'{float(row["seconds"]):.2f} s',
+            f'{float(row["majority"]):.3f}',
+            f'{float(row["single"]):.3f} ± {float(row["single_deviation"]):.3f}',
+            f'x {float(row["area_ratio"]):.2f}',
+            f'x {float(row["length_ratio"]):.2f}',
+        )
+
+
 def steps() -> Iterator[Line]:
     """Yield the time of a step of one simulation, by its number of particles."""
     rows = [row for row in lines_of('steps_h200.csv') if row['benchmark'].endswith(': step')]
@@ -122,7 +142,7 @@ def members() -> Iterator[Line]:
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
-    'VALIDATION.md': {'scores': scores, 'codes': codes, 'chances': chances},
+    'VALIDATION.md': {'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances},
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
 
