@@ -70,6 +70,24 @@ def chances() -> Iterator[Line]:
     yield ('together', '', '', '', '', f'{gap:.0f} points', '', '', '')
 
 
+def dates() -> Iterator[Line]:
+    """Yield the skill of the ensembles of a case with dated outlines, by date."""
+    rows = [row for row in lines_of('probability_dates_h100.csv') if row['date'] != 'all']
+    # the members of published ranges are the same at all dates
+    names = dict.fromkeys(row['ensemble'] for row in rows if row['ensemble'] != 'published ranges')
+    found = {(row['ensemble'], row['date']): row for row in rows}
+    yield ('outline', 'outline before', *(name.replace('T12:00:00Z', '') for name in names))
+    for date in dict.fromkeys(row['date'] for row in rows):
+        first, *others = (found.get((name, date)) for name in names)
+        assert first is not None
+        former = first['persistence_jaccard']
+        yield (
+            date.removesuffix('T12:00:00Z'),
+            f'{float(former):.2f}' if former else '',
+            *(f'{float(row["half_jaccard"]):.2f}' if row else '' for row in (first, *others)),
+        )
+
+
 def largest_gap(diagrams: Iterable[str]) -> float:
     """Return the largest gap in the combined bins of diagrams with at least 200 cells."""
     bins: dict[int, list[tuple[float, float, int]]] = {}
@@ -142,7 +160,10 @@ def members() -> Iterator[Line]:
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
-    'VALIDATION.md': {'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances},
+    'VALIDATION.md': {
+        'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
+        'dates': dates,
+    },
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
 
