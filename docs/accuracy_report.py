@@ -196,7 +196,7 @@ def _stepping(rows: Sequence[Row]) -> list[str]:
         if euler and not is_euler:
             saved = f'{_any(euler).evaluations / one.evaluations:.1f}'
             larger = _larger(result, euler)
-        integrator = ['Euler' if is_euler else 'RKL2', f'{accuracy.courant_number:g}']
+        integrator = [accuracy.integrator.upper(), f'{accuracy.courant_number:g}']
         errors = _errors(result, quantities)
         body.append([particles, *integrator, *work, saved, *errors, larger, seconds(one.wall_s)])
     head = ['particles', 'integrator', 'Courant number', 'steps', 'evaluations']

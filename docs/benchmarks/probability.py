@@ -270,7 +270,7 @@ def draw(rows: list[dict[str, str]], path: Path) -> None:
         axes.scatter(100 * forecast, 100 * observed, s=size, color=line.get_color(), alpha=0.6)
     axes.set_xlabel('forecast probability [%]')
     axes.set_ylabel('observed frequency [%]')
-    axes.legend(frameon=False)
+    figure.legend(loc='outside lower center', frameon=False, fontsize=8)
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
 

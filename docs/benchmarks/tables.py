@@ -70,6 +70,24 @@ def chances() -> Iterator[Line]:
     yield ('together', '', '', '', '', f'{gap:.0f} points', '', '', '')
 
 
+def dates() -> Iterator[Line]:
+    """Yield the skill of the ensembles of a case with dated outlines, by date."""
+    rows = [row for row in lines_of('probability_dates_h100.csv') if row['date'] != 'all']
+    # the members of published ranges are the same at all dates
+    names = dict.fromkeys(row['ensemble'] for row in rows if row['ensemble'] != 'published ranges')
+    found = {(row['ensemble'], row['date']): row for row in rows}
+    yield ('outline', 'outline before', *(name.replace('T12:00:00Z', '') for name in names))
+    for date in dict.fromkeys(row['date'] for row in rows):
+        first, *others = (found.get((name, date)) for name in names)
+        assert first is not None
+        former = first['persistence_jaccard']
+        yield (
+            date.removesuffix('T12:00:00Z'),
+            f'{float(former):.2f}' if former else '',
+            *(f'{float(row["half_jaccard"]):.2f}' if row else '' for row in (first, *others)),
+        )
+
+
 def largest_gap(diagrams: Iterable[str]) -> float:
     """Return the largest gap in the combined bins of diagrams with at least 200 cells."""
     bins: dict[int, list[tuple[float, float, int]]] = {}
@@ -84,6 +102,26 @@ def largest_gap(diagrams: Iterable[str]) -> float:
         for points in bins.values()
         if (cells := sum(count for *_, count in points)) >= 200
     )
+
+
+def hindcast_steps() -> Iterator[Line]:
+    """Yield the time and the scores of hindcasts, by integrator and displacement in a step."""
+    yield (
+        'flow', 'integrator', 'cells in a step', 'evaluations', 'one run', 'majority',
+        'single runs', 'area', 'length',
+    )
+    for row in lines_of('hindcast_steps_h100.csv'):
+        yield (
+            row['case'].removeprefix('etna'),
+            row['integrator'].upper(),
+            f'{float(row["courant_number"]):g}',
+            f'{int(row["evaluations"]):,}',
+            f'{float(row["seconds"]):.2f} s',
+            f'{float(row["majority"]):.3f}',
+            f'{float(row["single"]):.3f} ± {float(row["single_deviation"]):.3f}',
+            f'x {float(row["area_ratio"]):.2f}',
+            f'x {float(row["length_ratio"]):.2f}',
+        )
 
 
 def steps() -> Iterator[Line]:
@@ -122,7 +160,10 @@ def members() -> Iterator[Line]:
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
-    'VALIDATION.md': {'scores': scores, 'codes': codes, 'chances': chances},
+    'VALIDATION.md': {
+        'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
+        'dates': dates,
+    },
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
 

@@ -155,7 +155,7 @@ def search(
                 if progress is not None:
                     progress(len(samples), samples[-1])
 
-    usual = np.clip([[item.share_of(item.usual) for item in parameters]], 0.0, 1.0)
+    usual = np.array([[item.share_of(item.usual) for item in parameters]])
     # the sequence is balanced for powers of two
     even = qmc.Sobol(len(parameters), seed=seed).random_base2(max(runs // 2 - 1, 0).bit_length())
     tried(np.vstack([usual, even[: max(runs // 2, 1)]]))

@@ -32,6 +32,8 @@ UNITS = {
     'vent_temperature': 'K',
 }
 
+_LOWEST = {item.name: item.metadata['limits'][0] for item in fields(Lava) if item.name in UNITS}
+
 _LOGARITHMIC = ('viscosity', 'yield_strength', 'crust_strength')
 
 
@@ -57,7 +59,8 @@ class FreeParameter:
         return self.low + (self.high - self.low) * share
 
     def share_of(self, value: float) -> float:
-        """Return the position of a value in the range as a fraction."""
+        """Return the position of a value in the range as a fraction, of the closest one outside."""
+        value = min(max(value, self.low), self.high)
         if self.is_log:
             return math.log(value / self.low) / math.log(self.high / self.low)
         return (value - self.low) / (self.high - self.low)
@@ -92,7 +95,7 @@ def free_parameters_of(
             expected = f'a range ({name}=LOW:HIGH): none has been published for this material'
             raise LavaError('--unknown', name, expected)
         is_log = name in _LOGARITHMIC
-        low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
+        low = validation.number(f'{name}, lowest', span[0], at_least=_LOWEST.get(name, 0.0))
         high = validation.number(f'{name}, highest', span[1], above=low)
         if is_log:
             validation.number(f'{name}, lowest', low, above=0.0)

@@ -37,9 +37,9 @@ from lava_ros.simulation.selection import Decision
 #: Default number of maps of a run.
 MAPS = 24
 
-#: Maximum displacement per step over the cell size, twice the usual one: half as many steps for an
-#: error below that of the terrain.
-COURANT = 1.0
+#: Maximum displacement per step over the cell size, four times the usual one, and the integrator,
+#: of first order: less than half as many evaluations, for the same scores (docs/VALIDATION.md).
+COURANT, INTEGRATOR = 2.0, 'rkl1'
 
 #: Longest step of long runs [s], ten times the usual one, and as a fraction of the duration of
 #: shorter ones. A third of the steps of a flow of ten days remain (docs/VALIDATION.md).
@@ -74,6 +74,7 @@ class Settings:
             step in which it is due. It does not change the flow. A step in which several are due
             makes one map.
         courant: Maximum displacement per step over the cell size, unless the preset has its own.
+        integrator: Time integration, with the preset's own displacement also the preset's.
     """
 
     preset: str = DEFAULT
@@ -82,13 +83,16 @@ class Settings:
     forced: Mapping[str, bool] = field(default_factory=dict)
     maps: int = MAPS
     courant: float = COURANT
+    integrator: str = INTEGRATOR
 
     def accuracy(self, case: Case) -> Accuracy:
         """Return the accuracy for a case: the preset's with longer steps, and deterministic."""
         # repeated runs take the same path at a fork of a flow, also on a GPU
         accuracy = replace(preset_accuracy(self.preset), spacing=self.spacing, deterministic=True)
         if accuracy.courant_number == Accuracy().courant_number:
-            accuracy = replace(accuracy, courant_number=self.courant)
+            accuracy = replace(
+                accuracy, courant_number=self.courant, integrator=self.integrator
+            )
         if accuracy.longest_step == Accuracy().longest_step:
             longest = min(MAX_STEP, STEP_FRACTION * case.duration)
             accuracy = replace(accuracy, longest_step=max(longest, accuracy.longest_step))

@@ -25,7 +25,7 @@ MAX_THICKNESS = 1e5
 
 FORMULATIONS = ('corrected', 'as-published')
 
-INTEGRATORS = ('rkl2', 'euler')
+INTEGRATORS = ('rkl2', 'rkl1', 'euler')
 
 PRECISIONS = ('float32', 'float64')
 
@@ -63,7 +63,7 @@ class Accuracy:
     )
     courant_number: float = number(
         0.5, 'Largest displacement in a step over the smaller of kernel radius and terrain cell',
-        1e-4, 1.0,
+        1e-4, 2.0,
     )
     longest_step: float = number(60.0, 'Longest step', 1e-6, 1e9, 's')
     fixed_step: float | None = number(
@@ -89,8 +89,8 @@ class Accuracy:
         "the grid's symmetries",
     )
     integrator: str = choice(
-        'rkl2', 'Time integration: second-order super-time-stepping, or the reference',
-        INTEGRATORS,
+        'rkl2', 'Time integration: super-time-stepping of second order; rkl1: of first order, for '
+        'steady flows; euler: explicit steps, for comparison', INTEGRATORS,
     )
     precision: str = choice('float32', 'Precision; float64 is the reference', PRECISIONS)
 

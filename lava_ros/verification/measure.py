@@ -117,11 +117,11 @@ def convergence() -> list[Accuracy]:
 
 
 def stepping() -> list[Accuracy]:
-    """Return Euler, then the second-order integrator at several Courant numbers, by refinement.
+    """Return Euler, RKL1, then RKL2 at several Courant numbers, by refinement.
 
     The steps of Euler are shorter than the limit of each of them.
     """
-    integrators: list[dict[str, Any]] = [{'integrator': 'euler'}]
+    integrators: list[dict[str, Any]] = [{'integrator': 'euler'}, {'integrator': 'rkl1'}]
     integrators += [{'courant_number': number} for number in (0.5, 0.75, 1.0)]
     return [replace(STANDARD, refinement=size, **each) for size in STEPPED for each in integrators]
 
@@ -183,7 +183,7 @@ def expected_cost(accuracy: Accuracy) -> float:
     """
     if accuracy.fixed_step is not None:
         return 0.2 / accuracy.fixed_step * accuracy.refinement**2 * 8.0
-    stages = accuracy.refinement if accuracy.integrator == 'rkl2' else 4.0 * accuracy.refinement**2
+    stages = accuracy.refinement if accuracy.integrator != 'euler' else 4.0 * accuracy.refinement**2
     return stages * accuracy.refinement**2 * (0.5 / accuracy.courant_number) ** 0.5
 
 

@@ -129,8 +129,9 @@ def test_spacing_of_a_case_is_that_of_its_scene(valley):
         found = resolution_of(valley.scene, PRESETS[preset].accuracy, horizon=valley.duration)
         accuracy = Settings(preset).accuracy(valley)
         assert (accuracy.spacing, accuracy.thickness) == (found.spacing, found.thickness)
-    assert Settings('draft').accuracy(valley).courant_number == 1.0
-    assert Settings('reference').accuracy(valley).courant_number == 0.25
+    for preset, steps in (('draft', (2.0, 'rkl1')), ('reference', (0.25, 'rkl2'))):
+        accuracy = Settings(preset).accuracy(valley)
+        assert (accuracy.courant_number, accuracy.integrator) == steps
     assert Settings('fine', spacing=15.0).coarseness(valley) == 1
     assert Settings('fine', spacing=45.0).coarseness(valley) == 2
 

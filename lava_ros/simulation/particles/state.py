@@ -109,7 +109,8 @@ class State:
         self.real = at.REAL[accuracy.precision]
         self.effects = effects
         self.has_velocity = effects.any('needs_velocity')
-        self.is_staged = accuracy.integrator == 'rkl2' and not self.has_velocity
+        self.is_staged = accuracy.integrator != 'euler' and not self.has_velocity
+        self.order = 1 if accuracy.integrator == 'rkl1' else 2
         self.has_remainder = accuracy.precision == 'float32'
         self.is_deterministic = accuracy.deterministic
         # a step of fixed length is not limited

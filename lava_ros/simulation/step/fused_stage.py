@@ -72,7 +72,8 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
 def choice_within_motion(state: State, pace: Any, outlets: Any, emission: Any) -> StageChoice:
     """Let a motion choose its stage, and emit by an ``emission_function`` unless it is None."""
     choose = choice_function(
-        state.real, state.is_staged, state.has_velocity, state.effects.any('freezes')
+        state.real, state.order, state.is_staged, state.has_velocity,
+        state.effects.any('freezes'),
     )
     # one number for any vents: each different one would be another kernel
     threads = state.emitting_threads(DIRECTORS)

@@ -4,10 +4,10 @@
 """Time integration: the choice of the step and of its stages, on the device.
 
 Particles move with dx/dt = u(x), and u follows the surface gradient: a stiff, diffusive system.
-It is integrated by RKL2, the super-time-stepping of Meyer, Balsara & Aslam (2014, J. Comput.
-Phys. 257): second order, s velocity evaluations cover (s^2 + s - 2) / 4 explicit steps. Explicit
-Euler is the case of one stage. Steps and stages are chosen on the device; one launch of the
-kernels is one stage, so the host needs neither.
+It is integrated by the super-time-stepping of Meyer, Balsara & Aslam (2014, J. Comput. Phys. 257).
+RKL2 is of second order, and its s velocity evaluations cover (s^2 + s - 2) / 4 explicit steps;
+RKL1 is of first order and covers (s^2 + s) / 2. Explicit Euler is the case of one stage. Steps and
+stages are chosen on the device; one launch of the kernels is one stage, so the host needs neither.
 """
 
 from functools import lru_cache
@@ -33,8 +33,19 @@ MAX_STAGES = 64
 
 
 @wp.func
-def _b(j: int) -> wp.float64:
-    """Coefficient b_j of RKL2 (Meyer et al. 2014, equation 16)."""
+def _span(stages: wp.float64, order: int) -> wp.float64:
+    """Return the explicit steps that a step covers (Meyer et al. 2014, equations 10 and 20)."""
+    product = stages * stages + stages
+    if order == 1:
+        return wp.float64(0.5) * product
+    return wp.float64(0.25) * (product - wp.float64(2.0))
+
+
+@wp.func
+def _b(j: int, order: int) -> wp.float64:
+    """Coefficient b_j of RKL2 (Meyer et al. 2014, equation 16), or 1 for RKL1."""
+    if order == 1:
+        return wp.float64(1.0)
     if j < 2:
         return wp.float64(1.0) / wp.float64(3.0)
     square = wp.float64(j * j + j)
@@ -114,10 +125,12 @@ class StageChoice(NamedTuple):
 
 
 @lru_cache
-def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: bool) -> Any:
+def choice_function(
+    real: Any, order: int, is_staged: bool, has_velocity: bool, freezes: bool
+) -> Any:
     """Return the device function that begins a step or its next stage.
 
-    The last stage advances the clock. One thread calls it, when all rates are known.
+    ``order`` is that of super-time-stepping. The last stage advances the clock. One thread calls it, when all rates are known.
 
     Only ``limit_time`` shortens steps, never the target: after the first end of a step at or
     after the target, stages idle. Idle stages change nothing that a later step depends on, so the
@@ -156,7 +169,7 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
             if diffusion * pace.longest > one:
                 explicit = one / diffusion
             if wp.static(is_staged):
-                most = wp.float64(wp.static(0.25 * (MAX_STAGES**2 + MAX_STAGES - 2)))
+                most = _span(wp.float64(MAX_STAGES), order)
                 explicit_limit = most * explicit
                 if explicit_limit < step:
                     step = explicit_limit
@@ -184,8 +197,11 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
             pace.clock[at.STEP] = step
             s = 1
             if wp.static(is_staged):
-                # (s^2 + s - 2) / 4 explicit steps are at least this step
-                root = wp.sqrt(wp.float64(9.0) + wp.float64(16.0) * step / explicit)
+                # the smallest s for which _span is at least this step
+                product = wp.float64(2.0) * step / explicit
+                if wp.static(order == 2):
+                    product = wp.float64(2.0) * product + wp.float64(2.0)
+                root = wp.sqrt(one + wp.float64(4.0) * product)
                 s = wp.max(2, int(wp.ceil(wp.float64(0.5) * (root - one) - wp.float64(1e-9))))
             pace.counts[at.STAGES] = s
         pace.counts[at.CURRENT] = j
@@ -193,16 +209,20 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
         if s == 1:
             pace.stage[at.VELOCITY] = real(step)
         else:
-            w = wp.float64(4.0) / wp.float64(s * s + s - 2)
+            w = one / _span(wp.float64(s), order)
             if j == 1:
-                pace.stage[at.VELOCITY] = real(_b(1) * w * step)
+                pace.stage[at.VELOCITY] = real(_b(1, order) * w * step)
             else:
                 n = wp.float64(j)
-                mu = (wp.float64(2.0) * n - one) / n * _b(j) / _b(j - 1)
+                mu = (wp.float64(2.0) * n - one) / n * _b(j, order) / _b(j - 1, order)
                 pace.stage[at.FORMER] = real(mu)
-                pace.stage[at.BEFORE_FORMER] = real(-(n - one) / n * _b(j) / _b(j - 2))
+                pace.stage[at.BEFORE_FORMER] = real(
+                    -(n - one) / n * _b(j, order) / _b(j - 2, order)
+                )
                 pace.stage[at.VELOCITY] = real(mu * w * step)
-                pace.stage[at.FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * step)
+                pace.stage[at.FIRST_VELOCITY] = real(
+                    -(one - _b(j - 1, order)) * mu * w * step
+                )
         if j == s:
             pace.counts[at.IS_LAST] = 1
             pace.counts[at.STAGE] = 0
