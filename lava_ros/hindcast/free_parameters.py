@@ -59,7 +59,7 @@ class FreeParameter:
         return self.low + (self.high - self.low) * share
 
     def share_of(self, value: float) -> float:
-        """Return the position of a value in the range as a fraction, of the closest one outside."""
+        """Return the position of a value in the range as a fraction, 0 or 1 outside of it."""
         value = min(max(value, self.low), self.high)
         if self.is_log:
             return math.log(value / self.low) / math.log(self.high / self.low)

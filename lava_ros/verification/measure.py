@@ -179,11 +179,13 @@ def expected_cost(accuracy: Accuracy) -> float:
     """Estimate the time of a run relative to one at the default accuracy.
 
     It is the number of particles times the stages of a step, which grow with the refinement for
-    RKL2 and with its square for Euler.
+    super-time-stepping and with its square for Euler.
     """
     if accuracy.fixed_step is not None:
         return 0.2 / accuracy.fixed_step * accuracy.refinement**2 * 8.0
-    stages = accuracy.refinement if accuracy.integrator != 'euler' else 4.0 * accuracy.refinement**2
+    stages = accuracy.refinement
+    if accuracy.integrator == 'euler':
+        stages *= 4.0 * accuracy.refinement
     return stages * accuracy.refinement**2 * (0.5 / accuracy.courant_number) ** 0.5
 
 

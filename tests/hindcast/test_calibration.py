@@ -146,6 +146,13 @@ def test_unknowns_have_the_published_ranges(etna):
     (given,) = free_parameters_of(etna, ('discharge',), {'discharge': (0.9, 1.1)})
     assert (given.low, given.high, given.usual) == (0.9, 1.1, 1.0)
     assert given.source == 'given by the user'
+    (melt,) = free_parameters_of(etna, ('vft_a',), {'vft_a': (-6.0, -4.0)})
+    assert (melt.low, melt.high) == (-6.0, -4.0)
+    # a material without yield strength, where its logarithm is searched
+    (strength,) = free_parameters_of(
+        etna.with_lava({'yield_strength': 0.0}), ('yield_strength',), {'yield_strength': (1.0, 1e3)}
+    )
+    assert (strength.share_of(strength.usual), strength.share_of(1e4)) == (0.0, 1.0)
 
 
 def test_changed_sets_only_the_unknowns(etna, tmp_path):

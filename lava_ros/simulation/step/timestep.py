@@ -130,7 +130,8 @@ def choice_function(
 ) -> Any:
     """Return the device function that begins a step or its next stage.
 
-    ``order`` is that of super-time-stepping. The last stage advances the clock. One thread calls it, when all rates are known.
+    ``order`` is that of super-time-stepping. The last stage advances the clock. One thread calls
+    it, when all rates are known.
 
     Only ``limit_time`` shortens steps, never the target: after the first end of a step at or
     after the target, stages idle. Idle stages change nothing that a later step depends on, so the
