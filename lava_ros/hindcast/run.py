@@ -74,7 +74,7 @@ class Settings:
             step in which it is due. It does not change the flow. A step in which several are due
             makes one map.
         courant: Maximum displacement per step over the cell size, unless the preset has its own.
-        integrator: Time integration, with the preset's own displacement also the preset's.
+        integrator: Time integration, unless the preset has its own displacement.
     """
 
     preset: str = DEFAULT
@@ -90,9 +90,7 @@ class Settings:
         # repeated runs take the same path at a fork of a flow, also on a GPU
         accuracy = replace(preset_accuracy(self.preset), spacing=self.spacing, deterministic=True)
         if accuracy.courant_number == Accuracy().courant_number:
-            accuracy = replace(
-                accuracy, courant_number=self.courant, integrator=self.integrator
-            )
+            accuracy = replace(accuracy, courant_number=self.courant, integrator=self.integrator)
         if accuracy.longest_step == Accuracy().longest_step:
             longest = min(MAX_STEP, STEP_FRACTION * case.duration)
             accuracy = replace(accuracy, longest_step=max(longest, accuracy.longest_step))

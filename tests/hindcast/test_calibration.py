@@ -149,9 +149,8 @@ def test_unknowns_have_the_published_ranges(etna):
     (melt,) = free_parameters_of(etna, ('vft_a',), {'vft_a': (-6.0, -4.0)})
     assert (melt.low, melt.high) == (-6.0, -4.0)
     # a material without yield strength, where its logarithm is searched
-    (strength,) = free_parameters_of(
-        etna.with_lava({'yield_strength': 0.0}), ('yield_strength',), {'yield_strength': (1.0, 1e3)}
-    )
+    weak, ranges = etna.with_lava({'yield_strength': 0.0}), {'yield_strength': (1.0, 1e3)}
+    (strength,) = free_parameters_of(weak, tuple(ranges), ranges)
     assert (strength.share_of(strength.usual), strength.share_of(1e4)) == (0.0, 1.0)
 
 
