@@ -42,7 +42,7 @@ MAPS = 24
 COURANT, INTEGRATOR = 2.0, 'rkl1'
 
 #: Longest step of long runs [s], ten times the usual one, and as a fraction of the duration of
-#: shorter ones. A third of the steps of a flow of ten days remain (docs/VALIDATION.md).
+#: shorter ones.
 MAX_STEP, STEP_FRACTION = 600.0, 1e-3
 
 #: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
