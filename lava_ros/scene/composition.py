@@ -54,7 +54,7 @@ def vft_constants(label: str, composition: object) -> dict[str, float]:
     weights = {name: OXIDE_CHECK(f'{label}.{name}', value) for name, value in given.items()}
     water = weights.pop('H2O', 0.0)
     least, most = TOTAL_RANGE
-    # rounded because a sum of decimal numbers has digits that nobody typed
+    # the error shows the sum without the digits of rounding
     total = round(sum(weights.values()), 6)
     field = f'the sum of {label} without H2O'
     validation.number(field, total, at_least=least, at_most=most, unit='wt%')
@@ -75,7 +75,7 @@ def vft_constants(label: str, composition: object) -> dict[str, float]:
         - 99.54 * math.log(1.0 + volatiles)
         + 0.3 * (al + fe + mn + mg + ca - p) * (na + k + volatiles)
     )
-    # negative for what is no silicate melt
+    # a composition far from those of silicate melts can make them negative
     for name, value in {'B': b, 'C': c}.items():
         validation.number(f'{name} by {label}', value, above=0.0, unit='K')
     return {'vft_a': VFT_A, 'vft_b': b, 'vft_c': c}

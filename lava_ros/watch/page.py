@@ -293,7 +293,7 @@ class Page:
         return (1.0, 1.0, float(self.stretch.value))
 
     def _new_group(self, name: str) -> None:
-        """Remove the nodes below a name, and make their parent anew."""
+        """Remove the nodes below a name, and create their parent again."""
         if name in self._nodes:
             self._nodes[name].remove()
         self._nodes[name] = self._client.scene.add_frame(name, show_axes=False)
