@@ -152,14 +152,11 @@ class PlacedPicture(NamedTuple):
         Raises:
             LavaError: As ``resampled``.
         """
-        from rasterio.transform import from_bounds
-
         placed = self
         if self.place is None:
-            (west, south), (rows, columns) = terrain.corner, terrain.shape
-            east, north = west + columns * terrain.resolution, south + rows * terrain.resolution
-            size = self.bands[0].shape[::-1]
-            placed = self._replace(place=from_bounds(west, south, east, north, *size), crs=None)
+            place, shape = affine_of(terrain), self.bands[0].shape
+            rows, columns = np.divide(terrain.shape, shape)
+            placed = self._replace(place=place * place.scale(columns, rows), crs=None)
         colours = [
             resampled(terrain, band, placed, self.path, field=field, method='bilinear')
             for band in (item.astype(np.float64).filled(np.nan) for item in self.bands)
