@@ -15,11 +15,9 @@ from pathlib import Path
 import platform
 from statistics import median
 
-from eruptions import version
-import numpy as np
+from eruptions import scored
 
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.replicates import agreement, directions, run_together
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.verification.rows import write_csv
@@ -29,6 +27,13 @@ STEPS = (('rkl2', 1.0), ('rkl1', 1.0), ('rkl1', 1.5), ('rkl1', 2.0))
 
 #: Runs whose scores are combined, and repetitions of the timed run.
 RUNS, REPETITIONS = 8, 3
+
+#: Material of the runs, and columns that are those of ``eruptions.py``.
+MATERIAL = 'etna_basalt'
+SCORES = (
+    'majority', 'single', 'single_deviation', 'area_ratio', 'length_ratio', 'runs', 'device',
+    'machine', 'version', 'command',
+)
 
 
 def main() -> None:
@@ -40,7 +45,8 @@ def main() -> None:
     parser.add_argument('--machine', default=platform.processor() or platform.machine())
     args = parser.parse_args()
     rows: list[dict[str, object]] = []
-    for case in map(load_case, args.case):
+    for folder in args.case:
+        case = load_case(folder, material=MATERIAL)
         for integrator, courant in STEPS:
             settings = Settings(
                 device=str(device_of(args.device)), maps=1, courant=courant, integrator=integrator
@@ -49,9 +55,10 @@ def main() -> None:
             for _ in range(REPETITIONS + 1):
                 one = simulate(case, settings)
                 times.append(one.wall_time)
-            together = run_together([(case, way) for way in directions(RUNS)], settings)
-            found = agreement(case, [result.snapshot for result in together])
-            single = np.array([score.jaccard for score in found.scores])
+            command = 'python docs/benchmarks/hindcast_steps.py'
+            (found,) = scored(
+                MATERIAL, [folder], MATERIAL, {}, settings, RUNS, command, args.machine
+            )
             steps = one.snapshot.steps
             rows.append({
                 'case': case.name,
@@ -63,17 +70,8 @@ def main() -> None:
                 'seconds': median(times[1:]),
                 'fastest_s': min(times[1:]),
                 'slowest_s': max(times[1:]),
-                'majority': found.majority.jaccard,
-                'single': float(single.mean()),
-                'single_deviation': float(single.std(ddof=1)),
-                'area_ratio': 1.0 + found.majority.area_error,
-                'length_ratio': 1.0 + found.majority.length_error,
-                'runs': RUNS,
                 'repetitions': REPETITIONS,
-                'device': one.device,
-                'machine': args.machine,
-                'version': version(),
-                'command': 'python docs/benchmarks/hindcast_steps.py',
+                **{name: getattr(found, name) for name in SCORES},
             })
             print(rows[-1], flush=True)
             write_csv(rows, args.output)
