@@ -114,5 +114,6 @@ def _gathered(
     values = values.astype(float)
     for axis, halves in enumerate((rows, columns)):
         starts = [np.flatnonzero(np.diff(half, prepend=-1)) for half in halves]
-        values = sum(np.add.reduceat(values, start, axis) for start in starts)
+        first, second = (np.add.reduceat(values, start, axis) for start in starts)
+        values = first + second
     return values
