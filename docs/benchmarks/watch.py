@@ -90,7 +90,7 @@ def main() -> None:
     """Print the first picture's time, then CPU and memory each half minute."""
     flow = Flow()
     server, ended = Server(flow, 0), threading.Event()
-    serving = threading.Thread(target=server.run, args=(ended, lambda: None), daemon=True)
+    serving = threading.Thread(target=server.run, args=(ended,), daemon=True)
     with (
         TemporaryDirectory(ignore_cleanup_errors=True) as folder,
         closing(Browser(Path(folder))) as browser,

@@ -24,7 +24,7 @@ from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
 from lava_ros.maps.plot import BARRIER, barriers_of, duration, shaded_ground, titles
 from lava_ros.pages.runs import ENSEMBLE_MAPS
-from lava_ros.scene.on_terrain import read_placed_picture
+from lava_ros.scene.on_terrain import PlacedPicture
 from lava_ros.watch.frames import COMMANDS, Frames, Level, Status
 from lava_ros.watch.surface import Ground, SIDE
 
@@ -51,36 +51,25 @@ LIFT = np.array([0.0, 0.0, 0.0005 * SIDE], dtype=np.float32)
 _VIEWS = {'From above': (0.0, -0.001, 1.0), 'From the south': (0.0, -0.8, 0.6)}
 
 
-def relief(frame: Frame) -> np.ndarray:
-    """Return the shaded relief of the ground, uint8, shape [y, x, 3]."""
-    return (255.0 * shaded_ground(_coarse(frame))[..., :3]).astype(np.uint8)
-
-
-def draped(path: str) -> Callable[[Frame], np.ndarray]:
-    """Return a function like ``relief`` that shows the picture of a file over the relief.
+def ground_picture(frame: Frame, drape: PlacedPicture | None = None) -> np.ndarray:
+    """Return the shaded relief of a frame with a picture over it, uint8, shape [y, x, 3].
 
     Raises:
-        LavaError: The file is not a readable picture.
+        LavaError: If the picture cannot be put on the terrain.
     """
-    placed = read_placed_picture(path, field='--drape')
-
-    def paint(frame: Frame) -> np.ndarray:
-        cells = _coarse(frame).terrain
-        # a picture may show more than the cells of the terrain
-        fine = MAX_PIXELS // max(cells.shape)
-        shape, size = np.multiply(cells.shape, fine), cells.resolution / fine
-        ground = np.asarray(Image.fromarray(relief(frame)).resize(shape[::-1]))
-        target = replace(cells, elevation=np.zeros(shape), resolution=size)
-        colours = placed.on(target, field='--drape')
-        return np.where(np.isfinite(colours), np.rint(colours), ground).astype(np.uint8)
-
-    return paint
-
-
-def _coarse(frame: Frame) -> Frame:
     step = -(-max(frame.elevation.shape) // MAX_PIXELS)
     part = frame.elevation[::step, ::step]
-    return replace(frame, elevation=part, resolution=step * frame.resolution)
+    coarse = replace(frame, elevation=part, resolution=step * frame.resolution)
+    relief = (255.0 * shaded_ground(coarse)[..., :3]).astype(np.uint8)
+    if drape is None:
+        return relief
+    # a picture may show more than the cells of the terrain
+    fine = MAX_PIXELS // max(part.shape)
+    shape, size = np.multiply(part.shape, fine), coarse.resolution / fine
+    ground = np.asarray(Image.fromarray(relief).resize(shape[::-1]))
+    target = replace(coarse.terrain, elevation=np.zeros(shape), resolution=size)
+    colours = drape.on(target, field='--drape')
+    return np.where(np.isfinite(colours), np.rint(colours), ground).astype(np.uint8)
 
 
 class Page:
@@ -90,11 +79,7 @@ class Page:
     """
 
     def __init__(
-        self,
-        client: ClientHandle,
-        frames: Frames,
-        *,
-        picture: Callable[[Frame], np.ndarray] = relief,
+        self, client: ClientHandle, frames: Frames, ground_of: Callable[[Frame], Ground], *,
         control: bool = False,
     ) -> None:
         """Add the elements of the page.
@@ -102,17 +87,17 @@ class Page:
         Args:
             client: The browser.
             frames: The frames to show.
-            picture: Returns the colours of the ground, uint8, shape [y, x, 3].
+            ground_of: Returns the ground of a frame.
             control: Whether the page can send commands to the node.
         """
-        self._client, self._frames, self._picture = client, frames, picture
+        self._client, self._frames, self._ground_of = client, frames, ground_of
         self._version, self._ticks, self._time = -1, 0, 0.0
         self._problem: Status | None = None
         self._asked: deque[Callable[[], Any]] = deque(maxlen=8)
         self._drawn: tuple[Any, ...] = ()
         self._labelled: tuple[Any, ...] = ()
         self._ground: Ground | None = None
-        self._nodes: dict[str, Any] = {}
+        self._mesh: Any = None
         self._place: np.ndarray | None = None
         gui = client.gui
         gui.configure_theme(
@@ -127,19 +112,19 @@ class Page:
         self.stretch = gui.add_slider('Vertical scale', 1.0, 5.0, 0.25, 1.0)
         self.particles = gui.add_checkbox('Particles', False)
         for name, direction in _VIEWS.items():
-            self._button(name, partial(self._look, direction))
+            self._add_button(name, partial(self._look, direction))
         self.values = gui.add_html(_box('Click on the ground for its values.'))
+        self.opens: Any = None
         if control:
             with gui.add_folder('Control'):
                 self.opens = gui.add_checkbox('Click opens a vent', True)
                 for name in COMMANDS:
-                    self._button(name.capitalize(), partial(frames.command, name))
-        self._control = control
+                    self._add_button(name.capitalize(), partial(frames.command, name))
         with gui.add_folder('Diagnostics', expand_by_default=False):
             self.facts = gui.add_html('')
         client.scene.on_click()(lambda event: self._asked.append(partial(self._click, event)))
 
-    def _button(self, text: str, act: Callable[[], Any]) -> None:
+    def _add_button(self, text: str, act: Callable[[], Any]) -> None:
         self._client.gui.add_button(text).on_click(lambda _: self._asked.append(act))
 
     def update(self) -> None:
@@ -186,21 +171,18 @@ class Page:
             self.choice.options = names
         source = names.get(self.choice.value, '')
         is_shown = np.isfinite(maps[source]) if source else np.False_
-        is_first = self._ground is None
-        if self._ground is None or not self._ground.is_of(whole):
-            self._ground = Ground(whole, self._picture(whole))
-        ground = self._ground
-        if ground.fit(whole, whole.lava | is_shown):
-            self._nodes['/ground'] = self._client.scene.add_mesh_trimesh(
-                '/ground', ground.mesh(), scale=self._scale, cast_shadow=False
-            )
-        node, camera = self._nodes['/ground'], self._client.camera
-        if is_first:
+        before, ground = self._mesh, self._ground_of(whole)
+        self._ground = ground
+        ground.fit(whole, whole.lava | is_shown)
+        if before is None or before.glb_data is not ground.mesh:
+            self._mesh = self._client.scene.add_glb('/ground', ground.mesh, cast_shadow=False)
+        if before is None:
             self._look(_VIEWS['From the south'])
-        elif node.scale != self._scale:
+        elif before.scale != self._scale:
             # the camera rises with the ground
-            rise = np.subtract(self._scale, node.scale) * ground.middle[0]
-            camera.position, node.scale = camera.position + rise, self._scale
+            rise = np.subtract(self._scale, before.scale) * ground.middle[0]
+            self._client.camera.position = self._client.camera.position + rise
+        self._mesh.scale = self._scale
         frame = ground.cut(whole)
         title, facts = map(escape, self._frames.heading or titles(frame))
         last = self._frames.times[-1]
@@ -278,7 +260,7 @@ class Page:
         place = self._ground.hit(*ray)
         if place is not None:
             self._place, self._drawn = place, ()
-            if self._control and self.opens.value:
+            if self.opens is not None and self.opens.value:
                 self._frames.open_vent(*place.tolist())
 
     def _look(self, direction: tuple[float, float, float]) -> None:
@@ -294,9 +276,8 @@ class Page:
 
     def _new_group(self, name: str) -> None:
         """Remove the nodes below a name, and create their parent again."""
-        if name in self._nodes:
-            self._nodes[name].remove()
-        self._nodes[name] = self._client.scene.add_frame(name, show_axes=False)
+        self._client.scene.remove_by_name(name)
+        self._client.scene.add_frame(name, show_axes=False)
 
 
 def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -> dict[str, str]:
@@ -308,12 +289,8 @@ def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -
     for source, (title, style) in SHOWN.items():
         if source in maps:
             value = float(ground.terrain.values_at(maps[source], place))
-            if not math.isfinite(value):
-                rows[title] = 'none'
-            elif style == 'arrival':
-                rows[title] = duration(value)
-            else:
-                rows[title] = f'{value:.4g} {STYLES[style].label}'
+            text = f'{value:.4g} {STYLES[style].label}' if math.isfinite(value) else 'none'
+            rows[title] = duration(value) if style == 'arrival' and text != 'none' else text
     return rows
 
 

@@ -24,7 +24,7 @@ ABOVE = '[...document.querySelectorAll("button")].find(e => /above/.test(e.textC
 def test_the_page_shows_a_growing_run_in_3d(tmp_path):
     frames, ended = Growing(tmp_path, 4), Event()
     server, browser = Server(frames, 0), Browser(tmp_path)
-    serving = Thread(target=server.run, args=(ended, lambda: None))
+    serving = Thread(target=server.run, args=(ended,))
     serving.start()
 
     def picture():
