@@ -164,16 +164,16 @@ class Page:
         return value
 
     def _show(self, index: int) -> None:
-        whole = self._frames.frame(index)
-        maps = _maps(whole)
+        frame = self._frames.frame(index)
+        maps = _maps(frame)
         names = {SHOWN[source][0]: source for source in SHOWN if source in maps} or {'-': ''}
         if self.choice.options != (*names,):
             self.choice.options = names
         source = names.get(self.choice.value, '')
         is_shown = np.isfinite(maps[source]) if source else np.False_
-        before, ground = self._mesh, self._ground_of(whole)
+        before, ground = self._mesh, self._ground_of(frame)
         self._ground = ground
-        ground.fit(whole, whole.lava | is_shown)
+        ground.fit(frame, frame.lava | is_shown)
         if before is None or before.glb_data is not ground.mesh:
             self._mesh = self._client.scene.add_glb('/ground', ground.mesh, cast_shadow=False)
         if before is None:
@@ -183,7 +183,6 @@ class Page:
             rise = np.subtract(self._scale, before.scale) * ground.middle[0]
             self._client.camera.position = self._client.camera.position + rise
         self._mesh.scale = self._scale
-        frame = ground.cut(whole)
         title, facts = map(escape, self._frames.heading or titles(frame))
         last = self._frames.times[-1]
         so_far = '' if last is None else f' of {duration(last)} so far'
@@ -193,9 +192,9 @@ class Page:
         self.title.content = _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px')
         self._new_group('/lava')
         if self.particles.value:
-            self._draw_particles(ground, whole, self._frames.particles(index))
+            self._draw_particles(ground, frame, self._frames.particles(index))
         elif source:
-            self._draw_lava(ground, _maps(frame), source)
+            self._draw_lava(ground, maps, source)
         self._draw_labels(ground, frame)
         if self._place is not None:
             self.values.content = _table(_values(ground, maps, self._place))
@@ -214,7 +213,7 @@ class Page:
                 scale=self._scale, cast_shadow=False, side='double',
             )
 
-    def _draw_particles(self, ground: Ground, whole: Frame, points: np.ndarray) -> None:
+    def _draw_particles(self, ground: Ground, frame: Frame, points: np.ndarray) -> None:
         if not len(points):
             self.legend.content = _box('No particles at this time.')
             return
@@ -223,8 +222,8 @@ class Page:
         scale = scale_of('temperature', celsius)
         self.legend.content = _legend('Particles', 'temperature', scale)
         z = ground.terrain.elevations_at(xy)
-        if 'thickness' in whole.layers:
-            thickness = whole.layers['thickness'].values
+        if 'thickness' in frame.layers:
+            thickness = frame.layers['thickness'].values
             z += np.nan_to_num(ground.terrain.values_at(thickness, xy))
         self._client.scene.add_point_cloud(
             '/lava/particles', ground.placed(xy, z) + LIFT,

@@ -4,9 +4,7 @@
 """The ground and the lava as triangles, fine around the lava and coarse far from it."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from io import BytesIO
-from itertools import count
 import json
 import math
 import struct
@@ -27,14 +25,6 @@ SIDE = 10.0
 
 #: Margin around the lava: a fraction of its size, and at least some cells.
 MARGIN, MIN_MARGIN = 0.15, 16
-
-#: Material of the ground. Its picture has its own light and shade.
-_MATERIAL = {
-    'pbrMetallicRoughness': {
-        'baseColorTexture': {'index': 0}, 'baseColorFactor': [0.85, 0.85, 0.85, 1.0]
-    },
-    'extensions': {'KHR_materials_unlit': {}},
-}
 
 
 class Ground:
@@ -67,45 +57,47 @@ class Ground:
 
     def fit(self, frame: Frame, shown: np.ndarray) -> None:
         """Make the small blocks reach around cells, bool, and vents; without any, everywhere."""
-        bounds = np.reshape(bounds_of(frame, shown), (2, 2)) - self.terrain.origin
-        sides = np.transpose([self.terrain.shape])
-        cells = np.floor(bounds / self.terrain.resolution).astype(int).T[::-1]
-        cells = np.clip(cells, 0, sides - 1) + np.array([0, 1])
+        sides, size = np.transpose([self.terrain.shape]), self.terrain.resolution
+        bounds = (np.reshape(bounds_of(frame, shown), (2, 2)) - self.terrain.origin) / size
+        cells = np.clip(np.floor(bounds).astype(int).T[::-1], 0, sides - 1) + np.array([0, 1])
         if ((cells - self._window) * (1, -1) >= 0).all():
             return
         margin = np.maximum(MARGIN * np.diff(cells), MIN_MARGIN).astype(int) * (-1, 1)
         far = max(max(self.terrain.shape) // COARSE, 1)
         # small blocks end at an edge of large ones
         self._window = np.clip((cells + margin + (0, far - 1)) // far * far, 0, sides)
-        large = [_edges(0, side, far) for side in self.terrain.shape]
-        large_z = _at_corners(self._elevation, *large)
-        for step in count(1):
-            small = [_edges(*ends, step) for ends in self._window]
+        large = [np.array([*range(0, side, far), side]) for side in self.terrain.shape]
+        ends = [np.searchsorted(*item) for item in zip(large, self._window, strict=True)]
+        for step in range(1, far + 1):
+            self._small = small = [
+                np.unique(np.minimum(item[a : b + 1, None] + np.arange(0, far, step), item[b]))
+                for item, (a, b) in zip(large, ends, strict=True)
+            ]
             if math.prod(map(len, small)) <= MAX_CORNERS:
                 break
-        z = _at_corners(self._elevation, *small)
-        for z_of, inner, outer_z, outer in (
-            (z, small, large_z, large), (z.T, small[::-1], large_z.T, large[::-1])
-        ):
-            for end in (0, -1):
-                # no gaps between small and large blocks
-                edge = outer_z[np.searchsorted(outer[0], inner[0][end])]
-                line = np.interp(inner[1], outer[1], edge)
-                z_of[end] = np.where(np.isfinite(line), line, z_of[end])
-        self._small, self._small_z = small, z
-        is_large = np.ones(np.subtract(large_z.shape, 1), dtype=bool)
-        is_large[tuple(slice(*np.searchsorted(*item)) for item in zip(large, self._window))] = False
-        points, faces = self._triangles(is_large, large, large_z)
-        near, more = self._triangles(np.ones(np.subtract(z.shape, 1), dtype=bool), small, z)
+        outer, inner = (_at_corners(self._elevation, *edges) for edges in (large, small))
+        is_large = np.ones(np.subtract(outer.shape, 1), dtype=bool)
+        is_large[tuple(slice(*item) for item in ends)] = False
+        for axis, lines in enumerate(ends):
+            # no gaps between small and large blocks
+            for side, line in zip((0, -1), lines, strict=True):
+                z = np.swapaxes(inner, 0, axis)[side]
+                new = np.interp(small[1 - axis], large[1 - axis], np.take(outer, line, axis))
+                z[:] = np.where(np.isfinite(new), new, z)
+        self._small_z = inner
+        points, faces = self._triangles(is_large, large, outer)
+        is_small = np.ones(np.subtract(inner.shape, 1), dtype=bool)
+        near, more = self._triangles(is_small, small, inner)
         points, faces = np.concatenate([points, near]), np.concatenate([faces, more + len(points)])
         # a picture begins in the north-west
         places = points[:, :2] / (self.cell * np.array(self.terrain.shape[::-1])) * (1, -1) + 0.5
         self.mesh = _gltf(points, places, faces, self._picture)
 
     def blocks(self, values: np.ndarray) -> np.ndarray:
-        """Reduce values of the cells that ``cut`` leaves to the largest of each small block."""
+        """Reduce the values of the cells to the largest of each small block."""
         rows, columns = (edges[:-1] - edges[0] for edges in self._small)
-        return np.asarray(np.fmax.reduceat(np.fmax.reduceat(values, rows), columns, axis=1))
+        part = values[tuple(slice(*ends) for ends in self._window)]
+        return np.asarray(np.fmax.reduceat(np.fmax.reduceat(part, rows), columns, axis=1))
 
     def lava(
         self, colours: np.ndarray, thickness: np.ndarray
@@ -121,18 +113,6 @@ class Ground:
         for code in np.unique(codes[codes > 0]):
             colour = tuple(code[None].view(np.uint8).tolist())
             yield colour, *self._triangles(codes == code, self._small, z)
-
-    def cut(self, frame: Frame) -> Frame:
-        """Return the part of a frame in small blocks."""
-        part = tuple(slice(*ends) for ends in self._window.tolist())
-        layers = {
-            key: replace(item, values=item.values[part]) for key, item in frame.layers.items()
-        }
-        return replace(
-            frame, elevation=frame.elevation[part], layers=layers,
-            origin=tuple(self._positions(self._window[:, 0]).tolist()),
-            arrived=None if frame.arrived is None else frame.arrived[part],
-        )
 
     @property
     def middle(self) -> tuple[np.ndarray, float]:
@@ -178,11 +158,6 @@ class Ground:
         return self.placed(self._positions(cells), z[row, column]), (np.cumsum(is_used) - 1)[faces]
 
 
-def _edges(first: int, last: int, step: int) -> np.ndarray:
-    """Return the rows or columns of the edges of blocks."""
-    return np.unique([*range(first, last, step), last])
-
-
 def _at_corners(values: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Any:
     """Return the mean of the known cells around the corners of blocks; NaN where none is."""
     padded = np.pad(values, 1, constant_values=np.nan)
@@ -202,17 +177,19 @@ def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: by
     ]
     accessors[0] |= {'min': points.min(axis=0).tolist(), 'max': points.max(axis=0).tolist()}
     attributes = {'POSITION': 0, 'TEXCOORD_0': 1}
+    colour = {'baseColorTexture': {'index': 0}, 'baseColorFactor': [0.85, 0.85, 0.85, 1.0]}
+    # the picture has its own light and shade
+    unlit: dict[str, Any] = {'KHR_materials_unlit': {}}
     content = {
-        'asset': {'version': '2.0'}, 'extensionsUsed': ['KHR_materials_unlit'],
-        'scene': 0, 'scenes': [{'nodes': [0]}], 'nodes': [{'mesh': 0}],
+        'asset': {'version': '2.0'}, 'extensionsUsed': [*unlit], 'scene': 0,
+        'scenes': [{'nodes': [0]}], 'nodes': [{'mesh': 0}], 'accessors': accessors,
         'meshes': [{'primitives': [{'attributes': attributes, 'indices': 2, 'material': 0}]}],
-        'materials': [_MATERIAL], 'textures': [{'source': 0}],
-        'images': [{'bufferView': 3, 'mimeType': 'image/jpeg'}], 'accessors': accessors,
-        'bufferViews': [
+        'materials': [{'pbrMetallicRoughness': colour, 'extensions': unlit}],
+        'textures': [{'source': 0}], 'images': [{'bufferView': 3, 'mimeType': 'image/jpeg'}],
+        'buffers': [{'byteLength': starts[-1]}], 'bufferViews': [
             {'buffer': 0, 'byteOffset': start, 'byteLength': len(part)}
             for start, part in zip(starts[:-1], parts, strict=True)
         ],
-        'buffers': [{'byteLength': starts[-1]}],
     }
     text = json.dumps(content).encode()
     text += b' ' * (-len(text) % 4)
