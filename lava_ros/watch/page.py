@@ -30,9 +30,7 @@ from lava_ros.watch.surface import Ground, SIDE
 
 #: Title and style of each map, in the order of the list.
 SHOWN = {
-    'thickness': ('Lava thickness', 'thickness'),
-    'hazard': ('Hazard index', 'hazard'),
-    'temperature': ('Temperature', 'temperature'),
+    **{name: (STYLES[name].title, name) for name in ('thickness', 'hazard', 'temperature')},
     ARRIVED: ('Arrival', 'arrival'),
     ARRIVAL: ('Arrival forecast', 'arrival'),
     **{source: (title, style) for source, style, title in ENSEMBLE_MAPS.values()},
@@ -82,14 +80,7 @@ class Page:
         self, client: ClientHandle, frames: Frames, ground_of: Callable[[Frame], Ground], *,
         control: bool = False,
     ) -> None:
-        """Add the elements of the page.
-
-        Args:
-            client: The browser.
-            frames: The frames to show.
-            ground_of: Returns the ground of a frame.
-            control: Whether the page can send commands to the node.
-        """
+        """Add the elements of the page; with ``control``, it can send commands to the node."""
         self._client, self._frames, self._ground_of = client, frames, ground_of
         self._version, self._ticks, self._time = -1, 0, 0.0
         self._problem: Status | None = None
@@ -111,21 +102,22 @@ class Page:
         self.play = gui.add_checkbox('Play', False)
         self.stretch = gui.add_slider('Vertical scale', 1.0, 5.0, 0.25, 1.0)
         self.particles = gui.add_checkbox('Particles', False)
-        for name, direction in _VIEWS.items():
-            self._add_button(name, partial(self._look, direction))
+        for name in _VIEWS:
+            self._add_button(name, self._look, name)
         self.values = gui.add_html(_box('Click on the ground for its values.'))
         self.opens: Any = None
         if control:
             with gui.add_folder('Control'):
                 self.opens = gui.add_checkbox('Click opens a vent', True)
                 for name in COMMANDS:
-                    self._add_button(name.capitalize(), partial(frames.command, name))
+                    self._add_button(name.capitalize(), frames.command, name)
         with gui.add_folder('Diagnostics', expand_by_default=False):
             self.facts = gui.add_html('')
         client.scene.on_click()(lambda event: self._asked.append(partial(self._click, event)))
 
-    def _add_button(self, text: str, act: Callable[[], Any]) -> None:
-        self._client.gui.add_button(text).on_click(lambda _: self._asked.append(act))
+    def _add_button(self, text: str, act: Callable[..., Any], *args: Any) -> None:
+        button = self._client.gui.add_button(text)
+        button.on_click(lambda _: self._asked.append(partial(act, *args)))
 
     def update(self) -> None:
         """Process clicks, and show new frames and changed choices."""
@@ -177,10 +169,10 @@ class Page:
         if before is None or before.glb_data is not ground.mesh:
             self._mesh = self._client.scene.add_glb('/ground', ground.mesh, cast_shadow=False)
         if before is None:
-            self._look(_VIEWS['From the south'])
+            self._look('From the south')
         elif before.scale != self._scale:
             # the camera rises with the ground
-            rise = np.subtract(self._scale, before.scale) * ground.middle[0]
+            rise = np.subtract(self._scale, before.scale) * ground.middle
             self._client.camera.position = self._client.camera.position + rise
         self._mesh.scale = self._scale
         title, facts = map(escape, self._frames.heading or titles(frame))
@@ -262,12 +254,12 @@ class Page:
             if self.opens is not None and self.opens.value:
                 self._frames.open_vent(*place.tolist())
 
-    def _look(self, direction: tuple[float, float, float]) -> None:
-        """Show the ground around the lava from a direction."""
+    def _look(self, view: str) -> None:
+        """Show the ground around the lava from one of ``_VIEWS``."""
         if self._ground is not None:
-            middle, size = self._ground.middle
-            self._client.camera.position = middle * self._scale + 0.8 * size * np.array(direction)
-            self._client.camera.look_at = middle * self._scale
+            middle, size = self._ground.middle * self._scale, self._ground.extent
+            self._client.camera.position = middle + 0.8 * size * np.array(_VIEWS[view])
+            self._client.camera.look_at = middle
 
     @property
     def _scale(self) -> tuple[float, float, float]:

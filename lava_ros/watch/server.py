@@ -74,16 +74,9 @@ class Server:
     """
 
     def __init__(
-        self, frames: Frames, port: int, *, drape: PlacedPicture | None = None,
-        control: bool = False,
+        self, frames: Frames, port: int, drape: PlacedPicture | None = None, control: bool = False
     ) -> None:
-        """Listen at a port.
-
-        Args:
-            frames: The frames to show.
-            port: The port; 0 selects a free one.
-            drape: Picture to show over the relief of the ground.
-            control: Whether the pages can send commands to the node.
+        """Listen at a port, 0 for a free one; ``drape`` covers the relief of the ground.
 
         Raises:
             LavaError: If the port is taken.

@@ -33,6 +33,7 @@ class Ground:
     Attributes:
         terrain: The ground.
         cell: Side of a cell in the view.
+        middle, extent: Middle of the small blocks in the view, and their longer side there.
         mesh: The blocks with a picture in binary glTF; a new object if the blocks change.
     """
 
@@ -85,6 +86,8 @@ class Ground:
                 new = np.interp(small[1 - axis], large[1 - axis], np.take(outer, line, axis))
                 z[:] = np.where(np.isfinite(new), new, z)
         self._small_z = inner
+        self.middle = self.placed(self._positions(self._window.mean(axis=1))[None])[0]
+        self.extent = float(np.diff(self._window).max()) * self.cell
         points, faces = self._triangles(is_large, large, outer)
         is_small = np.ones(np.subtract(inner.shape, 1), dtype=bool)
         near, more = self._triangles(is_small, small, inner)
@@ -113,12 +116,6 @@ class Ground:
         for code in np.unique(codes[codes > 0]):
             colour = tuple(code[None].view(np.uint8).tolist())
             yield colour, *self._triangles(codes == code, self._small, z)
-
-    @property
-    def middle(self) -> tuple[np.ndarray, float]:
-        """Middle of the small blocks in the view, and their extent there."""
-        place = self._positions(self._window.mean(axis=1))
-        return self.placed(place[None])[0], float(np.diff(self._window).max()) * self.cell
 
     def placed(self, places: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
         """Return map positions [m] in the view, float32, [points, 3]; None: on the ground."""

@@ -247,7 +247,7 @@ def test_the_camera_rises_with_the_ground(visitor, page):
     before = page._client.camera.position.copy()
     visitor.press(page.stretch, 3.0)
     visitor.wait(lambda: drawn(page)['/ground'].scale == (1.0, 1.0, 3.0))
-    rise = page._ground.middle[0] * (0.0, 0.0, 2.0)
+    rise = page._ground.middle * (0.0, 0.0, 2.0)
     assert rise[2] > 0.1
     np.testing.assert_allclose(page._client.camera.position, before + rise)
 
