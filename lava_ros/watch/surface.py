@@ -18,7 +18,7 @@ from lava_ros.maps.plot import bounds_of
 from lava_ros.scene import Terrain
 
 #: Rows or columns of large blocks along a side, and maximum number of corners of small ones.
-COARSE, MAX_CORNERS = 128, 150_000
+COARSE, MAX_CORNERS = 128, 200_000
 
 #: Length of the longer side of the ground in the view.
 SIDE = 10.0
@@ -44,7 +44,7 @@ class Ground:
         self.cell = SIDE / max(self.terrain.shape)
         self._low, self._high = np.nanmin(frame.elevation), np.nanmax(frame.elevation)
         file = BytesIO()
-        Image.fromarray(picture[::-1]).save(file, 'JPEG')
+        Image.fromarray(picture[::-1]).save(file, 'JPEG', quality=90)
         self._picture = file.getvalue()
         self._window = np.zeros((2, 2), dtype=int)
 

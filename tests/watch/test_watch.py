@@ -252,6 +252,18 @@ def test_the_camera_rises_with_the_ground(visitor, page):
     np.testing.assert_allclose(page._client.camera.position, before + rise)
 
 
+def test_pages_share_the_ground_until_it_changes(visitor, page, frames):
+    Visitor(visitor._server)
+    visitor.wait(lambda: all(item.title.content for item in visitor.pages))
+    before = page._ground
+    assert {item._ground for item in visitor.pages} == {before}
+    frames._frames[3] = replace(frames.frame(3), elevation=2.0 * frames.frame(3).elevation)
+    frames.version += 1
+    visitor.wait(lambda: all(item._ground is not before for item in visitor.pages))
+    shown = {drawn(item)['/ground'].glb_data for item in visitor.pages}
+    assert shown == {page._ground.mesh} != {before.mesh}
+
+
 def test_lava_lies_on_the_ground_where_its_cells_are(frames):
     frame = frames.frame(3)
     ground, thickness = Ground(frame, ground_picture(frame)), frame.layers['thickness'].values
