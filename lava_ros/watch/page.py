@@ -167,14 +167,14 @@ class Page:
         self._ground = ground
         ground.fit(frame, frame.lava | is_shown)
         if before is None or before.glb_data is not ground.mesh:
-            self._mesh = self._client.scene.add_glb('/ground', ground.mesh, cast_shadow=False)
+            self._mesh = self._client.scene.add_glb('/ground', ground.mesh, scale=self._scale)
         if before is None:
             self._look('From the south')
         elif before.scale != self._scale:
             # the camera rises with the ground
             rise = np.subtract(self._scale, before.scale) * ground.middle
             self._client.camera.position = self._client.camera.position + rise
-        self._mesh.scale = self._scale
+            self._mesh.scale = self._scale
         title, facts = map(escape, self._frames.heading or titles(frame))
         last = self._frames.times[-1]
         so_far = '' if last is None else f' of {duration(last)} so far'
@@ -186,7 +186,8 @@ class Page:
         if self.particles.value:
             self._draw_particles(ground, frame, self._frames.particles(index))
         elif source:
-            self._draw_lava(ground, maps, source)
+            near = {name: values[ground.part] for name, values in maps.items()}
+            self._draw_lava(ground, near, source)
         self._draw_labels(ground, frame)
         if self._place is not None:
             self.values.content = _table(_values(ground, maps, self._place))
@@ -202,7 +203,7 @@ class Page:
         for colour, points, faces in ground.lava(colours, ground.blocks(deep)):
             self._client.scene.add_mesh_simple(
                 '/lava/{}_{}_{}'.format(*colour), points + LIFT, faces, color=colour[:3],
-                scale=self._scale, cast_shadow=False, side='double',
+                scale=self._scale, side='double',
             )
 
     def _draw_particles(self, ground: Ground, frame: Frame, points: np.ndarray) -> None:

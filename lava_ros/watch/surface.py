@@ -33,6 +33,7 @@ class Ground:
     Attributes:
         terrain: The ground.
         cell: Side of a cell in the view.
+        part: Slices of the rows and columns in small blocks.
         middle, extent: Middle of the small blocks in the view, and their longer side there.
         mesh: The blocks with a picture in binary glTF; a new object if the blocks change.
     """
@@ -85,7 +86,7 @@ class Ground:
                 z = np.swapaxes(inner, 0, axis)[side]
                 new = np.interp(small[1 - axis], large[1 - axis], np.take(outer, line, axis))
                 z[:] = np.where(np.isfinite(new), new, z)
-        self._small_z = inner
+        self._small_z, self.part = inner, tuple(slice(*item) for item in self._window)
         self.middle = self.placed(self._positions(self._window.mean(axis=1))[None])[0]
         self.extent = float(np.diff(self._window).max()) * self.cell
         points, faces = self._triangles(is_large, large, outer)
@@ -97,10 +98,9 @@ class Ground:
         self.mesh = _gltf(points, places, faces, self._picture)
 
     def blocks(self, values: np.ndarray) -> np.ndarray:
-        """Reduce the values of the cells to the largest of each small block."""
+        """Reduce values of the cells of ``part`` to the largest of each small block."""
         rows, columns = (edges[:-1] - edges[0] for edges in self._small)
-        part = values[tuple(slice(*ends) for ends in self._window)]
-        return np.asarray(np.fmax.reduceat(np.fmax.reduceat(part, rows), columns, axis=1))
+        return np.asarray(np.fmax.reduceat(np.fmax.reduceat(values, rows), columns, axis=1))
 
     def lava(
         self, colours: np.ndarray, thickness: np.ndarray

@@ -268,7 +268,7 @@ def test_lava_lies_on_the_ground_where_its_cells_are(frames):
     frame = frames.frame(3)
     ground, thickness = Ground(frame, ground_picture(frame)), frame.layers['thickness'].values
     ground.fit(frame, frame.lava)
-    mesh, blocks = ground.mesh, ground.blocks(thickness)
+    mesh, blocks = ground.mesh, ground.blocks(thickness[ground.part])
     ground.fit(frame, frame.lava)
     assert ground.mesh is mesh
     colours = np.where(np.isfinite(blocks)[..., None], [1, 2, 3, 255], 0).astype(np.uint8)
