@@ -7,8 +7,8 @@
 
 The argument is the duration [min]. A headless Chromium, which the variable CHROME names or
 ``make look`` installs, opens the page of 2,500 x 2,500 cells with 100,000 cells of lava, which
-change ``RATE`` times a second after the first picture. Without a GPU, most of the time to this
-picture is the browser's drawing. Later CPU and memory are those of this process, the server; maps
+change ``RATE`` times a second after the first picture. Most of the time to this picture is the
+browser's. Later CPU and memory are those of this process, the server; maps
 are in its memory, so that no ROS is involved.
 """
 
