@@ -227,6 +227,7 @@ class Page:
     def _draw_labels(self, ground: Ground, frame: Frame) -> None:
         labels = [*_vents(frame), *self._frames.places.items()][:MAX_LABELS]
         labels += [] if self._place is None else [('●', self._place.tolist())]
+        labels = [(text, place) for text, place in labels if ground.terrain.covers(*place)]
         ends = [pair for crest in barriers_of(frame) for pair in pairwise(crest.tolist())]
         # a label that is made again blinks
         wanted = (ground, labels, ends, self._scale)
@@ -235,21 +236,16 @@ class Page:
         self._labelled, scene = wanted, self._client.scene
         self._new_group('/labels')
         for number, (text, place) in enumerate(labels):
-            if ground.terrain.covers(*place):
-                position = ground.placed(np.array([place]))[0] * self._scale
-                scene.add_label(
-                    f'/labels/{number}', text, position=position, anchor='bottom-center'
-                )
+            at = ground.placed(np.array([place]))[0] * self._scale
+            scene.add_label(f'/labels/{number}', text, position=at, anchor='bottom-center')
         if ends:
             at = (ground.placed(np.reshape(ends, (-1, 2))) + 2.0 * LIFT).reshape(-1, 2, 3)
             look = {'colors': to_rgb(BARRIER['color']), 'line_width': 3.0}
             scene.add_line_segments('/labels/barriers', at, scale=self._scale, **look)
 
     def _click(self, event: Any) -> None:
-        if self._ground is None:
-            return
         ray = np.array([event.ray_origin, event.ray_direction]) / self._scale
-        place = self._ground.hit(*ray)
+        place = None if self._ground is None else self._ground.hit(*ray)
         if place is not None:
             self._place, self._drawn = place, ()
             if self.opens is not None and self.opens.value:

@@ -25,7 +25,7 @@ import viser
 from websockets.asyncio import server as websocket_server
 from websockets.datastructures import Headers
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.maps.frames import Frame
 from lava_ros.scene.on_terrain import PlacedPicture
 from lava_ros.watch.frames import Frames, Level
@@ -86,10 +86,8 @@ class Server:
         self._ground: Ground | None = None
         self._tried = -1.0
         self.pages: dict[int, Page] = {}
-        try:
+        with refusing('--port', port, 'a port that is free', OSError):
             listener = socket.create_server((ADDRESS, port))
-        except OSError as error:
-            raise LavaError('--port', port, f'a port that is free ({error})') from error
         self.port: int = listener.getsockname()[1]
         # a browser may leave while its page is drawn
         warnings.filterwarnings('ignore', 'Queued a .* on a closed connection')

@@ -30,7 +30,7 @@ from lava_ros.maps.sheet import Panel
 from lava_ros.scene.on_terrain import read_placed_picture
 from lava_ros.watch import server as server_module
 from lava_ros.watch import surface
-from lava_ros.watch.frames import BagFrames, ensemble_frames, Level, watched_layers
+from lava_ros.watch.frames import BagFrames, ensemble_frames, Level, Status, watched_layers
 from lava_ros.watch.page import ground_picture, SHOWN
 from lava_ros.watch.surface import Ground, SIDE
 from recording import growing, record, TERRAIN
@@ -135,18 +135,16 @@ def test_refuses_malformed_requests(server, sent):
     assert not answer or answer.split()[1] in (b'400', b'403', b'405', b'414', b'431', b'500')
 
 
-def test_closes_slow_requests_and_huge_messages(frames, monkeypatch):
+def test_closes_slow_requests_and_huge_messages(server, frames, monkeypatch):
+    visitor = Visitor(server)
+    visitor.socket.send(b'x' * (server_module.LIMITS['max_size'] + 1))
+    with pytest.raises(ConnectionClosed):
+        while True:
+            visitor.socket.recv(timeout=60.0)
+    visitor.wait(lambda: not visitor.pages)
     monkeypatch.setitem(server_module.LIMITS, 'open_timeout', 0.2)
-    with served(frames) as server:
-        assert _exchange(server.port, b'GET / HTT') == b''
-    monkeypatch.setitem(server_module.LIMITS, 'open_timeout', 60.0)
-    with served(frames) as server:
-        visitor = Visitor(server)
-        visitor.socket.send(b'x' * (server_module.LIMITS['max_size'] + 1))
-        with pytest.raises(ConnectionClosed):
-            while True:
-                visitor.socket.recv(timeout=60.0)
-        visitor.wait(lambda: not visitor.pages)
+    with served(frames) as other:
+        assert _exchange(other.port, b'GET / HTT') == b''
 
 
 def test_limits_the_number_of_pages(frames, monkeypatch):
@@ -160,6 +158,17 @@ def test_limits_the_number_of_pages(frames, monkeypatch):
 def test_a_port_that_is_taken_is_named(frames, server):
     with pytest.raises(LavaError, match=f'--port is {server.port}'), served(frames) as other:
         type(other)(frames, server.port)
+
+
+def test_reports_when_the_source_fails_and_is_back(frames, capsys):
+    levels = iter([Level.WARN, Level.ERROR, Level.ERROR, Level.OK])
+
+    def has_ended(time):
+        frames._status = Status(next(levels, None), 'words')
+        return frames._status.level is None
+
+    server_module.Server(frames, 0).run(SimpleNamespace(wait=has_ended))
+    assert capsys.readouterr().err == 'lava watch: words\n' * 2
 
 
 def test_follows_new_frames_only_at_the_end(visitor, page, frames):
