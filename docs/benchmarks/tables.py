@@ -104,6 +104,17 @@ def largest_gap(diagrams: Iterable[str]) -> float:
     )
 
 
+def changes() -> Iterator[Line]:
+    """Yield the scores of both flows of Etna with one change at a time."""
+    yield ('constants', *(f'{name}, {year}' for year in (2001, 2006)
+                          for name in ('majority', 'area', 'length')))
+    for row in lines_of('etna_changes_h200.csv'):
+        yield (row['change'], *(
+            f'{mark}{float(row[f"{name}_{year}"]):.2f}' for year in (2001, 2006)
+            for name, mark in (('jaccard', ''), ('area_ratio', 'x '), ('length_ratio', 'x '))
+        ))
+
+
 def hindcast_steps() -> Iterator[Line]:
     """Yield the time and the scores of hindcasts, by integrator and displacement in a step."""
     yield (
@@ -162,7 +173,7 @@ Tables = Mapping[str, Callable[[], Iterator[Line]]]
 PAGES: Mapping[str, Tables] = {
     'VALIDATION.md': {
         'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
-        'dates': dates,
+        'dates': dates, 'changes': changes,
     },
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
