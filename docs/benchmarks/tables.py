@@ -135,6 +135,21 @@ def hindcast_steps() -> Iterator[Line]:
         )
 
 
+def commands() -> Iterator[Line]:
+    """Yield the wall times of whole commands on the mapped flows."""
+    yield ('program', 'flow', 'runs', 'command', 'its simulation')
+    rows = lines_of('hindcast_command_h200.csv')
+    for key in dict.fromkeys((row['program'], row['flow'], row['runs']) for row in rows):
+        same = [row for row in rows if (row['program'], row['flow'], row['runs']) == key]
+        times = [
+            sorted(float(row[name]) for row in same if row[name])
+            for name in ('seconds', 'simulation_seconds')
+        ]
+        yield (*key, *(
+            f'{values[0]:.1f} to {values[-1]:.1f} s' if values else '' for values in times
+        ))
+
+
 def steps() -> Iterator[Line]:
     """Yield the time of a step of one simulation, by its number of particles."""
     rows = [row for row in lines_of('steps_h200.csv') if row['benchmark'].endswith(': step')]
@@ -173,7 +188,7 @@ Tables = Mapping[str, Callable[[], Iterator[Line]]]
 PAGES: Mapping[str, Tables] = {
     'VALIDATION.md': {
         'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
-        'dates': dates, 'changes': changes,
+        'dates': dates, 'changes': changes, 'commands': commands,
     },
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
