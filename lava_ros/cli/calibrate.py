@@ -243,7 +243,7 @@ def _names(cases: Sequence[Case]) -> list[str]:
     names = [case.name for case in cases]
     if len(set(names)) < len(names):
         raise LavaError('CASE_DIR', ' '.join(names), 'folders with different names')
-    materials = sorted({case.material.name for case in cases if case.material})
+    materials = sorted({case.material.name for case in cases})
     if len(materials) > 1:
         raise LavaError('CASE_DIR', ' '.join(materials), 'cases of one material, or --material')
     return names

@@ -112,7 +112,13 @@ _SHARED = {item[0][0]: item for item in (
 
 
 def forced_effects(args: argparse.Namespace) -> dict[str, bool]:
-    """Return the effects that ``--on`` and ``--off`` force, by name."""
+    """Return the effects that ``--on`` and ``--off`` force, by name.
+
+    Raises:
+        LavaError: If an effect is in both.
+    """
+    for name in set(args.on) & set(args.off):
+        raise LavaError('--off', name, 'an effect that is not in --on as well')
     return {**dict.fromkeys(args.on, True), **dict.fromkeys(args.off, False)}
 
 

@@ -160,6 +160,9 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         data['vents'] = [_described(vent, terrain) for vent in vents]
     if args.material is not None:
         data['lava'] = {'material': args.material}
+    if vents or args.discharge is not None:
+        # the error in a table of the scene is that of the rates that are replaced
+        data['rate_error'] = error_of_rates(rates)
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:
         if not scene.vents:
@@ -170,9 +173,6 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
             rate = [(time, q / len(scene.vents)) for time, q in series_of_rates(rates)]
         changed = (replace(vent, discharge=rate) for vent in scene.vents)
         scene = replace(scene, vents=tuple(changed))
-    error = error_of_rates(rates)
-    if error is not None and scene.uncertainty.discharge is None:
-        scene = replace(scene, uncertainty=replace(scene.uncertainty, discharge=error))
     _log_scene(scene)
     return scene
 

@@ -89,5 +89,6 @@ def write_atlas(
     if formats is None:
         formats = gis.usual_formats(coordinate_system(terrain.epsg, terrain.wkt))
     title = f'lava flow, {maps.members} members'
-    shared = gis.write_formats(folder, formats, shapes, layers, terrain, title, origin.onset)
+    tagged = {name: (values, tags) for name, values in layers.items()}
+    shared = gis.write_formats(folder, formats, shapes, tagged, terrain, title, origin)
     return [*written, *shared]

@@ -207,7 +207,8 @@ class _Clock:
         try:
             time = column.number(where, text)
         except LavaError:
-            date = _date(f'{where}, {column.header}', text, 'a finite number, or ')
+            other = '' if column.is_date else 'a finite number, or '
+            date = _date(f'{where}, {column.header}', text, other)
         if self._is_date not in (None, date is not None):
             column.refuse(where, text, 'dates in all rows, or numbers in all')
         self._is_date = date is not None

@@ -177,7 +177,7 @@ def _target_epsg(raster: Raster) -> int | None:
     crs = _crs(raster)
     if crs.is_projected and not math.isclose(crs.linear_units_factor[1], 1.0, rel_tol=1e-9):
         expected = f'coordinates in metres, such as UTM, not {crs.linear_units}'
-        raise LavaError('terrain.epsg', raster.epsg, expected)
+        raise LavaError('coordinate system of the terrain file', raster.system, expected)
     rows, columns = raster.elevation.shape
     x = raster.corner[0] + 0.5 * columns * raster.dx
     y = raster.corner[1] + 0.5 * rows * raster.dy
@@ -186,7 +186,7 @@ def _target_epsg(raster: Raster) -> int | None:
         zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
         utm = int((32600 if latitude >= 0.0 else 32700) + zone)
         if crs.is_projected:
-            places = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
+            there = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx, x], [y, y, y + raster.dx])
     except ValueError as error:
         if not crs.is_geographic:
             return raster.epsg
@@ -198,12 +198,13 @@ def _target_epsg(raster: Raster) -> int | None:
         expected = 'at most 84 degrees north or south, or metres'
         raise LavaError('terrain latitude', latitude, expected)
     if crs.is_projected:
-        true = math.hypot(*(ends[1] - ends[0] for ends in places))
-        if true == 0.0:
+        # principal scales: the same in all directions, and without shear, if both are 1
+        true = np.linalg.svd((there[:, 1:] - there[:, :1]) / raster.dx, compute_uv=False)
+        if true[1] == 0.0:
             expected = f'at least {SMALLEST_CELL:g} m'
             raise LavaError('terrain file cell size', raster.dx, expected)
         # national grids stretch lengths by less than 0.1 %, Mercator at 60 degrees by 100 %
-        if abs(raster.dx / true - 1.0) <= 0.01:
+        if np.abs(1.0 / true - 1.0).max() <= 0.01:
             return raster.epsg
     return utm
 

@@ -270,7 +270,7 @@ def with_changes(
 
 
 def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Replace the names of effusion-rate tables by their series, and use their errors."""
+    """Replace the names of effusion-rate tables by their series, and add their error."""
     vents = data.get('vents')
     read: list[Interval] = []
     if not isinstance(vents, list):
@@ -287,14 +287,7 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         rates = read_effusion_rates(label, folder / name, options)
         read += rates
         vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
-    error, uncertain = error_of_rates(read), data.get('uncertainty', {})
-    data = {**data, 'vents': vents}
-    if error is not None and isinstance(uncertain, Mapping) and not (
-        {'discharge', 'effusion_rate'} & uncertain.keys()
-    ):
-        known = uncertainty_to_dict(Uncertainty(discharge=error))
-        data['uncertainty'] = {**uncertain, **known}
-    return data
+    return {**data, 'vents': vents, 'rate_error': error_of_rates(read)}
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
@@ -303,7 +296,8 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
     Args:
         data: Mapping with any of ``vents``, ``lava`` (as for ``materials.lava_from_dict``),
             ``ambient_temperature``, ``gravity``, ``uncertainty``, and ``emplaced_flows`` and
-            ``events`` as returned by ``with_changes``.
+            ``events`` as returned by ``with_changes``, and ``rate_error``, the distribution of a
+            factor on all effusion rates unless ``uncertainty`` has one.
         terrain: Terrain of the scene.
 
     Raises:
@@ -311,11 +305,14 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
     """
     lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
     hot = float(material.vent_temperature.value)
+    uncertain = uncertainty_from_dict(data.get('uncertainty', {}))
+    if uncertain.discharge is None:
+        uncertain = replace(uncertain, discharge=data.get('rate_error'))
     scene = Scene(
         terrain=terrain,
         vents=vents_from_list(data.get('vents', []), terrain, temperature=hot),
         lava=lava,
-        uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
+        uncertainty=uncertain,
         emplaced_flows=tuple(
             replace(flow, temperature=flow.temperature or hot)
             for flow in data.get('emplaced_flows', ())

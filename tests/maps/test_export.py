@@ -202,7 +202,7 @@ def test_rejects_coordinates_outside_the_projection(tmp_path):
     terrain = Terrain(np.zeros((2, 2)), 10.0, epsg=32633, offset=(1e8, 4e6))
     features = gis.area(np.ones((2, 2), dtype=bool), terrain)
     with pytest.raises(LavaError, match='corner of the map') as caught:
-        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, terrain, '')
+        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, terrain, '', gis.Provenance('a'))
     assert caught.value.value == terrain.corner
 
 
