@@ -104,6 +104,9 @@ def hindcast(args: argparse.Namespace) -> int:
     outlines, dated = _dated(case, results)
     expected = estimate_error(case, settings, result, several)
     picture, page = output / PICTURE, output / PAGE
+    for suffix in ('.tif', '.qml'):
+        # of an earlier hindcast with --runs
+        (output / 'runs').with_suffix(suffix).unlink(missing_ok=True)
     files = write_maps(case, settings, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
     write_page(case, settings, result, judged, picture, page, expected, several, dated)

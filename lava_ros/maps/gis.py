@@ -30,6 +30,9 @@ from lava_ros.scene.projection import coordinate_system
 #: Values of a map, and its tags by name.
 Made = tuple[np.ndarray, Mapping[str, str]]
 
+#: Names without suffix of a vector file with several layers, and of a NetCDF file.
+STEMS = 'lava', 'maps'
+
 #: Probabilities of contours [%].
 PROBABILITIES = (10.0, 50.0, 90.0)
 
@@ -255,9 +258,9 @@ def write_formats(
                 key: _geographic(items, crs, terrain.corner) for key, items in layers.items()
             }
             system = 'EPSG:4326'
-        written += vectors.write_vectors(folder, name, features, system, stem='lava')
+        written += vectors.write_vectors(folder, name, features, system, stem=STEMS[0])
     if 'nc' in formats:
-        written.append(folder / 'maps.nc')
+        written.append(folder / f'{STEMS[1]}.nc')
         write_netcdf(written[-1], maps, terrain, title, origin)
     return written
 

@@ -201,8 +201,9 @@ def test_outline_and_isochrones_are_polygons_of_cells(bag, tmp_path):
 def test_rejects_coordinates_outside_the_projection(tmp_path):
     terrain = Terrain(np.zeros((2, 2)), 10.0, epsg=32633, offset=(1e8, 4e6))
     features = gis.area(np.ones((2, 2), dtype=bool), terrain)
+    layers, origin = {'outline': features}, gis.Provenance('a')
     with pytest.raises(LavaError, match='corner of the map') as caught:
-        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, terrain, '', gis.Provenance('a'))
+        gis.write_formats(tmp_path, ['geojson'], layers, {}, terrain, '', origin)
     assert caught.value.value == terrain.corner
 
 
