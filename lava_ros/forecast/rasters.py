@@ -79,10 +79,12 @@ def write_atlas(
         'expected_peak_thickness': maps.thickness,
         'elevation': terrain.elevation,
     }
-    shapes = {'inundation_probability': gis.probabilities(maps.probability, terrain)}
+    known = {'threshold_m': plan.threshold}
+    shapes = {'inundation_probability': gis.probabilities(maps.probability, terrain, **known)}
     for fraction, values in maps.arrival.items():
         name = f'arrival_time_p{round(100 * fraction)}'
-        layers[name], shapes[name] = values, gis.isochrones(values, terrain, origin.onset)
+        layers[name] = values
+        shapes[name] = gis.isochrones(values, terrain, origin.onset, **known)
     written = [
         # the style belongs to its GeoTIFF
         gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)[0]

@@ -282,9 +282,11 @@ def _shapes(
         cells = inundated_cells(history.times)
     if cells is None:
         cells, name = frame.standing, 'standing lava'
-    layers = {'outline': gis.area(cells, terrain, shows=name, from_m=COVERED)}
+    layers = {'outline': gis.area(cells, terrain, shows=name, threshold_m=COVERED)}
     if 'arrival' in newest:
-        layers['isochrones'] = gis.isochrones(newest['arrival'][0], terrain, onset)
+        layers['isochrones'] = gis.isochrones(
+            newest['arrival'][0], terrain, onset, threshold_m=history.threshold
+        )
     return layers
 
 

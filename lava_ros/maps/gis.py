@@ -156,12 +156,12 @@ def area(cells: np.ndarray, terrain: Terrain, **properties: Any) -> list[dict[st
 
 
 def isochrones(
-    times: np.ndarray, terrain: Terrain, onset: Onset | None = None
+    times: np.ndarray, terrain: Terrain, onset: Onset | None = None, **properties: Any
 ) -> list[dict[str, Any]]:
     """Return GeoJSON features of the area inundated by each of several round times.
 
     ``times`` are arrival times [s], shape [rows, columns], NaN without arrival. Each feature
-    includes the area of the earlier ones, and has a date if ``onset`` is given.
+    includes the area of the earlier ones, has a date if ``onset`` is given, and ``properties``.
     """
     if not np.isfinite(times).any():
         return []
@@ -171,7 +171,7 @@ def isochrones(
         feature
         for end in map(float, ends)
         for feature in area(
-            known <= end, terrain, time_s=end, time=duration(end),
+            known <= end, terrain, time_s=end, time=duration(end), **properties,
             **({} if onset is None else {'date_utc': onset.utc(end)}),
         )
     ]
@@ -201,12 +201,16 @@ def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[
     return layers
 
 
-def probabilities(percent: np.ndarray, terrain: Terrain) -> list[dict[str, Any]]:
+def probabilities(
+    percent: np.ndarray, terrain: Terrain, **properties: Any
+) -> list[dict[str, Any]]:
     """Return features of the areas at or above each of ``PROBABILITIES``; NaN is unknown."""
     return [
         feature
         for least in PROBABILITIES
-        for feature in area(np.nan_to_num(percent) >= least, terrain, probability_percent=least)
+        for feature in area(
+            np.nan_to_num(percent) >= least, terrain, probability_percent=least, **properties
+        )
     ]
 
 
