@@ -113,6 +113,7 @@ def ensemble(args: argparse.Namespace) -> int:
     folder with_barriers has the maps of these runs, and the folder comparison what the barriers
     change.
     """
+    from lava_ros.cli.scenes import onset_of
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.member_scenes import check_members
@@ -167,7 +168,7 @@ def ensemble(args: argparse.Namespace) -> int:
         plan, tags = store.plan, {'seed': str(args.seed)}
         origin = Provenance(
             name, tuple(plan.effects), args.preset, observation=seen,
-            onset=None if case is None else case.onset,
+            onset=onset_of(args) if case is None else case.onset,
         )
         return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 

@@ -19,6 +19,7 @@ from lava_ros.cli.scene_options import RATE_OPTIONS
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
 from lava_ros.hindcast.tables import series_of
+from lava_ros.maps.onset import Onset
 from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain, with_changes
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
@@ -193,6 +194,16 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
             for time, file in args.terrain_at
         ]
     return changes
+
+
+def onset_of(args: argparse.Namespace) -> Onset | None:
+    """Return the date of simulated time 0, ``--eruption-start``; None if it is not given.
+
+    Raises:
+        LavaError: If it is not a date.
+    """
+    origin = Options(start=args.eruption_start).origin
+    return None if origin is None else Onset(origin)
 
 
 def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:

@@ -331,7 +331,8 @@ def write_vectors(
                 if ending == 'geojson':
                     place.write_text(text)
                 continue
-            meta, _, geometry, values = raw.read(text.encode())
+            # as dates they would lose the zone
+            meta, _, geometry, values = raw.read(text.encode(), DATE_AS_STRING='YES')
             raw.write(
                 place, geometry, values, meta['fields'], layer=name, driver=driver,
                 geometry_type=features[0]['geometry']['type'], crs=crs, append=place.exists(),

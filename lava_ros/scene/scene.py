@@ -210,7 +210,8 @@ def read_scene(
 
     Args:
         path: Path of the file, or its name in the package's ``examples/``.
-        terrain: Terrain that replaces that of the file.
+        terrain: Terrain that replaces that of the file. It gets the ``offset`` in the file, so
+            that positions in the map frame remain; without one a warning states that they do not.
         options: Options of ``load_terrain`` that replace those of the file.
 
     Returns:
@@ -234,6 +235,19 @@ def read_scene(
         name = validation.text('scene.terrain.file', known.pop('file'), 'the name of a file')
         options = known | dict(options or {})
         terrain = load_terrain(terrain_path(name, path.parent), **options)
+    elif isinstance(ground, Mapping) and 'offset' in ground:
+        # positions remain those of the map frame of the scene
+        offset = validation.pair('scene.terrain.offset', ground['offset'])
+        corner = terrain.corner
+        origin = (corner[0] - offset[0], corner[1] - offset[1])
+        terrain = replace(terrain, origin=origin, offset=offset)
+    elif isinstance(vents := data.get('vents'), list) and any(
+        isinstance(vent, Mapping) and 'position' in vent for vent in vents
+    ):
+        _LOG.warning(
+            f'{path}: positions of vents are now counted from the lower-left corner of '
+            f'{terrain.source}; projected places do not depend on the terrain'
+        )
     data, terrain = with_changes(data, path.parent, terrain, options or {})
     return _with_rates(data, path.parent), terrain
 
