@@ -71,7 +71,7 @@ def test_case_yaml_replaces_the_defaults(tmp_path):
     rough = load_case(tmp_path / 'valley', low_pass_width=0.0)
     assert not np.array_equal(rough.scene.terrain.elevation, case.scene.terrain.elevation)
     kilauea = load_case(tmp_path / 'valley', material='kilauea_tholeiite')
-    assert kilauea.scene.lava.vft_c == 622.0
+    assert kilauea.scene.lava == material_named('kilauea_tholeiite').lava
 
 
 @pytest.mark.parametrize(('given', 'onset'), [

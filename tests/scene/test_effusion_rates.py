@@ -143,6 +143,15 @@ def test_warns_of_unknown_columns(tmp_path, caplog):
     ('time (fortnights),q\n0,1\n', "rates.csv is 'fortnights', expected a unit such as s"),
     ('start,end,q,volume\n0,1,2,3\n', 'expected the columns start, end and effusion_rate or'),
     ('start,end,q\n0,1,0\n', 'a table without lava'),
+    ('time_s;q\n0;1.250\n60;12,5\n', 'line 3 is .12,5., expected the decimal mark of 1.250'),
+    ('time_s;q\n0;1,250\n60;12.5\n', 'line 3 is .12.5., expected the decimal mark of 1,250'),
+    *(
+        (f'{header},q\n{cells},2\n', 'is .44458.59., expected a date such as 2021-09-19')
+        for header, cells in (
+            ('date', '44458.59'), ('timestamp', '44458.59'), ('Start date,end', '44458.59,44459'),
+            ('time (UTC)', '44458.59'), ('dateTime', '44458.59'),
+        )
+    ),
     ('start,end,q\n0,1,1e9\n', r'line 2, q is 1000000000.0, expected 0 to 1e\+08 m3/s'),
 ])
 def test_rejects_invalid_tables(text, words, tmp_path):
