@@ -21,6 +21,7 @@ from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import occupancy
 from lava_ros.pages.runs import read_run
+from lava_ros.scene.features import load_features
 
 MAPS = (
     'inundation_probability', 'expected_peak_thickness', 'arrival_time_p10', 'arrival_time_p50',
@@ -131,7 +132,9 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
     words += ['--device', 'cpu', '--json', report]
-    done(*words, '--members', '2')
+    done(*words, '--members', '2', '--formats', 'gpkg', 'nc', 'shp')
+    # of an area that the next maps do not have
+    (out / 'arrival_time_p90.csv').write_text('old')
     first = json.loads(report.read_text())
     assert (first['members'], first['resumed'], first['workers']) == (2, 0, 1)
     output = done(*words, '--members', '4')
@@ -151,6 +154,15 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     with rasterio.open(out / 'arrival_time_p50.tif') as file:
         assert file.crs.to_epsg() == 32633 and file.units == ('s',)
         assert file.bounds[:2] == CORNER and file.tags()['members'] == '4'
+    # the formats of the first command have all members, too
+    with rasterio.open(f'netcdf:{out / "maps.nc"}:inundation_probability') as file:
+        assert file.tags(1)['members'] == '4'
+        np.testing.assert_array_equal(file.read(1)[::-1], probability)
+    for path in (out / 'lava.gpkg', out / 'inundation_probability.shp'):
+        # probability and area, of a Shapefile with names of 10 letters
+        rows = [list(item.properties.values()) for item in load_features('--overlay', path)]
+        assert [50.0, 0.1, (probability >= 50.0).sum() * 400.0] in rows
+    assert (out / 'arrival_time_p90.csv').read_text() != 'old'
 
     bag = BagReader(out / 'atlas')
     assert yaml.safe_load(bag.custom_data['scene'])['uncertainty']['discharge']['factor'] == 1.5
