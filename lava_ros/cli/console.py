@@ -23,7 +23,7 @@ _SHOW_EVERY = 0.2
 
 
 class Printable:
-    """A text stream that shows control characters instead of writing them to ``raw``.
+    """A text stream that escapes what ``raw`` cannot show, and control characters.
 
     Names and texts in bags, cases and graphs are untrusted.
     """
@@ -34,7 +34,9 @@ class Printable:
 
     def write(self, text: str) -> int:
         """Write a text."""
-        return self.raw.write(printable(text))
+        encoding = getattr(self.raw, 'encoding', None) or 'utf-8'
+        shown = printable(text).encode(encoding, 'backslashreplace')
+        return self.raw.write(shown.decode(encoding))
 
     def __getattr__(self, name: str) -> Any:
         """Return any other attribute of the stream."""

@@ -74,6 +74,12 @@ def test_case_yaml_replaces_the_defaults(tmp_path):
     assert kilauea.scene.lava == material_named('kilauea_tholeiite').lava
 
 
+def test_ground_of_a_case_may_continue_below_the_sea(tmp_path):
+    folder = write_case(tmp_path / 'valley')
+    write_grid(folder / 'elevation.asc', elevation() - 2000.0)
+    assert load_case(folder).scene.terrain.elevation.min() < -990.0
+
+
 @pytest.mark.parametrize(('given', 'onset'), [
     ('', None),
     ('effusion_rate: {start: 2021-09-19T14:10:00Z}', '2021-09-19T14:10:00Z'),
