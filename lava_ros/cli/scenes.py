@@ -22,6 +22,7 @@ from lava_ros.hindcast.tables import series_of
 from lava_ros.maps.onset import Onset
 from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain, with_changes
 from lava_ros.scene.effusion_rates import (
+    check_start,
     error_of_rates,
     Interval,
     Options,
@@ -210,7 +211,9 @@ def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
     given = {name: getattr(args, name) for name in RATE_OPTIONS if getattr(args, name) is not None}
     if isinstance(args.discharge, str):
         given['start'] = given.pop('eruption_start', None)
-        return read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
+        rates = read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
+        check_start('--effusion-rate', rates)
+        return rates
     for name, value in given.items():
         option = f'--{name.replace("_", "-")}'
         raise LavaError(option, value, f'no {option} without a table: --effusion-rate FILE')

@@ -17,6 +17,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.effusion_rates import (
+    check_start,
     error_of_rates,
     Interval,
     Options,
@@ -299,6 +300,7 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         rest = {key: value for key, value in rate.items() if key != 'file'}
         options = validation.build(Options, label, rest)
         rates = read_effusion_rates(label, folder / name, options)
+        check_start(label, rates)
         read += rates
         vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
     return {**data, 'vents': vents, 'rate_error': error_of_rates(read)}

@@ -5,6 +5,7 @@
 
 import math
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,25 @@ def test_time_0_is_the_given_start_or_the_first_date(tmp_path, caplog):
     assert not caplog.messages
     read(tmp_path, WHOLE['dates'])
     assert 'the eruption is taken to start with the first date, 2021-09-19' in caplog.text
+
+
+@pytest.mark.parametrize(('start', 'lost'), [
+    ('2021-09-19', ''), ('2021-09-19T12:00:00', '8.64e+05 of 2.59e+06 m3 before'),
+    ('2021-09-19T12:00:00-12:00', '1.73e+06 of 2.59e+06 m3 before'),
+    ('2021-09-22', '2.59e+06 of 2.59e+06 m3 before'),
+])
+def test_lava_before_the_start_is_left_out_with_a_warning(start, lost, tmp_path, caplog):
+    (tmp_path / 'days.csv').write_text(WHOLE['dates'])
+    rate = f'{{file: days.csv, start: {start}}}'
+    text = f'vents: [{{position: [300.0, 300.0], effusion_rate: {rate}}}]'
+    path = write_scene(tmp_path, np.zeros((60, 60)), 10.0, text)
+    if start == '2021-09-22':
+        with pytest.raises(LavaError, match=re.escape(f"effusion_rate is '{lost}")):
+            scene_from_yaml(path)
+        return
+    scene_from_yaml(path)
+    warned = [record.getMessage() for record in caplog.records if 'left out' in record.message]
+    assert len(warned) == bool(lost) and all(lost in text for text in warned)
 
 
 def test_rates_at_instants_have_the_volume_of_a_linear_change(tmp_path):
