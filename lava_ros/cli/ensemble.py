@@ -148,7 +148,9 @@ def ensemble(args: argparse.Namespace) -> int:
     require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:
-        likelihood = read_raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
+        likelihood = read_raster_on(
+            scene.terrain, args.susceptibility, field='--susceptibility', method='average'
+        )
         susceptibility = Susceptibility(scene.terrain, likelihood)
     outline, observation = None, 'none'
     if args.observed is not None:

@@ -112,20 +112,23 @@ def _unit_of(source: Any, path: Path, lengths: str) -> float:
     return unit
 
 
-def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
+def read_raster_on(
+    terrain: Terrain, path: str | Path, *, field: str, method: str = 'nearest'
+) -> np.ndarray:
     """Read a raster at the centres of a terrain's cells: float64, NaN without data.
 
-    A raster without a coordinate system is assumed to be in that of the terrain. Errors name
-    ``field``.
+    With the ``method`` ``average``, a cell has the mean of the raster over its area, of which no
+    data count as 0. A raster without a coordinate system is assumed to be in that of the terrain.
+    Errors name ``field``.
 
     Raises:
         LavaError: If the file cannot be read, has more than one band, has no data on the terrain,
             or has an unknown coordinate system.
     """
     band = read_band(field, Path(path))
-    values = band.converted(band.stored).filled(np.nan)
+    values = band.converted(band.stored).filled(0.0 if method == 'average' else np.nan)
     # probabilities and masks must not be interpolated
-    result = resampled(terrain, values, band, path, field=field, method='nearest')
+    result = resampled(terrain, values, band, path, field=field, method=method)
     if np.isnan(result[terrain.has_data]).all():
         raise LavaError(field, str(path), 'a raster with data on the terrain')
     return result

@@ -233,6 +233,17 @@ def test_cell_with_all_the_likelihood_gets_every_vent(tmp_path: Path) -> None:
         assert GROUND.cell_at(*places.place(fraction, fraction)) == (4, 2)
 
 
+def test_likelihood_of_fine_cells_adds_up(tmp_path: Path) -> None:
+    """A fissure that is narrower than a cell of the terrain does not fall between the middles."""
+    values = np.full((24, 32), -1.0)
+    values[:, 9], values[12, 20] = 1.0, 6.0
+    path = write(tmp_path / 'a.tif', values, cell=5.0)
+    cells = read_raster_on(GROUND, path, field='--susceptibility', method='average')
+    expected = np.zeros((6, 8))
+    expected[:, 2], expected[2, 5] = 4.0 / 16.0, 6.0 / 16.0
+    np.testing.assert_allclose(cells, expected, atol=1e-12)
+
+
 def test_refuses_unusable_rasters(tmp_path: Path) -> None:
     (tmp_path / 'text.tif').write_text('no raster')
     ones = np.ones((6, 8))
