@@ -28,9 +28,10 @@ class Printable:
     Names and texts in bags, cases and graphs are untrusted.
     """
 
-    def __init__(self, stream: TextIO) -> None:
-        """Wrap a stream."""
+    def __init__(self, stream: TextIO, data: TextIO | None = None) -> None:
+        """Wrap a stream; JSON goes to ``data`` if it is given."""
         self.raw: TextIO = stream.raw if isinstance(stream, Printable) else stream
+        self.data = data
 
     def write(self, text: str) -> int:
         """Write a text."""
@@ -71,12 +72,15 @@ def check_outputs(args: argparse.Namespace) -> None:
 
 
 def write_json(data: Any, *names: str | Path | None) -> None:
-    """Write data as JSON to files, or to stdout for ``-``; None is ignored."""
+    """Write data as JSON to files, or to stdout for ``-``; None is ignored.
+
+    ``main`` keeps all other output of a command with ``--json -`` from stdout.
+    """
     # in ASCII, because a terminal may interpret characters at or above 128
     text = json.dumps(data, indent=1) + '\n'
     for name in names:
         if name == '-':
-            print(text, end='')
+            print(text, end='', file=getattr(sys.stdout, 'data', None))
         elif name is not None:
             write_output('--json', name, text)
 

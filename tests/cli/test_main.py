@@ -3,6 +3,7 @@
 
 """`lava`: parser, output and exit status."""
 
+import json
 import math
 import os
 from pathlib import Path
@@ -239,6 +240,18 @@ def test_warns_of_positions_on_another_terrain(island, tmp_path, caplog):
 ])
 def test_refuses_unusable_vents(words, sentence, island):
     assert sentence in refused('effects', '--terrain', island, *words)
+
+
+@pytest.mark.parametrize(('words', 'text'), [
+    ('effects', 'because'), ('plot {sample} -o map.png', 'drawn to map.png'),
+    ('places {sample} hut.csv', 'lava at least 0.1 m thick'),
+])
+def test_stdout_has_only_json_when_it_is_asked_for(words, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('hut.csv').write_text('name,x,y\nhut,0,0\n')
+    status, out, err = lava(*words.format(sample=ROOT / 'bags/sample').split(), '--json', '-')
+    assert status == 0, err
+    assert json.loads(out) and text in err
 
 
 def test_broken_pipe_ends_quietly(monkeypatch):
