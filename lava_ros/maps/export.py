@@ -95,6 +95,8 @@ def export_bag(
         validation.choice('maps', name, MAPS)
     for name in formats:
         validation.choice('formats', name, FORMATS)
+    if every and 'tif' not in formats:
+        raise LavaError('formats', ', '.join(formats), 'also tif, which alone can have every frame')
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     require('rasterio', 'GeoTIFF', str(directory))
     target = Path(directory)

@@ -159,6 +159,7 @@ def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
     ({'threshold': 0.01}, 'threshold is 0.01'),
     ({'threshold': float('nan')}, 'threshold is nan'),
     ({'maps': ['depth']}, 'maps'),
+    ({'every': True, 'formats': ['nc', 'kml']}, "formats is 'nc, kml', expected also tif"),
 ])
 def test_rejects_invalid_arguments(grids, tmp_path, options, words):
     with pytest.raises(LavaError, match=words):
