@@ -96,7 +96,8 @@ def export_bag(
     for name in formats:
         validation.choice('formats', name, FORMATS)
     if every and 'tif' not in formats:
-        raise LavaError('formats', ', '.join(formats), 'also tif, which alone can have every frame')
+        expected = 'also tif, which alone can have every frame'
+        raise LavaError('formats', ', '.join(formats), expected)
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     require('rasterio', 'GeoTIFF', str(directory))
     target = Path(directory)
