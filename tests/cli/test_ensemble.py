@@ -195,7 +195,9 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     page = tmp_path / 'page.json'
     words = ['plot', out, out / 'weighted', '--layers', 'inundation_probability', '--json', page]
     done(*words, '-o', tmp_path / 'page.png')
-    assert 'outline.tif, 600 s' in json.loads(page.read_text())['notes']['weighted by']
+    notes = json.loads(page.read_text())['notes']
+    assert 'outline.tif, 600 s' in notes['weighted by']
+    assert notes['uncertain'] == 'effusion rate, position'
 
 
 def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
