@@ -162,6 +162,7 @@ def ensemble(args: argparse.Namespace) -> int:
     check_members(scene, members)
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
+    onset = onset_of(args) if case is None else case.onset
     store = Store(output, plan, **kept)
 
     def write_maps(
@@ -170,7 +171,7 @@ def ensemble(args: argparse.Namespace) -> int:
         plan, tags = store.plan, {'seed': str(args.seed)}
         origin = Provenance(
             name, tuple(plan.effects), args.preset, observation=seen,
-            onset=onset_of(args) if case is None else case.onset,
+            onset=onset,
         )
         return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 
@@ -262,7 +263,7 @@ def ensemble(args: argparse.Namespace) -> int:
         compared = compare_ensembles(
             output, folder, made_folder(output / COMPARISON), places=args.places or (),
             lines=[args.barriers] if built else (), built=built,
-            origin=Provenance(name, tuple(other.plan.effects), args.preset),
+            origin=Provenance(name, tuple(other.plan.effects), args.preset, onset=onset),
         )
         files += compared.pop('files')
         report['barriers'] = {
