@@ -144,6 +144,17 @@ def test_reads_coordinates_with_any_header(header, row, tmp_path):
     assert vent.name == 'a'
 
 
+def test_error_names_a_feature_of_kml_without_folders(tmp_path):
+    path = tmp_path / 'a.kml'
+    path.write_text(
+        '<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><name>crater</name>'
+        '<TimeSpan><begin>2021-09-19</begin></TimeSpan><Point><coordinates>15,37.7</coordinates>'
+        '</Point></Placemark></Document></kml>'
+    )
+    with pytest.raises(LavaError, match=r"a\.kml, feature 0 \(crater\), begin is '2021-09-19"):
+        read_vents('--vents', path, TERRAIN)
+
+
 def test_names_may_have_a_number_sign(tmp_path):
     rows = 'camp #1,500100,4180100 # by GPS\n#camp,0,0\ncamp #2,500200,4180100\n'
     (tmp_path / 'a.csv').write_text(f'name,x,y\n{rows}')
