@@ -24,6 +24,9 @@ _LOG = logging.getLogger(__name__)
 #: Longitude and latitude of WGS 84.
 DEGREES = 'EPSG:4326'
 
+#: Length of a degree of latitude [m].
+METRES_PER_DEGREE = 111_195.0
+
 #: Smaller cells [m] in a file without a coordinate system are in degrees.
 SMALLEST_CELL = 0.05
 
@@ -96,6 +99,27 @@ def horizontal(crs: Any) -> Any:
     return type(crs).from_user_input(json.dumps(parts[0])) if parts else crs
 
 
+def epsg_of(crs: Any, place: tuple[float, float]) -> int | None:
+    """Return the EPSG code of the horizontal part of a rasterio coordinate system.
+
+    GDAL names a system of the same projection even if it has another datum, or another shift of
+    the datum; None if that moves a place by more than a metre.
+    """
+    flat = horizontal(crs)
+    code = flat.to_epsg()
+    if code is None:
+        return None
+    # both are undefined outside the domain of the projection
+    with suppress(ValueError):
+        own, other = (
+            transformed(system, DEGREES, *([value] for value in place))
+            for system in (flat, f'EPSG:{code}')
+        )
+        if np.abs(own - other).max() > 1.0 / METRES_PER_DEGREE:
+            return None
+    return int(code)
+
+
 def vertical_unit(crs: Any) -> tuple[str, float]:
     """Return the unit of the heights of a compound system, and its length [m].
 
@@ -127,7 +151,7 @@ def _parts(crs: Any) -> list[dict[str, Any]]:
 
 def metres_per_unit(crs: Any) -> float:
     """Return the approximate unit of a coordinate system [m]: 1, or a degree of latitude."""
-    return 111_195.0 if crs and crs.is_geographic else 1.0
+    return METRES_PER_DEGREE if crs and crs.is_geographic else 1.0
 
 
 def with_epsg(raster: Raster, epsg: int | None) -> Raster:
