@@ -4,7 +4,7 @@
 """Output of commands: progress, tables, JSON, and text without control characters."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import json
 import os
 from pathlib import Path
@@ -66,9 +66,18 @@ def check_outputs(args: argparse.Namespace) -> None:
     if named.get('json', '-') != '-':
         file_to_write('--json', named['json'], ('.json',))
     for output in named.keys() & set(OUTPUTS):
-        for name, value in named.items():
-            if name != output and _is_same(named[output], value):
+        for name, value in vars(args).items():
+            if name != output and any(_is_same(named[output], item) for item in _texts(value)):
                 raise LavaError(f'--{output}', named[output], f'another file than {name}')
+
+
+def _texts(value: object) -> Iterator[str]:
+    """Yield the texts of an argument, which may be given several times or have several values."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list):
+        for item in value:
+            yield from _texts(item)
 
 
 def write_json(data: Any, *names: str | Path | None) -> None:

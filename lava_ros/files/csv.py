@@ -39,7 +39,7 @@ def read_table(
             decimal points and decimal commas, or if a row has the wrong length.
     """
     check_exists(field, path)
-    with refusing(field, str(path), 'a readable table of text', OSError, ValueError, csv.Error):
+    with refusing(field, str(path), 'a table of text in UTF-8', OSError, ValueError, csv.Error):
         with open_input(path) as file:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:

@@ -144,18 +144,23 @@ def test_rejects_output_that_would_replace_its_input(bag, tmp_path):
         status, _, message = lava(command, bag, option, path)
         assert (status, 'whose name ends with' in message) == (2, True)
     assert path.read_bytes() == before
-    ground = tmp_path / 'ground.tif'
+    ground, huts = tmp_path / 'ground.tif', tmp_path / 'huts.csv'
+    huts.write_text('name,x,y\nhut,0,0\n')
     scene = tmp_path / 'scene.json'
     scene.write_text('{}')
     (tmp_path / 'other.json').symlink_to(scene)
     for words in (
         ('barrier', ground, '--low-pass', 20, '-o', ground),
         ('effects', scene, '--json', tmp_path / 'other.json'),
+        # of several values, and of an option that may be repeated
+        ('places', bag, scene, huts, '-o', huts),
+        ('report', bag, bag, '--overlay', huts, '--overlay', scene, '-o', scene),
     ):
         ground.write_text('precious')
         status, _, message = lava(*words)
         assert (status, 'expected another file than' in message) == (2, True), message
         assert (ground.read_text(), scene.read_text()) == ('precious', '{}')
+        assert huts.read_text().startswith('name,x,y')
 
 
 def test_escapes_control_characters_of_a_bag_in_output(tmp_path):
