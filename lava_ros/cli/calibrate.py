@@ -101,6 +101,9 @@ def calibrate(args: argparse.Namespace) -> int:
     settings = Settings(args.preset, args.spacing, args.device)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
+    present = {item.name for item in output.iterdir()}
+    if present and not {TABLE, SETTINGS} & present:
+        raise LavaError('--output', str(output), 'a folder that is new, empty or of a calibration')
     file_to_write('--output', table)
     results = [name for case in cases for name in result_names(case)]
     known = [] if args.fresh else read_samples(table, parameters, results)

@@ -208,6 +208,7 @@ def test_refuses_unusable_cases_and_folders_of_others(tmp_path):
     out.mkdir()
     (out / 'thesis.txt').write_text('mine')
     assert 'new, empty or of a hindcast' in refused('hindcast', case, '-o', out)
+    assert 'new, empty or of a calibration' in refused('calibrate', case, '-o', out)
     (case / 'vent.csv').unlink()
     for command in ('hindcast', 'calibrate'):
         output = refused(command, case, '-o', tmp_path / 'new')
