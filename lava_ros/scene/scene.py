@@ -221,7 +221,9 @@ def read_scene(
     Raises:
         LavaError: If the file cannot be read or has unknown keys, or a value cannot be used.
     """
-    path = find_file(path, 'examples', field='scene', expected='a readable YAML file')
+    name, path = path, find_file(path, 'examples', field='scene', expected='a readable YAML file')
+    if path != Path(name):
+        _LOG.info(f'{name}: no such file here, so that of the package, {path}')
     known_keys = [*SCENE_KEYS, 'material']
     data = validation.keys('scene', read_yaml('scene', path), allowed=known_keys)
     data = with_material_in_lava('scene', data)
