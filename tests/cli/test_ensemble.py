@@ -269,8 +269,14 @@ def test_susceptibility_map_places_the_vents(scene, tmp_path):
     likelihood = np.zeros((30, 24))
     likelihood[5:8, 3] = 1.0
     where = raster(tmp_path / 'where.tif', likelihood)
+    (tmp_path / 'rates.csv').write_text('date,q\n2021-09-19T12:00Z,10\n2021-09-19T13:00Z,10\n')
     words = ['ensemble', scene, '-o', tmp_path / 'out', '--horizon', '10min']
+    words += ['--effusion-rate', tmp_path / 'rates.csv']
+    words += ['--eruption-start', '2021-09-19T14:00:00+02:00']
     done(*words, '--members', '1', '--workers', '1', '--device', 'cpu', '--susceptibility', where)
+    # maps have dates if the command states the start of the eruption
+    with rasterio.open(tmp_path / 'out/inundation_probability.tif') as file:
+        assert file.tags()['onset'] == '2021-09-19T14:00:00+02:00'
     wet = np.argwhere(read(tmp_path / 'out/inundation_probability.tif') > 0.0)
     assert len(wet) > 3
     assert np.hypot(*(wet - [6.0, 3.0]).T).max() < 10.0
