@@ -115,7 +115,9 @@ def epsg_of(crs: Any, place: tuple[float, float]) -> int | None:
             transformed(system, DEGREES, *([value] for value in place))
             for system in (flat, f'EPSG:{code}')
         )
-        if np.abs(own - other).max() > 1.0 / METRES_PER_DEGREE:
+        shift = (own - other + 180.0) % 360.0 - 180.0
+        shift[0] *= np.cos(np.radians(own[1]))
+        if np.abs(shift).max() > 1.0 / METRES_PER_DEGREE:
             return None
     return int(code)
 
