@@ -28,9 +28,9 @@ _LOG = logging.getLogger(__name__)
 MAX_PIXELS = 4000
 
 
-#: Maximum number of cells of a raster, and columns and rows of points of areas, of which the part
-#: beyond a terrain is counted.
-MAX_SAMPLES, SAMPLES = 100_000, (300, 300)
+#: Approximate number of cells of a raster, and columns and rows of points of areas, of which the
+#: part beyond a terrain is counted.
+MAX_SAMPLES, SAMPLES = 1_000_000, (300, 300)
 
 
 class Band(NamedTuple):
@@ -147,8 +147,8 @@ def _warn_of_parts_beyond(
     """Warn if marked cells, placed by an affine transformation, are beyond a terrain's grid."""
     from rasterio.transform import xy
 
-    cells = np.argwhere(marked)
-    cells = cells[:: len(cells) // MAX_SAMPLES + 1]
+    step = math.isqrt(marked.size // MAX_SAMPLES) + 1
+    cells = step * np.argwhere(marked[::step, ::step])
     places = np.stack(xy(place, *cells.T), axis=-1)
     with suppress(LavaError):
         # a place outside the domain of the projection is far away, as for a map of the world
