@@ -158,8 +158,8 @@ def _warn_of_parts_beyond(
         beyond = ((places < low) | (places > high)).any(axis=1)
         if beyond.any():
             _LOG.warning(
-                f'{path}: {100.0 * beyond.mean():.2g} % of what it covers is beyond the terrain, '
-                'and is left out'
+                f'{path}: {100.0 * beyond.mean():.2g} % of its area is beyond the terrain, and is '
+                'left out'
             )
 
 
