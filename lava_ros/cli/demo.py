@@ -225,7 +225,7 @@ def _print_result(result: dict[str, Any]) -> None:
     from lava_ros.maps.plot import area_words
     from lava_ros.maps.plot import duration as words
 
-    held = ' (held back to watch: --max-speed)' if result['speed_is_limited'] else ''
+    held = ' (limited so that you can watch: --max-speed X)' if result['speed_is_limited'] else ''
     for name, value in (
         ('simulated time', words(result['simulated_time'])),
         ('particles', f'{result["particles"]:,}, {result["spacing_m"]:.3g} m apart'),

@@ -144,9 +144,9 @@ def _narrowed(
         opened = watch.open_vents(scene.vents, scene.terrain)
         print('a vent opens', flush=True)
         arrival = wait('for a forecast', lambda: _with_lava(watch.arrivals, opened))
-        _print_progress(arrival.received - opened, 'a forecast of when lava comes')
+        _print_progress(arrival.received - opened, 'a forecast of the arrival time')
         first = wait('for a forecast', lambda: _with_lava(watch.probabilities, opened))
-        _print_progress(first.received - opened, 'a first map of how likely')
+        _print_progress(first.received - opened, 'a first map of the probability')
         wait('for all members', lambda: _is_complete(watch, members))
         complete = time.monotonic()
         _print_progress(complete - opened, f'all {members} members')
@@ -160,7 +160,7 @@ def _narrowed(
         stamp_ns = int(watch.values('simulation')['stamp_ns']) - late
         before, status = watch.probabilities[-1], watch.values('ensemble')
         shown = watch.show_outline(seen, scene.terrain, stamp_ns)
-        _print_progress(shown - opened, 'an outline is seen')
+        _print_progress(shown - opened, 'an outline is observed')
         wait(
             'to weigh the members',
             lambda: watch.values('ensemble').get('outlines') == '1'
@@ -171,7 +171,7 @@ def _narrowed(
              and item.stamp_ns == before.stamp_ns),
             watch.probabilities[-1],
         )
-        _print_progress(after.received - opened, 'the probabilities are narrower')
+        _print_progress(after.received - opened, 'a forecast with this outline')
         weighed = watch.values('ensemble')
         came = _reached(truth, float(status['start_time_s']) + HORIZON)
         result = {
@@ -250,7 +250,7 @@ def _print(result: dict[str, Any]) -> None:
     for name, key, scale, unit in (
         ('mean entropy', 'mean_entropy_bits', 1.0, 'bit a cell'),
         (f'between {low} and {high} %', 'undecided_m2', 1e-6, 'km2'),
-        ('Brier score against what came', 'brier_score', 1.0, ''),
+        ('Brier score', 'brier_score', 1.0, ''),
     ):
         print(f'{name:>30}: {scale * before[key]:.3f} -> {scale * after[key]:.3f} {unit}')
     effective = result['members_effective']

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     argument('--json', None, 'print JSON', action='store_true'),
 )
 def materials(args: argparse.Namespace) -> int:
-    """List the lavas that have a name, with their constants and sources.
+    """List the named lavas, with their constants and sources.
 
     A scene file and the case.yaml of a case name one with lava: {material: NAME}, or give the
     composition of the melt with lava: {composition: {SiO2: 50.4, ...}}, in wt%.

@@ -59,10 +59,15 @@ def plan(args: argparse.Namespace) -> int:
             flush=True,
         )
 
-    found = plan_within(
-        scene, within=within, horizon=horizon, members=members, device=args.device,
-        may_force=True, on_pilot=report,
-    )
+    try:
+        found = plan_within(
+            scene, within=within, horizon=horizon, members=members, device=args.device,
+            may_force=True, on_pilot=report,
+        )
+    except LavaError as error:
+        if error.field != 'within':
+            raise
+        raise LavaError('--within', args.within, error.expected) from None
     print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
     for name, is_on in found.forced.items():
         state = 'on' if is_on else 'off'

@@ -4,6 +4,7 @@
 """`lava recover`: a complete bag of the readable messages of another."""
 
 import argparse
+import sys
 
 from lava_ros.cli.console import Progress
 from lava_ros.cli.options import argument, command
@@ -15,7 +16,7 @@ def recover(args: argparse.Namespace) -> int:
     """Copy the readable messages of a bag that was cut off or damaged into a new bag.
 
     The command leaves out the damaged parts of the bag and prints where they are. The new bag is
-    complete.
+    complete. The exit status is 1 if no message can be read.
     """
     from lava_ros.bag.reader import BagReader
     from lava_ros.bag.recovery import recover as recover_bag
@@ -32,4 +33,6 @@ def recover(args: argparse.Namespace) -> int:
     if source.damage:
         state = f'was damaged (warnings: {len(source.damage)})'
     print(f'{whole.duration_ns / 1e9:.3f} s of recording; the bag {state}')
-    return 0
+    if not count:
+        print(f'lava recover: no message of {args.bag} can be read', file=sys.stderr)
+    return 0 if count else 1

@@ -95,11 +95,11 @@ _PARTS: tuple[str | Argument, ...] = (
         '--emplaced-thickness', 'M', 'thickness [m] of the outlines of emplaced flows', float
     ),
     argument(
-        '--emplaced-as', None, 'what emplaced flows are: lava, which flows on from the eruption '
+        '--emplaced-as', None, 'what emplaced flows are: lava, which starts at the eruption '
         'temperature, or ground (default: lava)', choices=EMPLACED_KINDS,
     ),
     argument(
-        '--terrain-at', ('TIME', 'FILE'), 'elevation from a simulated time on (2h, 90min), on the '
+        '--terrain-at', ('TIME', 'FILE'), 'elevation at and after a simulated time (2h), on the '
         'grid of the terrain; may be repeated; adds to the events of the scene', nargs=2,
         action='append',
     ),

@@ -141,7 +141,7 @@ def _parts(version: str) -> tuple[int, ...]:
 
 
 def _warp() -> Any:
-    """Initialise Warp without its own message about a missing GPU."""
+    """Initialise Warp without its list of devices."""
     import warp as wp
 
     wp.config.log_level = wp.LOG_ERROR

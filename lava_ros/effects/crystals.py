@@ -56,7 +56,7 @@ EFFECT = Effect(
     exists=lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
     stiffens=True,
     constants={
-        'crystal_law': choice('none', 'What crystals do to viscosity', EXPONENTS),
+        'crystal_law': choice('none', 'Law of the effect of crystals on viscosity', EXPONENTS),
         'crystals': number(
             0.0, 'Volume fraction of crystals at the solidus, linear up to the liquidus', 0.0, 1.0
         ),

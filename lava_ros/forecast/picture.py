@@ -41,7 +41,7 @@ def draw_narrowing(
               outlines=outlines)
         for title, values in maps
     ]
-    draw_sheet(panels, output, title='An observed outline narrows a forecast')
+    draw_sheet(panels, output, title='Inundation probability before and after an outline')
 
 
 def frame_of(scene: Scene) -> Frame:

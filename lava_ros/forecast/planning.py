@@ -248,7 +248,7 @@ class _Search:
                 break
             refinement *= step
         if len(self.pilots) < 2:
-            raise LavaError('within', within, 'more time: the coarsest runs take longer')
+            raise LavaError('within', within, 'a longer time: the coarsest runs take more')
 
     def choose(self) -> _Choice:
         """Choose refinement, members and effects that fit in the time with the smallest error."""

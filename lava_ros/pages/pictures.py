@@ -176,7 +176,11 @@ def _check_together(runs: Sequence[Run]) -> None:
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
-    systems = {(run.terrain.epsg, run.terrain.wkt) for run in runs}
+    # the full definition may add a vertical datum, which maps do not use
+    systems = {
+        (land.epsg, land.wkt if land.epsg is None else None)
+        for land in (run.terrain for run in runs)
+    }
     if len(systems) > 1:
         labels = ' and '.join(system_name(*item) for item in systems)
         raise LavaError('coordinate systems of the runs', labels, 'the same for all')

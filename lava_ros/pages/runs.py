@@ -205,8 +205,8 @@ def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[st
     budget = VolumeBudget.from_texts(at[-1].values) if at else None
     if budget is not None:
         value = budget.emitted
-        text = f'{value / 1e6:.3g} million m³' if value >= 1e5 else f'{value:.3g} m³'
-        facts['volume emitted'] = text
+        in_millions, rounded = f'{value / 1e6:.3g} million m³', float(f'{value:.3g}')
+        facts['volume emitted'] = in_millions if value >= 1e5 else f'{rounded:,g} m³'
         if budget.warnings():
             facts['warning'] = '; '.join(budget.warnings())
     return facts
@@ -252,7 +252,7 @@ def _plain(effect: str) -> str:
 def _ground(frame: Frame) -> dict[str, str]:
     terrain = frame.scene.get('terrain') or {}
     source = terrain.get('source')
-    cells = f'maps in cells of {frame.resolution:g} m'
+    cells = f'maps in cells of {frame.resolution:.4g} m'
     return {
         'elevation': f'{source}, {cells}' if source else cells,
         'coordinates': system_words(terrain.get('epsg'), terrain.get('wkt')),

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from command_line import done, refused
+from command_line import done, lava, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
 from lava_ros.simulation.output.budget import VolumeBudget
@@ -70,6 +70,10 @@ def test_truncated_bag_is_described_and_recovered(bag, tmp_path):
     assert '3 messages' in done('recover', bag, tmp_path / 'whole')
     assert not BagReader(tmp_path / 'whole').recovered
     assert 'choose another name' in refused('recover', bag, tmp_path / 'whole')
+    # cut off within the first chunk
+    path.write_bytes(path.read_bytes()[:100])
+    status, *texts = lava('recover', bag, tmp_path / 'empty')
+    assert status == 1 and 'no message' in ''.join(map(str, texts))
 
 
 def test_info_lists_checkpoints(tmp_path):

@@ -3,6 +3,7 @@
 
 """Output for people: `lava plot`, `report`, `export` and `info`."""
 
+from dataclasses import replace
 from datetime import datetime, timezone
 import json
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy as np
 import pyogrio
 import pytest
 import rasterio
+from rasterio.crs import CRS
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.warp import transform
 
@@ -120,6 +122,9 @@ def test_plot_compares_runs_by_folder(bag, ensemble, tmp_path, undrawn):
     output = plot(tmp_path, bag, ensemble)
     assert output['maps'][1] == 'members: Expected peak thickness of the lava'
     nowhere = record(tmp_path / 'nowhere', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))
+    # maps use the horizontal part of a coordinate system
+    compound = replace(TERRAIN, wkt=CRS.from_user_input('EPSG:32633+5773').to_wkt())
+    plot(tmp_path, bag, record(tmp_path / 'compound', terrain=compound))
     picture = tmp_path / 'no.png'
     assert 'the same for all' in refused('plot', bag, nowhere, '-o', picture)
     assert 'different names' in refused('plot', bag, bag, '-o', picture)
@@ -270,9 +275,10 @@ def test_info_has_the_simulated_time_and_volumes(bag):
     place = lines.index('volumes') + 1
     stated = dict(line.strip().split('  ', 1) for line in lines[place : place + 8])
     assert {name: value.strip() for name, value in stated.items()} == {
-        'emitted': f'{volume:,.1f} m3', 'flowing': f'{volume:,.1f} m3', 'frozen': '0 m3',
-        'left over the border': '0 m3', 'left into cells without data': '0 m3',
-        'waiting in the vents': '0 m3', 'of that late': '0 m3', 'unaccounted for': 'below 1e-15',
+        'emitted': f'{volume:,.1f} m3', 'flowing': f'{volume:,.1f} m3', 'solidified': '0 m3',
+        'lost over the border': '0 m3', 'lost in no-data cells': '0 m3',
+        'waiting in the vents': '0 m3', 'overdue in the vents': '0 m3',
+        'unaccounted for': 'below 1e-15',
     }
     output = json.loads(done('info', bag, '--json', '-'))['simulation']
     assert output['time'] == 800.0

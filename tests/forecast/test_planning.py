@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 
-from command_line import lava
+from command_line import lava, refused
 from geodata import write_scene
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
@@ -167,6 +167,12 @@ def scene_file(tmp_path):
     vent = {'position': [200.0, 200.0], 'discharge': 20.0}
     scene = {'vents': [vent], 'lava': {'viscosity': 1e6}}
     return write_scene(tmp_path, SCENE.terrain.elevation, 10.0, scene)
+
+
+def test_command_names_a_time_that_is_too_short_as_typed(monkeypatch, scene_file):
+    _machine(monkeypatch)
+    words = ('plan', scene_file, '--within', '0.01s', '--horizon', '1h', '--device', 'cpu')
+    assert "--within is '0.01s'" in refused(*words)
 
 
 @pytest.mark.nightly

@@ -117,8 +117,8 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
         (
             LOST,
             {'is_behind': True},
-            '10 % of the lava has left over the border: it is on no map; '
-            '40 % of the lava has left into cells without data: it is on no map; '
+            '10 % of the lava was lost over the border: it is on no map; '
+            '40 % of the lava was lost in no-data cells: it is on no map; '
             'running slower than the clock asks for',
         ),
         ({}, LONG, 'a step takes 3.2 s or more; waiting for it: reset, snapshot'),

@@ -35,8 +35,8 @@ def test_parts_of_the_budget_add_up_to_the_emitted_volume():
     budget = VolumeBudget(100.0, 40.0, 10.0, 25.0, frozen=35.0, late=8.0, in_holes=20.0)
     rows = {name: value.removesuffix(' m3') for name, value in budget.rows()}
     assert rows == {
-        'emitted': '100', 'flowing': '30', 'frozen': '35', 'left over the border': '5',
-        'left into cells without data': '20', 'waiting in the vents': '10', 'of that late': '8',
+        'emitted': '100', 'flowing': '30', 'solidified': '35', 'lost over the border': '5',
+        'lost in no-data cells': '20', 'waiting in the vents': '10', 'overdue in the vents': '8',
         'unaccounted for': 'below 1e-15',
     }
     parts = [float(rows[name]) for name in list(rows)[1:6]]
@@ -45,19 +45,19 @@ def test_parts_of_the_budget_add_up_to_the_emitted_volume():
     assert VolumeBudget(8.17e-4, 8.17e-4, 0.0, 0.0).rows()[1] == ('flowing', '0.000817 m3')
 
 
-def test_text_names_lost_and_frozen_lava():
+def test_text_names_lost_and_solidified_lava():
     assert SWALLOWED.error == 0.0
-    assert 'left into cells without data 305,500.0 m3' in SWALLOWED.text()
+    assert 'lost in no-data cells 305,500.0 m3' in SWALLOWED.text()
     frozen = VolumeBudget(300_000.0, 15_395.0, 1.0, 0.0, frozen=284_605.0)
-    assert 'flowing 15,394.0 m3, frozen 284,605.0 m3' in frozen.text()
+    assert 'flowing 15,394.0 m3, solidified 284,605.0 m3' in frozen.text()
     assert frozen.warnings() == []
 
 
 @pytest.mark.parametrize(
     ('budget', 'phrase'),
     [
-        (SWALLOWED, '94.3 % of the lava has left into cells without data'),
-        (VolumeBudget(100.0, 99.0, 2.0, 1.0), '1 % of the lava has left over the border'),
+        (SWALLOWED, '94.3 % of the lava was lost in no-data cells'),
+        (VolumeBudget(100.0, 99.0, 2.0, 1.0), '1 % of the lava was lost over the border'),
         (VolumeBudget(100.0, 100.0, 2.0, 0.0, late=1.5), 'behind: 1.5 m3 of lava wait'),
         (VolumeBudget(100.0, 99.0, 2.0, 0.0), 'volume is not conserved: 1.0e-02'),
         (VolumeBudget(100.0, math.nan, 2.0, 0.0), 'volume is not conserved: nan'),

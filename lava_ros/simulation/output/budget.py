@@ -17,11 +17,11 @@ GONE = 1e-3
 _PARTS = {
     'emitted': 'emitted',
     'flowing': 'flowing',
-    'frozen': 'frozen',
-    'over_border': 'left over the border',
-    'in_holes': 'left into cells without data',
+    'frozen': 'solidified',
+    'over_border': 'lost over the border',
+    'in_holes': 'lost in no-data cells',
     'pending': 'waiting in the vents',
-    'late': 'of that late',
+    'late': 'overdue in the vents',
 }
 
 
@@ -112,7 +112,7 @@ class VolumeBudget:
             gone = getattr(self, part)
             if gone > GONE * self.emitted:
                 percent = 100.0 * gone / self.emitted if self.emitted > 0.0 else math.nan
-                texts.append(f'{percent:.3g} % of the lava has {_PARTS[part]}: it is on no map')
+                texts.append(f'{percent:.3g} % of the lava was {_PARTS[part]}: it is on no map')
         return texts
 
 
