@@ -20,6 +20,7 @@ from lava_ros.files.optional import require
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
 from lava_ros.maps.onset import recorded_onset
+from lava_ros.maps.page_layout import BANNER
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import barriers_of, duration
 from lava_ros.pages.arrivals import table_of
@@ -27,6 +28,9 @@ from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of, svg
 from lava_ros.pages.report.summary import pack_maps, relief, RunSummary, summarize, view_of
+
+#: First warning of a page of runs.
+_NOTICE = f'{BANNER.capitalize()}.'
 
 
 def write_report(
@@ -81,7 +85,7 @@ def page(
         script_hash=_hash(script),
         name=recording.bag.path.resolve().name,
         heading=f'Lava flow after {duration(end)}',
-        warnings=sections.warnings(recording, summary),
+        warnings=[_NOTICE, *sections.warnings(recording, summary)],
         facts=sections.facts(recording, summary),
         layers=layers if data['arrival'] is None else [*layers, 'arrival'],
         last=len(data['times']) - 1,
@@ -204,7 +208,7 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
             picture,
             title=drawn['title'],
             subtitle=drawn['summary'],
-            warnings=[f'{drawn["banner"].capitalize()}.'],
+            warnings=[_NOTICE],
             facts=facts,
             shows=', '.join(drawn['maps']),
             places=sections.place_tables(_tables(paths, options.get('overlays', ()))),

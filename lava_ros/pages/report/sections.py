@@ -103,10 +103,10 @@ def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
         rows.append(('front, from the nearest vent', shown))
     budget = VolumeBudget.from_texts(last.values)
     if budget is not None:
-        rows += [(f'volume {name}', value) for name, value in budget.rows()]
+        rows += [(f'volume {name}', text.replace('m3', 'm³')) for name, text in budget.rows()]
     speed = last.number('mean_speed')
     if speed > 0.0:
-        rows.append(('speed', f'{speed:.3g} times real time'))
+        rows.append(('speed', f'{float(f"{speed:.3g}"):,g} times real time'))
     return rows
 
 

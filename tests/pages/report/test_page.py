@@ -229,7 +229,8 @@ def test_page_warns_if_the_bag_was_cut_off(tmp_path):
     assert BagReader(bag).recovered
     read = Reader(bag)
     alerts = [item for tag, item in read.elements if item.get('role') == 'alert']
-    assert len(alerts) == 2
+    assert len(alerts) == 3
+    assert read.texts.index('Simulation, not verified.') < read.texts.index('simulated')
     assert read.texts.index(
         'The recording was cut off: data after its last complete message are lost.'
     ) < read.texts.index('simulated')
