@@ -65,7 +65,7 @@ def test_plot_describes_a_bag(bag, tmp_path, undrawn):
     assert 'expected error of the footprint 15 %' in notes.pop('model')
     assert notes.items() >= {
         'computed': '2026-09-21', 'effusion rate': '10 m³/s', 'elevation': 'maps in cells of 5 m',
-        'coordinates': 'WGS 84 / UTM zone 33N (EPSG:32633)',
+        'coordinates': 'WGS 84 / UTM zone 33N (EPSG:32633)', 'volume emitted': '6,170 m³',
     }.items()
     output = plot(
         tmp_path, bag, '--layers', 'arrival', '--time', '400', '--volcano', 'Etna',

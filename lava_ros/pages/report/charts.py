@@ -24,10 +24,10 @@ MAX_POINTS = 400
 #: Curves of the volume, and curves that are only drawn if they are above 0.
 _VOLUMES = {'emitted': 'volume_emitted_m3', 'held': 'volume_held_m3'}
 _OTHERS = {
-    'left the terrain': 'volume_left_m3',
-    'of that into cells without data': 'volume_in_holes_m3',
-    'frozen': 'volume_frozen_m3',
-    'late in the vents': 'volume_late_m3',
+    'lost': 'volume_left_m3',
+    'lost in no-data cells': 'volume_in_holes_m3',
+    'solidified': 'volume_frozen_m3',
+    'overdue in the vents': 'volume_late_m3',
 }
 
 
