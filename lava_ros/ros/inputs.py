@@ -212,20 +212,22 @@ class TerrainPairing:
     partner, so that new elevations never appear at the old position if a publisher sends both.
     Halves of different sizes are an error after ``PATIENCE`` seconds, a half without a partner
     after ``ABSENCE`` seconds: on a busy machine, discovery of the second publisher may take
-    seconds longer. Each error is reported once.
+    seconds longer. Each error is reported once. These times count from the first new half, because
+    a source may publish one of the two at a high rate.
     """
 
     def __init__(self) -> None:
         """Initialize without halves."""
         self._halves: dict[type, Any] = {}
         self._new: set[type] = set()
-        self._changed, self._is_waiting = 0.0, False
+        self._begun, self._is_waiting = 0.0, False
 
     def add(self, half: Image | MapMetaData, now: float) -> None:
         """Add a checked image or description at monotonic time ``now`` [s]."""
         self._halves[type(half)] = half
         self._new.add(type(half))
-        self._changed, self._is_waiting = now, True
+        if not self._is_waiting:
+            self._begun, self._is_waiting = now, True
 
     def poll(self, now: float) -> tuple[Image, MapMetaData] | None:
         """Return a newly complete pair, otherwise None.
@@ -238,12 +240,12 @@ class TerrainPairing:
         image, info = self._halves.get(Image), self._halves.get(MapMetaData)
         if image is not None and info is not None:
             fits = (image.width, image.height) == (info.width, info.height)
-            if fits and (len(self._new) == 2 or now - self._changed >= SETTLE):
+            if fits and (len(self._new) == 2 or now - self._begun >= SETTLE):
                 self._new.clear()
                 self._is_waiting = False
                 return image, info
         is_alone = image is None or info is None
-        if now - self._changed < (ABSENCE if is_alone else PATIENCE):
+        if now - self._begun < (ABSENCE if is_alone else PATIENCE):
             return None
         self._is_waiting = False
         if image is None:

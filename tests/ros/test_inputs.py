@@ -4,6 +4,7 @@
 """Conversion of valid input messages, and errors of invalid ones."""
 
 import array
+from collections import Counter
 from dataclasses import replace
 from functools import partial
 from operator import attrgetter
@@ -292,6 +293,20 @@ def test_terrain_image_and_info_are_paired():
     pairing.add(moved, 20.1)
     result = pairing.poll(20.1)
     assert result[0] is third and result[1] is moved
+
+
+@pytest.mark.parametrize('make', [_plain_image, _info])
+@pytest.mark.parametrize(('width', 'pairs', 'errors'), [(4, 7, 0), (5, 0, 2)])
+def test_pairing_follows_a_half_that_is_published_ten_times_a_second(make, width, pairs, errors):
+    pairing, found = _pairing(_plain_image(), _info()), Counter()
+    assert pairing.poll(0.0)
+    for tick in range(1, 43):
+        pairing.add(make(width=width), 0.1 * tick)
+        try:
+            found['pair'] += pairing.poll(0.1 * tick) is not None
+        except LavaError:
+            found['error'] += 1
+    assert (found['pair'], found['error']) == (pairs, errors)
 
 
 @pytest.mark.parametrize(
