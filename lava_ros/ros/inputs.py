@@ -27,6 +27,7 @@ from lava_ros.scene import (
     RESOLUTION_RANGE,
     Terrain,
     Vent,
+    VENT_TEMPERATURE_RANGE,
 )
 from lava_ros.scene.missing_data import check_missing
 
@@ -155,6 +156,9 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
     required = (*VENT_FIELDS, 'id', 'time') if is_timed else VENT_FIELDS
     columns = cloud_columns(cloud, 'vents', required, optional=('id',))
     columns.setdefault('id', np.arange(count, dtype=np.float64))
+    if not np.isfinite(columns['id']).all():
+        expected = 'a finite number, or no field id: it tells vents apart'
+        raise LavaError('vents.id', float(columns['id'][~np.isfinite(columns['id'])][0]), expected)
     points: dict[object, list[dict[str, float]]] = {}
     for index in range(count):
         point = {key: float(values[index]) for key, values in columns.items()}
@@ -165,7 +169,8 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
 
 def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Vent:
     first = points[0]
-    name = f'vent {first["id"]:g}'
+    # all digits, because vents with one name continue each other
+    name = f'vent {first["id"]:.15g}'
     for key in ('temperature', 'radius'):
         for point in points[1:]:
             # NaN differs from every value, and is refused below
@@ -270,7 +275,10 @@ def _vent(
     celsius: float,
     radius: float,
 ) -> Vent:
-    validation.number(f"vent '{name}'.temperature", celsius, unit='Celsius')
+    least, most = (limit - ZERO_CELSIUS for limit in VENT_TEMPERATURE_RANGE)
+    validation.number(
+        f"vent '{name}'.temperature", celsius, at_least=least, at_most=most, unit='Celsius'
+    )
     return Vent(place, discharge, celsius + ZERO_CELSIUS, radius=radius, name=name)
 
 

@@ -198,7 +198,12 @@ def test_cloud_becomes_vents():
     first, second = inputs.vents_from_cloud(_vents({}, {'x': 9.0}), RULES)
     assert first == Vent((1.0, 2.0), 5.0, temperature=1373.15, radius=8.0, name='vent 0')
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')
-    assert inputs.vents_from_cloud(_vents({}, id=7.0), RULES)[0].name == 'vent 7'
+    numbers = 7.0, 0.5, 16777215.0, 16777216.0
+    vents = inputs.vents_from_cloud(_vents(*({'id': number} for number in numbers)), RULES)
+    assert [vent.name for vent in vents] == ['vent 7', 'vent 0.5', 'vent 16777215', 'vent 16777216']
+    for time in ({}, {'time': 0.0}):
+        with pytest.raises(LavaError, match=r'^vents\.id is nan'):
+            inputs.vents_from_cloud(_vents({**time, 'id': np.nan}), RULES)
     assert inputs.vents_from_cloud(_vents(), RULES) == ()
     # the id may be an integer, and the other fields doubles
     columns = {name: [value] for name, value in {'id': 42, **VENT}.items()}
@@ -246,6 +251,8 @@ def test_rejects_malformed_vents(changes, rules, field):
     with pytest.raises(LavaError) as caught:
         inputs.vents_from_cloud(_vents(changes, {}), replace(RULES, **rules))
     assert caught.value.field == field
+    # the value is that of the message, not one converted to kelvin
+    assert 'temperature' not in changes or caught.value.value == changes['temperature']
 
 
 @pytest.mark.parametrize('name', list(VENT))
