@@ -200,7 +200,8 @@ def test_cloud_becomes_vents():
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')
     numbers = 7.0, 0.5, 16777215.0, 16777216.0
     vents = inputs.vents_from_cloud(_vents(*({'id': number} for number in numbers)), RULES)
-    assert [vent.name for vent in vents] == ['vent 7', 'vent 0.5', 'vent 16777215', 'vent 16777216']
+    names = [vent.name for vent in vents]
+    assert names == ['vent 7', 'vent 0.5', 'vent 16777215', 'vent 16777216']
     for time in ({}, {'time': 0.0}):
         with pytest.raises(LavaError, match=r'^vents\.id is nan'):
             inputs.vents_from_cloud(_vents({**time, 'id': np.nan}), RULES)
