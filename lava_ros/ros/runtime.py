@@ -262,13 +262,13 @@ class NodeRuntime:
         """
         if self.worker.latest is None:
             raise LavaError('save', 'no simulation yet', 'a terrain')
-        if not now_ns(self._node):
-            raise LavaError('save', 'no time yet', 'a time on /clock, or use_sim_time false')
         maximum = self._settings.max_saved_bytes
         if self._saved_bytes >= maximum:
             expected = f'less than {maximum} (max_saved_bytes)'
             error = LavaError('save', f'{self._saved_bytes} bytes saved so far', expected)
             self.allowance.refuse('save', error)
+        if not now_ns(self._node):
+            raise LavaError('save', 'no time yet', 'a time on /clock, or use_sim_time false')
         is_own, before = not self._recorder.is_recording, self._recorder.size
         if is_own:
             self.start_recording()
@@ -386,7 +386,7 @@ class NodeRuntime:
                     clock=clock,
                 ),
                 diagnostics.effects_status(self.worker.session.effects),
-                self.inputs.log.status(),
+                self.inputs.status(),
                 diagnostics.recorder_status(self._checkpoints),
                 *self._forecasts.statuses(),
                 *self._places.statuses(),

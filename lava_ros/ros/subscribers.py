@@ -4,7 +4,7 @@
 """Subscriptions to the input topics, and the rate limits of services."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -157,15 +157,18 @@ class InputLog:
         if number >= self._newest.get(topic, (0, False))[0]:
             self._newest[topic] = number, is_bad
 
-    def status(self) -> DiagnosticStatus:
-        """Return ERROR if a topic's newest message was refused, WARN if an earlier one was."""
+    def status(self, warning: str = '') -> DiagnosticStatus:
+        """Return ERROR if a topic's newest message was refused, WARN if an earlier one was.
+
+        A ``warning`` is a WARN, too.
+        """
         with self._lock:
             rejected, last_error = self._rejected.total(), self._last_error
             level, message = diagnostics.OK, 'all taken'
             if any(is_bad for _, is_bad in self._newest.values()):
                 level, message = diagnostics.ERROR, f'refused {last_error}'
-            elif rejected:
-                level, message = diagnostics.WARN, f'{rejected} refused so far'
+            elif warning or rejected:
+                level, message = diagnostics.WARN, warning or f'{rejected} refused so far'
             values = {
                 'accepted': self._accepted,
                 'rejected': rejected,
@@ -213,6 +216,7 @@ class InputSubscribers:
             take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
+        self._replaced, self._rivals = (list(terrains), ['vents']), ''
         commands: dict[str, tuple[Any, Callable[[Any], None]]] = {
             'vents': (PointCloud2, self._on_vents),
         }
@@ -230,6 +234,33 @@ class InputSubscribers:
                     'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
                 )
         self.graph.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
+
+    def status(self) -> DiagnosticStatus:
+        """Return the status of the inputs; warn of sources that replace each other's data."""
+        known = self._rivals
+        self._rivals = '; '.join(filter(None, map(self._rival, self._replaced)))
+        if self._rivals not in ('', known):
+            self._logger.warning(self._rivals)
+        return self.log.status(self._rivals)
+
+    def _rival(self, topics: Sequence[str]) -> str:
+        """Return a warning if ``topics``, of which each message counts alone, have two sources."""
+        node, own = self.graph.node, self.graph.node.get_fully_qualified_name()
+        sources = [
+            [
+                name
+                for end in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+                if (name := f'{end.node_namespace.rstrip("/")}/{end.node_name}') != own
+            ]
+            for topic in topics
+        ]
+        names = sorted({name for item in sources for name in item})
+        if max(len(names), *map(len, sources)) < 2:
+            return ''
+        return (
+            f'several publishers of {" and ".join(topics)} ({", ".join(names)}): each '
+            'message replaces those of the others; one node has to publish all of them'
+        )
 
     def command(self, topic: str, future: 'Future[Any]') -> None:
         """Report the result of a worker command, in the worker's thread."""

@@ -3,8 +3,12 @@
 
 """Services, optional layers, markers and parameters of a running node."""
 
+from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import MapMetaData
 import numpy as np
 import pytest
+from rclpy.node import Node
+from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
@@ -241,3 +245,30 @@ def test_accuracy_and_material_apply_at_the_next_reset(paused):
     assert checkpoint.scene.lava.density == 2000.0
     terrain = checkpoint.scene.terrain
     assert (terrain.epsg, terrain.offset) == (32633, (499000.0, 4180000.0))
+
+
+@pytest.mark.parametrize(
+    ('topics', 'is_warned'),
+    [
+        (['vents'], False),
+        (['vents', 'vents'], True),
+        (['clicked_point', 'clicked_point'], False),
+        (['terrain', 'terrain_info'], False),
+        (['terrain', 'terrain'], True),
+    ],
+)
+def test_sources_that_replace_each_other_are_reported(paused, topics, is_warned):
+    kinds = {'clicked_point': PointStamped, 'terrain_info': MapMetaData, 'terrain': Image}
+    source, before = Node('tracker', context=paused.node.context), len(paused.log)
+    for topic in topics:
+        source.create_publisher(kinds.get(topic, PointCloud2), topic, 10)
+    known = paused.node.get_publishers_info_by_topic
+    paused.wait_until(lambda: all(
+        sum(end.node_name == 'tracker' for end in known(f'/{topic}')) == topics.count(topic)
+        for topic in topics
+    ))
+    message = paused.status_now('inputs')['message']
+    for text in f'several publishers of {topics[0]}', '(/tracker)':
+        assert (text in message) == (text in paused.log[before:]) == is_warned
+    source.destroy_node()
+    paused.status_now('inputs', lambda item: 'several' not in item['message'])
