@@ -382,10 +382,13 @@ def grid_frame(layer: Layer, cells: np.ndarray) -> LayerFrame:
 
 
 def _vents(decoder: Decoder, item: BagMessage) -> np.ndarray:
-    """Return the map positions of the active vents, float64, shape [vents, 2]."""
-    names = ('x', 'y', 'discharge')
-    columns = decoder.decode(item, lambda cloud: cloud_columns(cloud, item.topic, names))
+    """Return the map positions of the active vents and ends of fissures, float64, [count, 2]."""
+    names, ends = ('x', 'y', 'discharge'), ('x_end', 'y_end')
+    columns = decoder.decode(item, lambda cloud: cloud_columns(cloud, item.topic, names, ends))
     points = np.stack([columns[name] for name in names], axis=-1)
+    if all(name in columns for name in ends):
+        others = np.stack([columns[name] for name in (*ends, 'discharge')], axis=-1)
+        points = np.concatenate([points, others[~np.isnan(others[:, :2]).all(axis=1)]])
     # keeps NaN, which the next check rejects
     points = points[~(points[:, 2] <= 0.0)]
     beyond = points[~(np.abs(points) <= MAX_COORDINATE)]

@@ -31,8 +31,9 @@ from lava_ros.scene import (
 )
 from lava_ros.scene.missing_data import check_missing
 
-#: Required fields of a point cloud of vents; only viewers use ``z``.
+#: Required and optional fields of a point cloud of vents; only viewers use ``z``.
 VENT_FIELDS = ('x', 'y', 'z', 'discharge', 'temperature', 'radius')
+OPTIONAL_FIELDS = ('id', 'x_end', 'y_end', 'velocity_x', 'velocity_y')
 
 #: Wait for the partner of a new terrain image or description [s].
 SETTLE = 0.5
@@ -145,8 +146,9 @@ def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
 def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]:
     """Make the vents of a message, which replace all vents: no points means no vents.
 
-    With a field ``time``, the points of one id at one position are one vent. The discharge of each
-    point applies from its simulated time [s] until that of the next point.
+    With ``x_end`` and ``y_end`` that are not NaN, a vent is a fissure. With a field ``time``, the
+    points of one id at one position are one vent. The discharge of each point applies from its
+    simulated time [s] until that of the next point.
     """
     _check_message('vents', cloud.header, settings, cloud.data)
     count = cloud.width * cloud.height
@@ -154,7 +156,7 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
         raise LavaError('vents.size', count, f'at most {settings.max_vents} vents (max_vents)')
     is_timed = any(item.name == 'time' for item in cloud.fields)
     required = (*VENT_FIELDS, 'id', 'time') if is_timed else VENT_FIELDS
-    columns = cloud_columns(cloud, 'vents', required, optional=('id',))
+    columns = cloud_columns(cloud, 'vents', required, optional=OPTIONAL_FIELDS)
     columns.setdefault('id', np.arange(count, dtype=np.float64))
     if not np.isfinite(columns['id']).all():
         expected = 'a finite number, or no field id: it tells vents apart'
@@ -162,16 +164,21 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
     points: dict[object, list[dict[str, float]]] = {}
     for index in range(count):
         point = {key: float(values[index]) for key, values in columns.items()}
-        place = (point['id'], point['x'], point['y']) if is_timed else index
+        place = (point['id'], point['x'], point['y'], _end_of(point)) if is_timed else index
         points.setdefault(place, []).append(point)
     return tuple(_vent_of_points(item, is_timed=is_timed) for item in points.values())
+
+
+def _end_of(point: dict[str, float]) -> tuple[float, float] | None:
+    end = point.get('x_end', math.nan), point.get('y_end', math.nan)
+    return None if all(map(math.isnan, end)) else end
 
 
 def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Vent:
     first = points[0]
     # all digits, because vents with one name continue each other
     name = f'vent {first["id"]:.15g}'
-    for key in ('temperature', 'radius'):
+    for key in ('temperature', 'radius', *(first.keys() & {'velocity_x', 'velocity_y'})):
         for point in points[1:]:
             # NaN differs from every value, and is refused below
             if point[key] != first[key]:
@@ -179,7 +186,11 @@ def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Ve
                 raise LavaError(f"vent '{name}'.{key}", point[key], expected)
     series = [(point['time'], point['discharge']) for point in points] if is_timed else None
     place = first['x'], first['y']
-    return _vent(name, place, series or first['discharge'], first['temperature'], first['radius'])
+    velocity = first.get('velocity_x', 0.0), first.get('velocity_y', 0.0)
+    return _vent(
+        name, place, series or first['discharge'], first['temperature'], first['radius'],
+        end=_end_of(first), velocity=velocity,
+    )
 
 
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
@@ -274,12 +285,13 @@ def _vent(
     discharge: float | Sequence[tuple[float, float]],
     celsius: float,
     radius: float,
+    **options: Any,
 ) -> Vent:
     least, most = (limit - ZERO_CELSIUS for limit in VENT_TEMPERATURE_RANGE)
     validation.number(
         f"vent '{name}'.temperature", celsius, at_least=least, at_most=most, unit='Celsius'
     )
-    return Vent(place, discharge, celsius + ZERO_CELSIUS, radius=radius, name=name)
+    return Vent(place, discharge, celsius + ZERO_CELSIUS, radius=radius, name=name, **options)
 
 
 def _check_message(name: str, header: Header, settings: Settings, data: Any = b'') -> None:

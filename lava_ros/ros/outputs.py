@@ -112,32 +112,35 @@ def _shade(terrain: Terrain) -> np.ndarray:
     return np.rint(np.where(np.isfinite(shade), shade, -1.0)).astype(np.int8)
 
 
+#: Fields of a cloud of vents, in the order of the values of ``vent_rows``.
+_ROW = ('x', 'y', 'discharge', 'temperature', 'radius', 'id', 'x_end', 'y_end', 'velocity_x',
+        'velocity_y')
+
+
 def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
-    """Return the rows of the vents at a simulated time [s].
+    """Return a row for each vent at a simulated time [s].
 
     Returns:
-        (x, y, discharge [m3/s], temperature [Celsius], radius [m], id) of each vent; of a fissure
-        one row for each end, with half of the discharge.
+        (x, y, discharge [m3/s], temperature [Celsius], radius [m], id, x and y of the other end of
+        a fissure or NaN, velocity along x and y [m/s]).
     """
-    rows: list[tuple[float, ...]] = []
-    for index, vent in enumerate(vents):
-        places = [vent.position] if vent.end is None else [vent.position, vent.end]
-        celsius = vent.temperature - ZERO_CELSIUS
-        rows += [
-            (x, y, vent.discharge_at(time) / len(places), celsius, vent.radius, float(index))
-            for x, y in places
-        ]
-    return rows
+    return [
+        (
+            *vent.position, vent.discharge_at(time), vent.temperature - ZERO_CELSIUS, vent.radius,
+            float(index), *(vent.end or (math.nan, math.nan)), *vent.velocity,
+        )
+        for index, vent in enumerate(vents)
+    ]
 
 
 def vents_message(
     rows: Sequence[tuple[float, ...]], terrain: Terrain, header: Header
 ) -> PointCloud2:
     """Make the cloud of rows of ``vent_rows``; z is the elevation of the terrain."""
-    names = ('x', 'y', 'z', 'discharge', 'temperature', 'radius', 'id')
-    points = [(*row[:2], _elevation(terrain, *row[:2]), *row[2:]) for row in rows]
-    columns = {name: [point[index] for point in points] for index, name in enumerate(names)}
-    return codec.point_cloud(columns, header)
+    columns = {name: [row[index] for row in rows] for index, name in enumerate(_ROW)}
+    heights = [_elevation(terrain, *row[:2]) for row in rows]
+    ordered = {'x': columns.pop('x'), 'y': columns.pop('y'), 'z': heights, **columns}
+    return codec.point_cloud(ordered, header)
 
 
 #: Namespaces of the markers: vents, their labels, lines from z = 0 to the ground, and the crests
@@ -197,6 +200,7 @@ def vent_markers(
         label.scale.z = letters
         label.color = _color(*WORDS)
         celsius = vent.temperature - ZERO_CELSIUS
+        # RViz draws each byte as a character, so that ³ and ° would be two wide blanks each
         label.text = f'{vent.name or index + 1}: {discharge:.3g} m3/s, {celsius:.0f} C'
         elevation.type = Marker.LINE_STRIP
         elevation.scale.x = THICKNESS * width

@@ -3,6 +3,7 @@
 
 """Frames of a bag, and arrival times of their lava."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
@@ -43,10 +44,11 @@ def test_last_frame_is_in_physical_units(grids):
 
 def test_frame_has_ground_vents_and_scene(tmp_path):
     closed = Vent((10.0, 60.0), 0.0, 1423.0, name='closed')
-    frame = Recording(record(tmp_path / 'bag', vents=(VENT, closed))).frame_at()
+    fissure = replace(VENT, end=(5.0, 25.0))
+    frame = Recording(record(tmp_path / 'bag', vents=(fissure, closed))).frame_at()
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation)
     assert (frame.resolution, frame.origin) == (5.0, (-50.0, 20.0))
-    np.testing.assert_allclose(frame.vents, [VENT.position])
+    np.testing.assert_allclose(frame.vents, [VENT.position, fissure.end])
     assert frame.scene['terrain']['epsg'] == 32633
 
 
@@ -134,7 +136,7 @@ def test_rejects_bags_without_layers_or_with_invalid_yaml(tmp_path):
     ('/terrain_info', {'resolution': float('nan')}, 'terrain.resolution'),
     ('/vents', {'point_step': 0}, 'vents.fields.x.offset'),
     ('/vents', {'fields': []}, 'vents.fields'),
-    ('/vents', {'data': [0, 0, 0xC0, 0x7F] * 7}, 'vents.data'),
+    ('/vents', {'data': [0, 0, 0xC0, 0x7F] * 11}, 'vents.data'),
     ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
 ])
 def test_rejects_inconsistent_messages(grids, tmp_path, topic, fields, words):

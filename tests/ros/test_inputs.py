@@ -222,6 +222,13 @@ def test_points_with_times_are_one_vent_with_a_series():
     assert (first.position, second.position) == ((1.0, 2.0), (9.0, 2.0))
     assert first.series == second.series == ((0.0, 5.0), (60.0, 2.0), (600.0, 0.0))
     assert first.name == 'vent 7'
+    for end in ((20.0, 5.0), (np.nan, np.nan)):
+        fissures = inputs.vents_from_cloud(
+            _vents(*points, id=7.0, **dict(zip(('x_end', 'y_end'), end, strict=True))), RULES
+        )
+        expected = None if np.isnan(end).all() else end
+        assert [vent.end for vent in fissures] == [expected, expected]
+        assert fissures[0].series == first.series
     for cloud, message_start in (
         (_vents(*points), 'missing: id'),
         (
@@ -243,6 +250,7 @@ def test_points_with_times_are_one_vent_with_a_series():
         ({'temperature': 100.0}, {}, "vent 'vent 0'.temperature"),
         ({'temperature': np.inf}, {}, "vent 'vent 0'.temperature"),
         ({'x': np.nan}, {}, "vent 'vent 0'.position[0]"),
+        ({'x_end': 5.0}, {}, "vent 'vent 0'.end[1]"),
         ({}, {'max_vents': 1}, 'vents.size'),
         ({}, {'max_input_bytes': 47}, 'vents.data'),
         ({}, {'frame_id': 'world'}, 'vents.header.frame_id'),
@@ -250,7 +258,7 @@ def test_points_with_times_are_one_vent_with_a_series():
 )
 def test_rejects_malformed_vents(changes, rules, field):
     with pytest.raises(LavaError) as caught:
-        inputs.vents_from_cloud(_vents(changes, {}), replace(RULES, **rules))
+        inputs.vents_from_cloud(_vents(changes, changes), replace(RULES, **rules))
     assert caught.value.field == field
     # the value is that of the message, not one converted to kelvin
     assert 'temperature' not in changes or caught.value.value == changes['temperature']
