@@ -29,7 +29,7 @@ FILES = {
     'type.yaml': '/**: {ros__parameters: {preset: 3}}',
     'whole.yaml': '/lava: {ros__parameters: {time_scale: 60}}',
     'list.yaml': '/**: {ros__parameters: {effects_off: 3}}',
-    'unknown.yaml': '/**: {ros__parameters: {discharge: 6.0, time_scales: 2., qos_overrides.a: 1}}',
+    'unknown.yaml': '/**: {ros__parameters: {discharge: 6., time_scales: 2., qos_overrides.a: 1}}',
 }
 
 MISTAKES = {
