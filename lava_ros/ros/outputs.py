@@ -182,8 +182,7 @@ def vent_markers(
         on_map = [Point(x=x, y=y) for x, y in ends]
         on_ground = [Point(x=x, y=y, z=_elevation(terrain, x, y)) for x, y in ends]
         place, label, elevation = (
-            Marker(header=header, ns=namespace, id=index, action=Marker.ADD)
-            for namespace in (PLACES, LABELS, ELEVATIONS)
+            _marker(header, namespace, index) for namespace in (PLACES, LABELS, ELEVATIONS)
         )
         place.color = elevation.color = _color(*(OPEN if discharge > 0.0 else CLOSED))
         place.scale.x = width
@@ -207,7 +206,7 @@ def vent_markers(
         elevation.points = [on_map[0], *on_ground, *on_map[1:]]
         markers += [place, label, elevation]
     for index, crest in enumerate(terrain.barriers):
-        line = Marker(header=header, ns=BARRIERS, id=index, action=Marker.ADD)
+        line = _marker(header, BARRIERS, index)
         line.type = Marker.LINE_STRIP
         line.points = [Point(x=x, y=y) for x, y in np.subtract(crest, terrain.offset).tolist()]
         line.scale.x, line.color = THICKNESS * letters, _color(*CREST)
@@ -264,6 +263,11 @@ class SceneMessages:
 
 def _elevation(terrain: Terrain, x: float, y: float) -> float:
     return float(terrain.elevation[terrain.cell_at(x, y)])
+
+
+def _marker(header: Header, namespace: str, index: int) -> Marker:
+    # locked, so that RViz with the fixed frame odom keeps it on the map, however old its stamp is
+    return Marker(header=header, ns=namespace, id=index, action=Marker.ADD, frame_locked=True)
 
 
 def _color(red: float, green: float, blue: float, alpha: float) -> ColorRGBA:

@@ -229,7 +229,7 @@ def test_vent_has_a_marker_a_label_and_a_line_to_the_ground():
     assert first.action == Marker.DELETEALL
     assert {item.action for item in others} == {Marker.ADD}
     assert len({(item.ns, item.id) for item in others}) == len(others) == 6
-    assert {item.header.frame_id for item in others} == {'map'}
+    assert {(item.header.frame_id, item.frame_locked) for item in others} == {('map', True)}
     disc, fissure = (item for item in others if item.ns == PLACES)
     assert disc.type == Marker.CYLINDER
     at = disc.pose.position
