@@ -3,6 +3,7 @@
 
 """Mistakes in ROS arguments give one sentence and the exit status of a usage error."""
 
+import os
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -18,7 +19,8 @@ from lava_ros.ros.executor import start_ros
 from lava_ros.ros.runtime import NodeRuntime
 from ros_domain import own_domain
 
-BAG = Path(__file__).parents[2] / 'bags/sample'
+ROOT = Path(__file__).parents[2]
+BAG = ROOT / 'bags/sample'
 
 FILES = {
     'null.yaml': '/**: {ros__parameters: {scene: }}',
@@ -149,6 +151,19 @@ def test_other_commands_reject_ros_arguments(command):
     assert (status, out) == (2, '')
     assert err.splitlines()[-1].startswith(('lava: ', f'lava {command}: '))
     assert 'Traceback' not in err
+
+
+@pytest.mark.parametrize(
+    'own', ['', 'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE']
+)
+def test_profiles_of_the_user_for_fast_dds_take_precedence(monkeypatch, own):
+    given = {own: 'mine.xml'} if own else {}
+    monkeypatch.setattr(os, 'environ', dict(given))
+    context = Context()
+    start_ros([], context=context, domain_id=own_domain())
+    context.shutdown()
+    shipped = str(ROOT / 'params/fast_dds.xml')
+    assert os.environ == (given or {'FASTRTPS_DEFAULT_PROFILES_FILE': shipped})
 
 
 @pytest.mark.parametrize('domain', ['one', '-1', '1.5', '233', '9999'])
