@@ -19,6 +19,7 @@ from lava_ros.bag.decoding import (
     image_array,
     places_in,
     read_grid,
+    stamp_of,
     Timeline,
 )
 from lava_ros.bag.reader import BagMessage
@@ -196,12 +197,12 @@ class Recording:
         Raises:
             LavaError: If the bag is damaged, or has no terrain or no map at that time.
         """
-        stamp = self.timeline.stamp_at(time)
+        end = self.timeline.log_time_at(time)
         last = max((item.time for item in self.timeline.moments), default=math.inf)
-        if time is not None and (stamp is None or time > last):
+        if time is not None and (end is None or time > last):
             raise LavaError('time', time, self.timeline.span)
         assembly = _Assembly(self)
-        end = (self.bag.end_ns or 0) if stamp is None else stamp
+        end = (self.bag.end_ns or 0) if end is None else end
         assembly.newest = {item.topic: item for item in self.bag.newest(self.topics, end + 1)}
         if what := assembly.missing_input():
             raise self.missing_error(time, what)
@@ -227,13 +228,13 @@ class Recording:
             if stamps.get(message.topic) == message.publish_ns:
                 continue
             stamps[message.topic] = message.publish_ns
-            if is_due and message.publish_ns != stamp:
+            when, is_layer = stamp_of(message), message.topic in self.layers
+            if is_due and when != stamp:
                 yield from self._due(assembly)
                 is_due = False
-            is_layer = message.topic in self.layers
-            if not is_layer or message.publish_ns >= start:
+            if not is_layer or when >= start:
                 assembly.newest[message.topic] = message
-                stamp, is_due = message.publish_ns, is_due or is_layer
+                stamp, is_due = when, is_due or is_layer
         if is_due:
             yield from self._due(assembly)
 
@@ -286,7 +287,7 @@ class _Assembly:
         layers: dict[str, LayerFrame] = {}
         # newer maps first, and images before grids of the same time
         for name in sorted(self._layer_names(), key=lambda name: (
-            -self.newest[name].publish_ns, recording.layers[name].message != IMAGE
+            -stamp_of(self.newest[name]), recording.layers[name].message != IMAGE
         )):
             layer = recording.layers[name]
             # a grid and an image of one source have the same content
@@ -296,7 +297,7 @@ class _Assembly:
                     layers[layer.source] = shown
         arrived = layers.pop(ARRIVED, None)
         has_vents = recording.vents in self.newest
-        stamp = max(self.newest[name].publish_ns for name in self._layer_names())
+        stamp = max(stamp_of(self.newest[name]) for name in self._layer_names())
         frame = Frame(
             elevation=terrain.elevation,
             resolution=terrain.resolution,

@@ -3,6 +3,7 @@
 
 """Frames of a bag, and arrival times of their lava."""
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -232,3 +233,25 @@ def test_arrival_is_that_of_the_simulation(tmp_path):
     other = arrival_of(bag, 0.5)
     assert other.times is not None and not other.is_noted
     assert other.times[12, 0] == 200.0
+
+
+@pytest.mark.parametrize('delay', [0, 1, 7_000_000, -SECOND, 10**18])
+def test_frames_have_the_stamps_of_maps_and_not_the_times_of_a_recorder(tmp_path, delay):
+    """rosbag2 records with the clock of the machine; its messages have delays of their own."""
+    own = BagReader(record(tmp_path / 'own', arrived=lambda time: growing(time) * time))
+    with closing(BagWriter(tmp_path / 'other', custom_data=own.custom_data)) as writer:
+        for index, item in enumerate(own.messages()):
+            topic = own.topics[item.topic]
+            writer.write(
+                item.topic, topic.message_type, item.data,
+                item.stamp_ns + delay + bool(delay) * 1_000_000 * (index % 7), qos=topic.qos,
+            )
+    other = Recording(tmp_path / 'other')
+    for frame, expected in zip(other.frames(), Recording(own.path).frames(), strict=True):
+        assert frame.time == expected.time
+        assert frame.layers.keys() == expected.layers.keys()
+    for time in (400.0, 500.0, None):
+        frame = other.frame_at(time)
+        assert frame.time == {400.0: 400.0, 500.0: 400.0, None: 800.0}[time]
+        wanted = np.where(growing(frame.time) > 0.0, growing(frame.time), np.nan)
+        np.testing.assert_array_equal(frame.layers['thickness'].values, wanted)
