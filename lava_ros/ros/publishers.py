@@ -183,13 +183,15 @@ class LayerPublishers(Generic[Shown]):
         """Publish ``snapshot`` on the layers that are due and have not published it.
 
         ``also_not_due`` includes layers that are not due, ``repeat`` those that have published it.
-        ``stamp_ns`` is the stamp of the messages [ns], ``recorded_ns`` their ROS time in the bag
-        [ns], by default the stamp.
+        ``stamp_ns`` is the stamp of a snapshot that is published for the first time [ns],
+        ``recorded_ns`` the ROS time of the messages in the bag [ns], by default ``stamp_ns``.
         """
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)
             if is_new or repeat:
-                self.shown, self.shown_stamp_ns = snapshot, stamp_ns
+                # a repeated state keeps its stamp, which shows its age, unless the clock went back
+                if snapshot is not self.shown or not 0 < self.shown_stamp_ns <= stamp_ns:
+                    self.shown, self.shown_stamp_ns = snapshot, stamp_ns
                 self._publish(output, snapshot, recorded_ns or stamp_ns, repeat)
 
     def publish_heartbeats(self, recorded_ns: int) -> None:
