@@ -104,6 +104,17 @@ def largest_gap(diagrams: Iterable[str]) -> float:
     )
 
 
+def changes() -> Iterator[Line]:
+    """Yield the scores of both flows of Etna with one change at a time."""
+    yield ('constants', *(f'{name}, {year}' for year in (2001, 2006)
+                          for name in ('majority', 'area', 'length')))
+    for row in lines_of('etna_changes_h200.csv'):
+        yield (row['change'], *(
+            f'{mark}{float(row[f"{name}_{year}"]):.2f}' for year in (2001, 2006)
+            for name, mark in (('jaccard', ''), ('area_ratio', 'x '), ('length_ratio', 'x '))
+        ))
+
+
 def hindcast_steps() -> Iterator[Line]:
     """Yield the time and the scores of hindcasts, by integrator and displacement in a step."""
     yield (
@@ -122,6 +133,21 @@ def hindcast_steps() -> Iterator[Line]:
             f'x {float(row["area_ratio"]):.2f}',
             f'x {float(row["length_ratio"]):.2f}',
         )
+
+
+def commands() -> Iterator[Line]:
+    """Yield the wall times of whole commands on the mapped flows."""
+    yield ('program', 'flow', 'runs', 'command', 'its simulation')
+    rows = lines_of('hindcast_command_h200.csv')
+    for key in dict.fromkeys((row['program'], row['flow'], row['runs']) for row in rows):
+        same = [row for row in rows if (row['program'], row['flow'], row['runs']) == key]
+        times = [
+            sorted(float(row[name]) for row in same if row[name])
+            for name in ('seconds', 'simulation_seconds')
+        ]
+        yield (*key, *(
+            f'{values[0]:.1f} to {values[-1]:.1f} s' if values else '' for values in times
+        ))
 
 
 def steps() -> Iterator[Line]:
@@ -162,7 +188,7 @@ Tables = Mapping[str, Callable[[], Iterator[Line]]]
 PAGES: Mapping[str, Tables] = {
     'VALIDATION.md': {
         'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
-        'dates': dates,
+        'dates': dates, 'changes': changes, 'commands': commands,
     },
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }

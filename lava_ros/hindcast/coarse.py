@@ -7,7 +7,7 @@ Particles do not resolve features smaller than their spacing, and may not move f
 per step: cells of half the spacing cost four times as much and change nothing.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,8 +28,8 @@ def coarsened(terrain: Terrain, factor: int) -> Terrain:
     """
     if factor == 1:
         return terrain
-    rows, columns = (_shares(side, factor) for side in terrain.shape)
-    mean = _mean(terrain.elevation, lambda values: rows @ values @ columns.T)
+    rows, columns = (_halves(side, factor) for side in terrain.shape)
+    mean = _mean(terrain.elevation, lambda values: _gathered(values, rows, columns))
     x, y = (
         start - (-side % factor) * terrain.resolution / 2.0
         for start, side in zip(terrain.origin, terrain.shape[::-1], strict=True)
@@ -53,32 +53,31 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
         mean = _mean(values, quarters)
         return np.where(terrain.has_data, mean, np.nan).astype(np.float32)
 
-    fine = regridded(snapshot, terrain, spread)
     if snapshot.arrived is None:
-        return fine
+        return regridded(snapshot, terrain, spread)
     # lava that reaches less than half of a cell does not inundate it
     reached = terrain.has_data & (quarters(snapshot.inundated.astype(float)) >= 2.0)
     arrived = np.where(reached, spread(snapshot.arrived), np.float32(np.nan))
     # move lava of cells below half to the inundated parts of the same coarse cell
-    places = [np.ix_(some, others) for some in rows for others in columns]
-    all_parts, its_parts = np.zeros((2, *snapshot.terrain.shape))
-    for place in places:
-        np.add.at(all_parts, place, terrain.has_data)
-        np.add.at(its_parts, place, reached)
+    all_parts, its_parts = (
+        _gathered(cells, rows, columns) for cells in (terrain.has_data, reached)
+    )
     is_moved = snapshot.inundated & (its_parts > 0.0)
     gain = np.where(is_moved, all_parts / np.maximum(its_parts, 1.0), 1.0)
 
     def moved(values: np.ndarray) -> np.ndarray:
-        total, known = np.zeros((2, *terrain.shape))
-        for place in places:
-            part, is_known = values[place] * gain[place], np.isfinite(values[place])
-            total += np.where(is_known & (reached | ~is_moved[place]), part, 0.0)
-            known += is_known
-        mean = total / np.maximum(known, 1.0)
-        return np.where(terrain.has_data & (known > 0.0), mean, np.nan).astype(np.float32)
+        known = np.isfinite(values)
+        values = np.where(known, values, 0.0)
+        left = quarters(np.where(is_moved, 0.0, values))
+        weight = quarters(known.astype(float))
+        mean = np.where(reached, quarters(values * gain), left) / np.maximum(weight, 1.0)
+        return np.where(terrain.has_data & (weight > 0.0), mean, np.nan).astype(np.float32)
 
-    frozen = None if snapshot.frozen is None else moved(snapshot.frozen)
-    return replace(fine, arrived=arrived, thickness=moved(snapshot.thickness), frozen=frozen)
+    grids = {
+        name: arrived if name == 'arrived' else (spread if name == 'temperature' else moved)(grid)
+        for name, grid in grids_of(snapshot).items()
+    }
+    return replace(snapshot, terrain=terrain, **grids)  # type: ignore[arg-type]
 
 
 def regridded(
@@ -108,10 +107,13 @@ def _halves(side: int, factor: int) -> tuple[np.ndarray, np.ndarray]:
     return (first // factor).astype(int), ((first + 0.5) // factor).astype(int)
 
 
-def _shares(side: int, factor: int) -> np.ndarray:
-    """Return the fraction of each of ``side`` cells in each larger one, [larger, side]."""
-    larger = -(-side // factor)
-    first = np.arange(side) + 0.5 * (larger * factor - side)
-    low = factor * np.arange(larger)[:, None]
-    common = np.minimum(first + 1.0, low + factor) - np.maximum(first, low)
-    return np.maximum(common, 0.0)
+def _gathered(
+    values: np.ndarray, rows: Sequence[np.ndarray], columns: Sequence[np.ndarray]
+) -> np.ndarray:
+    """Add up the quarters of the cells of each larger cell (``_halves``)."""
+    values = values.astype(float)
+    for axis, halves in enumerate((rows, columns)):
+        starts = [np.flatnonzero(np.diff(half, prepend=-1)) for half in halves]
+        first, second = (np.add.reduceat(values, start, axis) for start in starts)
+        values = first + second
+    return values

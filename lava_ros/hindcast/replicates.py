@@ -149,8 +149,9 @@ def run_together(
 
     def route(number: int, case: Case, direction: Orientation) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
-        # the spacing is that of the original case in all directions
-        same = replace(settings, spacing=settings.accuracy(case).spacing)
+        # spacing and thickness are those of the original case in all directions
+        accuracy = settings.accuracy(case)
+        same = replace(settings, spacing=accuracy.spacing, thickness=accuracy.thickness)
         run = Run(direction.rotate(case), same, folder=kept, has_maps=False)
         for time in run.parts():
             if time is not None and progress is not None:

@@ -75,6 +75,8 @@ class Settings:
             makes one map.
         courant: Maximum displacement per step over the cell size, unless the preset has its own.
         integrator: Time integration, unless the preset has its own displacement.
+        thickness: Thickness scale, which sets the volume of a particle [m]; None for that of the
+            expected flow.
     """
 
     preset: str = DEFAULT
@@ -84,11 +86,15 @@ class Settings:
     maps: int = MAPS
     courant: float = COURANT
     integrator: str = INTEGRATOR
+    thickness: float | None = None
 
     def accuracy(self, case: Case) -> Accuracy:
         """Return the accuracy for a case: the preset's with longer steps, and deterministic."""
         # repeated runs take the same path at a fork of a flow, also on a GPU
-        accuracy = replace(preset_accuracy(self.preset), spacing=self.spacing, deterministic=True)
+        accuracy = replace(
+            preset_accuracy(self.preset), spacing=self.spacing, thickness=self.thickness,
+            deterministic=True,
+        )
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant, integrator=self.integrator)
         if accuracy.longest_step == Accuracy().longest_step:

@@ -28,8 +28,11 @@ from lava_ros.simulation.resolution import ACROSS, is_extended, resolution_of
 from lava_ros.simulation.resolution import HORIZON as HORIZON
 from lava_ros.simulation.setup.course import course_of
 
-#: Steps of the cooling of columns at rest, and the first of them as a fraction of the whole.
-_COOLING_STEPS, _FIRST_STEP = 300, 1e-6
+#: Points of the cooling of columns at rest, and the last excess over the first.
+_COOLING_POINTS, _LEAST_EXCESS = 200, 1e-4
+
+#: Heat flux of lava that loses none [W/m2].
+_LEAST_FLUX = 1e-12
 
 
 @dataclass(frozen=True)
@@ -177,28 +180,22 @@ def _cooled_at_rest(
 
     It is a function of the time over the thickness alone.
     """
-    over = duration / thickness
-    # rounded up to a power of two, so that the curve can be reused
-    longest = 2.0 ** math.ceil(math.log2(over.max()))
-    return np.interp(over, *_cooling_curve(scene, temperature, longest))
+    return np.interp(duration / thickness, *_cooling_curve(scene, temperature))
 
 
 @lru_cache(maxsize=8)
-def _cooling_curve(
-    scene: Scene, temperature: float, longest: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return times over thickness [s/m] up to the ``longest``, and temperatures [K] after them."""
+def _cooling_curve(scene: Scene, temperature: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return times over thickness [s/m], and temperatures [K] after them."""
     ambient = scene.ambient_temperature
+    if temperature <= ambient:
+        return np.zeros(1), np.array([temperature])
     capacity, loss = scene.lava.density * scene.lava.specific_heat, heat_loss(scene)
-    marks = np.geomspace(_FIRST_STEP, 1.0, _COOLING_STEPS) * longest
-    reached = [temperature]
-    for step in np.diff(marks, prepend=0.0).tolist():
-        excess = temperature - ambient
-        if excess > 0.0:
-            rate = loss(temperature) / (capacity * excess)
-            temperature = ambient + excess * math.exp(-rate * step)
-        reached.append(temperature)
-    return np.concatenate([[0.0], marks]), np.array(reached)
+    excess = (temperature - ambient) * np.geomspace(1.0, _LEAST_EXCESS, _COOLING_POINTS)
+    flux = np.array([loss(ambient + value) for value in excess.tolist()])
+    # d(time / thickness) = -capacity / flux d(excess) = -slowness d(log excess)
+    slowness = capacity * excess / np.maximum(flux, _LEAST_FLUX)
+    steps = -np.diff(np.log(excess)) * 0.5 * (slowness[1:] + slowness[:-1])
+    return np.concatenate([[0.0], np.cumsum(steps)]), ambient + excess
 
 
 def decide(

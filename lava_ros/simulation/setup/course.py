@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
 import math
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -108,9 +108,19 @@ class _Source:
     temperature: float
 
 
-@lru_cache(maxsize=2)
+#: Courses found so far, by scene and horizon [s].
+_found = WeakKeyDictionary[Scene, dict[float, Course | None]]()
+
+
 def course_of(scene: Scene, *, horizon: float) -> Course | None:
-    """Find the expected course of the flow up to a horizon [s]; None without a discharge."""
+    """Return the expected course of the flow up to a horizon [s]; None without a discharge."""
+    courses = _found.setdefault(scene, {})
+    if horizon not in courses:
+        courses[horizon] = _find_course(scene, horizon)
+    return courses[horizon]
+
+
+def _find_course(scene: Scene, horizon: float) -> Course | None:
     sources = _sources(scene, horizon)[:MAX_SOURCES]
     if not sources:
         return None

@@ -296,6 +296,10 @@ class AfterStep:
         on cells without data counts as having left.
         """
         terrain, before = self._scene_terrain, former._scene_terrain
+        if terrain is before:
+            wp.copy(self._placed, former._placed)
+            self._lay(read(former._deposit))
+            return
 
         def moved(thickness: np.ndarray) -> np.ndarray:
             for axis in (0, 1):
