@@ -3,6 +3,7 @@
 
 """Publication of layers and of the scene; the recorder gets the same bytes."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -94,6 +95,26 @@ class NodeGraph:
     def header(self, stamp_ns: int) -> Header:
         """Make the header of a message."""
         return codec.header(self.frame_id, stamp_ns)
+
+    @property
+    def published(self) -> Counter[str]:
+        """Number of publishers of this node by topic, without those that nodes share."""
+        made = (item.topic_name for item, kind in self._made.items() if kind == 'publisher')
+        shared = self.node.resolve_topic_name('/diagnostics')
+        return Counter(topic for topic in made if topic != shared)
+
+    def other_publishers(self, topic: str) -> list[str]:
+        """Return the full name of the node of each publisher of a topic that is not made here.
+
+        A killed node remains for about 20 s, the lease of Fast DDS. A publisher whose node is not
+        known yet is left out.
+        """
+        name = self.node.resolve_topic_name(topic)
+        ends = self.node.get_publishers_info_by_topic(name)
+        names = (f'{end.node_namespace.rstrip("/")}/{end.node_name}' for end in ends)
+        found = Counter(name for name in names if name.startswith('/'))
+        found.subtract({self.node.get_fully_qualified_name(): self.published[name]})
+        return list(found.elements())
 
     def create(self, kind: str, *args: Any, **options: Any) -> Any:
         """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 import threading
 import time
 import traceback
@@ -236,30 +237,38 @@ class InputSubscribers:
         self.graph.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
 
     def status(self) -> DiagnosticStatus:
-        """Return the status of the inputs; warn of sources that replace each other's data."""
-        known = self._rivals
-        self._rivals = '; '.join(filter(None, map(self._rival, self._replaced)))
+        """Return the status of the inputs; warn of nodes that publish what they must not."""
+        known, given = self._rivals, map(self._find_rivals, self._replaced)
+        self._rivals = '; '.join(filter(None, (*given, self._find_imitators())))
         if self._rivals not in ('', known):
             self._logger.warning(self._rivals)
         return self.log.status(self._rivals)
 
-    def _rival(self, topics: Sequence[str]) -> str:
+    def _find_rivals(self, topics: Sequence[str]) -> str:
         """Return a warning if ``topics``, of which each message counts alone, have two sources."""
-        node, own = self.graph.node, self.graph.node.get_fully_qualified_name()
-        sources = [
-            [
-                name
-                for end in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-                if (name := f'{end.node_namespace.rstrip("/")}/{end.node_name}') != own
-            ]
-            for topic in topics
-        ]
+        sources = [self.graph.other_publishers(topic) for topic in topics]
         names = sorted({name for item in sources for name in item})
         if max(len(names), *map(len, sources)) < 2:
             return ''
         return (
             f'several publishers of {" and ".join(topics)} ({", ".join(names)}): each '
             'message replaces those of the others; one node has to publish all of them'
+        )
+
+    def _find_imitators(self) -> str:
+        """Return a warning if other nodes publish the maps of this node, too."""
+        received = {self.graph.node.resolve_topic_name(topic) for topic in chain(*self._replaced)}
+        found = {
+            topic: names
+            for topic in self.graph.published.keys() - received
+            if (names := self.graph.other_publishers(topic))
+        }
+        if not found:
+            return ''
+        names = sorted({name for item in found.values() for name in item})
+        return (
+            f'{", ".join(names)} also publishes {", ".join(sorted(found))}: subscribers cannot '
+            'tell its maps from those of this node; give it another namespace'
         )
 
     def command(self, topic: str, future: 'Future[Any]') -> None:
