@@ -223,9 +223,10 @@ def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'obse
 class TerrainPairing:
     """Pairs images and descriptions of terrain that arrive on two topics.
 
-    Either may arrive first. Two new halves of the same size are a pair immediately. A single new
-    half of the old size waits ``SETTLE`` seconds for its partner and then pairs with the old
-    partner, so that new elevations never appear at the old position if a publisher sends both.
+    Either may arrive first. Two new halves of the same size are a pair immediately, unless their
+    stamps differ. Those, and a single new half of the old size, wait ``SETTLE`` seconds for a
+    partner and then pair with the newest one, so that new elevations do not appear at the old
+    position if a publisher sends both.
     Halves of different sizes are an error after ``PATIENCE`` seconds, a half without a partner
     after ``ABSENCE`` seconds: on a busy machine, discovery of the second publisher may take
     seconds longer. Each error is reported once. These times count from the first new half, because
@@ -256,7 +257,10 @@ class TerrainPairing:
         image, info = self._halves.get(Image), self._halves.get(MapMetaData)
         if image is not None and info is not None:
             fits = (image.width, image.height) == (info.width, info.height)
-            if fits and (len(self._new) == 2 or now - self._begun >= SETTLE):
+            stamps = {codec.nanoseconds(time) for time in (image.header.stamp, info.map_load_time)}
+            # some publishers leave one of the stamps at 0
+            is_pair = len(self._new) == 2 and len(stamps - {0}) < 2
+            if fits and (is_pair or now - self._begun >= SETTLE):
                 self._new.clear()
                 self._is_waiting = False
                 return image, info

@@ -325,6 +325,32 @@ def test_pairing_follows_a_half_that_is_published_ten_times_a_second(make, width
     assert (found['pair'], found['error']) == (pairs, errors)
 
 
+@pytest.mark.parametrize('stray', [[], [Image], [MapMetaData], [Image, MapMetaData]])
+@pytest.mark.parametrize('lost', [None, Image, MapMetaData])
+@pytest.mark.parametrize('order', [(Image, MapMetaData), (MapMetaData, Image)])
+def test_pairing_keeps_elevations_at_the_position_of_their_time(stray, lost, order):
+    """A map of 10 Hz moves with a robot; an earlier half is left over, and one is lost."""
+    pairing, pairs = inputs.TerrainPairing(), []
+
+    def add(kind, tick):
+        stamp = codec.time_message(tick)
+        half = (
+            _plain_image(header=codec.header('map', tick)) if kind is Image
+            else _info(map_load_time=stamp)
+        )
+        pairing.add(half, 0.1 * tick)
+        pairs.append(pairing.poll(0.1 * tick))
+
+    for kind in stray:
+        add(kind, 1)
+    for tick in range(2, 30):
+        for kind in order:
+            if (tick, kind) != (10, lost):
+                add(kind, tick)
+    found = [(image.header.stamp, info.map_load_time) for image, info in filter(None, pairs)]
+    assert len(found) >= 27 and all(one == other for one, other in found)
+
+
 @pytest.mark.parametrize(
     ('halves', 'patience', 'message_start'),
     [
