@@ -44,6 +44,9 @@ STOP_TIMEOUT = 4.0
 #: Maximum wait for the last checkpoint of a bag [s]. The simulation thread may be compiling.
 CHECKPOINT_TIMEOUT = 2.0
 
+#: Maximum time of the clock between two messages of a bag [s].
+MAX_GAP = 86_400.0
+
 #: Period of the diagnostics [s].
 HEARTBEAT = 1.0
 
@@ -403,17 +406,17 @@ class NodeRuntime:
     def _begins_bag(self, stamp_ns: int) -> bool:
         """Return True if a bag begins with the next maps: the chosen one, or one after a jump.
 
-        Where the clock has gone back, the bag ends and another one begins: the messages of a bag
-        are in the order of their times.
+        Where the clock goes back, or to another epoch, the bag ends and another one begins: the
+        messages of a bag are in the order of their times, and a player waits between them.
         """
-        back = 1e-9 * (self._recorder.newest_ns - stamp_ns)
-        if self._recorder.is_recording and back >= JITTER:
+        ahead = 1e-9 * (stamp_ns - self._recorder.newest_ns)
+        if self._recorder.is_recording and not -JITTER < ahead <= MAX_GAP:
             self._close_bag()
             try:
                 self.allowance.take('record')
                 self._arm_recorder(is_next=True)
             except LavaError as error:
-                self._recorder.error = f'recording stopped as the clock went back: {error}'
+                self._recorder.error = f'recording stopped where the clock jumped: {error}'
         return self._recorder.is_armed and stamp_ns > 0
 
     def _arm_recorder(self, *, is_next: bool = False) -> None:
