@@ -199,8 +199,8 @@ class Moment:
 def stamp_of(message: BagMessage) -> int:
     """Return the stamp of a message that begins with a header or a time [ns].
 
-    A recorder may run on another clock than the node, so that its times are no stamps. A message
-    without a stamp has the time of its publication.
+    A recorder may run on another clock than the node, so that its times differ from the stamps. A
+    message without a stamp has the time of its publication.
     """
     order = '<' if message.data[1:2] == b'\1' else '>'
     try:

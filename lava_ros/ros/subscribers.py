@@ -267,8 +267,8 @@ class InputSubscribers:
             return ''
         names = sorted({name for item in found.values() for name in item})
         return (
-            f'{", ".join(names)} also publishes {", ".join(sorted(found))}: subscribers cannot '
-            'tell its maps from those of this node; give it another namespace'
+            f'{", ".join(names)} also publishes {", ".join(sorted(found))}: subscribers receive a '
+            'mixture of its maps and those of this node; give it another namespace'
         )
 
     def command(self, topic: str, future: 'Future[Any]') -> None:
