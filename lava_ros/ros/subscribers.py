@@ -265,7 +265,9 @@ class InputSubscribers:
         }
         if not found:
             return ''
-        names = sorted({name for item in found.values() for name in item})
+        own = self.graph.node.get_fully_qualified_name()
+        killed = {own: f'{own} (another one, or one that was killed up to 20 s ago)'}
+        names = sorted({killed.get(name, name) for item in found.values() for name in item})
         return (
             f'{", ".join(names)} also publishes {", ".join(sorted(found))}: subscribers receive a '
             'mixture of its maps and those of this node; give it another namespace'

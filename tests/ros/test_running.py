@@ -259,7 +259,7 @@ def test_accuracy_and_material_apply_at_the_next_reset(paused):
         ('tracker', ['terrain', 'terrain'], 'several publishers of terrain and'),
         ('player', ['/diagnostics'], ''),
         ('player', ['hazard', 'height'], '/player also publishes /hazard, /height'),
-        ('lava', ['hazard'], '/lava also publishes /hazard'),
+        ('lava', ['hazard'], 'killed up to 20 s ago) also publishes /hazard'),
     ],
 )
 def test_nodes_that_publish_the_same_are_reported(paused, name, topics, warning):
