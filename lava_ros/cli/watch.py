@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import signal
-import sys
 import threading
 from typing import TYPE_CHECKING
 
@@ -48,25 +47,15 @@ def watch(args: argparse.Namespace) -> int:
     validation.number('--port', args.port, at_least=0.0, at_most=65535.0)
     require('viser', 'lava watch')
     frames = _frames(args)
-    from lava_ros.watch.page import draped, relief
+    from lava_ros.scene.on_terrain import read_placed_picture
     from lava_ros.watch.server import Server
 
-    was_bad, ended = False, threading.Event()
-
-    def report() -> None:
-        """Print when the source of the frames fails, and when it works again."""
-        nonlocal was_bad
-        level, words = frames.status
-        if was_bad != (level.name == 'ERROR'):
-            was_bad = not was_bad
-            print(f'lava watch: {words}', file=sys.stderr, flush=True)
-
-    picture = relief if args.drape is None else draped(args.drape)
-    server = Server(frames, args.port, picture=picture, control=args.control)
+    drape = None if args.drape is None else read_placed_picture(args.drape, field='--drape')
+    server, ended = Server(frames, args.port, drape=drape, control=args.control), threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     print(f'open http://127.0.0.1:{server.port}/ in a browser; Ctrl+C ends', flush=True)
-    server.run(ended, report)
+    server.run(ended)
     return 0
 
 
@@ -80,6 +69,6 @@ def _frames(args: argparse.Namespace) -> Frames:
         if value := getattr(args, name):
             raise LavaError(f'--{name}', value, f'no --{name} together with a bag or an ensemble')
     from lava_ros.pages.runs import is_ensemble
-    from lava_ros.watch.frames import BagFrames, EnsembleFrames
+    from lava_ros.watch.frames import BagFrames, ensemble_frames
 
-    return (EnsembleFrames if is_ensemble(args.bag) else BagFrames)(args.bag)
+    return (ensemble_frames if is_ensemble(args.bag) else BagFrames)(args.bag)

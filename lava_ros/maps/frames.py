@@ -117,15 +117,13 @@ class Frame:
 
     def area(self, cells: np.ndarray) -> float:
         """Return the area of a set of cells [m2]."""
-        return float(cells.sum()) * self.resolution**2
+        return float(np.count_nonzero(cells)) * self.resolution**2
 
     @property
     def thickest(self) -> float:
         """Maximum thickness [m]; NaN without lava or without a thickness layer."""
         thickness = self.layers.get('thickness')
-        if thickness is None or not np.isfinite(thickness.values).any():
-            return math.nan
-        return float(np.nanmax(thickness.values))
+        return math.nan if thickness is None else float(np.fmax.reduce(thickness.values, None))
 
 
 def silent(activity: str, fraction: float) -> None:

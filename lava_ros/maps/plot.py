@@ -61,9 +61,9 @@ def titles(frame: Frame) -> tuple[str, str]:
     areas = {name: frame.area(cells) for name, cells in sets.items() if cells is not None}
     facts = [f'{area_words(area)} {name}' for name, area in areas.items() if area]
     facts = facts or ['no lava']
-    if math.isfinite(frame.thickest):
+    if math.isfinite(thickest := frame.thickest):
         prefix = 'over' if frame.layers['thickness'].is_saturated else 'up to'
-        facts.append(f'{prefix} {frame.thickest:.3g} m thick')
+        facts.append(f'{prefix} {thickest:.3g} m thick')
     title = 'Lava flow' if frame.time is None else f'Lava flow after {duration(frame.time)}'
     return title, '  ·  '.join(facts)
 

@@ -64,9 +64,9 @@ class Frames:
         heading: Title and summary of all frames; None to describe each.
     """
 
-    _status = Status(Level.OK, '')
-    _facts: Mapping[str, str] = {}
     heading: tuple[str, str] | None = None
+    _status = Status(Level.WARN, 'no maps yet')
+    _facts: Mapping[str, str] = {}
 
     def __init__(self, frames: Sequence[Frame] = ()) -> None:
         """Initialize with frames that are in memory."""
@@ -105,11 +105,9 @@ class Frames:
 
     def command(self, name: str) -> None:
         """Send one of ``COMMANDS`` to the node."""
-        self.answer = f'{name}: there is no node'
 
     def open_vent(self, x: float, y: float) -> None:
         """Ask the node for a vent at a map position [m]."""
-        self.command(f'vent at {x:.0f} m, {y:.0f} m')
 
 
 def watched_layers() -> list[Layer]:
@@ -118,30 +116,25 @@ def watched_layers() -> list[Layer]:
     return [item for file in files for item in load_layers(file) if item.name in LAYERS]
 
 
-class EnsembleFrames(Frames):
-    """The maps of an ensemble's folder as a single frame."""
+def ensemble_frames(path: str | Path) -> Frames:
+    """Return the maps in the folder of a finished ensemble as a single frame.
 
-    _status = Status(Level.OK, 'maps of an ensemble')
-
-    def __init__(self, path: str | Path) -> None:
-        """Read the maps.
-
-        Raises:
-            LavaError: If the path is not the folder of a finished ensemble.
-        """
-        run = read_run(path)
-        layers = {}
-        for name, panel in run.panels.items():
-            source = ENSEMBLE_MAPS[name][0]
-            layers[source] = LayerFrame(Layer(source, source, source, IMAGE), panel.values, False)
-        super().__init__([replace(next(iter(run.panels.values())).frame, layers=layers)])
-        self.heading, self._facts = (run.title, run.summary), run.facts
+    Raises:
+        LavaError: If the path is not such a folder.
+    """
+    run = read_run(path)
+    layers = {}
+    for name, panel in run.panels.items():
+        source = ENSEMBLE_MAPS[name][0]
+        layers[source] = LayerFrame(Layer(source, source, source, IMAGE), panel.values, False)
+    frames = Frames([replace(next(iter(run.panels.values())).frame, layers=layers)])
+    frames._status, frames._facts = Status(Level.OK, 'maps of an ensemble'), run.facts
+    frames.heading = (run.title, run.summary)
+    return frames
 
 
 class BagFrames(Frames):
     """The frames of a bag, which may still be recording."""
-
-    _status = Status(Level.WARN, 'no maps yet')
 
     def __init__(self, path: str | Path) -> None:
         """Open a bag.
@@ -155,7 +148,7 @@ class BagFrames(Frames):
         self._layers = [item for item in watched_layers() if item.is_forecast]
         self._recording: Recording | None = None
         self._moments: Sequence[Moment] = ()
-        self._size: dict[Path, int] = {}
+        self._sizes: list[int] = []
         self._next_look = 0.0
 
     def poll(self) -> None:
@@ -164,21 +157,18 @@ class BagFrames(Frames):
         if begun < self._next_look:
             return
         try:
-            size = {file: file.stat().st_size for file in mcap_files(self._path)}
-        except (OSError, LavaError):
-            # the writer may be between two files of the bag
-            return
-        if size == self._size:
-            return
-        try:
+            sizes = [file.stat().st_size for file in mcap_files(self._path)]
+            if sizes == self._sizes:
+                return
+            self._sizes = sizes
             self._recording = Recording(self._path, more=self._layers)
             self._moments = self._recording.timeline.last_run
             self.times = [item.time for item in self._moments] or [None]
             self.places = self._recording.places
             self._status = Status(Level.OK, f'recorded in {printable(str(self._path))}')
-        except LavaError as error:
-            self._status = Status(Level.WARN, str(error))
-        self._size = size
+        except (OSError, LavaError) as error:
+            # the writer may be between two files of the bag, which is then read again
+            self._status, self._sizes = Status(Level.WARN, str(error)), []
         self.version += 1
         self._next_look = time.monotonic() + max(PERIOD, REST * (time.monotonic() - begun))
 

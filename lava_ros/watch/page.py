@@ -24,15 +24,13 @@ from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
 from lava_ros.maps.plot import BARRIER, barriers_of, duration, shaded_ground, titles
 from lava_ros.pages.runs import ENSEMBLE_MAPS
-from lava_ros.scene.on_terrain import read_placed_picture
+from lava_ros.scene.on_terrain import PlacedPicture
 from lava_ros.watch.frames import COMMANDS, Frames, Level, Status
 from lava_ros.watch.surface import Ground, SIDE
 
 #: Title and style of each map, in the order of the list.
 SHOWN = {
-    'thickness': ('Lava thickness', 'thickness'),
-    'hazard': ('Hazard index', 'hazard'),
-    'temperature': ('Temperature', 'temperature'),
+    **{name: (STYLES[name].title, name) for name in ('thickness', 'hazard', 'temperature')},
     ARRIVED: ('Arrival', 'arrival'),
     ARRIVAL: ('Arrival forecast', 'arrival'),
     **{source: (title, style) for source, style, title in ENSEMBLE_MAPS.values()},
@@ -51,36 +49,25 @@ LIFT = np.array([0.0, 0.0, 0.0005 * SIDE], dtype=np.float32)
 _VIEWS = {'From above': (0.0, -0.001, 1.0), 'From the south': (0.0, -0.8, 0.6)}
 
 
-def relief(frame: Frame) -> np.ndarray:
-    """Return the shaded relief of the ground, uint8, shape [y, x, 3]."""
-    return (255.0 * shaded_ground(_coarse(frame))[..., :3]).astype(np.uint8)
-
-
-def draped(path: str) -> Callable[[Frame], np.ndarray]:
-    """Return a function like ``relief`` that shows the picture of a file over the relief.
+def ground_picture(frame: Frame, drape: PlacedPicture | None = None) -> np.ndarray:
+    """Return the shaded relief of a frame with a picture over it, uint8, shape [y, x, 3].
 
     Raises:
-        LavaError: The file is not a readable picture.
+        LavaError: If the picture cannot be put on the terrain.
     """
-    placed = read_placed_picture(path, field='--drape')
-
-    def paint(frame: Frame) -> np.ndarray:
-        cells = _coarse(frame).terrain
-        # a picture may show more than the cells of the terrain
-        fine = MAX_PIXELS // max(cells.shape)
-        shape, size = np.multiply(cells.shape, fine), cells.resolution / fine
-        ground = np.asarray(Image.fromarray(relief(frame)).resize(shape[::-1]))
-        target = replace(cells, elevation=np.zeros(shape), resolution=size)
-        colours = placed.on(target, field='--drape')
-        return np.where(np.isfinite(colours), np.rint(colours), ground).astype(np.uint8)
-
-    return paint
-
-
-def _coarse(frame: Frame) -> Frame:
     step = -(-max(frame.elevation.shape) // MAX_PIXELS)
     part = frame.elevation[::step, ::step]
-    return replace(frame, elevation=part, resolution=step * frame.resolution)
+    coarse = replace(frame, elevation=part, resolution=step * frame.resolution)
+    relief = (255.0 * shaded_ground(coarse)[..., :3]).astype(np.uint8)
+    if drape is None:
+        return relief
+    # a picture may show more than the cells of the terrain
+    fine = MAX_PIXELS // max(part.shape)
+    shape, size = np.multiply(part.shape, fine), coarse.resolution / fine
+    ground = np.asarray(Image.fromarray(relief).resize(shape[::-1]))
+    target = replace(coarse.terrain, elevation=np.zeros(shape), resolution=size)
+    colours = drape.on(target, field='--drape')
+    return np.where(np.isfinite(colours), np.rint(colours), ground).astype(np.uint8)
 
 
 class Page:
@@ -90,29 +77,18 @@ class Page:
     """
 
     def __init__(
-        self,
-        client: ClientHandle,
-        frames: Frames,
-        *,
-        picture: Callable[[Frame], np.ndarray] = relief,
+        self, client: ClientHandle, frames: Frames, ground_of: Callable[[Frame], Ground], *,
         control: bool = False,
     ) -> None:
-        """Add the elements of the page.
-
-        Args:
-            client: The browser.
-            frames: The frames to show.
-            picture: Returns the colours of the ground, uint8, shape [y, x, 3].
-            control: Whether the page can send commands to the node.
-        """
-        self._client, self._frames, self._picture = client, frames, picture
+        """Add the elements of the page; with ``control``, it can send commands to the node."""
+        self._client, self._frames, self._ground_of = client, frames, ground_of
         self._version, self._ticks, self._time = -1, 0, 0.0
         self._problem: Status | None = None
         self._asked: deque[Callable[[], Any]] = deque(maxlen=8)
         self._drawn: tuple[Any, ...] = ()
         self._labelled: tuple[Any, ...] = ()
         self._ground: Ground | None = None
-        self._nodes: dict[str, Any] = {}
+        self._mesh: Any = None
         self._place: np.ndarray | None = None
         gui = client.gui
         gui.configure_theme(
@@ -126,21 +102,22 @@ class Page:
         self.play = gui.add_checkbox('Play', False)
         self.stretch = gui.add_slider('Vertical scale', 1.0, 5.0, 0.25, 1.0)
         self.particles = gui.add_checkbox('Particles', False)
-        for name, direction in _VIEWS.items():
-            self._button(name, partial(self._look, direction))
+        for name in _VIEWS:
+            self._add_button(name, self._look, name)
         self.values = gui.add_html(_box('Click on the ground for its values.'))
+        self.opens: Any = None
         if control:
             with gui.add_folder('Control'):
                 self.opens = gui.add_checkbox('Click opens a vent', True)
                 for name in COMMANDS:
-                    self._button(name.capitalize(), partial(frames.command, name))
-        self._control = control
+                    self._add_button(name.capitalize(), frames.command, name)
         with gui.add_folder('Diagnostics', expand_by_default=False):
             self.facts = gui.add_html('')
         client.scene.on_click()(lambda event: self._asked.append(partial(self._click, event)))
 
-    def _button(self, text: str, act: Callable[[], Any]) -> None:
-        self._client.gui.add_button(text).on_click(lambda _: self._asked.append(act))
+    def _add_button(self, text: str, act: Callable[..., Any], *args: Any) -> None:
+        button = self._client.gui.add_button(text)
+        button.on_click(lambda _: self._asked.append(partial(act, *args)))
 
     def update(self) -> None:
         """Process clicks, and show new frames and changed choices."""
@@ -179,29 +156,25 @@ class Page:
         return value
 
     def _show(self, index: int) -> None:
-        whole = self._frames.frame(index)
-        maps = _maps(whole)
+        frame = self._frames.frame(index)
+        maps = _maps(frame)
         names = {SHOWN[source][0]: source for source in SHOWN if source in maps} or {'-': ''}
         if self.choice.options != (*names,):
             self.choice.options = names
         source = names.get(self.choice.value, '')
         is_shown = np.isfinite(maps[source]) if source else np.False_
-        is_first = self._ground is None
-        if self._ground is None or not self._ground.is_of(whole):
-            self._ground = Ground(whole, self._picture(whole))
-        ground = self._ground
-        if ground.fit(whole, whole.lava | is_shown):
-            self._nodes['/ground'] = self._client.scene.add_mesh_trimesh(
-                '/ground', ground.mesh(), scale=self._scale, cast_shadow=False
-            )
-        node, camera = self._nodes['/ground'], self._client.camera
-        if is_first:
-            self._look(_VIEWS['From the south'])
-        elif node.scale != self._scale:
+        before, ground = self._mesh, self._ground_of(frame)
+        self._ground = ground
+        ground.fit(frame, frame.lava | is_shown)
+        if before is None or before.glb_data is not ground.mesh:
+            self._mesh = self._client.scene.add_glb('/ground', ground.mesh, scale=self._scale)
+        if before is None:
+            self._look('From the south')
+        elif before.scale != self._scale:
             # the camera rises with the ground
-            rise = np.subtract(self._scale, node.scale) * ground.middle[0]
-            camera.position, node.scale = camera.position + rise, self._scale
-        frame = ground.cut(whole)
+            rise = np.subtract(self._scale, before.scale) * ground.middle
+            self._client.camera.position = self._client.camera.position + rise
+            self._mesh.scale = self._scale
         title, facts = map(escape, self._frames.heading or titles(frame))
         last = self._frames.times[-1]
         so_far = '' if last is None else f' of {duration(last)} so far'
@@ -211,9 +184,10 @@ class Page:
         self.title.content = _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px')
         self._new_group('/lava')
         if self.particles.value:
-            self._draw_particles(ground, whole, self._frames.particles(index))
+            self._draw_particles(ground, frame, self._frames.particles(index))
         elif source:
-            self._draw_lava(ground, _maps(frame), source)
+            near = {name: values[ground.part] for name, values in maps.items()}
+            self._draw_lava(ground, near, source)
         self._draw_labels(ground, frame)
         if self._place is not None:
             self.values.content = _table(_values(ground, maps, self._place))
@@ -229,10 +203,10 @@ class Page:
         for colour, points, faces in ground.lava(colours, ground.blocks(deep)):
             self._client.scene.add_mesh_simple(
                 '/lava/{}_{}_{}'.format(*colour), points + LIFT, faces, color=colour[:3],
-                scale=self._scale, cast_shadow=False, side='double',
+                scale=self._scale, side='double',
             )
 
-    def _draw_particles(self, ground: Ground, whole: Frame, points: np.ndarray) -> None:
+    def _draw_particles(self, ground: Ground, frame: Frame, points: np.ndarray) -> None:
         if not len(points):
             self.legend.content = _box('No particles at this time.')
             return
@@ -241,8 +215,8 @@ class Page:
         scale = scale_of('temperature', celsius)
         self.legend.content = _legend('Particles', 'temperature', scale)
         z = ground.terrain.elevations_at(xy)
-        if 'thickness' in whole.layers:
-            thickness = whole.layers['thickness'].values
+        if 'thickness' in frame.layers:
+            thickness = frame.layers['thickness'].values
             z += np.nan_to_num(ground.terrain.values_at(thickness, xy))
         self._client.scene.add_point_cloud(
             '/lava/particles', ground.placed(xy, z) + LIFT,
@@ -253,6 +227,7 @@ class Page:
     def _draw_labels(self, ground: Ground, frame: Frame) -> None:
         labels = [*_vents(frame), *self._frames.places.items()][:MAX_LABELS]
         labels += [] if self._place is None else [('●', self._place.tolist())]
+        labels = [(text, place) for text, place in labels if ground.terrain.covers(*place)]
         ends = [pair for crest in barriers_of(frame) for pair in pairwise(crest.tolist())]
         # a label that is made again blinks
         wanted = (ground, labels, ends, self._scale)
@@ -261,32 +236,27 @@ class Page:
         self._labelled, scene = wanted, self._client.scene
         self._new_group('/labels')
         for number, (text, place) in enumerate(labels):
-            if ground.terrain.covers(*place):
-                position = ground.placed(np.array([place]))[0] * self._scale
-                scene.add_label(
-                    f'/labels/{number}', text, position=position, anchor='bottom-center'
-                )
+            at = ground.placed(np.array([place]))[0] * self._scale
+            scene.add_label(f'/labels/{number}', text, position=at, anchor='bottom-center')
         if ends:
             at = (ground.placed(np.reshape(ends, (-1, 2))) + 2.0 * LIFT).reshape(-1, 2, 3)
             look = {'colors': to_rgb(BARRIER['color']), 'line_width': 3.0}
             scene.add_line_segments('/labels/barriers', at, scale=self._scale, **look)
 
     def _click(self, event: Any) -> None:
-        if self._ground is None:
-            return
         ray = np.array([event.ray_origin, event.ray_direction]) / self._scale
-        place = self._ground.hit(*ray)
+        place = None if self._ground is None else self._ground.hit(*ray)
         if place is not None:
             self._place, self._drawn = place, ()
-            if self._control and self.opens.value:
+            if self.opens is not None and self.opens.value:
                 self._frames.open_vent(*place.tolist())
 
-    def _look(self, direction: tuple[float, float, float]) -> None:
-        """Show the ground around the lava from a direction."""
+    def _look(self, view: str) -> None:
+        """Show the ground around the lava from one of ``_VIEWS``."""
         if self._ground is not None:
-            middle, size = self._ground.middle
-            self._client.camera.position = middle * self._scale + 0.8 * size * np.array(direction)
-            self._client.camera.look_at = middle * self._scale
+            middle, size = self._ground.middle * self._scale, self._ground.extent
+            self._client.camera.position = middle + 0.8 * size * np.array(_VIEWS[view])
+            self._client.camera.look_at = middle
 
     @property
     def _scale(self) -> tuple[float, float, float]:
@@ -294,9 +264,8 @@ class Page:
 
     def _new_group(self, name: str) -> None:
         """Remove the nodes below a name, and create their parent again."""
-        if name in self._nodes:
-            self._nodes[name].remove()
-        self._nodes[name] = self._client.scene.add_frame(name, show_axes=False)
+        self._client.scene.remove_by_name(name)
+        self._client.scene.add_frame(name, show_axes=False)
 
 
 def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -> dict[str, str]:
@@ -308,12 +277,8 @@ def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -
     for source, (title, style) in SHOWN.items():
         if source in maps:
             value = float(ground.terrain.values_at(maps[source], place))
-            if not math.isfinite(value):
-                rows[title] = 'none'
-            elif style == 'arrival':
-                rows[title] = duration(value)
-            else:
-                rows[title] = f'{value:.4g} {STYLES[style].label}'
+            text = f'{value:.4g} {STYLES[style].label}' if math.isfinite(value) else 'none'
+            rows[title] = duration(value) if style == 'arrival' and text != 'none' else text
     return rows
 
 

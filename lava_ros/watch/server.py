@@ -7,12 +7,15 @@ Another site can let its name resolve to this machine (DNS rebinding). The reque
 then reach the server, but their ``Host`` is the name of the other site.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
+from functools import partial
 from http import HTTPStatus
 from io import StringIO
 import logging
+import math
 import socket
+import sys
 from threading import Event
 from typing import Any
 from urllib.parse import urlsplit
@@ -22,9 +25,12 @@ import viser
 from websockets.asyncio import server as websocket_server
 from websockets.datastructures import Headers
 
-from lava_ros.errors import LavaError
-from lava_ros.watch.frames import Frames
-from lava_ros.watch.page import Page
+from lava_ros.errors import LavaError, refusing
+from lava_ros.maps.frames import Frame
+from lava_ros.scene.on_terrain import PlacedPicture
+from lava_ros.watch.frames import Frames, Level
+from lava_ros.watch.page import ground_picture, Page
+from lava_ros.watch.surface import Ground
 
 #: The only address at which the server listens, and the names of it that requests may use.
 ADDRESS, HOSTS = '127.0.0.1', {'127.0.0.1', 'localhost', '::1'}
@@ -40,9 +46,11 @@ MAX_PAGES = 16
 LIMITS: dict[str, Any] = {'open_timeout': 10.0, 'max_size': 2**18, 'ping_timeout': 120.0}
 
 #: Headers of every answer: the page uses nothing from elsewhere, and no other page can frame it.
+#: Without data in connect-src, it does not prepare viser's picture of the sky, which lights
+#: nothing here and takes a second without a GPU.
 _HEADERS = {
     'Content-Security-Policy': "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
-    "form-action 'none'; frame-ancestors 'none'",
+    "connect-src 'self' blob:; form-action 'none'; frame-ancestors 'none'",
     'X-Content-Type-Options': 'nosniff',
 }
 
@@ -66,50 +74,65 @@ class Server:
         pages: The page of each browser, by number.
     """
 
-    def __init__(self, frames: Frames, port: int, **options: Any) -> None:
-        """Listen at a port; 0 selects a free one.
-
-        Args:
-            frames: The frames to show.
-            port: The port.
-            options: Keyword arguments of ``Page``.
+    def __init__(
+        self, frames: Frames, port: int, drape: PlacedPicture | None = None, control: bool = False
+    ) -> None:
+        """Listen at a port, 0 for a free one; ``drape`` covers the relief of the ground.
 
         Raises:
-            LavaError: The port is in use.
+            LavaError: If the port is taken.
         """
-        self._frames, self._options = frames, options
+        self._frames, self._drape, self._control = frames, drape, control
+        self._ground: Ground | None = None
+        self._tried = -1.0
         self.pages: dict[int, Page] = {}
-        # viser prints its own address, and would take the next free port
-        try:
+        with refusing('--port', port, 'a port that is free', OSError):
             listener = socket.create_server((ADDRESS, port))
-        except OSError as error:
-            raise LavaError('--port', port, f'a port that is free ({error})') from error
         self.port: int = listener.getsockname()[1]
         # a browser may leave while its page is drawn
         warnings.filterwarnings('ignore', 'Queued a .* on a closed connection')
-        with _guarded(listener), redirect_stdout(StringIO()):
-            self._server = viser.ViserServer(ADDRESS, self.port, verbose=False)
+        # a refused or malformed request is not an error of this program
+        logging.getLogger('lava_ros.watch.requests').disabled = True
+        serve = websocket_server.serve
+        websocket_server.serve = partial(_serve_own, serve, listener)
+        try:
+            with redirect_stdout(StringIO()):
+                self._server = viser.ViserServer(ADDRESS, self.port, verbose=False)
+        finally:
+            websocket_server.serve = serve
         # its light would change the colours of the legend
         self._server.scene.configure_environment_map(None)
+        self._server.scene.configure_default_lights(cast_shadow=False)
         for message in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
             self._server._websock_server.unregister_handler(message)
 
     def update(self) -> None:
         """Read new frames, and update the pages of the browsers that are there."""
         self._frames.poll()
-        clients = self._server.get_clients()
+        if self._frames.times and self._tried < self._frames.version:
+            # ready before the first browser has loaded its page, which reports any error
+            self._tried = self._frames.version
+            with suppress(LavaError):
+                frame = self._frames.frame(len(self._frames.times) - 1)
+                self._tried = math.inf
+                self._ground_of(frame).fit(frame, frame.lava)
         self.pages = {
-            number: self.pages.get(number) or Page(client, self._frames, **self._options)
-            for number, client in clients.items()
+            number: self.pages.get(number)
+            or Page(client, self._frames, self._ground_of, control=self._control)
+            for number, client in self._server.get_clients().items()
         }
         for page in self.pages.values():
             page.update()
 
-    def run(self, ended: Event, on_update: Callable[[], None]) -> None:
-        """Update the pages until an event, and call a function after each update."""
+    def run(self, ended: Event) -> None:
+        """Update the pages until an event, and report when their source fails or is back."""
+        was_bad = False
         while not ended.wait(TICK):
             self.update()
-            on_update()
+            level, words = self._frames.status
+            if was_bad != (level is Level.ERROR):
+                was_bad = not was_bad
+                print(f'lava watch: {words}', file=sys.stderr, flush=True)
         self.close()
 
     def close(self) -> None:
@@ -117,34 +140,29 @@ class Server:
         with redirect_stdout(StringIO()):
             self._server.stop()
 
+    def _ground_of(self, frame: Frame) -> Ground:
+        """Return the ground of a frame, which pages share."""
+        if self._ground is None or not self._ground.is_of(frame):
+            self._ground = Ground(frame, ground_picture(frame, self._drape))
+        return self._ground
 
-@contextmanager
-def _guarded(listener: socket.socket) -> Iterator[None]:
-    """Let viser serve at a socket, with limits, and only requests that are ``is_own``."""
-    serve = websocket_server.serve
-    log = logging.getLogger('lava_ros.watch.requests')
-    # a refused or malformed request is not an error of this program
-    log.disabled = True
 
-    def serve_own(
-        handler: Any, host: str, port: int, *, process_request: Callable[..., Any], **options: Any
-    ) -> Any:
-        def answer(connection: Any, request: Any) -> Any:
-            if not is_own(request.headers):
-                response = connection.respond(HTTPStatus.FORBIDDEN, 'not for this page\n')
-            elif len(connection.server.connections) >= MAX_PAGES:
-                response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, 'too many pages\n')
-            else:
-                response = process_request(connection, request)
-            if response is not None:
-                response.headers.update(_HEADERS)
-            return response
+def _serve_own(
+    serve: Any, listener: socket.socket, handler: Any, host: str, port: int, *,
+    process_request: Callable[..., Any], **options: Any,
+) -> Any:
+    """Serve at a socket, with limits, and only requests that are ``is_own``."""
 
-        options |= {'logger': log, **LIMITS}
-        return serve(handler, sock=listener, process_request=answer, **options)
+    def answer(connection: Any, request: Any) -> Any:
+        if not is_own(request.headers):
+            response = connection.respond(HTTPStatus.FORBIDDEN, 'not for this page\n')
+        elif len(connection.server.connections) >= MAX_PAGES:
+            response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, 'too many pages\n')
+        else:
+            response = process_request(connection, request)
+        if response is not None:
+            response.headers.update(_HEADERS)
+        return response
 
-    websocket_server.serve = serve_own
-    try:
-        yield
-    finally:
-        websocket_server.serve = serve
+    options |= {'logger': logging.getLogger('lava_ros.watch.requests'), **LIMITS}
+    return serve(handler, sock=listener, process_request=answer, **options)

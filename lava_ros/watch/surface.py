@@ -4,22 +4,21 @@
 """The ground and the lava as triangles, fine around the lava and coarse far from it."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from io import BytesIO
+import json
 import math
+import struct
 from typing import Any
 
 import numpy as np
 from PIL import Image
-from trimesh import Trimesh
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
 
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.plot import bounds_of
 from lava_ros.scene import Terrain
 
-#: Rows or columns of blocks along a side if there is no lava, and maximum number of corners.
-COARSE, MAX_CORNERS = 128, 250_000
+#: Rows or columns of large blocks along a side, and maximum number of corners of small ones.
+COARSE, MAX_CORNERS = 128, 200_000
 
 #: Length of the longer side of the ground in the view.
 SIDE = 10.0
@@ -29,7 +28,15 @@ MARGIN, MIN_MARGIN = 0.15, 16
 
 
 class Ground:
-    """The ground of a frame in the view: blocks of cells, which are small at the lava."""
+    """The ground of a frame in the view: blocks of cells, which are small at the lava.
+
+    Attributes:
+        terrain: The ground.
+        cell: Side of a cell in the view.
+        part: Slices of the rows and columns in small blocks.
+        middle, extent: Middle of the small blocks in the view, and their longer side there.
+        mesh: The blocks with a picture in binary glTF; a new object if the blocks change.
+    """
 
     def __init__(self, frame: Frame, picture: np.ndarray) -> None:
         """Initialize from a frame and the colours of its ground, uint8, shape [y, x, 3]."""
@@ -37,104 +44,78 @@ class Ground:
         self._elevation = frame.elevation
         self.cell = SIDE / max(self.terrain.shape)
         self._low, self._high = np.nanmin(frame.elevation), np.nanmax(frame.elevation)
-        self._picture = Image.fromarray(picture[::-1])
-        # trimesh then stores it as JPEG
-        self._picture.format = 'JPEG'
+        file = BytesIO()
+        Image.fromarray(picture[::-1]).save(file, 'JPEG', quality=90)
+        self._picture = file.getvalue()
         self._window = np.zeros((2, 2), dtype=int)
 
     def is_of(self, frame: Frame) -> bool:
         """Return True if a frame has the same ground."""
         own = (self.terrain.resolution, self.terrain.origin)
-        return (frame.resolution, frame.origin) == own and np.array_equal(
-            frame.elevation, self._elevation, equal_nan=True
+        return (frame.resolution, frame.origin) == own and (
+            frame.elevation is self._elevation
+            or np.array_equal(frame.elevation, self._elevation, equal_nan=True)
         )
 
-    def fit(self, frame: Frame, shown: np.ndarray) -> bool:
-        """Make the small blocks reach around cells and vents; return True if blocks have changed.
-
-        Args:
-            frame: A frame with the same ground.
-            shown: The cells, bool; with neither cells nor vents, small blocks cover the ground.
-        """
-        bounds = np.reshape(bounds_of(frame, shown), (2, 2)) - self.terrain.origin
-        sides = np.transpose([self.terrain.shape])
-        cells = np.floor(bounds / self.terrain.resolution).astype(int).T[::-1]
-        cells = np.clip(cells, 0, sides - 1) + np.array([0, 1])
+    def fit(self, frame: Frame, shown: np.ndarray) -> None:
+        """Make the small blocks reach around cells, bool, and vents; without any, everywhere."""
+        sides, size = np.transpose([self.terrain.shape]), self.terrain.resolution
+        bounds = (np.reshape(bounds_of(frame, shown), (2, 2)) - self.terrain.origin) / size
+        cells = np.clip(np.floor(bounds).astype(int).T[::-1], 0, sides - 1) + np.array([0, 1])
         if ((cells - self._window) * (1, -1) >= 0).all():
-            return False
-        margin = np.maximum(MARGIN * np.diff(cells), MIN_MARGIN).astype(int)
-        self._window, step = np.clip(cells + margin * np.array([-1, 1]), 0, sides), 1
-        while math.prod(map(len, edges := self._edges_with(step))) > MAX_CORNERS:
-            step += 1
-        self._edges, self._z = edges, _at_corners(self._elevation, *edges)
-        inside = [
-            (first <= item) & (item <= last)
-            for item, (first, last) in zip(edges, self._window, strict=True)
-        ]
-        self._small = [item[here] for item, here in zip(edges, inside, strict=True)]
-        self._small_z = self._z[np.ix_(*inside)]
-        return True
-
-    def _edges_with(self, step: int) -> list[np.ndarray]:
-        """Return the rows and the columns of edges with small blocks of so many cells a side."""
-        far = max(max(self.terrain.shape) // COARSE, step)
-        return [
-            np.unique([*range(0, a, far), *range(a, b, step), b, *range(b, count, far), count])
-            for (a, b), count in zip(self._window, self.terrain.shape, strict=True)
-        ]
-
-    def mesh(self) -> Trimesh:
-        """Return the ground with its picture."""
-        shown = np.ones(np.subtract(self._z.shape, 1), dtype=bool)
-        cells, points, faces = self._triangles(shown, self._edges, self._z)
-        # the picture has its own light and shade
-        material = PBRMaterial(
-            emissiveTexture=self._picture, emissiveFactor=[0.85, 0.85, 0.85],
-            baseColorFactor=[0, 0, 0, 255], metallicFactor=0.0, roughnessFactor=1.0,
-        )
-        visual = TextureVisuals(uv=(cells / self.terrain.shape)[:, ::-1], material=material)
-        return Trimesh(points, faces, visual=visual, process=False)
+            return
+        margin = np.maximum(MARGIN * np.diff(cells), MIN_MARGIN).astype(int) * (-1, 1)
+        far = max(max(self.terrain.shape) // COARSE, 1)
+        # small blocks end at an edge of large ones
+        self._window = np.clip((cells + margin + (0, far - 1)) // far * far, 0, sides)
+        large = [np.array([*range(0, side, far), side]) for side in self.terrain.shape]
+        ends = [np.searchsorted(*item) for item in zip(large, self._window, strict=True)]
+        for step in range(1, far + 1):
+            self._small = small = [
+                np.unique(np.minimum(item[a : b + 1, None] + np.arange(0, far, step), item[b]))
+                for item, (a, b) in zip(large, ends, strict=True)
+            ]
+            if math.prod(map(len, small)) <= MAX_CORNERS:
+                break
+        outer, inner = (_at_corners(self._elevation, *edges) for edges in (large, small))
+        is_large = np.ones(np.subtract(outer.shape, 1), dtype=bool)
+        is_large[tuple(slice(*item) for item in ends)] = False
+        for axis, lines in enumerate(ends):
+            # no gaps between small and large blocks
+            for side, line in zip((0, -1), lines, strict=True):
+                z = np.swapaxes(inner, 0, axis)[side]
+                new = np.interp(small[1 - axis], large[1 - axis], np.take(outer, line, axis))
+                z[:] = np.where(np.isfinite(new), new, z)
+        self._small_z, self.part = inner, tuple(slice(*item) for item in self._window)
+        self.middle = self.placed(self._positions(self._window.mean(axis=1))[None])[0]
+        self.extent = float(np.diff(self._window).max()) * self.cell
+        points, faces = self._triangles(is_large, large, outer)
+        is_small = np.ones(np.subtract(inner.shape, 1), dtype=bool)
+        near, more = self._triangles(is_small, small, inner)
+        points, faces = np.concatenate([points, near]), np.concatenate([faces, more + len(points)])
+        # a picture begins in the north-west
+        places = points[:, :2] / (self.cell * np.array(self.terrain.shape[::-1])) * (1, -1) + 0.5
+        self.mesh = _gltf(points, places, faces, self._picture)
 
     def blocks(self, values: np.ndarray) -> np.ndarray:
-        """Reduce values of the cells that ``cut`` leaves to the largest of each small block."""
+        """Reduce values of the cells of ``part`` to the largest of each small block."""
         rows, columns = (edges[:-1] - edges[0] for edges in self._small)
         return np.asarray(np.fmax.reduceat(np.fmax.reduceat(values, rows), columns, axis=1))
 
     def lava(
         self, colours: np.ndarray, thickness: np.ndarray
     ) -> Iterator[tuple[tuple[int, ...], np.ndarray, np.ndarray]]:
-        """Yield the surface of the small blocks with each colour.
+        """Yield RGBA, points in the view and triangles of the small blocks with each colour.
 
         Args:
             colours: RGBA of the blocks, uint8, shape [y, x, 4]; 0 for those not shown.
             thickness: Thickness of the lava on the blocks [m], NaN for none.
-
-        Yields:
-            RGBA, points in the view [points, 3], and the points of triangles [triangles, 3].
         """
         depth = _at_corners(thickness, *map(np.arange, self._small_z.shape))
         z, codes = self._small_z + np.nan_to_num(depth), colours.view(np.uint32)[..., 0]
         for code in np.unique(codes[codes > 0]):
-            points, faces = self._triangles(codes == code, self._small, z)[1:]
-            yield tuple(code[None].view(np.uint8).tolist()), points, faces
-
-    def cut(self, frame: Frame) -> Frame:
-        """Return the part of a frame in small blocks."""
-        part = tuple(slice(*ends) for ends in self._window.tolist())
-        layers = {
-            key: replace(item, values=item.values[part]) for key, item in frame.layers.items()
-        }
-        return replace(
-            frame, elevation=frame.elevation[part], layers=layers,
-            origin=tuple(self._positions(self._window[:, 0]).tolist()),
-            arrived=None if frame.arrived is None else frame.arrived[part],
-        )
-
-    @property
-    def middle(self) -> tuple[np.ndarray, float]:
-        """Middle of the small blocks in the view, and their extent there."""
-        place = self._positions(self._window.mean(axis=1))
-        return self.placed(place[None])[0], float(np.diff(self._window).max()) * self.cell
+            colour = tuple(code[None].view(np.uint8).tolist())
+            yield colour, *self._triangles(codes == code, self._small, z)
 
     def placed(self, places: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
         """Return map positions [m] in the view, float32, [points, 3]; None: on the ground."""
@@ -160,8 +141,8 @@ class Ground:
 
     def _triangles(
         self, shown: np.ndarray, edges: Sequence[np.ndarray], z: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows and columns of the corners of blocks, their points, and the triangles."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points of the corners of blocks, and the points of two triangles a block."""
         row, column = np.divmod(np.flatnonzero(shown), shown.shape[1])
         first = row * z.shape[1] + column
         above = first + z.shape[1]
@@ -171,8 +152,7 @@ class Ground:
         is_used[faces] = True
         row, column = np.divmod(np.flatnonzero(is_used), z.shape[1])
         cells = np.stack([edges[0][row], edges[1][column]], axis=-1)
-        points = self.placed(self._positions(cells), z[row, column])
-        return cells, points, (np.cumsum(is_used) - 1)[faces]
+        return self.placed(self._positions(cells), z[row, column]), (np.cumsum(is_used) - 1)[faces]
 
 
 def _at_corners(values: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Any:
@@ -180,3 +160,35 @@ def _at_corners(values: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> An
     padded = np.pad(values, 1, constant_values=np.nan)
     around = [padded[np.ix_(rows + i, columns + j)] for i in (0, 1) for j in (0, 1)]
     return np.ma.masked_invalid(around).mean(axis=0).filled(np.nan)
+
+
+def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: bytes) -> bytes:
+    """Return binary glTF of triangles with a JPEG; trimesh would take half a second to load."""
+    arrays = [points.astype('<f4'), places.astype('<f4'), faces.astype('<u4').ravel()]
+    kinds = [('VEC3', 5126), ('VEC2', 5126), ('SCALAR', 5125)]
+    parts = [*(item.tobytes() for item in arrays), picture + bytes(-len(picture) % 4)]
+    starts = np.cumsum([0, *map(len, parts)]).tolist()
+    accessors: list[dict[str, Any]] = [
+        {'bufferView': number, 'type': kind, 'componentType': code, 'count': len(item)}
+        for number, ((kind, code), item) in enumerate(zip(kinds, arrays, strict=True))
+    ]
+    accessors[0] |= {'min': points.min(axis=0).tolist(), 'max': points.max(axis=0).tolist()}
+    attributes = {'POSITION': 0, 'TEXCOORD_0': 1}
+    colour = {'baseColorTexture': {'index': 0}, 'baseColorFactor': [0.85, 0.85, 0.85, 1.0]}
+    # the picture has its own light and shade
+    unlit: dict[str, Any] = {'KHR_materials_unlit': {}}
+    content = {
+        'asset': {'version': '2.0'}, 'extensionsUsed': [*unlit], 'scene': 0,
+        'scenes': [{'nodes': [0]}], 'nodes': [{'mesh': 0}], 'accessors': accessors,
+        'meshes': [{'primitives': [{'attributes': attributes, 'indices': 2, 'material': 0}]}],
+        'materials': [{'pbrMetallicRoughness': colour, 'extensions': unlit}],
+        'textures': [{'source': 0}], 'images': [{'bufferView': 3, 'mimeType': 'image/jpeg'}],
+        'buffers': [{'byteLength': starts[-1]}], 'bufferViews': [
+            {'buffer': 0, 'byteOffset': start, 'byteLength': len(part)}
+            for start, part in zip(starts[:-1], parts, strict=True)
+        ],
+    }
+    text = json.dumps(content).encode()
+    text += b' ' * (-len(text) % 4)
+    head = struct.pack('<4s4I', b'glTF', 2, 28 + len(text) + starts[-1], len(text), 0x4E4F534A)
+    return b''.join([head, text, struct.pack('<2I', starts[-1], 0x004E4942), *parts])

@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 from http.client import HTTPConnection
+from io import BytesIO
 import socket
 import sys
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from rasterio.transform import from_bounds
 from rasterio.warp import transform_bounds
 
 pytest.importorskip('viser')
+import trimesh
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -25,16 +27,15 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import ARRIVED, PROBABILITY
 from lava_ros.maps.sheet import Panel
+from lava_ros.scene.on_terrain import read_placed_picture
 from lava_ros.watch import server as server_module
 from lava_ros.watch import surface
-from lava_ros.watch.frames import BagFrames, EnsembleFrames, Level, watched_layers
-from lava_ros.watch.page import draped, relief, SHOWN
+from lava_ros.watch.frames import BagFrames, ensemble_frames, Level, Status, watched_layers
+from lava_ros.watch.page import ground_picture, SHOWN
 from lava_ros.watch.surface import Ground, SIDE
 from recording import growing, record, TERRAIN
 from small_checkpoint import small_checkpoint
 from watch_page import Growing, served, Visitor
-
-MIDDLE = (50.0, 95.0)
 
 PROBABLE = SHOWN[PROBABILITY][0]
 
@@ -134,18 +135,16 @@ def test_refuses_malformed_requests(server, sent):
     assert not answer or answer.split()[1] in (b'400', b'403', b'405', b'414', b'431', b'500')
 
 
-def test_closes_slow_requests_and_huge_messages(frames, monkeypatch):
+def test_closes_slow_requests_and_huge_messages(server, frames, monkeypatch):
+    visitor = Visitor(server)
+    visitor.socket.send(b'x' * (server_module.LIMITS['max_size'] + 1))
+    with pytest.raises(ConnectionClosed):
+        while True:
+            visitor.socket.recv(timeout=60.0)
+    visitor.wait(lambda: not visitor.pages)
     monkeypatch.setitem(server_module.LIMITS, 'open_timeout', 0.2)
-    with served(frames) as server:
-        assert _exchange(server.port, b'GET / HTT') == b''
-    monkeypatch.setitem(server_module.LIMITS, 'open_timeout', 60.0)
-    with served(frames) as server:
-        visitor = Visitor(server)
-        visitor.socket.send(b'x' * (server_module.LIMITS['max_size'] + 1))
-        with pytest.raises(ConnectionClosed):
-            while True:
-                visitor.socket.recv(timeout=60.0)
-        visitor.wait(lambda: not visitor.pages)
+    with served(frames) as other:
+        assert _exchange(other.port, b'GET / HTT') == b''
 
 
 def test_limits_the_number_of_pages(frames, monkeypatch):
@@ -159,6 +158,17 @@ def test_limits_the_number_of_pages(frames, monkeypatch):
 def test_a_port_that_is_taken_is_named(frames, server):
     with pytest.raises(LavaError, match=f'--port is {server.port}'), served(frames) as other:
         type(other)(frames, server.port)
+
+
+def test_reports_when_the_source_fails_and_is_back(frames, capsys):
+    levels = iter([Level.WARN, Level.ERROR, Level.ERROR, Level.OK])
+
+    def has_ended(time):
+        frames._status = Status(next(levels, None), 'words')
+        return frames._status.level is None
+
+    server_module.Server(frames, 0).run(SimpleNamespace(wait=has_ended))
+    assert capsys.readouterr().err == 'lava watch: words\n' * 2
 
 
 def test_follows_new_frames_only_at_the_end(visitor, page, frames):
@@ -198,33 +208,30 @@ def test_offers_the_maps_that_there_are(visitor, page, frames):
     visitor.wait(lambda: not drawn(page, '/lava/'))
 
 
-def test_a_click_shows_values_and_opens_a_vent(visitor, page, frames):
-    def click(x):
-        visitor.say(
-            'ScenePointerMessage', event_type='click', ray_origin=(x, 0.0, 5.0),
-            ray_direction=(0.0, 0.0, -1.0), screen_pos=((0.5, 0.5),), modifier=None,
-        )
+@pytest.mark.parametrize('control', [True, False])
+def test_a_click_shows_values_and_opens_a_vent_with_control(frames, control):
+    with served(frames, control=control) as server:
+        visitor = Visitor(server)
+        page = visitor.pages[0]
+        visitor.wait(lambda: page.title.content)
 
-    click(-4.9)
-    visitor.wait(lambda: frames.commands)
-    (x, y), = frames.commands
-    assert x == pytest.approx(MIDDLE[0] - 4.9 * 200.0 / SIDE) and y == MIDDLE[1]
-    assert '<td>Lava thickness</td><td>3.26 m</td>' in page.values.content
-    visitor.press(page.opens, False)
-    click(4.0)
-    visitor.wait(lambda: '<td>Lava thickness</td><td>none</td>' in page.values.content)
-    click(400.0)
-    visitor.wait(lambda: not page._asked)
-    assert len(frames.commands) == 1
+        def click(x):
+            visitor.say(
+                'ScenePointerMessage', event_type='click', ray_origin=(x, 0.0, 5.0),
+                ray_direction=(0.0, 0.0, -1.0), screen_pos=((0.5, 0.5),), modifier=None,
+            )
 
-
-def test_does_not_command_without_control(server, tmp_path):
-    visitor = Visitor(server)
-    visitor.wait(lambda: visitor.pages[-1].title.content)
-    assert not hasattr(visitor.pages[-1], 'opens')
-    visitor.pages[-1]._click(type('', (), {'ray_origin': (0, 0, 5), 'ray_direction': (0, 0, -1)}))
-    assert visitor.pages[-1]._place is not None and server._frames.commands == []
-    visitor.socket.close()
+        click(-4.9)
+        visitor.wait(lambda: '<td>Lava thickness</td><td>3.26 m</td>' in page.values.content)
+        assert frames.commands == [(pytest.approx(50.0 - 4.9 * 200.0 / SIDE), 95.0)][:control]
+        assert (page.opens is not None) == control
+        if control:
+            visitor.press(page.opens, False)
+        click(4.0)
+        visitor.wait(lambda: '<td>Lava thickness</td><td>none</td>' in page.values.content)
+        click(400.0)
+        visitor.wait(lambda: not page._asked)
+        assert len(frames.commands) == control
 
 
 def test_untrusted_texts_are_escaped(page):
@@ -249,16 +256,30 @@ def test_the_camera_rises_with_the_ground(visitor, page):
     before = page._client.camera.position.copy()
     visitor.press(page.stretch, 3.0)
     visitor.wait(lambda: drawn(page)['/ground'].scale == (1.0, 1.0, 3.0))
-    rise = page._ground.middle[0] * (0.0, 0.0, 2.0)
+    rise = page._ground.middle * (0.0, 0.0, 2.0)
     assert rise[2] > 0.1
     np.testing.assert_allclose(page._client.camera.position, before + rise)
 
 
+def test_pages_share_the_ground_until_it_changes(visitor, page, frames):
+    Visitor(visitor._server)
+    visitor.wait(lambda: all(item.title.content for item in visitor.pages))
+    before = page._ground
+    assert {item._ground for item in visitor.pages} == {before}
+    frames._frames[3] = replace(frames.frame(3), elevation=2.0 * frames.frame(3).elevation)
+    frames.version += 1
+    visitor.wait(lambda: all(item._ground is not before for item in visitor.pages))
+    shown = {drawn(item)['/ground'].glb_data for item in visitor.pages}
+    assert shown == {page._ground.mesh} != {before.mesh}
+
+
 def test_lava_lies_on_the_ground_where_its_cells_are(frames):
     frame = frames.frame(3)
-    ground, thickness = Ground(frame, relief(frame)), frame.layers['thickness'].values
-    assert ground.fit(frame, frame.lava) and not ground.fit(frame, frame.lava)
-    blocks = ground.blocks(ground.cut(frame).layers['thickness'].values)
+    ground, thickness = Ground(frame, ground_picture(frame)), frame.layers['thickness'].values
+    ground.fit(frame, frame.lava)
+    mesh, blocks = ground.mesh, ground.blocks(thickness[ground.part])
+    ground.fit(frame, frame.lava)
+    assert ground.mesh is mesh
     colours = np.where(np.isfinite(blocks)[..., None], [1, 2, 3, 255], 0).astype(np.uint8)
     (colour, points, faces), = ground.lava(colours, blocks)
     assert colour == (1, 2, 3, 255)
@@ -273,61 +294,64 @@ def test_lava_lies_on_the_ground_where_its_cells_are(frames):
 
 
 def test_a_large_ground_is_sent_coarse_away_from_the_lava(frames, monkeypatch):
-    frame = frames.frame(3)
+    rough = np.random.default_rng(1).uniform(0.0, 50.0, TERRAIN.shape).astype(np.float32)
+    frame = replace(frames.frame(3), elevation=rough)
     monkeypatch.setattr(surface, 'MIN_MARGIN', 1)
+    north_is_white = np.where(np.arange(30) < 15, 0, 255).astype(np.uint8)
     sizes = []
-    for most, coarse in ((10**6, 10**6), (10**6, 10), (200, 10)):
+    for most, coarse in ((10**6, 10**6), (10**6, 10), (60, 10)):
         monkeypatch.setattr(surface, 'MAX_CORNERS', most)
         monkeypatch.setattr(surface, 'COARSE', coarse)
-        ground = Ground(frame, relief(frame))
+        ground = Ground(frame, np.tile(north_is_white[:, None, None], (1, 40, 3)))
         ground.fit(frame, frame.lava)
-        mesh = ground.mesh()
-        np.testing.assert_allclose(np.ptp(mesh.vertices[:, :2], axis=0), [SIDE, 0.75 * SIDE])
+        mesh = trimesh.load(BytesIO(ground.mesh), 'glb', force='mesh', process=False)
+        np.testing.assert_allclose(mesh.extents[:2], [SIDE, 0.75 * SIDE], rtol=1e-6)
+        # neither gaps nor overlaps
+        flat = mesh.vertices * (1.0, 1.0, 0.0)
+        np.testing.assert_allclose(trimesh.Trimesh(flat, mesh.faces).area, 0.75 * SIDE**2)
         sizes.append(len(mesh.vertices))
-    assert sizes[0] == 31 * 41 - 6 > sizes[1] > sizes[2]
+        columns, z = ground._small[1], ground._small_z[-1]
+        corners = np.isin(columns, [*range(0, 40, max(40 // coarse, 1)), 40])
+        np.testing.assert_allclose(z, np.interp(columns, columns[corners], z[corners]))
+        # a texture begins at the top, its coordinates in trimesh at the bottom
+        image, is_north = mesh.visual.material.baseColorTexture, mesh.vertices[:, 1] > 0.1
+        assert image.getpixel((20, 0)) > (250,) * 3 and image.getpixel((20, 29)) < (5,) * 3
+        assert (mesh.visual.uv[is_north, 1] > 0.5).all()
+    assert sizes[0] >= 31 * 41 > sizes[1] > sizes[2]
 
 
-def test_drapes_a_picture_with_north_at_the_top(frames, tmp_path):
-    picture = np.zeros((20, 40, 3), np.uint8)
-    picture[:10] = 255
-    Image.fromarray(picture).save(tmp_path / 'north.png')
-    frame = frames.frame(3)
-    ground = Ground(frame, draped(str(tmp_path / 'north.png'))(frame))
-    ground.fit(frame, frame.lava)
-    mesh = ground.mesh()
-    image = np.asarray(mesh.visual.material.emissiveTexture)
-    # a texture begins at the top, its coordinates at the bottom
-    is_north = mesh.vertices[:, 1] > 0.5
-    assert (image[0] == 255).all() and (mesh.visual.uv[is_north, 1] > 0.5).all()
-    Image.new('I;16', (20, 30)).save(tmp_path / 'deep.png')
-    (tmp_path / 'deep.pgw').write_text('5\n0\n0\n-5\n2.5\n147.5\n')
-    for name in ('none.png', 'deep.png'):
-        with pytest.raises(LavaError, match=f'--drape is .*{name}'):
-            draped(str(tmp_path / name))
-
-
-@pytest.mark.parametrize('kind', ['other system', 'world file'])
-def test_drapes_a_georeferenced_picture(frames, tmp_path, kind):
-    """The west of the terrain is red; the rest keeps its relief."""
+@pytest.mark.parametrize('kind', ['whole terrain', 'world file', 'other system'])
+def test_drapes_a_picture_with_north_at_the_top(frames, tmp_path, kind):
+    """A georeferenced picture covers the west; the rest keeps its relief."""
     frame, (west, south) = frames.frame(3), TERRAIN.corner
+    red, blue, path = (200, 40, 10), (0, 0, 255), tmp_path / 'picture.png'
+    picture = np.repeat(np.array([[red]] * 15 + [[blue]] * 15, np.uint8), 20, axis=1)
+    Image.fromarray(picture).quantize(2).save(path)
     if kind == 'world file':
-        path = tmp_path / 'west.png'
-        picture = Image.new('P', (20, 30))
-        picture.putpalette([200, 40, 10])
-        picture.save(path)
-        (tmp_path / 'west.pgw').write_text(f'5\n0\n0\n-5\n{west + 2.5}\n{south + 147.5}\n')
-    else:
-        path = tmp_path / 'west.tif'
-        bounds = west - 1000.0, south - 1000.0, west + 100.0, south + 1000.0
-        place = from_bounds(*transform_bounds('EPSG:32633', 'EPSG:4326', *bounds), 110, 200)
-        options = {'width': 110, 'height': 200, 'count': 3, 'dtype': 'uint8', 'transform': place}
+        path.with_suffix('.pgw').write_text(f'5\n0\n0\n-5\n{west + 2.5}\n{south + 147.5}\n')
+    if kind == 'other system':
+        path = tmp_path / 'picture.tif'
+        bounds = west, south, west + 100.0, south + 150.0
+        place = from_bounds(*transform_bounds('EPSG:32633', 'EPSG:4326', *bounds), 20, 30)
+        options = {'width': 20, 'height': 30, 'count': 3, 'dtype': 'uint8', 'transform': place}
         with rasterio.open(path, 'w', crs='EPSG:4326', **options) as file:
-            file.write(np.full((3, 200, 110), np.reshape([200, 40, 10], (3, 1, 1))))
-    colours = draped(str(path))(frame)
+            file.write(np.moveaxis(picture, -1, 0))
+    colours = ground_picture(frame, read_placed_picture(str(path), field='--drape'))
     # the pixels are smaller than the cells
     assert colours.shape == (1200, 1600, 3)
-    assert (colours[80:-80, 80:720] == (200, 40, 10)).all()
-    np.testing.assert_allclose(colours[20::40, 900::40], relief(frame)[:, 22:], atol=8)
+    assert (colours[680:1120, 80:720] == red).all() and (colours[80:520, 80:720] == blue).all()
+    if kind == 'whole terrain':
+        assert (colours[680:1120, 880:1520] == red).all()
+    else:
+        relief = ground_picture(frame)[:, 22:]
+        np.testing.assert_allclose(colours[20::40, 900::40], relief, atol=8)
+
+
+def test_a_picture_that_cannot_be_read_is_named(tmp_path):
+    Image.new('I;16', (20, 30)).save(tmp_path / 'deep.png')
+    for name in ('none.png', 'deep.png'):
+        with pytest.raises(LavaError, match=f'--drape is .*{name}'):
+            read_placed_picture(str(tmp_path / name), field='--drape')
 
 
 def test_a_bag_that_grows(tmp_path, monkeypatch):
@@ -357,6 +381,9 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     for source_name, item in expected.layers.items():
         np.testing.assert_array_equal(seen.layers[source_name].values, item.values)
     np.testing.assert_array_equal(seen.elevation, TERRAIN.elevation.astype(np.float32))
+    path.unlink()
+    frames.poll()
+    assert frames.status.level is Level.WARN
 
 
 def test_a_bag_without_maps_waits(tmp_path):
@@ -375,8 +402,7 @@ def test_an_ensemble_is_one_frame(frames, monkeypatch):
     panels = {PROBABILITY: Panel(frame, 'probability', values, '')}
     run = SimpleNamespace(panels=panels, title='3 runs', summary='all', facts={'runs': '3'})
     monkeypatch.setattr('lava_ros.watch.frames.read_run', lambda path: run)
-    ensemble = EnsembleFrames('folder')
-    with served(ensemble) as server:
+    with served(ensemble_frames('folder')) as server:
         visitor = Visitor(server)
         visitor.wait(lambda: '<td>runs</td><td>3</td>' in visitor.pages[0].facts.content)
         assert '<b>3 runs</b><br>all' in visitor.pages[0].title.content
