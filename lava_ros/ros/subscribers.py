@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
+import math
 import threading
 import time
 import traceback
@@ -39,6 +40,9 @@ PAIRING_PERIOD = 0.1
 
 #: Maximum difference between the clocks of two machines [s].
 CLOCK_TOLERANCE = 1.0
+
+#: Minimum wall time between two searches of the graph for other publishers [s].
+RIVALS_PERIOD = 1.0
 
 #: Time after which an unchanged error of a topic is logged again [s].
 LOG_INTERVAL = 60.0
@@ -217,7 +221,7 @@ class InputSubscribers:
             take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
-        self._replaced, self._rivals = (list(terrains), ['vents']), ''
+        self._replaced, self._rivals, self._looked = (list(terrains), ['vents']), '', -math.inf
         commands: dict[str, tuple[Any, Callable[[Any], None]]] = {
             'vents': (PointCloud2, self._on_vents),
         }
@@ -238,10 +242,13 @@ class InputSubscribers:
 
     def status(self) -> DiagnosticStatus:
         """Return the status of the inputs; warn of nodes that publish what they must not."""
-        known, given = self._rivals, map(self._find_rivals, self._replaced)
-        self._rivals = '; '.join(filter(None, (*given, self._find_imitators())))
-        if self._rivals not in ('', known):
-            self._logger.warning(self._rivals)
+        now = time.monotonic()
+        if now - self._looked >= RIVALS_PERIOD:
+            known, given = self._rivals, map(self._find_rivals, self._replaced)
+            self._rivals = '; '.join(filter(None, (*given, self._find_imitators())))
+            self._looked = now
+            if self._rivals not in ('', known):
+                self._logger.warning(self._rivals)
         return self.log.status(self._rivals)
 
     def _find_rivals(self, topics: Sequence[str]) -> str:

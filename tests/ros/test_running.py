@@ -14,6 +14,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
+from lava_ros.ros import subscribers
 from ros.graph_publisher import elevation
 
 #: Layers that are off by default.
@@ -262,7 +263,8 @@ def test_accuracy_and_material_apply_at_the_next_reset(paused):
         ('lava', ['hazard'], 'killed up to 20 s ago) also publishes /hazard'),
     ],
 )
-def test_nodes_that_publish_the_same_are_reported(paused, name, topics, warning):
+def test_nodes_that_publish_the_same_are_reported(paused, monkeypatch, name, topics, warning):
+    monkeypatch.setattr(subscribers, 'RIVALS_PERIOD', 0.0)
     kinds = {
         'clicked_point': PointStamped, 'terrain_info': MapMetaData, 'terrain': Image,
         'vents': PointCloud2, '/diagnostics': DiagnosticArray,
