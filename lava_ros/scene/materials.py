@@ -65,7 +65,9 @@ class Material:
         overrides = validation.keys('lava', overrides, allowed=names)
         # constants of an effect that was deleted have no field
         values = {name: item.value for name, item in self.constants.items() if name in names}
-        return Lava(**{**values, **overrides})
+        # laws that need no reference temperature leave it to vents without a temperature
+        usual = {'reference_temperature': self.vent_temperature.value}
+        return Lava(**{**usual, **values, **overrides})
 
 
 @cache

@@ -309,8 +309,8 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
     Raises:
         LavaError: If a field is not valid.
     """
-    lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
-    hot = float(material.vent_temperature.value)
+    lava, _ = lava_from_dict('scene.lava', data.get('lava', {}))
+    hot = lava.reference_temperature
     scene = Scene(
         terrain=terrain,
         vents=vents_from_list(data.get('vents', []), terrain, temperature=hot),

@@ -306,6 +306,7 @@ def test_material_flows_at_its_vent_and_has_references(name):
     temperature = float(material.vent_temperature.value)
     assert lava.solidus < temperature
     assert 1.0 < lava.viscosity_at(temperature) < 1e6
+    assert Scene(flat(), [replace(COLD, temperature=None)], lava).vents[0].temperature == temperature
     for constant in (material.vent_temperature, *material.constants.values()):
         assert len(constant.source) > 30
         if constant.range is not None:
@@ -366,4 +367,6 @@ def test_scene_without_lava_has_the_default_material():
     assert scene.vents == written.vents
     assert scene.vents[0].temperature == material_named(DEFAULT).vent_temperature.value
     hotter = Scene(terrain, (Vent((50.0, 50.0), 1.0),), Lava(reference_temperature=1400.0))
-    assert hotter.vents[0].temperature == 1400.0
+    data = {'vents': [{'position': [50, 50], 'discharge': 1}]}
+    written = scene_from_dict({**data, 'lava': {'reference_temperature': 1400.0}}, terrain)
+    assert hotter.vents[0].temperature == written.vents[0].temperature == 1400.0
