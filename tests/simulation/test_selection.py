@@ -89,15 +89,6 @@ def test_spacing_resolves_lava_that_has_hardly_left_its_vent(viscosity):
         assert 10.0 * horizon / (found.spacing**2 * found.thickness) > 0.75 * ACROSS**2
 
 
-def test_solid_lava_is_no_stiffer_than_at_its_solidus():
-    cold = replace(LAVA, arrhenius=0.04, emissivity=0.9, viscosity=1e8, solidus=1300.0)
-    found = [
-        course_of(replace(scene(ground(5.0), 1.0), lava=lava), horizon=HOUR)
-        for lava in (cold, replace(cold, emissivity=0.0, viscosity=cold.viscosity_at(1300.0)))
-    ]
-    assert found[0].thickness <= 1.01 * found[1].thickness
-
-
 @pytest.mark.parametrize(
     ('viscosity', 'discharge', 'phrases'),
     [
