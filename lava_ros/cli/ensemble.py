@@ -340,8 +340,8 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         )
-        expected = resolution_of(plan.scene, plan.accuracy, horizon=plan.horizon)
-        for text in expected.warnings(plan.threshold):
+        resolution = resolution_of(plan.scene, plan.accuracy, horizon=plan.horizon)
+        for text in resolution.warnings(plan.threshold):
             print(f'lava ensemble: {text}', file=sys.stderr)
         return plan, None
     options = (

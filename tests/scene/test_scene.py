@@ -306,7 +306,8 @@ def test_material_flows_at_its_vent_and_has_references(name):
     temperature = float(material.vent_temperature.value)
     assert lava.solidus < temperature
     assert 1.0 < lava.viscosity_at(temperature) < 1e6
-    assert Scene(flat(), [replace(COLD, temperature=None)], lava).vents[0].temperature == temperature
+    (vent,) = Scene(flat(), [replace(COLD, temperature=None)], lava).vents
+    assert vent.temperature == temperature
     for constant in (material.vent_temperature, *material.constants.values()):
         assert len(constant.source) > 30
         if constant.range is not None:
