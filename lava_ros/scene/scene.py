@@ -89,9 +89,12 @@ class Scene:
             raise LavaError(name, value, 'absent: lava.yield_strength is 0')
         for index, vent in enumerate(self.vents):
             self._check_temperature(f'vents[{index}]', vent.temperature)
-        for index, flow in enumerate(self.emplaced_flows):
-            if flow.temperature is not None:
-                self._check_temperature(f'emplaced_flows[{index}]', flow.temperature)
+        flows, hot = list(self.emplaced_flows), self.lava.reference_temperature
+        for index, flow in enumerate(flows):
+            temperature = hot if flow.temperature is None else flow.temperature
+            self._check_temperature(f'emplaced_flows[{index}]', temperature)
+            flows[index] = replace(flow, temperature=temperature)
+        object.__setattr__(self, 'emplaced_flows', tuple(flows))
         for index, event in enumerate(self.events):
             least = self.events[index - 1].time if index else 0.0
             validation.number(f'events[{index}].time', event.time, at_least=least, unit='s')
@@ -310,16 +313,12 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
         LavaError: If a field is not valid.
     """
     lava, _ = lava_from_dict('scene.lava', data.get('lava', {}))
-    hot = lava.reference_temperature
     scene = Scene(
         terrain=terrain,
-        vents=vents_from_list(data.get('vents', []), terrain, temperature=hot),
+        vents=vents_from_list(data.get('vents', []), terrain),
         lava=lava,
         uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
-        emplaced_flows=tuple(
-            replace(flow, temperature=flow.temperature or hot)
-            for flow in data.get('emplaced_flows', ())
-        ),
+        emplaced_flows=tuple(data.get('emplaced_flows', ())),
         events=tuple(data.get('events', ())),
         **{name: data[name] for name in ENVIRONMENT if name in data},
     )
