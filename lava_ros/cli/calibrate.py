@@ -15,15 +15,19 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
     from lava_ros.hindcast.calibration import CrossValidation, Finding, ParameterSample
     from lava_ros.hindcast.case import Case
+    from lava_ros.hindcast.run import Settings
 
 #: Files of a calibration in its folder.
 TABLE, CALIBRATION, INTERVALS = 'runs.csv', 'calibration.json', 'posterior.csv'
+
+#: File with the settings of the runs in the table.
+SETTINGS = 'settings.json'
 
 
 @command(
@@ -97,9 +101,13 @@ def calibrate(args: argparse.Namespace) -> int:
     settings = Settings(args.preset, args.spacing, args.device)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
+    present = {item.name for item in output.iterdir()}
+    if present and not {TABLE, SETTINGS} & present:
+        raise LavaError('--output', str(output), 'a folder that is new, empty or of a calibration')
     file_to_write('--output', table)
     results = [name for case in cases for name in result_names(case)]
     known = [] if args.fresh else read_samples(table, parameters, results)
+    _keep_settings(args, cases, settings, output, has_runs=bool(known))
     others = {
         numbers['directions'] for sample in known for numbers in sample.numbers.values()
     } - {directions}
@@ -162,6 +170,31 @@ def calibrate(args: argparse.Namespace) -> int:
     for path in (table, output / CALIBRATION, output / INTERVALS):
         print(f'written to {path}')
     return 0
+
+
+def _keep_settings(
+    args: argparse.Namespace, cases: Sequence[Case], settings: Settings, output: Path,
+    *, has_runs: bool,
+) -> None:
+    """Write the settings of the runs; raise LavaError if earlier runs have others."""
+    from lava_ros.files.yaml import parse_json
+    from lava_ros.hindcast.run import identity_of
+
+    path = output / SETTINGS
+    plain: dict[str, Any] = {
+        **{f'--{name}': getattr(args, name.replace('-', '_'))
+           for name in ('preset', 'spacing', 'low-pass', 'material')},
+        **{f'case {case.name}': identity_of(case, settings) for case in cases},
+    }
+    if has_runs:
+        with refusing('--output', str(path), 'the settings of its runs, or --fresh', OSError):
+            earlier = parse_json(SETTINGS, path.read_text(encoding='utf-8'))
+        for name, value in plain.items():
+            if earlier.get(name) != value:
+                shown = 'with other content' if name.startswith('case') else value
+                expected = f'as it was for the runs in {output / TABLE}, or --fresh'
+                raise LavaError(name, shown, expected)
+    write_json(plain, path)
 
 
 def _interval(item: Finding) -> dict[str, Any]:
@@ -243,7 +276,7 @@ def _names(cases: Sequence[Case]) -> list[str]:
     names = [case.name for case in cases]
     if len(set(names)) < len(names):
         raise LavaError('CASE_DIR', ' '.join(names), 'folders with different names')
-    materials = sorted({case.material.name for case in cases if case.material})
+    materials = sorted({case.material.name for case in cases})
     if len(materials) > 1:
         raise LavaError('CASE_DIR', ' '.join(materials), 'cases of one material, or --material')
     return names

@@ -4,7 +4,7 @@
 """Output of commands: progress, tables, JSON, and text without control characters."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import json
 import os
 from pathlib import Path
@@ -23,18 +23,21 @@ _SHOW_EVERY = 0.2
 
 
 class Printable:
-    """A text stream that shows control characters instead of writing them to ``raw``.
+    """A text stream that escapes what ``raw`` cannot show, and control characters.
 
     Names and texts in bags, cases and graphs are untrusted.
     """
 
-    def __init__(self, stream: TextIO) -> None:
-        """Wrap a stream."""
+    def __init__(self, stream: TextIO, data: TextIO | None = None) -> None:
+        """Wrap a stream; JSON goes to ``data`` if it is given."""
         self.raw: TextIO = stream.raw if isinstance(stream, Printable) else stream
+        self.data = data
 
     def write(self, text: str) -> int:
         """Write a text."""
-        return self.raw.write(printable(text))
+        encoding = getattr(self.raw, 'encoding', None) or 'utf-8'
+        shown = printable(text).encode(encoding, 'backslashreplace')
+        return self.raw.write(shown.decode(encoding))
 
     def __getattr__(self, name: str) -> Any:
         """Return any other attribute of the stream."""
@@ -63,18 +66,30 @@ def check_outputs(args: argparse.Namespace) -> None:
     if named.get('json', '-') != '-':
         file_to_write('--json', named['json'], ('.json',))
     for output in named.keys() & set(OUTPUTS):
-        for name, value in named.items():
-            if name != output and _is_same(named[output], value):
+        for name, value in vars(args).items():
+            if name != output and any(_is_same(named[output], item) for item in _texts(value)):
                 raise LavaError(f'--{output}', named[output], f'another file than {name}')
 
 
+def _texts(value: object) -> Iterator[str]:
+    """Yield the texts of an argument, which may be given several times or have several values."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list):
+        for item in value:
+            yield from _texts(item)
+
+
 def write_json(data: Any, *names: str | Path | None) -> None:
-    """Write data as JSON to files, or to stdout for ``-``; None is ignored."""
+    """Write data as JSON to files, or to stdout for ``-``; None is ignored.
+
+    ``main`` keeps all other output of a command with ``--json -`` from stdout.
+    """
     # in ASCII, because a terminal may interpret characters at or above 128
     text = json.dumps(data, indent=1) + '\n'
     for name in names:
         if name == '-':
-            print(text, end='')
+            print(text, end='', file=getattr(sys.stdout, 'data', None))
         elif name is not None:
             write_output('--json', name, text)
 

@@ -113,6 +113,7 @@ def ensemble(args: argparse.Namespace) -> int:
     folder with_barriers has the maps of these runs, and the folder comparison what the barriers
     change.
     """
+    from lava_ros.cli.scenes import onset_of
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.member_scenes import check_members
@@ -147,7 +148,9 @@ def ensemble(args: argparse.Namespace) -> int:
     require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
     susceptibility = None
     if args.susceptibility is not None:
-        likelihood = read_raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
+        likelihood = read_raster_on(
+            scene.terrain, args.susceptibility, field='--susceptibility', method='average'
+        )
         susceptibility = Susceptibility(scene.terrain, likelihood)
     outline, observation = None, 'none'
     if args.observed is not None:
@@ -159,6 +162,7 @@ def ensemble(args: argparse.Namespace) -> int:
     check_members(scene, members)
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
+    onset = onset_of(args) if case is None else case.onset
     store = Store(output, plan, **kept)
 
     def write_maps(
@@ -167,7 +171,7 @@ def ensemble(args: argparse.Namespace) -> int:
         plan, tags = store.plan, {'seed': str(args.seed)}
         origin = Provenance(
             name, tuple(plan.effects), args.preset, observation=seen,
-            onset=None if case is None else case.onset,
+            onset=onset,
         )
         return [str(path) for path in write_atlas(folder, maps, plan, origin, tags, args.formats)]
 
@@ -259,7 +263,7 @@ def ensemble(args: argparse.Namespace) -> int:
         compared = compare_ensembles(
             output, folder, made_folder(output / COMPARISON), places=args.places or (),
             lines=[args.barriers] if built else (), built=built,
-            origin=Provenance(name, tuple(other.plan.effects), args.preset),
+            origin=Provenance(name, tuple(other.plan.effects), args.preset, onset=onset),
         )
         files += compared.pop('files')
         report['barriers'] = {

@@ -31,6 +31,10 @@ def feed(args: argparse.Namespace) -> int:
     from lava_ros.cli.scenes import scene_as_given, scene_from_arguments
 
     require_ros()
+    for name in ('vent', 'vents'):
+        if args.no_vents and getattr(args, name):
+            expected = f'no --{name} together with --no-vents'
+            raise LavaError(f'--{name}', getattr(args, name), expected)
     # without vents no flow determines how fine the cells have to be
     scene = scene_as_given(args) if args.no_vents else scene_from_arguments(args)
     if scene.emplaced_flows:

@@ -104,6 +104,9 @@ def hindcast(args: argparse.Namespace) -> int:
     outlines, dated = _dated(case, results)
     expected = estimate_error(case, settings, result, several)
     picture, page = output / PICTURE, output / PAGE
+    for suffix in ('.tif', '.qml'):
+        # of an earlier hindcast with --runs
+        (output / 'runs').with_suffix(suffix).unlink(missing_ok=True)
     files = write_maps(case, settings, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
     write_page(case, settings, result, judged, picture, page, expected, several, dated)
@@ -116,7 +119,9 @@ def hindcast(args: argparse.Namespace) -> int:
         data['outlines'] = outlines
     write_json(data, output / RESULT, args.json)
     print(case.title)
-    rows = [*facts(judged, expected, several, dated).items()]
+    hottest = max(vent.temperature for vent in case.scene.vents)
+    rows = [('lava', f'{case.material.name}, {hottest:g} K at the vents')]
+    rows += facts(judged, expected, several, dated).items()
     rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
         print(f'  {term:26} {value}')
@@ -154,7 +159,10 @@ def _vents(
         raise LavaError('--effusion-rate', args.discharge, expected)
     given = vents_as_given(args, ground)
     if not given:
-        return tuple(replace(row, discharge=args.discharge) for row in rows)
+        rate = args.discharge
+        return rows if rate is None else tuple(
+            replace(row, discharge=rate * row.part) for row in rows
+        )
     is_own = [vent.discharge is not None for vent in given]
     if any(is_own) and not all(is_own):
         expected = 'one for every vent, or for none'
@@ -212,7 +220,7 @@ def _as_dict(
     return {
         'case': case.name,
         'title': case.title,
-        'material': case.material.name if case.material is not None else None,
+        'material': case.material.name,
         'preset': settings.preset,
         'device': result.device,
         'simulated_s': snapshot.time,
@@ -231,6 +239,7 @@ def _as_dict(
         'resolution': asdict(result.resolution),
         'expected_error': expected.as_dict(),
         'cell_m': case.scene.terrain.resolution * settings.coarseness(case),
+        'composition': {name: one.value for name, one in case.material.composition.items()},
         'lava': asdict(case.scene.lava),
         'vents': [asdict(vent) for vent in case.scene.vents],
         'low_pass_m': case.low_pass,

@@ -54,7 +54,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     level = log.level
     log.setLevel(logging.INFO)
     try:
-        with redirect_stdout(Printable(sys.stdout)), redirect_stderr(Printable(sys.stderr)):
+        out = Printable(sys.stdout)
+        if getattr(args, 'json', None) == '-':
+            # a program that reads JSON from stdout must find nothing else there
+            out = Printable(sys.stderr, data=out)  # type: ignore[arg-type]
+        with redirect_stdout(out), redirect_stderr(Printable(sys.stderr)):
             end_start()
             check_outputs(args)
             status = int(args.run(args))

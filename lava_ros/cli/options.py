@@ -90,7 +90,10 @@ _SHARED = {item[0][0]: item for item in (
         '--incomplete', None, 'accept a bag that is damaged or lacks messages: exit with status 0 '
         'instead of 1', action='store_true',
     ),
-    argument('--json', 'FILE', 'write the result as JSON to a file; - writes it to stdout'),
+    argument(
+        '--json', 'FILE', 'write the result as JSON to a file; - writes it to stdout, and all '
+        'other output to stderr',
+    ),
     argument(
         '--low-pass', 'M', 'smooth the elevation with a Gaussian of this standard deviation [m]',
         float,
@@ -112,7 +115,13 @@ _SHARED = {item[0][0]: item for item in (
 
 
 def forced_effects(args: argparse.Namespace) -> dict[str, bool]:
-    """Return the effects that ``--on`` and ``--off`` force, by name."""
+    """Return the effects that ``--on`` and ``--off`` force, by name.
+
+    Raises:
+        LavaError: If an effect is in both.
+    """
+    for name in set(args.on) & set(args.off):
+        raise LavaError('--off', name, 'an effect that is not in --on as well')
     return {**dict.fromkeys(args.on, True), **dict.fromkeys(args.off, False)}
 
 

@@ -37,9 +37,8 @@ def places(args: argparse.Namespace) -> int:
     if args.output is not None:
         write_output('--output', args.output, table.as_csv())
     write_json(table.as_dict(), args.json)
-    if args.json != '-':
-        texts = table.as_texts()
-        print(table.summary)
-        sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
-        print('\n'.join(table_lines(texts, sides)))
+    texts = table.as_texts()
+    print(table.summary)
+    sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
+    print('\n'.join(table_lines(texts, sides)))
     return 0

@@ -19,8 +19,10 @@ from lava_ros.cli.scene_options import RATE_OPTIONS
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
 from lava_ros.hindcast.tables import series_of
+from lava_ros.maps.onset import Onset
 from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain, with_changes
 from lava_ros.scene.effusion_rates import (
+    check_start,
     error_of_rates,
     Interval,
     Options,
@@ -160,6 +162,9 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         data['vents'] = [_described(vent, terrain) for vent in vents]
     if args.material is not None:
         data['lava'] = {'material': args.material}
+    if vents or args.discharge is not None:
+        # the error in a table of the scene is that of the rates that are replaced
+        data['rate_error'] = error_of_rates(rates)
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:
         if not scene.vents:
@@ -170,9 +175,6 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
             rate = [(time, q / len(scene.vents)) for time, q in series_of_rates(rates)]
         changed = (replace(vent, discharge=rate) for vent in scene.vents)
         scene = replace(scene, vents=tuple(changed))
-    error = error_of_rates(rates)
-    if error is not None and scene.uncertainty.discharge is None:
-        scene = replace(scene, uncertainty=replace(scene.uncertainty, discharge=error))
     _log_scene(scene)
     return scene
 
@@ -195,11 +197,23 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
     return changes
 
 
+def onset_of(args: argparse.Namespace) -> Onset | None:
+    """Return the date of simulated time 0, ``--eruption-start``; None if it is not given.
+
+    Raises:
+        LavaError: If it is not a date.
+    """
+    origin = Options(start=args.eruption_start).origin
+    return None if origin is None else Onset(origin)
+
+
 def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
     given = {name: getattr(args, name) for name in RATE_OPTIONS if getattr(args, name) is not None}
     if isinstance(args.discharge, str):
         given['start'] = given.pop('eruption_start', None)
-        return read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
+        rates = read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
+        check_start('--effusion-rate', rates)
+        return rates
     for name, value in given.items():
         option = f'--{name.replace("_", "-")}'
         raise LavaError(option, value, f'no {option} without a table: --effusion-rate FILE')

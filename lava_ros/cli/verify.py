@@ -42,7 +42,6 @@ def verify(args: argparse.Namespace) -> int:
     for name in names:
         validation.choice('--case', name, cases.CASES)
     device = device_named(args.device)
-    to_stdout = args.json == '-'
     results: list[dict[str, Any]] = []
     with Progress(sys.stderr) as progress:
         for number, case in enumerate(cases.CASES[name] for name in names):
@@ -53,12 +52,10 @@ def verify(args: argparse.Namespace) -> int:
                 for item in result.measurements
             ]
             results.append(_judged(result, judged))
-            if not to_stdout:
-                print(_line(case.name, result, judged), flush=True)
+            print(_line(case.name, result, judged), flush=True)
     quantities = [item for result in results for item in result['measurements']]
     within = sum(item['within'] for item in quantities)
-    if not to_stdout:
-        print(f'{within} of {len(quantities)} quantities are within their bounds')
+    print(f'{within} of {len(quantities)} quantities are within their bounds')
     outside = within < len(quantities)
     report = {'preset': args.preset, 'accuracy': asdict(accuracy), 'device': device}
     write_json({**report, 'within_bounds': not outside, 'runs': results}, args.json)

@@ -94,6 +94,9 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
     for names in columns
 }
 
+#: Words of headers of dates, of which numbers are days in a spreadsheet or seconds since 1970.
+_DATES = re.compile('date|timestamp|iso|utc', re.IGNORECASE)
+
 #: Row numbers that GIS programs add.
 _NUMBERS = ('fid', 'ogc_fid', 'objectid', 'gid')
 
@@ -112,6 +115,7 @@ class Column:
         offset: Offset after the factor, for degrees Celsius.
         kind: ``dense-rock`` or ``bulk`` if the header has such a word, otherwise empty.
         axis: ``longitude`` or ``latitude`` if the values are angles, otherwise empty.
+        is_date: True if the header names dates, so that numbers are not seconds.
     """
 
     header: str
@@ -120,6 +124,7 @@ class Column:
     offset: float = 0.0
     kind: str = ''
     axis: str = ''
+    is_date: bool = False
 
     def number(self, where: str, value: object, **limits: Any) -> float:
         """Return a value in SI units, or an angle in degrees.
@@ -133,6 +138,9 @@ class Column:
         if self.axis:
             # a comma in a cell is a decimal comma
             return angle(label, str(value).replace(',', '.'), self.axis)
+        if self.is_date:
+            expected = 'a header without the word date, such as start_s or time_h'
+            raise LavaError(label, value, expected)
         result = validation.number(label, value) * self.factor + self.offset
         return validation.number(label, result, **limits)
 
@@ -183,6 +191,7 @@ def understood(
         found[name] = Column(
             header, unit, 1.0 if is_shift else number, number if is_shift and unit else 0.0, kind,
             {'lon': 'longitude', 'lat': 'latitude'}.get(name[:3], ''),
+            bool(_DATES.search(unit or header)),
         )
     return found, [header for header, *_ in read if header in others]
 

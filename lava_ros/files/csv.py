@@ -23,8 +23,8 @@ def read_table(
     """Read a table whose first line names its columns.
 
     The separator is the first of tab, semicolon, comma and space that occurs in the first line.
-    Text after ``#``, at the start of a line or after a space, is a comment. Numbers may have
-    decimal commas unless the separator is a comma.
+    Lines that begin with ``#``, and text after ``#`` between spaces, are comments. Numbers may
+    have decimal commas unless the separator is a comma.
 
     Args:
         field: Name of the field in errors.
@@ -35,26 +35,28 @@ def read_table(
         For each row, its name in errors and its texts by column.
 
     Raises:
-        LavaError: If the table cannot be read, has no rows, other columns or a column twice, or if
-            a row has the wrong length.
+        LavaError: If the table cannot be read, has no rows, other columns or a column twice, has
+            decimal points and decimal commas, or if a row has the wrong length.
     """
     check_exists(field, path)
-    with refusing(field, str(path), 'a readable table of text', OSError, ValueError, csv.Error):
+    with refusing(field, str(path), 'a table of text in UTF-8', OSError, ValueError, csv.Error):
         with open_input(path) as file:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
             raise LavaError(field, str(path), f'a table of at most {MAX_BYTES} bytes')
         text = [
-            '' if line.lstrip().startswith('#') else re.sub(r'\s#.*', '', line)
+            '' if line.lstrip().startswith('#') else re.sub(r'\s#(\s.*|$)', '', line)
             for line in data.decode('utf-8-sig').splitlines()
         ]
         first = next((line for line in text if line.strip()), '').strip()
         separator = next((item for item in '\t;, ' if item in first), ',')
         reader = csv.reader(text, delimiter=separator, skipinitialspace=True)
         lines = [
-            (reader.line_num, [_cell(cell, separator) for cell in row])
+            (reader.line_num, [cell.strip() for cell in row])
             for row in reader if any(cell.strip() for cell in row)
         ]
+    if separator != ',':
+        _use_points(path, lines)
     names = ','.join(columns or ['of names of columns'])
     if len(lines) < 2:
         expected = f'a first line {names} and at least one row'
@@ -72,11 +74,17 @@ def read_table(
     return result
 
 
-def _cell(text: str, separator: str) -> str:
-    """Return the text of a cell, with a decimal point instead of a decimal comma."""
-    text = text.strip()
-    is_number = re.fullmatch(r'[-+]?\d*,\d+(?:[eE][-+]?\d+)?', text)
-    return text.replace(',', '.') if is_number and separator != ',' else text
+def _use_points(path: Path, lines: Iterable[tuple[int, list[str]]]) -> None:
+    """Replace decimal commas by points; raise LavaError for both, of which one is of thousands."""
+    known = ''
+    for line, row in lines:
+        for index, cell in enumerate(row):
+            if number := re.fullmatch(r'[-+]?\d*([.,])\d+(?:[eE][-+]?\d+)?', cell):
+                known = known or cell
+                if number[1] not in known:
+                    expected = f'the decimal mark of {known}, and no mark between thousands'
+                    raise LavaError(f'{path}, line {line}', cell, expected)
+                row[index] = cell.replace(',', '.')
 
 
 def format_table(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:

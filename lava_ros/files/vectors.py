@@ -146,7 +146,9 @@ def _read(known: Format, data: bytes, path: Path) -> list[Item]:
         if driver not in known.readers:
             raise LavaError(str(path), f'a file of {driver}', f'a file of {known.name}')
         meta, _, geometry, values = raw.read(data, layer=index, force_2d=True)
-        where = f'{path}, {layer}' if known.has_layers else f'{path}, feature'
+        # without a folder in a KML file, the layer has the name of the file in memory
+        has_name = known.has_layers and not str(layer).startswith('pyogrio_')
+        where = f'{path}, {layer if has_name else "feature"}'
         for number, item in enumerate(_as_geojson(meta, geometry, values)):
             properties = {
                 name: value for name, value in (item['properties'] or {}).items()
@@ -331,7 +333,8 @@ def write_vectors(
                 if ending == 'geojson':
                     place.write_text(text)
                 continue
-            meta, _, geometry, values = raw.read(text.encode())
+            # as dates they would lose the zone
+            meta, _, geometry, values = raw.read(text.encode(), DATE_AS_STRING='YES')
             raw.write(
                 place, geometry, values, meta['fields'], layer=name, driver=driver,
                 geometry_type=features[0]['geometry']['type'], crs=crs, append=place.exists(),

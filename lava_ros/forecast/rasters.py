@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lava_ros.errors import LavaError
+from lava_ros.files import vectors
 from lava_ros.forecast.members import Plan
 from lava_ros.maps import gis
 from lava_ros.maps.forecast import HazardMaps
@@ -55,7 +56,8 @@ def write_atlas(
     The maps are probability, arrival times, expected peak thickness and elevation, as GeoTIFF.
     ``formats`` are further formats, of ``export.FORMATS``; vector formats contain contours of
     probability and isochrones. None stands for GeoJSON if the terrain's coordinate system is
-    known, otherwise for no further format.
+    known, otherwise for no further format. Formats that the folder already has are written again,
+    so that all files have the same members.
 
     Returns:
         The paths of the files.
@@ -77,10 +79,12 @@ def write_atlas(
         'expected_peak_thickness': maps.thickness,
         'elevation': terrain.elevation,
     }
-    shapes = {'inundation_probability': gis.probabilities(maps.probability, terrain)}
+    known = {'threshold_m': plan.threshold}
+    shapes = {'inundation_probability': gis.probabilities(maps.probability, terrain, **known)}
     for fraction, values in maps.arrival.items():
         name = f'arrival_time_p{round(100 * fraction)}'
-        layers[name], shapes[name] = values, gis.isochrones(values, terrain, origin.onset)
+        layers[name] = values
+        shapes[name] = gis.isochrones(values, terrain, origin.onset, **known)
     written = [
         # the style belongs to its GeoTIFF
         gis.write_grid(folder / f'{name}.tif', name, values, terrain, origin, tags)[0]
@@ -88,6 +92,16 @@ def write_atlas(
     ]
     if formats is None:
         formats = gis.usual_formats(coordinate_system(terrain.epsg, terrain.wkt))
+    earlier = [
+        path for stem in (*shapes, *gis.STEMS) for path in folder.glob(f'{stem}.*')
+        if path.suffix[1:] in (*vectors.WRITTEN, 'nc')
+    ]
+    formats = dict.fromkeys([*formats, *(path.suffix[1:] for path in earlier)])
     title = f'lava flow, {maps.members} members'
-    shared = gis.write_formats(folder, formats, shapes, layers, terrain, title, origin.onset)
+    tagged = {name: (values, tags) for name, values in layers.items()}
+    shared = gis.write_formats(folder, formats, shapes, tagged, terrain, title, origin)
+    for path in earlier:
+        # a Shapefile of an area that no longer exists
+        if path not in shared:
+            path.unlink(missing_ok=True)
     return [*written, *shared]

@@ -85,7 +85,7 @@ class Case:
     Attributes:
         source: Source of the data; may be empty.
         scene: Terrain, vents and lava. The map frame's origin is the grid's lower-left corner.
-        material: Material of the lava; None without one.
+        material: Material of the lava, with the composition that the case gives.
         footprint: Mapped flow field at the end, bool, shape [rows, columns], row 0 in the south.
         start: Start of the simulation [s].
         end: End of the simulation [s].
@@ -102,7 +102,7 @@ class Case:
     title: str
     source: str
     scene: Scene
-    material: Material | None
+    material: Material
     footprint: np.ndarray
     start: float
     end: float
@@ -164,7 +164,7 @@ def load_case(
 
     Args:
         directory: The folder.
-        material: Name of a material in place of the case's.
+        material: Name of a material in place of the case's lava, also of its constants.
         low_pass_width: Width of the filter of the terrain [m] in place of the case's.
         vents: Returns the vents to use for those of the case and its terrain.
 
@@ -187,6 +187,8 @@ def load_case(
     assert elevation and vent_table and rate_table
     if low_pass_width is not None:
         options['low_pass'] = low_pass_width
+    if material is not None:
+        options['lava'] = {'material': material}
     read = partial(
         load_terrain,
         epsg=options.get('epsg'),
@@ -201,7 +203,7 @@ def load_case(
     if vents is not None:
         rows = vents(rows, ground)
     series = series_of(rows, rates)
-    lava, used = lava_from_dict('case.lava', options.get('lava', {}), material)
+    lava, used = lava_from_dict('case.lava', options.get('lava', {}))
     width = validation.number('case.low_pass', options.get('low_pass', 0.0), at_least=0.0)
     first, last = rates[0].start, rates[-1].end
     start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')

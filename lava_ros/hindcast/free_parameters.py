@@ -144,7 +144,6 @@ def published_uncertainty(case: Case) -> Uncertainty:
 
 
 def _published(case: Case) -> dict[str, Constant]:
-    assert case.material is not None
     known = {**case.material.constants, 'vent_temperature': case.material.vent_temperature}
     known['discharge'] = DISCHARGE
     return {name: known[name] for name in UNITS if name in known and known[name].range}

@@ -52,7 +52,6 @@ def write_page(
         LavaError: If the page cannot be written, or the picture cannot be read.
     """
     material = case.material
-    assert material is not None
     note = f'{material.name}: {material.title}. Constants that are not listed are off.'
     constants, sources = _constants(case, material)
     write_static_page(
@@ -116,7 +115,6 @@ def warnings(case: Case, result: Result) -> list[str]:
 
 def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], list[str]]:
     usual, units = asdict(Lava()), constant_units()
-    rows: list[tuple[str, ...]] = []
     used: dict[str, list[Any]] = {
         'vent_temperature': sorted({vent.temperature for vent in case.scene.vents}),
         **{name: [value] for name, value in asdict(case.scene.lava).items()},
@@ -127,8 +125,13 @@ def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], l
     def cited(source: str) -> str:
         return f'[{sources.setdefault(source, len(sources) + 1)}]'
 
+    rows: list[tuple[str, ...]] = [
+        (name, f'{one.value:g}', 'wt%', '', cited(one.source) if one.source else 'case.yaml')
+        for name, one in material.composition.items()
+    ]
     for name, values in used.items():
-        known, source, span = published.get(name), 'case.yaml', ''
+        known, span = published.get(name), ''
+        source = 'vents of the case' if name == 'vent_temperature' else 'case.yaml'
         if known is None and values == [usual[name]]:
             continue
         if known is not None:

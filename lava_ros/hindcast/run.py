@@ -263,23 +263,6 @@ class Run:
         self._wall_time += wall_clock.monotonic() - started
         self._most_particles = max(self._most_particles, simulation.most_particles)
 
-    def _identity(self) -> str:
-        """Return a hash that differs for every other case and other settings."""
-        case, settings = self.case, self.settings
-        digest = hashlib.sha256(case.footprint.tobytes())
-        for terrain in (case.scene.terrain, *(event.terrain for event in case.events)):
-            digest.update(terrain.elevation.tobytes())
-        plain = {
-            'scene': scene_to_dict(case.scene),
-            'span': [case.start, case.end],
-            'events': [(event.time, event.text) for event in case.events],
-            'accuracy': asdict(settings.accuracy(case)),
-            'forced': dict(settings.forced),
-            'maps': settings.maps,
-        }
-        digest.update(json.dumps(plain, sort_keys=True).encode())
-        return digest.hexdigest()
-
     def keep(self) -> None:
         """Write the state for a resume, if there is a folder.
 
@@ -298,7 +281,7 @@ class Run:
             checkpoint = self._simulation.checkpoint().to_bytes()
             write_output('output', folder / f'checkpoint_{self._stored:04d}', checkpoint)
             plain = {
-                'identity': self._identity(),
+                'identity': identity_of(self.case, self.settings),
                 'maps': self._maps,
                 'stored': self._stored,
                 'wall_time': self._wall_time,
@@ -312,7 +295,7 @@ class Run:
         expected = 'a complete unfinished run; --fresh starts again from time 0'
         with refusing('output', str(folder), expected, OSError, KeyError, ValueError):
             plain = json.loads((folder / 'run.json').read_text(encoding='utf-8'))
-            if plain['identity'] != self._identity():
+            if plain['identity'] != identity_of(self.case, self.settings):
                 expected = 'a folder without an unfinished run of another case or of other '
                 expected += 'settings; --fresh starts again from time 0'
                 raise LavaError('output', str(folder.parent), expected)
@@ -323,6 +306,25 @@ class Run:
         self._wall_time = float(plain['wall_time'])
         self._most_particles = int(plain['most_particles'])
         return Simulation.resume(checkpoint, device=self.settings.device)
+
+
+def identity_of(case: Case, settings: Settings) -> str:
+    """Return a hash that differs for every other case and other settings."""
+    digest = hashlib.sha256(case.footprint.tobytes())
+    for outline in case.outlines:
+        digest.update(outline.footprint.tobytes())
+    for terrain in (case.scene.terrain, *(event.terrain for event in case.events)):
+        digest.update(terrain.elevation.tobytes())
+    plain = {
+        'scene': scene_to_dict(case.scene),
+        'span': [case.start, case.end],
+        'events': [(event.time, event.text) for event in case.events],
+        'accuracy': asdict(settings.accuracy(case)),
+        'forced': dict(settings.forced),
+        'maps': settings.maps,
+    }
+    digest.update(json.dumps(plain, sort_keys=True).encode())
+    return digest.hexdigest()
 
 
 def simulate(case: Case, settings: Settings) -> Result:

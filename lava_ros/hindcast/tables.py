@@ -15,13 +15,11 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.scene.effusion_rates import Interval
 from lava_ros.scene.projection import is_degrees
+from lava_ros.scene.terrain_files import HIGHEST
 from lava_ros.scene.vent_files import VentRow
 
 #: A discharge as (time [s], flux [m3/s]) pairs of increasing time; each holds until the next.
 Series = tuple[tuple[float, float], ...]
-
-#: Minimum and maximum elevation on Earth [m], with a margin.
-LOWEST, HIGHEST = -450.0, 9000.0
 
 #: Maximum median slope of a terrain (rise over run) with elevations in metres.
 STEEPEST = 3.0
@@ -84,11 +82,10 @@ def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[S
 
 def check_elevation(ground: Terrain) -> None:
     """Refuse elevations that do not exist on Earth, or are not in metres."""
-    low, high = float(np.nanmin(ground.elevation)), float(np.nanmax(ground.elevation))
-    if low < LOWEST or high > HIGHEST:
-        wrong = low if low < LOWEST else high
-        expected = f'{LOWEST:g} to {HIGHEST:g} m; a cell without data has the value that the '
-        raise LavaError('a height of the elevation', wrong, expected + 'header calls NODATA_value')
+    high = float(np.nanmax(ground.elevation))
+    if high > HIGHEST:
+        expected = f'metres, on Earth at most {HIGHEST:g}: feet times 0.3048'
+        raise LavaError('a height of the elevation', high, expected)
     rise = np.abs(np.diff(ground.elevation, axis=1)) / ground.resolution
     rise = rise[np.isfinite(rise)]
     slope = float(np.median(rise)) if rise.size else 0.0

@@ -50,10 +50,6 @@ class Placement(NamedTuple):
         return self.wkt if self.epsg is None else f'EPSG:{self.epsg}'
 
 
-#: Values of a map, and its tags by name.
-_Made = tuple[np.ndarray, dict[str, str]]
-
-
 class Exported(NamedTuple):
     """The written files and the position of their map frame."""
 
@@ -99,6 +95,9 @@ def export_bag(
         validation.choice('maps', name, MAPS)
     for name in formats:
         validation.choice('formats', name, FORMATS)
+    if every and 'tif' not in formats:
+        expected = 'also tif, which alone can have every frame'
+        raise LavaError('formats', ', '.join(formats), expected)
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     require('rasterio', 'GeoTIFF', str(directory))
     target = Path(directory)
@@ -118,14 +117,13 @@ def export_bag(
             raise LavaError('output', str(target), 'a folder that is new or empty')
     origin = provenance_of(recording)
     written: list[Path] = []
-    newest: dict[str, np.ndarray] = {}
+    newest: dict[str, gis.Made] = {}
 
-    def write(name: str, frame: Frame, made: _Made, file_name: str) -> None:
-        newest[name], tags = made
+    def write(name: str, frame: Frame, made: gis.Made, file_name: str) -> None:
+        newest[name] = values, tags = made[0], {'bag': Path(path).name, **made[1]}
         if 'tif' in formats:
-            tags = {'bag': Path(path).name, **tags}
             terrain = _terrain_of(frame, placement)
-            files = gis.write_grid(target / file_name, name, made[0], terrain, origin, tags)
+            files = gis.write_grid(target / file_name, name, values, terrain, origin, tags)
             # the style file is not listed
             written.append(files[0])
 
@@ -162,7 +160,7 @@ def export_bag(
         layers |= gis.vents(_vents(recording.scene), placement.offset)
         title = f'lava flow of {Path(path).name}'
         written += gis.write_formats(
-            target, formats, layers, newest, terrain, title, origin.onset
+            target, formats, layers, newest, terrain, title, origin
         )
     if not written:
         have = sorted({layer.source for layer in recording.layers.values()})
@@ -237,7 +235,7 @@ def _terrain_of(frame: Frame, placement: Placement) -> Terrain:
     )
 
 
-def _layer_map(name: str, frame: Frame, onset: Onset | None) -> _Made:
+def _layer_map(name: str, frame: Frame, onset: Onset | None) -> gis.Made:
     """Return the values of a layer of a frame, and tags."""
     shown = frame.layers[name]
     values = shown.values
@@ -253,7 +251,7 @@ def _layer_map(name: str, frame: Frame, onset: Onset | None) -> _Made:
     return values, tags
 
 
-def _history_map(name: str, history: Arrival) -> _Made:
+def _history_map(name: str, history: Arrival) -> gis.Made:
     """Return the arrival times or the peak thickness, and tags."""
     frame = history.frame
     assert frame is not None and history.times is not None and history.peak is not None
@@ -274,7 +272,7 @@ def _history_map(name: str, history: Arrival) -> _Made:
 
 
 def _shapes(
-    frame: Frame, history: Arrival, newest: Mapping[str, np.ndarray], terrain: Terrain,
+    frame: Frame, history: Arrival, newest: Mapping[str, gis.Made], terrain: Terrain,
     onset: Onset | None,
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the outline and the isochrones as layers of features.
@@ -287,9 +285,11 @@ def _shapes(
         cells = inundated_cells(history.times)
     if cells is None:
         cells, name = frame.standing, 'standing lava'
-    layers = {'outline': gis.area(cells, terrain, shows=name, from_m=COVERED)}
+    layers = {'outline': gis.area(cells, terrain, shows=name, threshold_m=COVERED)}
     if 'arrival' in newest:
-        layers['isochrones'] = gis.isochrones(newest['arrival'], terrain, onset)
+        layers['isochrones'] = gis.isochrones(
+            newest['arrival'][0], terrain, onset, threshold_m=history.threshold
+        )
     return layers
 
 

@@ -7,6 +7,7 @@ Functions that write a file raise LavaError if it cannot be written.
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -25,6 +26,12 @@ from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
 from lava_ros.scene import Terrain, Vent
 from lava_ros.scene.on_terrain import affine_of
 from lava_ros.scene.projection import coordinate_system
+
+#: Values of a map, and its tags by name.
+Made = tuple[np.ndarray, Mapping[str, str]]
+
+#: Names without suffix of a vector file with several layers, and of a NetCDF file.
+STEMS = 'lava', 'maps'
 
 #: Probabilities of contours [%].
 PROBABILITIES = (10.0, 50.0, 90.0)
@@ -149,12 +156,12 @@ def area(cells: np.ndarray, terrain: Terrain, **properties: Any) -> list[dict[st
 
 
 def isochrones(
-    times: np.ndarray, terrain: Terrain, onset: Onset | None = None
+    times: np.ndarray, terrain: Terrain, onset: Onset | None = None, **properties: Any
 ) -> list[dict[str, Any]]:
     """Return GeoJSON features of the area inundated by each of several round times.
 
     ``times`` are arrival times [s], shape [rows, columns], NaN without arrival. Each feature
-    includes the area of the earlier ones, and has a date if ``onset`` is given.
+    includes the area of the earlier ones, has a date if ``onset`` is given, and ``properties``.
     """
     if not np.isfinite(times).any():
         return []
@@ -164,7 +171,7 @@ def isochrones(
         feature
         for end in map(float, ends)
         for feature in area(
-            known <= end, terrain, time_s=end, time=duration(end),
+            known <= end, terrain, time_s=end, time=duration(end), **properties,
             **({} if onset is None else {'date_utc': onset.utc(end)}),
         )
     ]
@@ -194,12 +201,16 @@ def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[
     return layers
 
 
-def probabilities(percent: np.ndarray, terrain: Terrain) -> list[dict[str, Any]]:
+def probabilities(
+    percent: np.ndarray, terrain: Terrain, **properties: Any
+) -> list[dict[str, Any]]:
     """Return features of the areas at or above each of ``PROBABILITIES``; NaN is unknown."""
     return [
         feature
         for least in PROBABILITIES
-        for feature in area(np.nan_to_num(percent) >= least, terrain, probability_percent=least)
+        for feature in area(
+            np.nan_to_num(percent) >= least, terrain, probability_percent=least, **properties
+        )
     ]
 
 
@@ -229,10 +240,10 @@ def write_formats(
     folder: Path,
     formats: Collection[str],
     layers: Mapping[str, Sequence[Mapping[str, Any]]],
-    maps: Mapping[str, np.ndarray],
+    maps: Mapping[str, Made],
     terrain: Terrain,
     title: str,
-    onset: Onset | None = None,
+    origin: Provenance,
 ) -> list[Path]:
     """Write files of several layers or maps, and return their paths.
 
@@ -251,10 +262,10 @@ def write_formats(
                 key: _geographic(items, crs, terrain.corner) for key, items in layers.items()
             }
             system = 'EPSG:4326'
-        written += vectors.write_vectors(folder, name, features, system, stem='lava')
+        written += vectors.write_vectors(folder, name, features, system, stem=STEMS[0])
     if 'nc' in formats:
-        written.append(folder / 'maps.nc')
-        write_netcdf(written[-1], maps, terrain, title, onset)
+        written.append(folder / f'{STEMS[1]}.nc')
+        write_netcdf(written[-1], maps, terrain, title, origin)
     return written
 
 
@@ -274,13 +285,12 @@ def _geographic(
 
 
 def write_netcdf(
-    path: Path, maps: Mapping[str, np.ndarray], terrain: Terrain, title: str,
-    onset: Onset | None = None,
+    path: Path, maps: Mapping[str, Made], terrain: Terrain, title: str, origin: Provenance
 ) -> None:
     """Write maps to a NetCDF file that follows the CF conventions.
 
-    ``maps`` has the values of each map, NaN without data, by its name in ``RASTER_LAYERS``. The
-    file contains the ``onset`` if it is known.
+    ``maps`` has the values of each map, NaN without data, and its tags, by its name in
+    ``RASTER_LAYERS``. The tags, and those of the origin, are attributes as in a GeoTIFF.
     """
     from scipy.io import netcdf_file
 
@@ -288,10 +298,10 @@ def write_netcdf(
     with netcdf_file(content, 'w', version=2) as file:
         attributes = {
             'Conventions': 'CF-1.11', 'title': title, 'source': f'lava_ros {lava_ros.__version__}',
-            **({} if onset is None else {'onset': onset.text}),
+            **origin.tags,
         }
         _describe(file, attributes)
-        shape = next(iter(maps.values())).shape
+        shape = next(iter(maps.values()))[0].shape
         for name, start, count in zip('xy', terrain.corner, shape[::-1], strict=True):
             file.createDimension(name, count)
             axis = file.createVariable(name, 'd', (name,))
@@ -301,20 +311,51 @@ def write_netcdf(
         where = {}
         if (crs := coordinate_system(terrain.epsg, terrain.wkt)) is not None:
             wkt = crs.to_wkt()
-            _describe(file.createVariable('crs', 'i', ()), {'crs_wkt': wkt, 'spatial_ref': wkt})
+            system = {'crs_wkt': wkt, 'spatial_ref': wkt, **_grid_mapping(crs)}
+            _describe(file.createVariable('crs', 'i', ()), system)
             where = {'grid_mapping': 'crs'}
-        for name, values in maps.items():
+        for name, (values, tags) in maps.items():
             layer = RASTER_LAYERS[name]
             variable = file.createVariable(name, 'f', ('y', 'x'))
             variable[:] = layer.cells(values)
             variable._FillValue = np.float32(np.nan)
-            _describe(variable, {'units': layer.unit, 'long_name': layer.meaning, **where})
+            _describe(variable, {'units': layer.unit, 'long_name': layer.meaning, **where, **tags})
         file.flush()
         made = content.getvalue()
     write_output('output', path, made)
 
 
-def _describe(item: Any, texts: Mapping[str, str]) -> None:
+#: CF attributes of the parameters of a transverse Mercator projection.
+_TRANSVERSE_MERCATOR = {
+    'Latitude of natural origin': 'latitude_of_projection_origin',
+    'Longitude of natural origin': 'longitude_of_central_meridian',
+    'Scale factor at natural origin': 'scale_factor_at_central_meridian',
+    'False easting': 'false_easting',
+    'False northing': 'false_northing',
+}
+
+
+def _grid_mapping(crs: Any) -> dict[str, str | float]:
+    """Return the CF attributes of a transverse Mercator system, such as UTM; none of others."""
+    from rasterio.errors import CRSError
+
+    # PROJ cannot express every system, and some have other parameters or units
+    with suppress(CRSError, KeyError, TypeError):
+        plain = crs.to_dict(projjson=True)
+        base, conversion = plain['base_crs'], plain['conversion']
+        if conversion['method']['name'] == 'Transverse Mercator':
+            ellipsoid = base.get('datum', base.get('datum_ensemble'))['ellipsoid']
+            return {
+                'grid_mapping_name': 'transverse_mercator',
+                **{_TRANSVERSE_MERCATOR[item['name']]: float(item['value'])
+                   for item in conversion['parameters']},
+                **{name: float(ellipsoid[name])
+                   for name in ('semi_major_axis', 'inverse_flattening')},
+            }
+    return {}
+
+
+def _describe(item: Any, values: Mapping[str, str | float]) -> None:
     """Set attributes of a NetCDF file or variable; scipy accepts non-ASCII text as bytes."""
-    for name, text in texts.items():
-        setattr(item, name, text.encode())
+    for name, value in values.items():
+        setattr(item, name, value.encode() if isinstance(value, str) else value)

@@ -276,9 +276,11 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system
         except (LavaError, ValueError):
             # rasterio is missing, or the map is outside the projection
             return
+        # continue beyond the antimeridian
+        degrees = np.unwrap(degrees, period=360.0)
         low, high = degrees[0], degrees[-1]
         if not low < high:
-            return
+            continue
         ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
         digits = max(0, math.ceil(-math.log10(ticks[1] - ticks[0]) - 1e-9))
         places = np.interp(ticks, degrees, steps, left=-1.0, right=2.0)
@@ -289,6 +291,7 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system
         gap = inches[axis] * float(np.diff(places).min(initial=1.0))
         every = math.ceil(0.8 / gap)
         for value, along in zip(ticks[::every], places[::every], strict=True):
+            value = (value + 180.0) % 360.0 - 180.0
             letter = ('WE', 'SN')[axis][int(value >= 0.0)]
             words = f'{abs(value):.{digits}f}° {letter}'
             place = (along, 1.0) if axis == 0 else (1.0, along)

@@ -321,7 +321,7 @@ def _ensemble(folder: Path) -> Run:
         '(standard error)',
         'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
         **({'weighted by': observation} if observation != 'none' else {}),
-        'uncertain': ', '.join(sorted(known.get('uncertainty') or {})) or 'nothing of the scene',
+        'uncertain': _uncertain(known.get('uncertainty') or {}) or 'nothing of the scene',
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}',
         **_processes(on),
@@ -335,6 +335,14 @@ def _ensemble(folder: Path) -> Run:
         folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, horizon, onset,
         Members(ran, int(members), effective),
     )
+
+
+def _uncertain(plain: Mapping[str, Any]) -> str:
+    """Return the names of uncertain quantities and constants."""
+    names = {*plain, *plain.get('constants', ())} - {'constants'}
+    return ', '.join(sorted(
+        {'discharge': 'effusion rate'}.get(name, name.replace('_', ' ')) for name in names
+    ))
 
 
 def _raster(

@@ -151,6 +151,23 @@ def read_effusion_rates(
     return tuple(result)
 
 
+def check_start(field: str, intervals: Sequence[Interval]) -> None:
+    """Warn of lava before time 0, which a simulation leaves out.
+
+    Raises:
+        LavaError: If all lava comes out before time 0. The error names ``field``.
+    """
+    whole = sum(item.volume for item in intervals)
+    lost = sum(item.discharge * (min(item.end, 0.0) - min(item.start, 0.0)) for item in intervals)
+    if lost == 0.0:
+        return
+    shown = f'{lost:.3g} of {whole:.3g} m3 before the start of the eruption'
+    if lost >= whole:
+        expected = 'lava after it; dates without a time zone are in UTC'
+        raise LavaError(field, shown, expected)
+    _LOG.warning(f'{field}: {shown} are left out; dates without a time zone are in UTC')
+
+
 def series_of_rates(intervals: Sequence[Interval]) -> tuple[tuple[float, float], ...]:
     """Return (time [s], rate [m3/s]) pairs; each rate holds until the next, and the last is 0."""
     series: list[tuple[float, float]] = []
@@ -207,7 +224,8 @@ class _Clock:
         try:
             time = column.number(where, text)
         except LavaError:
-            date = _date(f'{where}, {column.header}', text, 'a finite number, or ')
+            other = '' if column.is_date else 'a finite number, or '
+            date = _date(f'{where}, {column.header}', text, other)
         if self._is_date not in (None, date is not None):
             column.refuse(where, text, 'dates in all rows, or numbers in all')
         self._is_date = date is not None

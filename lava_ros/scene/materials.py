@@ -4,7 +4,7 @@
 """Lavas by name, with the reference of each constant."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from importlib import resources
 import logging
@@ -59,7 +59,8 @@ class Material:
     """A lava with a name in scene and case files, and its eruption temperature [K].
 
     ``constants`` are the fields of ``Lava`` with a source; the others keep their defaults.
-    ``composition`` is that of the melt in wt% of oxides, if it is the source of the viscosity.
+    ``composition`` is that of the melt in wt% of oxides, if it is the source of the viscosity;
+    its numbers have no source if a scene or case file gives them.
     """
 
     name: str
@@ -107,10 +108,10 @@ def default_lava() -> Lava:
     return material_named(DEFAULT).lava
 
 
-def lava_from_dict(
-    label: str, data: object, replacement: str | None = None
-) -> tuple[Lava, Material]:
+def lava_from_dict(label: str, data: object) -> tuple[Lava, Material]:
     """Build a lava from the plain data of a YAML file, and return it with its material.
+
+    If the data have a composition, the material has it, without a source, and its constants.
 
     Args:
         label: Name of the data in errors.
@@ -118,19 +119,23 @@ def lava_from_dict(
             material whose constants they replace, and ``composition``, that of the melt in wt% of
             oxides, which gives the constants of the VFT law. The material is by default
             ``DEFAULT``, or ``ANY_BASALT`` with a composition.
-        replacement: Name of a material that replaces that of the data.
 
     Raises:
         LavaError: If a name or a value is not valid.
     """
     names = [item.name for item in fields(Lava)]
     given = validation.keys(label, data, allowed=['material', 'composition', *names])
-    usual = DEFAULT
-    if 'composition' in given:
-        usual = ANY_BASALT
-        given = {**vft_constants(f'{label}.composition', given.pop('composition')), **given}
-    name = given.pop('material', usual)
-    material = material_named(name if replacement is None else replacement)
+    melt: Any = given.pop('composition', None)
+    material = material_named(given.pop('material', DEFAULT if melt is None else ANY_BASALT))
+    if melt is not None:
+        law = vft_constants(f'{label}.composition', melt)
+        cited = material_named(ANY_BASALT).constants['vft_b'].source
+        material = replace(
+            material,
+            composition={oxide: Constant(float(value), '') for oxide, value in melt.items()},
+            constants=dict(material.constants) | {k: Constant(v, cited) for k, v in law.items()},
+        )
+        given = law | given
     lava = material.lava_with(given)
     for text in _doubts(given, lava, material.lava):
         _LOG.warning(f'{label}.{text}')

@@ -4,6 +4,7 @@
 """Rasters and polygons from files, as stored and on the cells of a terrain."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 import logging
 import math
 from pathlib import Path
@@ -18,13 +19,18 @@ from lava_ros.files.columns import LENGTHS, normal_unit
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import open_raster, PICTURES
 from lava_ros.scene.features import Feature, read_features
-from lava_ros.scene.projection import coordinate_system, horizontal, vertical_unit
+from lava_ros.scene.projection import coordinate_system, horizontal, on_terrain, vertical_unit
 from lava_ros.scene.terrain import Terrain
 
 _LOG = logging.getLogger(__name__)
 
 #: Maximum side of a picture at which it is read [pixels].
 MAX_PIXELS = 4000
+
+
+#: Approximate number of cells of a raster, and columns and rows of points of areas, of which the
+#: part beyond a terrain is counted.
+MAX_SAMPLES, SAMPLES = 1_000_000, (300, 300)
 
 
 class Band(NamedTuple):
@@ -112,23 +118,49 @@ def _unit_of(source: Any, path: Path, lengths: str) -> float:
     return unit
 
 
-def read_raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
+def read_raster_on(
+    terrain: Terrain, path: str | Path, *, field: str, method: str = 'nearest'
+) -> np.ndarray:
     """Read a raster at the centres of a terrain's cells: float64, NaN without data.
 
-    A raster without a coordinate system is assumed to be in that of the terrain. Errors name
-    ``field``.
+    With the ``method`` ``average``, a cell has the mean of the raster over its area, of which no
+    data count as 0. A raster without a coordinate system is assumed to be in that of the terrain.
+    Errors name ``field``.
 
     Raises:
         LavaError: If the file cannot be read, has more than one band, has no data on the terrain,
             or has an unknown coordinate system.
     """
     band = read_band(field, Path(path))
-    values = band.converted(band.stored).filled(np.nan)
+    values = band.converted(band.stored).filled(0.0 if method == 'average' else np.nan)
     # probabilities and masks must not be interpolated
-    result = resampled(terrain, values, band, path, field=field, method='nearest')
+    result = resampled(terrain, values, band, path, field=field, method=method)
     if np.isnan(result[terrain.has_data]).all():
         raise LavaError(field, str(path), 'a raster with data on the terrain')
+    _warn_of_parts_beyond(terrain, path, values > 0.0, band.place, band.crs)
     return result
+
+
+def _warn_of_parts_beyond(
+    terrain: Terrain, path: str | Path, marked: np.ndarray, place: Any, crs: Any = None
+) -> None:
+    """Warn if marked cells, placed by an affine transformation, are beyond a terrain's grid."""
+    from rasterio.transform import xy
+
+    step = math.isqrt(marked.size // MAX_SAMPLES) + 1
+    cells = step * np.argwhere(marked[::step, ::step])
+    places = np.stack(xy(place, *cells.T), axis=-1)
+    with suppress(LavaError):
+        # a place outside the domain of the projection is far away, as for a map of the world
+        if crs and len(places):
+            places = on_terrain(terrain, places, horizontal(crs), '', '')
+        low, high = np.reshape(terrain.extent, (2, 2)) + terrain.offset
+        beyond = ((places < low) | (places > high)).any(axis=1)
+        if beyond.any():
+            _LOG.warning(
+                f'{path}: {100.0 * beyond.mean():.2g} % of its area is beyond the terrain, and is '
+                'left out'
+            )
 
 
 class PlacedPicture(NamedTuple):
@@ -249,6 +281,14 @@ def read_polygons(field: str, path: str | Path, terrain: Terrain) -> list[Featur
     areas = [item for item in read_features(field, path, terrain) if item.kind == 'Polygon']
     if not areas:
         raise LavaError(field, str(path), 'a file with at least one area')
+    require('rasterio', 'polygons')
+    from rasterio.transform import from_bounds
+
+    places = np.concatenate([ring for item in areas for ring in item.rings])
+    (west, south), (east, north) = places.min(axis=0), places.max(axis=0)
+    if west < east and south < north:
+        samples = from_bounds(west, south, east, north, *SAMPLES)
+        _warn_of_parts_beyond(terrain, path, _mask(areas, SAMPLES[::-1], samples), samples)
     return areas
 
 
@@ -258,6 +298,11 @@ def mark_cells(terrain: Terrain, polygons: Sequence[Feature]) -> np.ndarray:
     Raises:
         LavaError: If rasterio is not installed.
     """
+    return np.flipud(_mask(polygons, terrain.shape, affine_of(terrain)))
+
+
+def _mask(polygons: Sequence[Feature], shape: tuple[int, int], place: Any) -> np.ndarray:
+    """Mark the cells of a raster whose centre is in one of some polygons: bool, of ``shape``."""
     require('rasterio', 'polygons')
     from rasterio.features import geometry_mask
 
@@ -265,7 +310,7 @@ def mark_cells(terrain: Terrain, polygons: Sequence[Feature]) -> np.ndarray:
         {'type': 'Polygon', 'coordinates': [ring.tolist() for ring in item.rings]}
         for item in polygons
     ]
-    return np.flipud(geometry_mask(areas, terrain.shape, affine_of(terrain), invert=True))
+    return np.asarray(geometry_mask(areas, shape, place, invert=True))
 
 
 def affine_of(terrain: Terrain) -> Any:

@@ -24,6 +24,9 @@ _LOG = logging.getLogger(__name__)
 #: Longitude and latitude of WGS 84.
 DEGREES = 'EPSG:4326'
 
+#: Length of a degree of latitude [m].
+METRES_PER_DEGREE = 111_195.0
+
 #: Smaller cells [m] in a file without a coordinate system are in degrees.
 SMALLEST_CELL = 0.05
 
@@ -96,6 +99,29 @@ def horizontal(crs: Any) -> Any:
     return type(crs).from_user_input(json.dumps(parts[0])) if parts else crs
 
 
+def epsg_of(crs: Any, place: tuple[float, float]) -> int | None:
+    """Return the EPSG code of the horizontal part of a rasterio coordinate system.
+
+    GDAL names a system of the same projection even if it has another datum, or another shift of
+    the datum; None if that moves a place by more than a metre.
+    """
+    flat = horizontal(crs)
+    code = flat.to_epsg()
+    if code is None:
+        return None
+    # both are undefined outside the domain of the projection
+    with suppress(ValueError):
+        own, other = (
+            transformed(system, DEGREES, *([value] for value in place))
+            for system in (flat, f'EPSG:{code}')
+        )
+        shift = (own - other + 180.0) % 360.0 - 180.0
+        shift[0] *= np.cos(np.radians(own[1]))
+        if np.abs(shift).max() > 1.0 / METRES_PER_DEGREE:
+            return None
+    return int(code)
+
+
 def vertical_unit(crs: Any) -> tuple[str, float]:
     """Return the unit of the heights of a compound system, and its length [m].
 
@@ -127,7 +153,7 @@ def _parts(crs: Any) -> list[dict[str, Any]]:
 
 def metres_per_unit(crs: Any) -> float:
     """Return the approximate unit of a coordinate system [m]: 1, or a degree of latitude."""
-    return 111_195.0 if crs and crs.is_geographic else 1.0
+    return METRES_PER_DEGREE if crs and crs.is_geographic else 1.0
 
 
 def with_epsg(raster: Raster, epsg: int | None) -> Raster:
@@ -177,7 +203,7 @@ def _target_epsg(raster: Raster) -> int | None:
     crs = _crs(raster)
     if crs.is_projected and not math.isclose(crs.linear_units_factor[1], 1.0, rel_tol=1e-9):
         expected = f'coordinates in metres, such as UTM, not {crs.linear_units}'
-        raise LavaError('terrain.epsg', raster.epsg, expected)
+        raise LavaError('coordinate system of the terrain file', raster.system, expected)
     rows, columns = raster.elevation.shape
     x = raster.corner[0] + 0.5 * columns * raster.dx
     y = raster.corner[1] + 0.5 * rows * raster.dy
@@ -186,7 +212,7 @@ def _target_epsg(raster: Raster) -> int | None:
         zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
         utm = int((32600 if latitude >= 0.0 else 32700) + zone)
         if crs.is_projected:
-            places = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
+            there = transformed(crs, f'EPSG:{utm}', [x, x + raster.dx, x], [y, y, y + raster.dx])
     except ValueError as error:
         if not crs.is_geographic:
             return raster.epsg
@@ -198,12 +224,13 @@ def _target_epsg(raster: Raster) -> int | None:
         expected = 'at most 84 degrees north or south, or metres'
         raise LavaError('terrain latitude', latitude, expected)
     if crs.is_projected:
-        true = math.hypot(*(ends[1] - ends[0] for ends in places))
-        if true == 0.0:
+        # principal scales: the same in all directions, and without shear, if both are 1
+        true = np.linalg.svd((there[:, 1:] - there[:, :1]) / raster.dx, compute_uv=False)
+        if true[1] == 0.0:
             expected = f'at least {SMALLEST_CELL:g} m'
             raise LavaError('terrain file cell size', raster.dx, expected)
         # national grids stretch lengths by less than 0.1 %, Mercator at 60 degrees by 100 %
-        if abs(raster.dx / true - 1.0) <= 0.01:
+        if np.abs(1.0 / true - 1.0).max() <= 0.01:
             return raster.epsg
     return utm
 

@@ -17,6 +17,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.effusion_rates import (
+    check_start,
     error_of_rates,
     Interval,
     Options,
@@ -213,7 +214,8 @@ def read_scene(
 
     Args:
         path: Path of the file, or its name in the package's ``examples/``.
-        terrain: Terrain that replaces that of the file.
+        terrain: Terrain that replaces that of the file. It gets the ``offset`` in the file, so
+            that positions in the map frame remain; without one a warning states that they do not.
         options: Options of ``load_terrain`` that replace those of the file.
 
     Returns:
@@ -222,7 +224,9 @@ def read_scene(
     Raises:
         LavaError: If the file cannot be read or has unknown keys, or a value cannot be used.
     """
-    path = find_file(path, 'examples', field='scene', expected='a readable YAML file')
+    name, path = path, find_file(path, 'examples', field='scene', expected='a readable YAML file')
+    if path != Path(name):
+        _LOG.info(f'{name}: no such file here, so that of the package, {path}')
     known_keys = [*SCENE_KEYS, 'material']
     data = validation.keys('scene', read_yaml('scene', path), allowed=known_keys)
     data = with_material_in_lava('scene', data)
@@ -237,6 +241,19 @@ def read_scene(
         name = validation.text('scene.terrain.file', known.pop('file'), 'the name of a file')
         options = known | dict(options or {})
         terrain = load_terrain(terrain_path(name, path.parent), **options)
+    elif isinstance(ground, Mapping) and 'offset' in ground:
+        # positions remain those of the map frame of the scene
+        offset = validation.pair('scene.terrain.offset', ground['offset'])
+        corner = terrain.corner
+        origin = (corner[0] - offset[0], corner[1] - offset[1])
+        terrain = replace(terrain, origin=origin, offset=offset)
+    elif isinstance(vents := data.get('vents'), list) and any(
+        isinstance(vent, Mapping) and 'position' in vent for vent in vents
+    ):
+        _LOG.warning(
+            f'{path}: positions of vents are now counted from the lower-left corner of '
+            f'{terrain.source}; projected places do not depend on the terrain'
+        )
     data, terrain = with_changes(data, path.parent, terrain, options or {})
     return _with_rates(data, path.parent), terrain
 
@@ -273,7 +290,7 @@ def with_changes(
 
 
 def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Replace the names of effusion-rate tables by their series, and use their errors."""
+    """Replace the names of effusion-rate tables by their series, and add their error."""
     vents = data.get('vents')
     read: list[Interval] = []
     if not isinstance(vents, list):
@@ -288,16 +305,10 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         rest = {key: value for key, value in rate.items() if key != 'file'}
         options = validation.build(Options, label, rest)
         rates = read_effusion_rates(label, folder / name, options)
+        check_start(label, rates)
         read += rates
         vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
-    error, uncertain = error_of_rates(read), data.get('uncertainty', {})
-    data = {**data, 'vents': vents}
-    if error is not None and isinstance(uncertain, Mapping) and not (
-        {'discharge', 'effusion_rate'} & uncertain.keys()
-    ):
-        known = uncertainty_to_dict(Uncertainty(discharge=error))
-        data['uncertainty'] = {**uncertain, **known}
-    return data
+    return {**data, 'vents': vents, 'rate_error': error_of_rates(read)}
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
@@ -306,18 +317,22 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
     Args:
         data: Mapping with any of ``vents``, ``lava`` (as for ``materials.lava_from_dict``),
             ``ambient_temperature``, ``gravity``, ``uncertainty``, and ``emplaced_flows`` and
-            ``events`` as returned by ``with_changes``.
+            ``events`` as returned by ``with_changes``, and ``rate_error``, the distribution of a
+            factor on all effusion rates unless ``uncertainty`` has one.
         terrain: Terrain of the scene.
 
     Raises:
         LavaError: If a field is not valid.
     """
     lava, _ = lava_from_dict('scene.lava', data.get('lava', {}))
+    uncertain = uncertainty_from_dict(data.get('uncertainty', {}))
+    if uncertain.discharge is None:
+        uncertain = replace(uncertain, discharge=data.get('rate_error'))
     scene = Scene(
         terrain=terrain,
         vents=vents_from_list(data.get('vents', []), terrain),
         lava=lava,
-        uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
+        uncertainty=uncertain,
         emplaced_flows=tuple(data.get('emplaced_flows', ())),
         events=tuple(data.get('events', ())),
         **{name: data[name] for name in ENVIRONMENT if name in data},

@@ -25,7 +25,7 @@ from lava_ros.scene.on_terrain import read_band
 from lava_ros.scene.projection import (
     coordinate_system,
     crop,
-    horizontal,
+    epsg_of,
     metres_per_unit,
     Raster,
     rasterio_for,
@@ -170,7 +170,7 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
     place, crs = band.place, band.crs
     if place.b or place.d or place.a <= 0.0:
         raise LavaError('terrain file', str(path), 'a grid with north up (gdalwarp makes one)')
-    code = horizontal(crs).to_epsg() if crs else None
+    code = epsg_of(crs, (place.c, place.f)) if crs else None
     cell = abs(place.e) * metres_per_unit(crs if epsg is None else coordinate_system(epsg))
     # missing data have a stored value, without unit and scale
     stored = _with_missing(band.stored.filled(np.nan), cell, nodata, path, band.scale)
@@ -183,7 +183,7 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
         dy=abs(place.e),
         corner=(place.c, min(place.f, place.f + place.e * elevation.shape[0])),
         epsg=code,
-        wkt=crs.to_wkt() if crs and crs.to_epsg() is None else None,
+        wkt=crs.to_wkt() if crs and None in (code, crs.to_epsg()) else None,
         barriers=_barriers(band.tags, code, path),
     )
 

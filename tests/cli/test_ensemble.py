@@ -21,6 +21,7 @@ from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import occupancy
 from lava_ros.pages.runs import read_run
+from lava_ros.scene.features import load_features
 
 MAPS = (
     'inundation_probability', 'expected_peak_thickness', 'arrival_time_p10', 'arrival_time_p50',
@@ -131,7 +132,9 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
     words += ['--device', 'cpu', '--json', report]
-    done(*words, '--members', '2')
+    done(*words, '--members', '2', '--formats', 'gpkg', 'nc', 'shp')
+    # of an area that the next maps do not have
+    (out / 'arrival_time_p90.csv').write_text('old')
     first = json.loads(report.read_text())
     assert (first['members'], first['resumed'], first['workers']) == (2, 0, 1)
     output = done(*words, '--members', '4')
@@ -151,6 +154,15 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     with rasterio.open(out / 'arrival_time_p50.tif') as file:
         assert file.crs.to_epsg() == 32633 and file.units == ('s',)
         assert file.bounds[:2] == CORNER and file.tags()['members'] == '4'
+    # the formats of the first command have all members, too
+    with rasterio.open(f'netcdf:{out / "maps.nc"}:inundation_probability') as file:
+        assert file.tags(1)['members'] == '4'
+        np.testing.assert_array_equal(file.read(1)[::-1], probability)
+    for path in (out / 'lava.gpkg', out / 'inundation_probability.shp'):
+        # probability and area, of a Shapefile with names of 10 letters
+        rows = [list(item.properties.values()) for item in load_features('--overlay', path)]
+        assert [50.0, 0.1, (probability >= 50.0).sum() * 400.0] in rows
+    assert (out / 'arrival_time_p90.csv').read_text() != 'old'
 
     bag = BagReader(out / 'atlas')
     assert yaml.safe_load(bag.custom_data['scene'])['uncertainty']['discharge']['factor'] == 1.5
@@ -183,7 +195,9 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     page = tmp_path / 'page.json'
     words = ['plot', out, out / 'weighted', '--layers', 'inundation_probability', '--json', page]
     done(*words, '-o', tmp_path / 'page.png')
-    assert 'outline.tif, 600 s' in json.loads(page.read_text())['notes']['weighted by']
+    notes = json.loads(page.read_text())['notes']
+    assert 'outline.tif, 600 s' in notes['weighted by']
+    assert notes['uncertain'] == 'effusion rate, position'
 
 
 def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
@@ -255,8 +269,14 @@ def test_susceptibility_map_places_the_vents(scene, tmp_path):
     likelihood = np.zeros((30, 24))
     likelihood[5:8, 3] = 1.0
     where = raster(tmp_path / 'where.tif', likelihood)
+    (tmp_path / 'rates.csv').write_text('date,q\n2021-09-19T12:00Z,10\n2021-09-19T13:00Z,10\n')
     words = ['ensemble', scene, '-o', tmp_path / 'out', '--horizon', '10min']
+    words += ['--effusion-rate', tmp_path / 'rates.csv']
+    words += ['--eruption-start', '2021-09-19T14:00:00+02:00']
     done(*words, '--members', '1', '--workers', '1', '--device', 'cpu', '--susceptibility', where)
+    # maps have dates if the command states the start of the eruption
+    with rasterio.open(tmp_path / 'out/inundation_probability.tif') as file:
+        assert file.tags()['onset'] == '2021-09-19T14:00:00+02:00'
     wet = np.argwhere(read(tmp_path / 'out/inundation_probability.tif') > 0.0)
     assert len(wet) > 3
     assert np.hypot(*(wet - [6.0, 3.0]).T).max() < 10.0

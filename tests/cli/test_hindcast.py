@@ -14,7 +14,10 @@ import rasterio
 from command_line import done, lava, refused
 from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_case_in_degrees
 from lava_ros.bag import BagReader
-from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
+from lava_ros.cli.hindcast import _vents
+from lava_ros.cli.parser import parse_command_line
+from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.page import _constants, FALSE_ALARM, HIT, MISS
 from lava_ros.maps.frames import Recording
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation.accuracy import Accuracy
@@ -114,6 +117,46 @@ def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
     refused(*valley, '--vent', '1,2')
 
 
+@pytest.mark.parametrize(('words', 'rates'), [
+    ('', [(0.0, 12.0), (1800.0, 0.0)]),
+    ('--effusion-rate 6', [(0.0, 6.0), (1800.0, 0.0)]),
+])
+def test_vents_of_a_case_keep_their_rates_unless_an_option_replaces_them(words, rates, tmp_path):
+    folder = write_case(tmp_path / 'valley', hours=0.5, yaml='epsg: 32633')
+    (folder / 'vent.csv').unlink()
+    crest = [[VENT[0] + away, VENT[1]] for away in (-60, 0, 60)]
+    feature = {'type': 'Feature', 'properties': {'effusion_rate': 12},
+               'crs': {'type': 'name', 'properties': {'name': 'EPSG:32633'}},
+               'geometry': {'type': 'LineString', 'coordinates': crest}}
+    (folder / 'vent.geojson').write_text(json.dumps(feature))
+    args = parse_command_line(['hindcast', str(folder), *words.split()])
+    case = load_case(folder, vents=lambda rows, ground: _vents(args, rows, ground))
+    assert [vent.series for vent in case.scene.vents] == [
+        tuple((time, 0.5 * rate) for time, rate in rates)
+    ] * 2
+
+
+def test_page_and_numbers_list_the_oxides_of_a_composition(tmp_path):
+    oxides = {'SiO2': 50.4, 'Al2O3': 15.0, 'FeO': 10.1, 'MgO': 7.7, 'CaO': 11.4, 'Na2O': 2.8}
+    lava_yaml = json.dumps({'lava': {'composition': oxides, 'vft_a': -2.0}})
+    case = load_case(write_case(tmp_path / 'valley', hours=0.5, yaml=lava_yaml))
+    rows, sources = _constants(case, case.material)
+    assert rows[:6] == [
+        (name, f'{value:g}', 'wt%', '', 'case.yaml') for name, value in oxides.items()
+    ]
+    by_name = {row[0]: row for row in rows}
+    assert by_name['vft_a'][1::3] == ('-2', 'case.yaml, in place of -4.55')
+    # the page cites the law, of which the composition is the input
+    number = by_name['vft_b'][4].strip('[]')
+    assert 'Giordano' in sources[int(number) - 1]
+    assert by_name['vft_b'][1] == f'{case.scene.lava.vft_b:g}'
+    words = ['--preset', 'draft', '--spacing', '40', '--device', 'cpu', '--maps', '1']
+    output = done('hindcast', tmp_path / 'valley', '-o', tmp_path / 'out', *words)
+    assert re.search('lava +basalt, 1441.7 K at the vents', output)
+    data = json.loads((tmp_path / 'out/hindcast.json').read_text())
+    assert data['composition'] == oxides
+
+
 def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     refused(*valley, '--runs', '0')
     done(*valley, '--runs', '2')
@@ -127,6 +170,9 @@ def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     page = (tmp_path / 'out/hindcast.html').read_text()
     assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
     assert not (tmp_path / 'out/.unfinished').exists()
+    # the map of the replicates does not outlive them
+    done(*valley)
+    assert not list((tmp_path / 'out').glob('runs.*'))
 
 
 def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
@@ -162,6 +208,7 @@ def test_refuses_unusable_cases_and_folders_of_others(tmp_path):
     out.mkdir()
     (out / 'thesis.txt').write_text('mine')
     assert 'new, empty or of a hindcast' in refused('hindcast', case, '-o', out)
+    assert 'new, empty or of a calibration' in refused('calibrate', case, '-o', out)
     (case / 'vent.csv').unlink()
     for command in ('hindcast', 'calibrate'):
         output = refused(command, case, '-o', tmp_path / 'new')
@@ -191,6 +238,15 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
     assert (tmp_path / 'out/runs.csv').read_text() == table
     output = refused(*words, '4')
     assert '--directions' in output and '2 as in' in output
+    for more, named in (
+        (['--spacing', '50'], '--spacing is 50.0'), (['--preset', 'fine'], "--preset is 'fine'"),
+        (['--low-pass', '30'], '--low-pass is 30.0'), ([], 'case valley is'),
+    ):
+        if not more:
+            (valley[1] / 'case.yaml').write_text(LAVA.replace('200', '300'))
+        output = refused(*words, '2', *more)
+        assert named in output and 'as it was for the runs in' in output
+    assert (tmp_path / 'out/runs.csv').read_text() == table
 
 
 def test_barrier_raises_the_elevation_along_a_line(tmp_path):

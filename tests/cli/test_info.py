@@ -20,7 +20,7 @@ import recording
 from small_checkpoint import small_checkpoint
 
 SCENE = {
-    'terrain': {'shape': [100, 200], 'resolution': 5.0},
+    'terrain': {'shape': [100, 200], 'resolution': 5.0, 'offset': [178980.625, 8138910.4375]},
     'vents': [{'position': [10.0, 20.0], 'discharge': 35.5, 'name': 'summit'}],
     'gravity': 9.81,
 }
@@ -47,7 +47,7 @@ def test_info_lists_the_contents_of_a_bag(bag):
     assert '/hazard std_msgs/msg/Empty 3 reliable transient_local' in lines
     assert 'duration 2.000 s' in lines
     assert 'recording finished' in lines
-    assert 'terrain: shape [100, 200], resolution 5' in lines
+    assert 'terrain: shape [100, 200], resolution 5, offset [178980.625, 8138910.4375]' in lines
     assert 'position [10, 20], discharge 35.5, name summit' in lines
     assert 'device: cuda:0' in lines
 

@@ -3,6 +3,7 @@
 
 """`lava`: parser, output and exit status."""
 
+import json
 import math
 import os
 from pathlib import Path
@@ -185,15 +186,72 @@ def test_options_set_vent_discharge_and_material(place, island, caplog):
     assert re.search(sentence, caplog.text)
 
 
+RATES = 'start,end,q,error\n0,3600,{0},{1}\n'
+
+
+@pytest.mark.parametrize(('words', 'peak', 'has_error', 'emissivity', 'place'), [
+    ('', 4.0, True, 0.4, (300.0, 400.0)),
+    ('--effusion-rate 7', 7.0, False, 0.4, (300.0, 400.0)),
+    ('--effusion-rate exact.csv', 9.0, False, 0.4, (300.0, 400.0)),
+    ('--vent 365500,7650500', 50.0, False, 0.4, (600.0, 600.0)),
+    ('--material etna_basalt', 4.0, True, 0.9, (300.0, 400.0)),
+    ('--terrain wider.npz', 4.0, True, 0.4, (300.0, 400.0)),
+])
+def test_options_replace_all_of_what_a_scene_says(
+    words, peak, has_error, emissivity, place, island, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    wider = {'elevation': np.full((150, 150), 100.0), 'resolution': 10.0, 'epsg': 32740}
+    np.savez('wider.npz', **wider, offset=(364_800.0, 7_649_800.0))
+    Path('rates.csv').write_text(RATES.format(4, 1))
+    Path('exact.csv').write_text(RATES.format(9, ''))
+    Path('scene.yaml').write_text(
+        'terrain: {file: a.npz, offset: [364900.0, 7649900.0]}\nlava: {emissivity: 0.4}\n'
+        'vents: [{position: [300.0, 400.0], effusion_rate: {file: rates.csv}}]\n'
+    )
+    scene = scene_of('scene.yaml', *words.split())
+    (vent,) = scene.vents
+    assert (vent.peak, scene.lava.emissivity) == (peak, emissivity)
+    assert (scene.uncertainty.discharge is not None) == has_error
+    assert scene.terrain.offset == (364_900.0, 7_649_900.0)
+    assert vent.position == pytest.approx(place)
+
+
+def test_warns_of_positions_on_another_terrain(island, tmp_path, caplog):
+    path = tmp_path / 'scene.yaml'
+    text = 'terrain: {{file: a.npz}}\nvents: [{{{}, effusion_rate: 1}}]'
+    for place, words in (
+        ('position: [300.0, 400.0]', 'counted from the lower-left corner of a.npz'),
+        ('projected: [365300.0, 7650400.0]', ''),
+    ):
+        caplog.clear()
+        path.write_text(text.format(place))
+        scene_of(str(path), '--terrain', island)
+        assert words in caplog.text and bool(caplog.records) == bool(words)
+
+
 @pytest.mark.parametrize(('words', 'sentence'), [
     (('--vent', '-155.2,19.4'), "--vent is '-155.2,19.4', expected"),
     (('--vent', '1,2,3'), "--vent is '1,2,3', expected longitude,latitude"),
     (('--vent', '364000,7650400'), 'a place on the terrain, which covers easting 365000 to'),
     (('--discharge', '-3'), 'discharge is -3.0, expected a finite number at least 0'),
     (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
+    (('--on', 'vft', '--off', 'vft'), "--off is 'vft', expected an effect that is not in --on"),
 ])
 def test_refuses_unusable_vents(words, sentence, island):
     assert sentence in refused('effects', '--terrain', island, *words)
+
+
+@pytest.mark.parametrize(('words', 'text'), [
+    ('effects', 'because'), ('plot {sample} -o map.png', 'drawn to map.png'),
+    ('places {sample} hut.csv', 'lava at least 0.1 m thick'),
+])
+def test_stdout_has_only_json_when_it_is_asked_for(words, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('hut.csv').write_text('name,x,y\nhut,0,0\n')
+    status, out, err = lava(*words.format(sample=ROOT / 'bags/sample').split(), '--json', '-')
+    assert status == 0, err
+    assert json.loads(out) and text in err
 
 
 def test_broken_pipe_ends_quietly(monkeypatch):

@@ -5,6 +5,7 @@
 
 from collections.abc import Callable
 import errno
+from io import BytesIO, TextIOWrapper
 import os
 from pathlib import Path
 import re
@@ -19,6 +20,7 @@ import yaml
 from command_line import lava
 from lava_ros.bag import BagReader, BagWriter
 from lava_ros.bag.checkpoints import attachments_of
+from lava_ros.cli.console import Printable
 from lava_ros.errors import LavaError, MAX_EXPECTED_LENGTH, MAX_VALUE_LENGTH
 from lava_ros.files import file_to_write, open_input, replacing, write_output
 from lava_ros.files import resources as share
@@ -142,18 +144,23 @@ def test_rejects_output_that_would_replace_its_input(bag, tmp_path):
         status, _, message = lava(command, bag, option, path)
         assert (status, 'whose name ends with' in message) == (2, True)
     assert path.read_bytes() == before
-    ground = tmp_path / 'ground.tif'
+    ground, huts = tmp_path / 'ground.tif', tmp_path / 'huts.csv'
+    huts.write_text('name,x,y\nhut,0,0\n')
     scene = tmp_path / 'scene.json'
     scene.write_text('{}')
     (tmp_path / 'other.json').symlink_to(scene)
     for words in (
         ('barrier', ground, '--low-pass', 20, '-o', ground),
         ('effects', scene, '--json', tmp_path / 'other.json'),
+        # of several values, and of an option that may be repeated
+        ('places', bag, scene, huts, '-o', huts),
+        ('report', bag, bag, '--overlay', huts, '--overlay', scene, '-o', scene),
     ):
         ground.write_text('precious')
         status, _, message = lava(*words)
         assert (status, 'expected another file than' in message) == (2, True), message
         assert (ground.read_text(), scene.read_text()) == ('precious', '{}')
+        assert huts.read_text().startswith('name,x,y')
 
 
 def test_escapes_control_characters_of_a_bag_in_output(tmp_path):
@@ -174,6 +181,17 @@ def test_escapes_control_characters_of_a_bag_in_output(tmp_path):
         _, out, message = lava(*words)
         assert (out + message).replace('\n', '').isprintable()
         assert 'x1b' in out + message or '\\u001b' in out
+
+
+@pytest.mark.parametrize(('encoding', 'shown'), [
+    ('utf-8', 'Öræfi ☃ km²'),
+    ('latin-1', r'Öræfi \u2603 km²'),
+    ('ascii', r'\xd6r\xe6fi \u2603 km\xb2'),
+])
+def test_escapes_what_the_encoding_of_the_output_lacks(encoding, shown):
+    raw = TextIOWrapper(BytesIO(), encoding=encoding, write_through=True)
+    print('Öræfi ☃ km²', end='', file=Printable(raw))  # type: ignore[type-var]
+    assert raw.buffer.getvalue().decode(encoding) == shown  # type: ignore[attr-defined]
 
 
 def test_full_disk_is_an_error_and_leaves_no_file(bag, tmp_path):

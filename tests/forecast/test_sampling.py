@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 import hashlib
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rasterio.transform import Affine, from_origin
+from rasterio.warp import transform_geom
 
 from disc_flow import disc_plan, FACTOR, TERRAIN, VENT
 from geodata import write_raster
@@ -231,6 +233,47 @@ def test_cell_with_all_the_likelihood_gets_every_vent(tmp_path: Path) -> None:
     places = Susceptibility(GROUND, read_raster_on(GROUND, path, field='--susceptibility'))
     for fraction in (1e-9, 0.5, 1.0 - 1e-9):
         assert GROUND.cell_at(*places.place(fraction, fraction)) == (4, 2)
+
+
+@pytest.mark.parametrize('crs', ['EPSG:32633', 'EPSG:4326'])
+@pytest.mark.parametrize(('west', 'beyond'), [(20.0, 0.0), (110.0, 50.0)])
+def test_warns_of_the_part_beyond_the_terrain(
+    crs: str, west: float, beyond: float, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Lava of 100 m x 60 m on a terrain of 160 m x 120 m."""
+    x, y = 500_000.0 + west, 4_180_030.0
+    ends = [(x, y), (x + 100.0, y), (x + 100.0, y + 60.0), (x, y + 60.0), (x, y)]
+    area = transform_geom('EPSG:32633', 'EPSG:4326', {'type': 'Polygon', 'coordinates': [ends]})
+    (tmp_path / 'a.geojson').write_text(json.dumps(area))
+    lava = np.zeros((40, 60))
+    lava[13:19, 20:30] = 1.0
+    plain: dict[str, Any] = {'cell': 10.0, 'north_west': (x - 200.0, y + 190.0)}
+    if crs == 'EPSG:4326':
+        # about 10 m
+        width, height = 10.0 / 87_900.0, 10.0 / 111_000.0
+        (lon, lat) = area['coordinates'][0][3]
+        plain = {'transform': from_origin(lon - 20 * width, lat + 13 * height, width, height)}
+    write(tmp_path / 'a.tif', lava, crs=crs, **plain)
+    for name in ('a.geojson', 'a.tif'):
+        caplog.clear()
+        found, _ = observed_in_file(tmp_path / name, GROUND)
+        assert found.any()
+        warned = [record.getMessage() for record in caplog.records]
+        assert len(warned) == bool(beyond)
+        for text in warned:
+            percent = float(text.partition(': ')[2].partition(' %')[0])
+            assert percent == pytest.approx(beyond, abs=10.0) and 'beyond the terrain' in text
+
+
+def test_likelihood_of_fine_cells_adds_up(tmp_path: Path) -> None:
+    """A fissure that is narrower than a cell of the terrain does not fall between the middles."""
+    values = np.full((24, 32), -1.0)
+    values[:, 9], values[12, 20] = 1.0, 6.0
+    path = write(tmp_path / 'a.tif', values, cell=5.0)
+    cells = read_raster_on(GROUND, path, field='--susceptibility', method='average')
+    expected = np.zeros((6, 8))
+    expected[:, 2], expected[2, 5] = 4.0 / 16.0, 6.0 / 16.0
+    np.testing.assert_allclose(cells, expected, atol=1e-12)
 
 
 def test_refuses_unusable_rasters(tmp_path: Path) -> None:

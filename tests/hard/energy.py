@@ -163,7 +163,7 @@ class Energy:
         self._half_kick = now.half_kick * square
         if self._start is not None and now.energy - before.energy > received:
             gains = along(self._start, simulation, steps, _gain)
-            received += sum(max(start, end) * length for start, end, length in gains)
+            received += sum(max(start, end) * length for start, end, length, _ in gains)
         yield 'energy', now.energy - before.energy, received, 'm4 over the last frame'
         self._received += received
         if simulation.effects.viscous_heating:

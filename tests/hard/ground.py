@@ -14,7 +14,7 @@ import numpy as np
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.particles.layout import STAGE, STEPS
+from lava_ros.simulation.particles.layout import EVALUATIONS, STAGE, STEPS
 
 #: Result of a check: the invariant, its value, its maximum, and a comment.
 Bound = tuple[str, float, float, str]
@@ -130,28 +130,31 @@ class Moment:
 
 def along(
     start: Checkpoint, simulation: Simulation, steps: int, rate: Callable[[Moment], float]
-) -> Iterator[tuple[float, float, float]]:
-    """Yield a rate at the start and at the end of each step, and the step's length [s].
+) -> Iterator[tuple[float, float, float, int]]:
+    """Yield a rate at the start and at the end of each step, its length [s] and evaluations.
 
     The frame that began at ``start`` and ends at the simulation's current time is simulated again,
     step by step: lava that is emitted and runs off, yields for a moment, or falls and climbs,
-    shows that at neither end of a frame. Of many ``steps`` only every n-th is evaluated, with the
-    length of n steps.
+    shows that at neither end of a frame. Samples change the order of the particles, so that a
+    chaotic flow takes other steps than before. Of many ``steps`` only every n-th is evaluated,
+    with length and evaluations of n steps.
     """
     again = Simulation.resume(start, device=simulation.device)
     if start.scene.vents != simulation.scene.vents:
         again.set_vents(simulation.scene.vents)
     counts, every = again.solver.state.counts, 1 + steps // MAX_SAMPLES
-    begun, step, former = start.time, int(counts.numpy()[STEPS]), rate(Moment(again))
-    is_taken = True
+    begun, former, is_taken = start.time, rate(Moment(again)), True
+    step, spent = (int(counts.numpy()[count]) for count in (STEPS, EVALUATIONS))
     for _ in again.advancing(simulation.time):
-        stage, reached = (int(counts.numpy()[count]) for count in (STAGE, STEPS))
+        stage, reached, total = (
+            int(counts.numpy()[count]) for count in (STAGE, STEPS, EVALUATIONS)
+        )
         if stage == 0 and reached > step:
             was_taken, is_taken = is_taken, reached % every == 0
             now = rate(Moment(again)) if was_taken or is_taken else 0.0
             if was_taken:
-                yield former, now, every * (again.time - begun)
-            begun, step, former = again.time, reached, now
+                yield former, now, every * (again.time - begun), every * (total - spent)
+            begun, step, former, spent = again.time, reached, now, total
 
 
 def lift(former: Terrain, terrain: Terrain) -> float:

@@ -29,7 +29,8 @@ cost   Velocity evaluations in a frame are at most ``COST`` times those that the
        that yields for a moment, or runs off within the frame, shows it at neither end (measured:
        17 evaluations by the ends, 6,887 in the frame). Nor does lava that is emitted and leaves
        the map within the frame. A frame that took more than its ends require is therefore
-       simulated again, and the lava at the start of each of its steps decides (``ground.along``).
+       simulated again, and the evaluations and the lava at the start of each of its steps decide
+       (``ground.along``).
 energy, heat, temperature  energy.py
 
 With ``Watch.renew`` a change from outside (a new terrain) is taken as it is.
@@ -189,8 +190,9 @@ class Cost:
                 most = COST * (max(now, self._pace) * span + cuts)
                 if evaluations > most:
                     # each step's s follows the lava at its start
-                    called = along(self._start, simulation, steps, pace)
-                    most = COST * (sum(start * length for start, _, length in called) + cuts)
+                    called = list(along(self._start, simulation, steps, pace))
+                    evaluations = sum(count for *_, count in called)
+                    most = COST * (sum(start * length for start, _, length, _ in called) + cuts)
                 yield 'cost', evaluations, most, 'evaluations in the frame'
         self._begin(moment, now)
 

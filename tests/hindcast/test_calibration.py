@@ -139,7 +139,6 @@ def test_search_is_repeatable_and_resumes(trials, tmp_path):
 def test_unknowns_have_the_published_ranges(etna):
     unknowns = {item.name: item for item in free_parameters_of(etna)}
     assert 'discharge' not in unknowns
-    assert etna.material is not None
     viscosity, known = unknowns['viscosity'], etna.material.constants['viscosity']
     assert known.range == (viscosity.low, viscosity.high)
     assert viscosity.is_log and viscosity.source == known.range_source

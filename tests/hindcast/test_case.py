@@ -71,7 +71,13 @@ def test_case_yaml_replaces_the_defaults(tmp_path):
     rough = load_case(tmp_path / 'valley', low_pass_width=0.0)
     assert not np.array_equal(rough.scene.terrain.elevation, case.scene.terrain.elevation)
     kilauea = load_case(tmp_path / 'valley', material='kilauea_tholeiite')
-    assert kilauea.scene.lava.vft_c == 622.0
+    assert kilauea.scene.lava == material_named('kilauea_tholeiite').lava
+
+
+def test_ground_of_a_case_may_continue_below_the_sea(tmp_path):
+    folder = write_case(tmp_path / 'valley')
+    write_grid(folder / 'elevation.asc', elevation() - 2000.0)
+    assert load_case(folder).scene.terrain.elevation.min() < -990.0
 
 
 @pytest.mark.parametrize(('given', 'onset'), [

@@ -5,6 +5,7 @@
 
 import json
 from pathlib import Path
+import re
 import sys
 from xml.etree import ElementTree
 
@@ -158,6 +159,7 @@ def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
     ({'threshold': 0.01}, 'threshold is 0.01'),
     ({'threshold': float('nan')}, 'threshold is nan'),
     ({'maps': ['depth']}, 'maps'),
+    ({'every': True, 'formats': ['nc', 'kml']}, "formats is 'nc, kml', expected also tif"),
 ])
 def test_rejects_invalid_arguments(grids, tmp_path, options, words):
     with pytest.raises(LavaError, match=words):
@@ -187,7 +189,7 @@ def test_outline_and_isochrones_are_polygons_of_cells(bag, tmp_path):
         for name in ('outline', 'isochrones')
     )
     assert [item['properties'] for item in outline] == [
-        {'shows': 'inundated area', 'from_m': 0.1, 'area_m2': 80 * 25.0}
+        {'shows': 'inundated area', 'threshold_m': 0.1, 'area_m2': 80 * 25.0}
     ]
     (ring,) = outline[0]['geometry']['coordinates'][0]
     # 15 degrees east is an easting of 500 km in zone 33; the flow is at -50 m to -10 m
@@ -201,8 +203,9 @@ def test_outline_and_isochrones_are_polygons_of_cells(bag, tmp_path):
 def test_rejects_coordinates_outside_the_projection(tmp_path):
     terrain = Terrain(np.zeros((2, 2)), 10.0, epsg=32633, offset=(1e8, 4e6))
     features = gis.area(np.ones((2, 2), dtype=bool), terrain)
+    layers, origin = {'outline': features}, gis.Provenance('a')
     with pytest.raises(LavaError, match='corner of the map') as caught:
-        gis.write_formats(tmp_path, ['geojson'], {'outline': features}, {}, terrain, '')
+        gis.write_formats(tmp_path, ['geojson'], layers, {}, terrain, '', origin)
     assert caught.value.value == terrain.corner
 
 
@@ -332,6 +335,9 @@ def test_vector_formats_keep_features_and_positions(ending, bag, tmp_path):
     (outline,) = (item for item in areas if 'time_s' not in item.properties)
     times = {float(item.properties['time_s']) for item in areas if item is not outline}
     assert times == {300.0, 600.0, 900.0}
+    # a Shapefile cuts names to 10 letters
+    name = 'threshold_m' if ending not in ('shp', 'zip') else 'threshold_'
+    assert {float(item.properties[name]) for item in areas} == {0.1}
     assert float(outline.properties['area_m2']) == 2000.0
     (ring,) = outline.on(TERRAIN).rings
     ends = [(499_950.0, 4_180_070.0), (499_990.0, 4_180_120.0)]
@@ -344,7 +350,7 @@ def test_vector_formats_keep_features_and_positions(ending, bag, tmp_path):
 
 
 def test_netcdf_has_all_maps(bag, tmp_path):
-    export_bag(bag, tmp_path / 'out', formats=['nc'])
+    export_bag(bag, tmp_path / 'out', formats=['nc', 'tif'])
     path = f'netcdf:{tmp_path / "out/maps.nc"}'
     with pytest.warns(NotGeoreferencedWarning), rasterio.open(path) as file:
         assert file.tags()['NC_GLOBAL#Conventions'].startswith('CF-')
@@ -352,5 +358,34 @@ def test_netcdf_has_all_maps(bag, tmp_path):
     assert names == set(MAPS)
     with rasterio.open(f'{path}:thickness') as file:
         assert file.crs == coordinate_system(32633) and file.units == ('m',)
+        assert file.tags()['crs#grid_mapping_name'] == 'transverse_mercator'
+        assert float(file.tags()['crs#longitude_of_central_meridian']) == 15.0
         (inside,), (outside,) = file.sample([(499_952.5, 4_180_072.5), (500_100.0, 4_180_072.5)])
     assert inside == np.float32(3.26) and np.isnan(outside)
+    # its variables and the file have the tags of the GeoTIFFs
+    for name in MAPS:
+        with (
+            rasterio.open(f'{path}:{name}') as file,
+            rasterio.open(tmp_path / f'out/{name}.tif') as tif,
+        ):
+            own = file.tags(1)
+            shared = {key: value for key, value in file.tags().items() if 'NC_GLOBAL#' in key}
+            tags = {key: value for key, value in tif.tags().items() if key.islower()}
+        shared = {key.partition('#')[2]: value for key, value in shared.items()}
+        assert {key: {**shared, **own}[key] for key in tags} == tags
+        assert 'threshold_m' in own or name != 'arrival'
+
+
+@pytest.mark.parametrize('ending', WRITTEN)
+def test_dates_of_isochrones_keep_their_zone(ending, tmp_path):
+    bag = record(tmp_path / 'bag', custom_data={'onset': '2021-09-19T16:00:00+02:00'})
+    paths = export_bag(bag, tmp_path / 'out', formats=[ending]).files
+    found = [
+        item.properties['date_utc'] for path in paths if path.suffix == f'.{ending}'
+        for item in load_features('--overlay', path) if item.properties.get('time_s')
+    ]
+    if ending == 'geojson':
+        # its reader parses dates
+        text = (tmp_path / 'out/isochrones.geojson').read_text()
+        found = re.findall('"date_utc": "(.*?)"', text)
+    assert found == [f'2021-09-19T14:{minutes:02}:00Z' for minutes in (5, 10, 15)]

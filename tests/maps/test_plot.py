@@ -108,6 +108,11 @@ def test_page_has_the_elements_of_a_published_map(frame, texts):
     assert len(set(east)) > 1 and all(value % 100 == 0 for value in east)
     assert any(item.endswith('° E') for item in texts) and any('° N' in item for item in texts)
     assert any(re.fullmatch('[0-9]+ m', item) for item in texts)
+    # the 180th meridian is at an easting of 180,211 m
+    texts.clear()
+    scene = {'terrain': {'epsg': 32701, 'offset': [179_781.0, 8_140_148.0]}}
+    plot_frame(replace(frame, scene=scene), Path('all.png'))
+    assert {item[-1] for item in texts if re.fullmatch(r'1[679.0-9]+° [EWS]', item)} >= {'W', 'S'}
     # a map without a coordinate system has the coordinates of the map frame
     texts.clear()
     plot_frame(replace(frame, scene={}), Path('all.png'))

@@ -107,9 +107,11 @@ def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     [
         (['--emplaced-flow', 'flow.asc'], 'no topic has it'),
         (['--terrain-at', '1h', 'none.npz'], 'none.npz'),
+        (['--vent', '20,20'], 'no --vent together with --no-vents'),
+        (['--vents', 'vents.csv'], 'no --vents together with --no-vents'),
     ],
 )
-def test_feed_rejects_emplaced_flows_and_missing_terrain(
+def test_feed_rejects_what_it_would_not_publish(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], named: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

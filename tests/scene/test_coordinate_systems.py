@@ -37,6 +37,11 @@ NATIONAL = CRS.from_proj4(
     '+proj=tmerc +lat_0=37 +lon_0=15.2 +k=0.9999 +x_0=500000 +y_0=4100000 +ellps=GRS80 +units=m'
 )
 
+#: UTM zone 33 with a shift of the datum for Sicily, 196 m from that of the code that GDAL finds.
+SHIFTED = CRS.from_proj4(
+    '+proj=utm +zone=33 +ellps=intl +towgs84=-104.1,-49.1,-9.9,0.971,-2.917,0.714,-11.68 +units=m'
+)
+
 COMPOUND = CRS.from_user_input('EPSG:32633+5773')
 
 #: A local grid without a position on Earth.
@@ -54,6 +59,7 @@ def write(path: Path, crs: Any, data: np.ndarray = GROUND, **options: Any) -> Pa
     (COMPOUND, 32633, 'EPSG:32633'),
     (NATIONAL, None, 'unknown, no EPSG code'),
     (SITE, None, 'quarry grid, no EPSG code'),
+    (SHIFTED, None, 'unknown, no EPSG code'),
     (CRS.from_epsg(32633), 32633, 'EPSG:32633'),
 ])
 def test_keeps_the_system_of_a_file(tmp_path, crs, code, name):
@@ -80,7 +86,9 @@ def test_compound_system_without_codes_has_a_horizontal_part(tmp_path):
     assert projected(terrain, 15.2, 37.7) == pytest.approx((x, y), abs=1e-3)
 
 
-@pytest.mark.parametrize('crs', [COMPOUND, NATIONAL], ids=['compound', 'national'])
+@pytest.mark.parametrize(
+    'crs', [COMPOUND, NATIONAL, SHIFTED], ids=['compound', 'national', 'own shift of the datum']
+)
 def test_transforms_places_in_degrees(tmp_path, crs):
     terrain = load_terrain(write(tmp_path / 'a.tif', crs))
     middle = (500_200.0, 4_179_800.0)

@@ -5,6 +5,7 @@
 
 import math
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,25 @@ def test_time_0_is_the_given_start_or_the_first_date(tmp_path, caplog):
     assert not caplog.messages
     read(tmp_path, WHOLE['dates'])
     assert 'the eruption is taken to start with the first date, 2021-09-19' in caplog.text
+
+
+@pytest.mark.parametrize(('start', 'lost'), [
+    ('2021-09-19', ''), ('2021-09-19T12:00:00', '8.64e+05 of 2.59e+06 m3 before'),
+    ('2021-09-19T12:00:00-12:00', '1.73e+06 of 2.59e+06 m3 before'),
+    ('2021-09-22', '2.59e+06 of 2.59e+06 m3 before'),
+])
+def test_lava_before_the_start_is_left_out_with_a_warning(start, lost, tmp_path, caplog):
+    (tmp_path / 'days.csv').write_text(WHOLE['dates'])
+    rate = f'{{file: days.csv, start: {start}}}'
+    text = f'vents: [{{position: [300.0, 300.0], effusion_rate: {rate}}}]'
+    path = write_scene(tmp_path, np.zeros((60, 60)), 10.0, text)
+    if start == '2021-09-22':
+        with pytest.raises(LavaError, match=re.escape(f"effusion_rate is '{lost}")):
+            scene_from_yaml(path)
+        return
+    scene_from_yaml(path)
+    warned = [record.getMessage() for record in caplog.records if 'left out' in record.message]
+    assert len(warned) == bool(lost) and all(lost in text for text in warned)
 
 
 def test_rates_at_instants_have_the_volume_of_a_linear_change(tmp_path):
@@ -143,6 +163,15 @@ def test_warns_of_unknown_columns(tmp_path, caplog):
     ('time (fortnights),q\n0,1\n', "rates.csv is 'fortnights', expected a unit such as s"),
     ('start,end,q,volume\n0,1,2,3\n', 'expected the columns start, end and effusion_rate or'),
     ('start,end,q\n0,1,0\n', 'a table without lava'),
+    ('time_s;q\n0;1.250\n60;12,5\n', 'line 3 is .12,5., expected the decimal mark of 1.250'),
+    ('time_s;q\n0;1,250\n60;12.5\n', 'line 3 is .12.5., expected the decimal mark of 1,250'),
+    *(
+        (f'{header},q\n{cells},2\n', 'is .44458.59., expected a date such as 2021-09-19')
+        for header, cells in (
+            ('date', '44458.59'), ('timestamp', '44458.59'), ('Start date,end', '44458.59,44459'),
+            ('time (UTC)', '44458.59'), ('dateTime', '44458.59'),
+        )
+    ),
     ('start,end,q\n0,1,1e9\n', r'line 2, q is 1000000000.0, expected 0 to 1e\+08 m3/s'),
 ])
 def test_rejects_invalid_tables(text, words, tmp_path):

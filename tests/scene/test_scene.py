@@ -122,10 +122,12 @@ ambient_temperature: 290
     assert scene_to_dict(scene)['terrain']['offset'] == [990.0, 2000.0]
 
 
-def test_finds_scenes_of_the_package_by_name(tmp_path, monkeypatch):
+def test_finds_scenes_of_the_package_by_name(tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
+    caplog.set_level('INFO')
     scene = scene_from_yaml('etna.yaml')
     assert scene.vents[0].name == 'crater'
+    assert 'etna.yaml: no such file here, so that of the package' in caplog.text
     assert terrain_path('st_helens.npz').is_file()
     (tmp_path / 'etna.yaml').write_text('vents: here')
     (tmp_path / 'st_helens.npz').write_text('')

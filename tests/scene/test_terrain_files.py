@@ -311,16 +311,22 @@ def test_logs_the_properties_of_a_file(tmp_path, caplog):
     assert 'they may be slopes in degrees instead of heights' in caplog.text
 
 
-@pytest.mark.parametrize('code', [3857, 3395])
-def test_reprojects_mercator_to_utm(tmp_path, code):
+@pytest.mark.parametrize(('system', 'stretch'), [
+    ('EPSG:3857', np.cos(np.radians(21.2))),
+    ('EPSG:3395', np.cos(np.radians(21.2))),
+    # true lengths along parallels, but meridians at an angle of 20 degrees to the north
+    ('+proj=sinu +R=6371007.181 +type=crs', None),
+])
+def test_reprojects_mercator_and_sheared_systems_to_utm(tmp_path, system, stretch):
     """At 21 degrees south, lengths in Mercator are 7 % too long."""
-    (x,), (y,) = transform_points('EPSG:4326', f'EPSG:{code}', [55.7], [-21.2])
+    (x,), (y,) = transform_points('EPSG:4326', system, [55.7], [-21.2])
     path = write_raster(
-        tmp_path / 'a.tif', hill(), crs=f'EPSG:{code}', transform=from_origin(x, y, 10.0, 10.0)
+        tmp_path / 'a.tif', hill(), crs=system, transform=from_origin(x, y, 10.0, 10.0)
     )
     terrain = load_terrain(path)
     assert terrain.epsg == 32740
-    assert terrain.resolution == pytest.approx(10.0 * np.cos(np.radians(21.2)), rel=5e-3)
+    if stretch is not None:
+        assert terrain.resolution == pytest.approx(10.0 * stretch, rel=5e-3)
 
 
 def test_warns_of_enclosed_holes_and_pits_and_fills_them(tmp_path, caplog):

@@ -144,6 +144,26 @@ def test_reads_coordinates_with_any_header(header, row, tmp_path):
     assert vent.name == 'a'
 
 
+def test_error_names_a_feature_of_kml_without_folders(tmp_path):
+    path = tmp_path / 'a.kml'
+    path.write_text(
+        '<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><name>crater</name>'
+        '<TimeSpan><begin>2021-09-19</begin></TimeSpan><Point><coordinates>15,37.7</coordinates>'
+        '</Point></Placemark></Document></kml>'
+    )
+    with pytest.raises(LavaError, match=r"a\.kml, feature 0 \(crater\), begin is '2021-09-19"):
+        read_vents('--vents', path, TERRAIN)
+
+
+def test_names_may_have_a_number_sign(tmp_path):
+    rows = 'camp #1,500100,4180100 # by GPS\n#camp,0,0\ncamp #2,500200,4180100\n'
+    (tmp_path / 'a.csv').write_text(f'name,x,y\n{rows}')
+    vents = read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
+    assert [(vent.name, vent.place[0]) for vent in vents] == [
+        ('camp #1', 500_100.0), ('camp #2', 500_200.0),
+    ]
+
+
 @pytest.mark.parametrize(('header', 'field', 'cell', 'value'), [
     *((name, 'discharge', '12', 12.0) for name in
       ('discharge', 'Discharge', 'RATE', 'q', 'Effusion_Rate', 'EffusionRate', 'TADR',
@@ -185,6 +205,7 @@ def test_reads_a_vent_table_of_lava2d(tmp_path):
     ('x,y,start,end\n500100,4180100,5,2\n', 'line 2.*, end is 2.0, expected a time after'),
     ('x,y,rate_dre\n500100,4180100,5\n', 'rate_dre is 5.0, expected a bulk effusion rate'),
     ('x,y,time\n500100,4180100,5\n', 'an effusion rate, and a point'),
+    ('x,y,start_date\n500100,4180100,44458\n', 'is .44458., expected a header without the word'),
     ('x,y\n510100,4180100\n', 'a vent of .*a place on the terrain, which covers'),
     ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of no length'),
 ])
