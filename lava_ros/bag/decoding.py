@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 import math
 import re
+import struct
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -195,6 +196,21 @@ class Moment:
             return float('nan')
 
 
+def stamp_of(message: BagMessage) -> int:
+    """Return the stamp of a message that begins with a header or a time [ns].
+
+    A recorder may run on another clock than the node, so that its times differ from the stamps. A
+    message without a stamp has the time of its publication.
+    """
+    order = '<' if message.data[1:2] == b'\1' else '>'
+    try:
+        seconds, nanoseconds = struct.unpack_from(f'{order}iI', message.data, 4)
+    except struct.error:
+        # a truncated message is refused when it is decoded
+        seconds = nanoseconds = 0
+    return seconds * 10**9 + nanoseconds or message.publish_ns
+
+
 class Timeline:
     """The diagnostics of a bag over time, which relate simulated times to stamps.
 
@@ -204,11 +220,12 @@ class Timeline:
 
     def __init__(self, bag: BagReader, decoder: Decoder) -> None:
         """Read the diagnostics of a bag, if there are any."""
-        known: dict[int, Moment] = {
-            moment.stamp_ns: moment
-            for message in bag.messages([DIAGNOSTICS])
-            for moment in decoder.decode(message, _moments)
-        }
+        known: dict[int, Moment] = {}
+        self._logged: dict[int, int] = {}
+        for message in bag.messages([DIAGNOSTICS]):
+            for moment in decoder.decode(message, _moments):
+                known[moment.stamp_ns] = moment
+                self._logged[moment.stamp_ns] = message.stamp_ns
         self.moments = tuple(known[stamp] for stamp in sorted(known))
 
     @property
@@ -218,10 +235,14 @@ class Timeline:
         starts = [index for index, (before, after) in pairs if after.time < before.time]
         return self.moments[max(starts, default=0) :]
 
-    def stamp_at(self, time: float | None) -> int | None:
-        """Return the stamp of the newest frame at or before a simulated time [s], None: of all."""
+    def log_time_at(self, time: float | None) -> int | None:
+        """Return the log time of the diagnostics [ns] of the newest frame up to a simulated time.
+
+        ``time`` [s] is None for the newest of all frames; None is returned without any.
+        """
         newest_first = reversed(self.moments)
-        return next((m.stamp_ns for m in newest_first if time is None or m.time <= time), None)
+        stamps = (m.stamp_ns for m in newest_first if time is None or m.time <= time)
+        return next((self._logged[stamp] for stamp in stamps), None)
 
     def time_at(self, stamp_ns: int) -> float | None:
         """Return the simulated time at a stamp [s], None if it is unknown."""

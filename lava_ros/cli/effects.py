@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Mapping
 import csv
 import math
+import sys
 from typing import TYPE_CHECKING
 
 from lava_ros.cli.console import Progress, write_json
@@ -44,6 +45,7 @@ def effects(args: argparse.Namespace) -> int:
     """
     from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.simulation.presets import preset_accuracy
+    from lava_ros.simulation.resolution import resolution_of
     from lava_ros.simulation.selection import decide, decision_as_dict
 
     horizon = seconds_of('--horizon', args.horizon)
@@ -68,6 +70,8 @@ def effects(args: argparse.Namespace) -> int:
         {**decision_as_dict(item), 'step_time_over_bare': costs.get(item.name)}
         for item in decisions
     ]
+    for text in resolution_of(scene, accuracy, horizon=horizon).warnings():
+        print(f'lava effects: {text}', file=sys.stderr)
     write_json(rows, args.json)
     return 0
 

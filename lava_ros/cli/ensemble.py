@@ -335,14 +335,19 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     from lava_ros.hindcast.probabilistic_score import plan_of
     from lava_ros.hindcast.run import Settings
     from lava_ros.simulation import presets
+    from lava_ros.simulation.resolution import resolution_of
 
     if args.scene is None or not Path(args.scene).is_dir():
-        return make_plan(
+        plan = make_plan(
             scene_as_given(args),
             horizon=seconds_of('--horizon', args.horizon or HORIZON),
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
-        ), None
+        )
+        resolution = resolution_of(plan.scene, plan.accuracy, horizon=plan.horizon)
+        for text in resolution.warnings(plan.threshold):
+            print(f'lava ensemble: {text}', file=sys.stderr)
+        return plan, None
     options = (
         'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',
         'emplaced_flow', 'emplaced_thickness', 'emplaced_as', 'terrain_at', *RATE_OPTIONS,

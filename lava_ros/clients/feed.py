@@ -41,14 +41,14 @@ class SceneFeed(Node):
             'terrain': self.create_publisher(Image, 'terrain', latched),
             'terrain_info': self.create_publisher(MapMetaData, 'terrain_info', latched),
         }
-        # not latched, because the node subscribes volatile: published again to new subscribers
-        self._vents = self.create_publisher(PointCloud2, 'vents', commands)
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
         self._publish_terrain()
         self.create_timer(0.2, self._follow_events)
         if has_vents:
+            # not latched, because the node subscribes volatile: published again to new subscribers
+            self._vents = self.create_publisher(PointCloud2, 'vents', commands)
             self.create_timer(0.2, self._publish_vents)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -316,7 +316,9 @@ class _Search:
         if not pilot.is_done:
             alike = [run for run in self.runs if run.is_done and run.effects == pilot.effects]
             if not self.pilots:
-                raise LavaError('within', self.within, 'more time: the coarsest run takes longer')
+                reached = 100.0 * pilot.progress[-1, 0]
+                expected = f'more time: the coarsest run reaches {reached:.2g} % of the horizon'
+                raise LavaError('within', self.within, expected)
             pilot = completed(pilot, (alike or self.pilots)[-1])
         self.runs.append(pilot)
         self.on_pilot(pilot)

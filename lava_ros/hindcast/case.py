@@ -229,7 +229,7 @@ def load_case(
         assert outline is not None
         footprint = footprints(outline)
     check_places(rows, ground, footprint)
-    hot = float(used.vent_temperature.value)
+    hot = lava.reference_temperature
     scene = Scene(
         low_pass(ground, width),
         tuple(

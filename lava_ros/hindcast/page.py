@@ -106,7 +106,7 @@ def facts(
 def warnings(case: Case, result: Result) -> list[str]:
     """Return warnings about the result, each a sentence."""
     found = [f'{text[0].upper()}{text[1:]}.' for text in result.snapshot.budget.warnings()]
-    if result.resolution.is_coarse:
+    if result.resolution.warnings():
         found.append(f'{result.resolution.text()}.')
     if case.low_pass:
         found.append(f'The elevation was smoothed over {case.low_pass:g} m.')

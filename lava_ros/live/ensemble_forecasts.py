@@ -148,13 +148,20 @@ class EnsembleForecasts:
                 self._places = terrain, places_on(features, terrain)
         return None if self._places is None else self._places[1]
 
-    def send(self, request: Callable[..., None], *, changes: int, time_scale: float) -> None:
-        """Send the waiting outlines to the process, unless the scene has just changed."""
+    def send(
+        self, request: Callable[..., None], *, changes: int, time_scale: float, now: float
+    ) -> None:
+        """Send the waiting outlines to the process, unless the scene has just changed.
+
+        ``now`` is the simulated time [s].
+        """
         while changes == self._changes and not self._waiting.empty():
             mask, clock, done = self._waiting.get()
             assert self._terrain is not None
             try:
-                outline = outline_on(self._terrain, mask, self._time_at(clock, time_scale))
+                # at a pause, or behind its clock, the simulation has not come as far
+                time = min(now, self._time_at(clock, time_scale))
+                outline = outline_on(self._terrain, mask, time)
             except LavaError as error:
                 finish(done, error)
                 continue
@@ -208,6 +215,9 @@ class EnsembleForecasts:
             self._posterior, self._is_refused = None, False
             self._put_status(outlines=0, jaccard_mean=None, members_left=None, error='')
         self._terrain = fork.checkpoint.scene.terrain
+        if self._moments and fork.clock < self._moments[-1][0]:
+            # the clock went back: earlier stamps may mean either time
+            self._moments.clear()
         self._moments.append((fork.clock, fork.checkpoint.time))
 
     def _time_at(self, clock: float, time_scale: float) -> float:

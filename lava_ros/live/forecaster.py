@@ -238,8 +238,10 @@ class Forecaster:
             self._stopping.wait(_WATCH_TIME)
             return
         rules = self.rules()
+        session = self.worker.session
         self.ensembles.send(
-            self._process.request, changes=self.worker.session.changes, time_scale=rules.time_scale
+            self._process.request, changes=session.changes, time_scale=rules.time_scale,
+            now=session.time,
         )
         if self._current_fork is not None and self._renew_share(rules):
             self._process.request('share', share=self.status.share)

@@ -25,6 +25,7 @@ class Recorder:
         state: ``off``, ``armed`` (a bag is chosen and not yet open) or ``recording``.
         directory: The bag, empty before the first.
         files, messages: Its numbers of files and messages.
+        newest_ns: ROS time of its newest message [ns].
         error: Error that stopped the last recording, empty without one.
     """
 
@@ -34,7 +35,7 @@ class Recorder:
         self._limits: dict[str, Any] = {}
         self._writer: BagWriter | None = None
         self.state, self.directory, self.error = 'off', '', ''
-        self.files = self.messages = 0
+        self.files = self.messages = self.newest_ns = 0
 
     @property
     def size(self) -> int:
@@ -64,7 +65,7 @@ class Recorder:
         self._place = _new_place(directory)
         self._limits = {'max_size': max_size, 'max_duration': max_duration}
         self.state, self.directory, self.error = 'armed', str(directory), ''
-        self.files = self.messages = 0
+        self.files = self.messages = self.newest_ns = 0
 
     def describe(self, custom_data: Mapping[str, str]) -> None:
         """Open the chosen bag with a description, or replace the description of the open bag."""
@@ -85,6 +86,7 @@ class Recorder:
         self, topic: str, message_type: str, data: bytes, stamp_ns: int, *, qos: QosProfile
     ) -> None:
         """Write a message if a bag is open."""
+        self.newest_ns = stamp_ns
         self._attempt(lambda bag: bag.write(topic, message_type, data, stamp_ns, qos=qos))
 
     def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
@@ -184,8 +186,10 @@ class BagFolder:
         recent = [path for path in times if times[path] >= self._since]
         return sorted(recent, key=lambda path: times[path], reverse=True)
 
-    def path(self, name: str) -> Path:
+    def path(self, name: str, *, is_next: bool = False) -> Path:
         """Return the path of a bag; an empty name becomes the current time.
+
+        With ``is_next`` a number is added to the name of a bag that exists.
 
         Raises:
             LavaError: If the path is outside the root.
@@ -194,9 +198,9 @@ class BagFolder:
             return _unused(self._root / (time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix))
         if name == self._given:
             path = Path(name)
-            return _unused(path) if path in self.written() else path
+            return _unused(path) if is_next or path in self.written() else path
         with refusing('bag_directory', name, 'a path', OSError, RuntimeError, ValueError):
             root, path = self._root.resolve(), Path(name).resolve()
         if root not in path.parents:
             raise LavaError('bag_directory', name, f'a new folder inside {root} (bag_root)')
-        return Path(name)
+        return _unused(Path(name)) if is_next else Path(name)

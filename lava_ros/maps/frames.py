@@ -19,6 +19,7 @@ from lava_ros.bag.decoding import (
     image_array,
     places_in,
     read_grid,
+    stamp_of,
     Timeline,
 )
 from lava_ros.bag.reader import BagMessage
@@ -194,12 +195,12 @@ class Recording:
         Raises:
             LavaError: If the bag is damaged, or has no terrain or no map at that time.
         """
-        stamp = self.timeline.stamp_at(time)
+        end = self.timeline.log_time_at(time)
         last = max((item.time for item in self.timeline.moments), default=math.inf)
-        if time is not None and (stamp is None or time > last):
+        if time is not None and (end is None or time > last):
             raise LavaError('time', time, self.timeline.span)
         assembly = _Assembly(self)
-        end = (self.bag.end_ns or 0) if stamp is None else stamp
+        end = (self.bag.end_ns or 0) if end is None else end
         assembly.newest = {item.topic: item for item in self.bag.newest(self.topics, end + 1)}
         if what := assembly.missing_input():
             raise self.missing_error(time, what)
@@ -225,13 +226,13 @@ class Recording:
             if stamps.get(message.topic) == message.publish_ns:
                 continue
             stamps[message.topic] = message.publish_ns
-            if is_due and message.publish_ns != stamp:
+            when, is_layer = stamp_of(message), message.topic in self.layers
+            if is_due and when != stamp:
                 yield from self._due(assembly)
                 is_due = False
-            is_layer = message.topic in self.layers
-            if not is_layer or message.publish_ns >= start:
+            if not is_layer or when >= start:
                 assembly.newest[message.topic] = message
-                stamp, is_due = message.publish_ns, is_due or is_layer
+                stamp, is_due = when, is_due or is_layer
         if is_due:
             yield from self._due(assembly)
 
@@ -284,7 +285,7 @@ class _Assembly:
         layers: dict[str, LayerFrame] = {}
         # newer maps first, and images before grids of the same time
         for name in sorted(self._layer_names(), key=lambda name: (
-            -self.newest[name].publish_ns, recording.layers[name].message != IMAGE
+            -stamp_of(self.newest[name]), recording.layers[name].message != IMAGE
         )):
             layer = recording.layers[name]
             # a grid and an image of one source have the same content
@@ -294,7 +295,7 @@ class _Assembly:
                     layers[layer.source] = shown
         arrived = layers.pop(ARRIVED, None)
         has_vents = recording.vents in self.newest
-        stamp = max(self.newest[name].publish_ns for name in self._layer_names())
+        stamp = max(stamp_of(self.newest[name]) for name in self._layer_names())
         frame = Frame(
             elevation=terrain.elevation,
             resolution=terrain.resolution,
@@ -380,10 +381,13 @@ def grid_frame(layer: Layer, cells: np.ndarray) -> LayerFrame:
 
 
 def _vents(decoder: Decoder, item: BagMessage) -> np.ndarray:
-    """Return the map positions of the active vents, float64, shape [vents, 2]."""
-    names = ('x', 'y', 'discharge')
-    columns = decoder.decode(item, lambda cloud: cloud_columns(cloud, item.topic, names))
+    """Return the map positions of the active vents and ends of fissures, float64, [count, 2]."""
+    names, ends = ('x', 'y', 'discharge'), ('x_end', 'y_end')
+    columns = decoder.decode(item, lambda cloud: cloud_columns(cloud, item.topic, names, ends))
     points = np.stack([columns[name] for name in names], axis=-1)
+    if all(name in columns for name in ends):
+        others = np.stack([columns[name] for name in (*ends, 'discharge')], axis=-1)
+        points = np.concatenate([points, others[~np.isnan(others[:, :2]).all(axis=1)]])
     # keeps NaN, which the next check rejects
     points = points[~(points[:, 2] <= 0.0)]
     beyond = points[~(np.abs(points) <= MAX_COORDINATE)]

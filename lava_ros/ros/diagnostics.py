@@ -53,7 +53,7 @@ def simulation_status(
     # the state 'starting' already explains a wait
     warnings += [*clock.values(), worker.blocked_by if state is not WorkerState.STARTING else '']
     warnings.append('running slower than the clock asks for' if worker.is_behind else '')
-    if state is WorkerState.RUNNING and resolution is not None and resolution.is_coarse:
+    if state is WorkerState.RUNNING and resolution is not None and resolution.warnings():
         warnings.append(resolution.text())
     if worker.error:
         message = f'{message}: {worker.error}'
@@ -292,7 +292,7 @@ class NodeLog:
         failed = state is WorkerState.FAILED
         self._log_change('state', state, text, 'error' if failed else 'info')
         if resolution is not None:
-            severity = 'warning' if resolution.is_coarse else 'info'
+            severity = 'warning' if resolution.warnings() else 'info'
             self._log_change('resolution', resolution.text(), resolution.text(), severity)
         # the text contains a duration, so only the kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):

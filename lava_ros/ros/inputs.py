@@ -27,11 +27,13 @@ from lava_ros.scene import (
     RESOLUTION_RANGE,
     Terrain,
     Vent,
+    VENT_TEMPERATURE_RANGE,
 )
 from lava_ros.scene.missing_data import check_missing
 
-#: Required fields of a point cloud of vents; only viewers use ``z``.
+#: Required and optional fields of a point cloud of vents; only viewers use ``z``.
 VENT_FIELDS = ('x', 'y', 'z', 'discharge', 'temperature', 'radius')
+OPTIONAL_FIELDS = ('id', 'x_end', 'y_end', 'velocity_x', 'velocity_y')
 
 #: Wait for the partner of a new terrain image or description [s].
 SETTLE = 0.5
@@ -144,8 +146,9 @@ def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
 def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]:
     """Make the vents of a message, which replace all vents: no points means no vents.
 
-    With a field ``time``, the points of one id at one position are one vent. The discharge of each
-    point applies from its simulated time [s] until that of the next point.
+    With ``x_end`` and ``y_end`` that are not NaN, a vent is a fissure. With a field ``time``, the
+    points of one id at one position are one vent. The discharge of each point applies from its
+    simulated time [s] until that of the next point.
     """
     _check_message('vents', cloud.header, settings, cloud.data)
     count = cloud.width * cloud.height
@@ -153,20 +156,29 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
         raise LavaError('vents.size', count, f'at most {settings.max_vents} vents (max_vents)')
     is_timed = any(item.name == 'time' for item in cloud.fields)
     required = (*VENT_FIELDS, 'id', 'time') if is_timed else VENT_FIELDS
-    columns = cloud_columns(cloud, 'vents', required, optional=('id',))
+    columns = cloud_columns(cloud, 'vents', required, optional=OPTIONAL_FIELDS)
     columns.setdefault('id', np.arange(count, dtype=np.float64))
+    if not np.isfinite(columns['id']).all():
+        expected = 'a finite number, or no field id: it tells vents apart'
+        raise LavaError('vents.id', float(columns['id'][~np.isfinite(columns['id'])][0]), expected)
     points: dict[object, list[dict[str, float]]] = {}
     for index in range(count):
         point = {key: float(values[index]) for key, values in columns.items()}
-        place = (point['id'], point['x'], point['y']) if is_timed else index
+        place = (point['id'], point['x'], point['y'], _end_of(point)) if is_timed else index
         points.setdefault(place, []).append(point)
     return tuple(_vent_of_points(item, is_timed=is_timed) for item in points.values())
 
 
+def _end_of(point: dict[str, float]) -> tuple[float, float] | None:
+    end = point.get('x_end', math.nan), point.get('y_end', math.nan)
+    return None if all(map(math.isnan, end)) else end
+
+
 def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Vent:
     first = points[0]
-    name = f'vent {first["id"]:g}'
-    for key in ('temperature', 'radius'):
+    # all digits, because vents with one name continue each other
+    name = f'vent {first["id"]:.15g}'
+    for key in ('temperature', 'radius', *(first.keys() & {'velocity_x', 'velocity_y'})):
         for point in points[1:]:
             # NaN differs from every value, and is refused below
             if point[key] != first[key]:
@@ -174,7 +186,11 @@ def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Ve
                 raise LavaError(f"vent '{name}'.{key}", point[key], expected)
     series = [(point['time'], point['discharge']) for point in points] if is_timed else None
     place = first['x'], first['y']
-    return _vent(name, place, series or first['discharge'], first['temperature'], first['radius'])
+    velocity = first.get('velocity_x', 0.0), first.get('velocity_y', 0.0)
+    return _vent(
+        name, place, series or first['discharge'], first['temperature'], first['radius'],
+        end=_end_of(first), velocity=velocity,
+    )
 
 
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
@@ -207,25 +223,28 @@ def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'obse
 class TerrainPairing:
     """Pairs images and descriptions of terrain that arrive on two topics.
 
-    Either may arrive first. Two new halves of the same size are a pair immediately. A single new
-    half of the old size waits ``SETTLE`` seconds for its partner and then pairs with the old
-    partner, so that new elevations never appear at the old position if a publisher sends both.
+    Either may arrive first. Two new halves of the same size are a pair immediately, unless their
+    stamps differ. Those, and a single new half of the old size, wait ``SETTLE`` seconds for a
+    partner and then pair with the newest one, so that new elevations do not appear at the old
+    position if a publisher sends both.
     Halves of different sizes are an error after ``PATIENCE`` seconds, a half without a partner
     after ``ABSENCE`` seconds: on a busy machine, discovery of the second publisher may take
-    seconds longer. Each error is reported once.
+    seconds longer. Each error is reported once. These times count from the first new half, because
+    a source may publish one of the two at a high rate.
     """
 
     def __init__(self) -> None:
         """Initialize without halves."""
         self._halves: dict[type, Any] = {}
         self._new: set[type] = set()
-        self._changed, self._is_waiting = 0.0, False
+        self._begun, self._is_waiting = 0.0, False
 
     def add(self, half: Image | MapMetaData, now: float) -> None:
         """Add a checked image or description at monotonic time ``now`` [s]."""
         self._halves[type(half)] = half
         self._new.add(type(half))
-        self._changed, self._is_waiting = now, True
+        if not self._is_waiting:
+            self._begun, self._is_waiting = now, True
 
     def poll(self, now: float) -> tuple[Image, MapMetaData] | None:
         """Return a newly complete pair, otherwise None.
@@ -238,12 +257,15 @@ class TerrainPairing:
         image, info = self._halves.get(Image), self._halves.get(MapMetaData)
         if image is not None and info is not None:
             fits = (image.width, image.height) == (info.width, info.height)
-            if fits and (len(self._new) == 2 or now - self._changed >= SETTLE):
+            stamps = {codec.nanoseconds(time) for time in (image.header.stamp, info.map_load_time)}
+            # some publishers leave one of the stamps at 0
+            is_pair = len(self._new) == 2 and len(stamps - {0}) < 2
+            if fits and (is_pair or now - self._begun >= SETTLE):
                 self._new.clear()
                 self._is_waiting = False
                 return image, info
         is_alone = image is None or info is None
-        if now - self._changed < (ABSENCE if is_alone else PATIENCE):
+        if now - self._begun < (ABSENCE if is_alone else PATIENCE):
             return None
         self._is_waiting = False
         if image is None:
@@ -267,9 +289,13 @@ def _vent(
     discharge: float | Sequence[tuple[float, float]],
     celsius: float,
     radius: float,
+    **options: Any,
 ) -> Vent:
-    validation.number(f"vent '{name}'.temperature", celsius, unit='Celsius')
-    return Vent(place, discharge, celsius + ZERO_CELSIUS, radius=radius, name=name)
+    least, most = (limit - ZERO_CELSIUS for limit in VENT_TEMPERATURE_RANGE)
+    validation.number(
+        f"vent '{name}'.temperature", celsius, at_least=least, at_most=most, unit='Celsius'
+    )
+    return Vent(place, discharge, celsius + ZERO_CELSIUS, radius=radius, name=name, **options)
 
 
 def _check_message(name: str, header: Header, settings: Settings, data: Any = b'') -> None:

@@ -282,6 +282,8 @@ def main(args: list[str] | None = None) -> int:
         rclpy.try_shutdown()
         return USAGE_ERROR
     package = logging.getLogger('lava_ros')
+    for text in node_parameters.without_section(words, node.get_fully_qualified_name()):
+        node.get_logger().warning(text)
     # replaces the handler that the command line installs
     package.handlers[:] = [_PackageLog(node)]
     package.setLevel(logging.INFO)

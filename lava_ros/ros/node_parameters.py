@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import fields
 from difflib import get_close_matches
 from itertools import pairwise
+import re
 from typing import Any
 
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -15,6 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lava_ros.errors import LavaError
+from lava_ros.files.yaml import read_yaml
 from lava_ros.ros.parameters import ParameterSpec, TYPES
 from lava_ros.scene import Vent
 
@@ -97,8 +99,6 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
     known = list(node._parameters)
     result = []
     for name in sorted(set(node._parameter_overrides) - set(known)):
-        if name.startswith('qos_overrides.'):
-            continue
         close = get_close_matches(name, known, 3)
         text = f'; similar names: {", ".join(close)}' if close else ''
         if name.split('.')[0] in ('vent', 'vents', *(item.name for item in fields(Vent))):
@@ -108,6 +108,42 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
             raise LavaError(f'-p {name}', value, f'a parameter that this node has{text}')
         result.append(f'this node has no parameter {name!r}: its value has no effect{text}')
     return result
+
+
+def without_section(args: Sequence[str], node: str) -> list[str]:
+    """Return a warning for each parameter file without a section for a node; ROS ignores it.
+
+    ``args`` are those of the command line, which ROS has accepted; ``node`` is a full name.
+    """
+    result = []
+    for path in (word for flag, word in pairwise(args) if flag == '--params-file'):
+        names: list[str] = []
+        # ROS has read the file
+        with suppress(LavaError):
+            names = sorted(_sections(read_yaml('--params-file', path)))
+        # as rcl does: * is one part of a name, and ** any number of parts
+        patterns = (re.sub(r'/?\*\*|\*', _wildcard, name) for name in names)
+        if not any(re.fullmatch(pattern, node) for pattern in patterns):
+            result.append(
+                f'--params-file {path} has no parameters for {node}, only for '
+                f'{", ".join(names) or "no node"}: it has no effect'
+            )
+    return result
+
+
+def _wildcard(match: re.Match[str]) -> str:
+    return r'(/\w+)*' if '**' in match[0] else r'\w+'
+
+
+def _sections(tree: Any, name: str = '') -> set[str]:
+    """Return the names of nodes in a parameter file, which may be nested by namespace."""
+    if not isinstance(tree, Mapping):
+        return set()
+    found = {name} if 'ros__parameters' in tree else set()
+    return found.union(
+        *(_sections(item, f'{name}/{str(key).strip("/")}') for key, item in tree.items()
+          if key != 'ros__parameters')
+    )
 
 
 def fix(node: Node, specs: Iterable[ParameterSpec], *, fixed: bool) -> None:

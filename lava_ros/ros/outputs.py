@@ -112,32 +112,35 @@ def _shade(terrain: Terrain) -> np.ndarray:
     return np.rint(np.where(np.isfinite(shade), shade, -1.0)).astype(np.int8)
 
 
+#: Fields of a cloud of vents, in the order of the values of ``vent_rows``.
+_ROW = ('x', 'y', 'discharge', 'temperature', 'radius', 'id', 'x_end', 'y_end', 'velocity_x',
+        'velocity_y')
+
+
 def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
-    """Return the rows of the vents at a simulated time [s].
+    """Return a row for each vent at a simulated time [s].
 
     Returns:
-        (x, y, discharge [m3/s], temperature [Celsius], radius [m], id) of each vent; of a fissure
-        one row for each end, with half of the discharge.
+        (x, y, discharge [m3/s], temperature [Celsius], radius [m], id, x and y of the other end of
+        a fissure or NaN, velocity along x and y [m/s]).
     """
-    rows: list[tuple[float, ...]] = []
-    for index, vent in enumerate(vents):
-        places = [vent.position] if vent.end is None else [vent.position, vent.end]
-        celsius = vent.temperature - ZERO_CELSIUS
-        rows += [
-            (x, y, vent.discharge_at(time) / len(places), celsius, vent.radius, float(index))
-            for x, y in places
-        ]
-    return rows
+    return [
+        (
+            *vent.position, vent.discharge_at(time), vent.temperature - ZERO_CELSIUS, vent.radius,
+            float(index), *(vent.end or (math.nan, math.nan)), *vent.velocity,
+        )
+        for index, vent in enumerate(vents)
+    ]
 
 
 def vents_message(
     rows: Sequence[tuple[float, ...]], terrain: Terrain, header: Header
 ) -> PointCloud2:
     """Make the cloud of rows of ``vent_rows``; z is the elevation of the terrain."""
-    names = ('x', 'y', 'z', 'discharge', 'temperature', 'radius', 'id')
-    points = [(*row[:2], _elevation(terrain, *row[:2]), *row[2:]) for row in rows]
-    columns = {name: [point[index] for point in points] for index, name in enumerate(names)}
-    return codec.point_cloud(columns, header)
+    columns = {name: [row[index] for row in rows] for index, name in enumerate(_ROW)}
+    heights = [_elevation(terrain, *row[:2]) for row in rows]
+    ordered = {'x': columns.pop('x'), 'y': columns.pop('y'), 'z': heights, **columns}
+    return codec.point_cloud(ordered, header)
 
 
 #: Namespaces of the markers: vents, their labels, lines from z = 0 to the ground, and the crests
@@ -179,8 +182,7 @@ def vent_markers(
         on_map = [Point(x=x, y=y) for x, y in ends]
         on_ground = [Point(x=x, y=y, z=_elevation(terrain, x, y)) for x, y in ends]
         place, label, elevation = (
-            Marker(header=header, ns=namespace, id=index, action=Marker.ADD)
-            for namespace in (PLACES, LABELS, ELEVATIONS)
+            _marker(header, namespace, index) for namespace in (PLACES, LABELS, ELEVATIONS)
         )
         place.color = elevation.color = _color(*(OPEN if discharge > 0.0 else CLOSED))
         place.scale.x = width
@@ -197,13 +199,14 @@ def vent_markers(
         label.scale.z = letters
         label.color = _color(*WORDS)
         celsius = vent.temperature - ZERO_CELSIUS
+        # RViz draws each byte as a character, so that ³ and ° would be two wide blanks each
         label.text = f'{vent.name or index + 1}: {discharge:.3g} m3/s, {celsius:.0f} C'
         elevation.type = Marker.LINE_STRIP
         elevation.scale.x = THICKNESS * width
         elevation.points = [on_map[0], *on_ground, *on_map[1:]]
         markers += [place, label, elevation]
     for index, crest in enumerate(terrain.barriers):
-        line = Marker(header=header, ns=BARRIERS, id=index, action=Marker.ADD)
+        line = _marker(header, BARRIERS, index)
         line.type = Marker.LINE_STRIP
         line.points = [Point(x=x, y=y) for x, y in np.subtract(crest, terrain.offset).tolist()]
         line.scale.x, line.color = THICKNESS * letters, _color(*CREST)
@@ -260,6 +263,11 @@ class SceneMessages:
 
 def _elevation(terrain: Terrain, x: float, y: float) -> float:
     return float(terrain.elevation[terrain.cell_at(x, y)])
+
+
+def _marker(header: Header, namespace: str, index: int) -> Marker:
+    # locked, so that RViz with the fixed frame odom keeps it on the map, however old its stamp is
+    return Marker(header=header, ns=namespace, id=index, action=Marker.ADD, frame_locked=True)
 
 
 def _color(red: float, green: float, blue: float, alpha: float) -> ColorRGBA:

@@ -3,6 +3,7 @@
 
 """Publication of layers and of the scene; the recorder gets the same bytes."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -95,6 +96,26 @@ class NodeGraph:
         """Make the header of a message."""
         return codec.header(self.frame_id, stamp_ns)
 
+    @property
+    def published(self) -> Counter[str]:
+        """Number of publishers of this node by topic, without those that nodes share."""
+        made = (item.topic_name for item, kind in self._made.items() if kind == 'publisher')
+        shared = self.node.resolve_topic_name('/diagnostics')
+        return Counter(topic for topic in made if topic != shared)
+
+    def other_publishers(self, topic: str) -> list[str]:
+        """Return the full name of the node of each publisher of a topic that is not made here.
+
+        A killed node remains for about 20 s, the lease of Fast DDS. A publisher whose node is not
+        known yet is left out.
+        """
+        name = self.node.resolve_topic_name(topic)
+        ends = self.node.get_publishers_info_by_topic(name)
+        names = (f'{end.node_namespace.rstrip("/")}/{end.node_name}' for end in ends)
+        found = Counter(name for name in names if name.startswith('/'))
+        found.subtract({self.node.get_fully_qualified_name(): self.published[name]})
+        return list(found.elements())
+
     def create(self, kind: str, *args: Any, **options: Any) -> Any:
         """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""
         made = getattr(self.node, f'create_{kind}')(*args, **options)
@@ -183,13 +204,15 @@ class LayerPublishers(Generic[Shown]):
         """Publish ``snapshot`` on the layers that are due and have not published it.
 
         ``also_not_due`` includes layers that are not due, ``repeat`` those that have published it.
-        ``stamp_ns`` is the stamp of the messages [ns], ``recorded_ns`` their ROS time in the bag
-        [ns], by default the stamp.
+        ``stamp_ns`` is the stamp of a snapshot that is published for the first time [ns],
+        ``recorded_ns`` the ROS time of the messages in the bag [ns], by default ``stamp_ns``.
         """
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)
             if is_new or repeat:
-                self.shown, self.shown_stamp_ns = snapshot, stamp_ns
+                # a repeated state keeps its stamp, which shows its age, unless the clock went back
+                if snapshot is not self.shown or not 0 < self.shown_stamp_ns <= stamp_ns:
+                    self.shown, self.shown_stamp_ns = snapshot, stamp_ns
                 self._publish(output, snapshot, recorded_ns or stamp_ns, repeat)
 
     def publish_heartbeats(self, recorded_ns: int) -> None:

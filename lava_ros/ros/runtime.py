@@ -14,7 +14,7 @@ from rclpy.clock_type import ClockType
 
 from lava_ros.errors import LavaError
 from lava_ros.live.checkpoint_recording import CheckpointRecording
-from lava_ros.live.clock import ClockWatch
+from lava_ros.live.clock import ClockWatch, JITTER
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
@@ -43,6 +43,9 @@ STOP_TIMEOUT = 4.0
 
 #: Maximum wait for the last checkpoint of a bag [s]. The simulation thread may be compiling.
 CHECKPOINT_TIMEOUT = 2.0
+
+#: Maximum time of the clock between two messages of a bag [s].
+MAX_GAP = 86_400.0
 
 #: Period of the diagnostics [s].
 HEARTBEAT = 1.0
@@ -267,6 +270,8 @@ class NodeRuntime:
             expected = f'less than {maximum} (max_saved_bytes)'
             error = LavaError('save', f'{self._saved_bytes} bytes saved so far', expected)
             self.allowance.refuse('save', error)
+        if not now_ns(self._node):
+            raise LavaError('save', 'no time yet', 'a time on /clock, or use_sim_time false')
         is_own, before = not self._recorder.is_recording, self._recorder.size
         if is_own:
             self.start_recording()
@@ -328,8 +333,11 @@ class NodeRuntime:
         if snapshot is None or not self.is_active:
             return
         stamp_ns = now_ns(self._node)
+        repeat |= self._begins_bag(stamp_ns)
         if scene is not None:
-            self._recording.write(self.worker.session, snapshot, stamp_ns)
+            # a bag that began before the clock had a time would be decades long
+            if stamp_ns:
+                self._recording.write(self.worker.session, snapshot, stamp_ns)
             is_heard = self.inputs.came_from_topic(scene.terrain)
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
@@ -356,8 +364,10 @@ class NodeRuntime:
         if self._is_at_rest():
             # Publish the last maps before the status that reports the end.
             self._publish()
-        snapshot = self._layers.shown
         stamp_ns = now_ns(self._node)
+        if self._begins_bag(stamp_ns):
+            self._publish()
+        snapshot = self._layers.shown
         if self.is_active:
             self._layers.publish_heartbeats(stamp_ns)
         self._publish_places()
@@ -379,7 +389,7 @@ class NodeRuntime:
                     clock=clock,
                 ),
                 diagnostics.effects_status(self.worker.session.effects),
-                self.inputs.log.status(),
+                self.inputs.status(),
                 diagnostics.recorder_status(self._checkpoints),
                 *self._forecasts.statuses(),
                 *self._places.statuses(),
@@ -393,9 +403,25 @@ class NodeRuntime:
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=changes))
         self._log.recorder(self._recorder)
 
-    def _arm_recorder(self) -> None:
+    def _begins_bag(self, stamp_ns: int) -> bool:
+        """Return True if a bag begins with the next maps: the chosen one, or one after a jump.
+
+        Where the clock goes back, or to another epoch, the bag ends and another one begins: the
+        messages of a bag are in the order of their times, and a player waits between them.
+        """
+        ahead = 1e-9 * (stamp_ns - self._recorder.newest_ns)
+        if self._recorder.is_recording and not -JITTER < ahead <= MAX_GAP:
+            self._close_bag()
+            try:
+                self.allowance.take('record')
+                self._arm_recorder(is_next=True)
+            except LavaError as error:
+                self._recorder.error = f'recording stopped where the clock jumped: {error}'
+        return self._recorder.is_armed and stamp_ns > 0
+
+    def _arm_recorder(self, *, is_next: bool = False) -> None:
         new = self._settings
-        directory = self._bag_folder.path(new.bag_directory)
+        directory = self._bag_folder.path(new.bag_directory, is_next=is_next)
         self._recorder.arm(
             directory, max_size=new.bag_max_size, max_duration=new.bag_max_duration
         )

@@ -4,11 +4,13 @@
 """Subscriptions to the input topics, and the rate limits of services."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
+import math
 import threading
 import time
 import traceback
@@ -38,6 +40,9 @@ PAIRING_PERIOD = 0.1
 
 #: Maximum difference between the clocks of two machines [s].
 CLOCK_TOLERANCE = 1.0
+
+#: Minimum wall time between two searches of the graph for other publishers [s].
+RIVALS_PERIOD = 1.0
 
 #: Time after which an unchanged error of a topic is logged again [s].
 LOG_INTERVAL = 60.0
@@ -157,15 +162,18 @@ class InputLog:
         if number >= self._newest.get(topic, (0, False))[0]:
             self._newest[topic] = number, is_bad
 
-    def status(self) -> DiagnosticStatus:
-        """Return ERROR if a topic's newest message was refused, WARN if an earlier one was."""
+    def status(self, warning: str = '') -> DiagnosticStatus:
+        """Return ERROR if a topic's newest message was refused, WARN if an earlier one was.
+
+        A ``warning`` is a WARN, too.
+        """
         with self._lock:
             rejected, last_error = self._rejected.total(), self._last_error
             level, message = diagnostics.OK, 'all taken'
             if any(is_bad for _, is_bad in self._newest.values()):
                 level, message = diagnostics.ERROR, f'refused {last_error}'
-            elif rejected:
-                level, message = diagnostics.WARN, f'{rejected} refused so far'
+            elif warning or rejected:
+                level, message = diagnostics.WARN, warning or f'{rejected} refused so far'
             values = {
                 'accepted': self._accepted,
                 'rejected': rejected,
@@ -213,6 +221,7 @@ class InputSubscribers:
             take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
+        self._replaced, self._rivals, self._looked = (list(terrains), ['vents']), '', -math.inf
         commands: dict[str, tuple[Any, Callable[[Any], None]]] = {
             'vents': (PointCloud2, self._on_vents),
         }
@@ -230,6 +239,46 @@ class InputSubscribers:
                     'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
                 )
         self.graph.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
+
+    def status(self) -> DiagnosticStatus:
+        """Return the status of the inputs; warn of nodes that publish what they must not."""
+        now = time.monotonic()
+        if now - self._looked >= RIVALS_PERIOD:
+            known, given = self._rivals, map(self._find_rivals, self._replaced)
+            self._rivals = '; '.join(filter(None, (*given, self._find_imitators())))
+            self._looked = now
+            if self._rivals not in ('', known):
+                self._logger.warning(self._rivals)
+        return self.log.status(self._rivals)
+
+    def _find_rivals(self, topics: Sequence[str]) -> str:
+        """Return a warning if ``topics``, of which each message counts alone, have two sources."""
+        sources = [self.graph.other_publishers(topic) for topic in topics]
+        names = sorted({name for item in sources for name in item})
+        if max(len(names), *map(len, sources)) < 2:
+            return ''
+        return (
+            f'several publishers of {" and ".join(topics)} ({", ".join(names)}): each '
+            'message replaces those of the others; one node has to publish all of them'
+        )
+
+    def _find_imitators(self) -> str:
+        """Return a warning if other nodes publish the maps of this node, too."""
+        received = {self.graph.node.resolve_topic_name(topic) for topic in chain(*self._replaced)}
+        found = {
+            topic: names
+            for topic in self.graph.published.keys() - received
+            if (names := self.graph.other_publishers(topic))
+        }
+        if not found:
+            return ''
+        own = self.graph.node.get_fully_qualified_name()
+        killed = {own: f'{own} (another one, or one that was killed up to 20 s ago)'}
+        names = sorted({killed.get(name, name) for item in found.values() for name in item})
+        return (
+            f'{", ".join(names)} also publishes {", ".join(sorted(found))}: subscribers receive a '
+            'mixture of its maps and those of this node; give it another namespace'
+        )
 
     def command(self, topic: str, future: 'Future[Any]') -> None:
         """Report the result of a worker command, in the worker's thread."""

@@ -49,7 +49,8 @@ class EmplacedFlow:
             row 0 has the smallest y.
         resolution: Side of a cell [m].
         origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
-        temperature: Temperature of the lava [K]; None: the eruption temperature of the material.
+        temperature: Temperature of the lava [K]; None: a scene sets it to
+            ``Lava.reference_temperature``.
         source: Origin of the data, for people.
     """
 

@@ -3,17 +3,19 @@
 
 """Lavas by name, with the reference of each constant."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from importlib import resources
 import logging
+import math
 from typing import Any
 
 from lava_ros import validation
+from lava_ros.effects import drop_superseded, EFFECTS, possible
 from lava_ros.errors import LavaError
 from lava_ros.scene.composition import vft_constants
-from lava_ros.scene.lava import Lava
+from lava_ros.scene.lava import constant_units, Lava
 
 _LOG = logging.getLogger(__name__)
 
@@ -22,6 +24,18 @@ FILE = 'materials.yaml'
 
 #: Name of the default material in scene files, commands, the node and the Python API.
 DEFAULT = 'etna_basalt'
+
+#: Units in which constants are often given by mistake, and the conversion to that of ``Lava``.
+_OTHER_UNITS: Mapping[str, tuple[str, Callable[[float], float]]] = {
+    'density': ('g/cm3', lambda value: 1e3 * value),
+    'specific_heat': ('kJ/(kg K)', lambda value: 1e3 * value),
+    'latent_heat': ('kJ/kg', lambda value: 1e3 * value),
+    'viscosity': ('log10 Pa s', lambda value: 10.0 ** min(value, 100.0)),
+    **dict.fromkeys(
+        ('reference_temperature', 'liquidus', 'solidus', 'crust_temperature'),
+        ('Celsius', lambda value: value + 273.15),
+    ),
+}
 
 #: Name of the material that has the other constants of a melt given by its composition.
 ANY_BASALT = 'basalt'
@@ -66,7 +80,9 @@ class Material:
         overrides = validation.keys('lava', overrides, allowed=names)
         # constants of an effect that was deleted have no field
         values = {name: item.value for name, item in self.constants.items() if name in names}
-        return Lava(**{**values, **overrides})
+        # laws that need no reference temperature leave it to vents without a temperature
+        usual = {'reference_temperature': self.vent_temperature.value}
+        return Lava(**{**usual, **values, **overrides})
 
 
 @cache
@@ -120,7 +136,39 @@ def lava_from_dict(label: str, data: object) -> tuple[Lava, Material]:
             constants=dict(material.constants) | {k: Constant(v, cited) for k, v in law.items()},
         )
         given = law | given
-    return material.lava_with(given), material
+    lava = material.lava_with(given)
+    for text in _doubts(given, lava, material.lava):
+        _LOG.warning(f'{label}.{text}')
+    return lava, material
+
+
+def _doubts(given: Iterable[str], lava: Lava, usual: Lava) -> Iterator[str]:
+    """Describe given constants that have no effect, or are probably in another unit.
+
+    In the other unit they would be closer to those of the ``usual`` lava, as a ratio.
+    """
+    owners = {key: name for name, effect in EFFECTS.items() for key in effect.constants}
+    if lava.is_vft:
+        owners |= dict.fromkeys(('viscosity', 'arrhenius'), 'arrhenius')
+    active = drop_superseded(possible(lava))
+    defaults, units = {item.name: item.default for item in fields(Lava)}, constant_units()
+    for name in given:
+        value = getattr(lava, name)
+        if value == defaults[name]:
+            continue
+        if name in owners and owners[name] not in active:
+            yield f'{name} is {value}, but has no effect: ' + (
+                'the VFT law of this lava gives its viscosity' if owners[name] == 'arrhenius' else
+                f'the lava lacks other constants of the effect {owners[name]}'
+            )
+        elif name in _OTHER_UNITS and value > 0.0 < getattr(usual, name):
+            other, convert = _OTHER_UNITS[name]
+            expected, read = getattr(usual, name), convert(value)
+            if abs(math.log(read / expected)) < abs(math.log(value / expected)):
+                yield (
+                    f'{name} is {value:g} {units[name]}: {value:g} {other} would be {read:g} '
+                    f'{units[name]}, closer to the usual {expected:g} {units[name]}'
+                )
 
 
 def with_material_in_lava(label: str, data: Mapping[str, Any]) -> dict[str, Any]:

@@ -90,9 +90,12 @@ class Scene:
             raise LavaError(name, value, 'absent: lava.yield_strength is 0')
         for index, vent in enumerate(self.vents):
             self._check_temperature(f'vents[{index}]', vent.temperature)
-        for index, flow in enumerate(self.emplaced_flows):
-            if flow.temperature is not None:
-                self._check_temperature(f'emplaced_flows[{index}]', flow.temperature)
+        flows, hot = list(self.emplaced_flows), self.lava.reference_temperature
+        for index, flow in enumerate(flows):
+            temperature = hot if flow.temperature is None else flow.temperature
+            self._check_temperature(f'emplaced_flows[{index}]', temperature)
+            flows[index] = replace(flow, temperature=temperature)
+        object.__setattr__(self, 'emplaced_flows', tuple(flows))
         for index, event in enumerate(self.events):
             least = self.events[index - 1].time if index else 0.0
             validation.number(f'events[{index}].time', event.time, at_least=least, unit='s')
@@ -321,20 +324,16 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
     Raises:
         LavaError: If a field is not valid.
     """
-    lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
-    hot = float(material.vent_temperature.value)
+    lava, _ = lava_from_dict('scene.lava', data.get('lava', {}))
     uncertain = uncertainty_from_dict(data.get('uncertainty', {}))
     if uncertain.discharge is None:
         uncertain = replace(uncertain, discharge=data.get('rate_error'))
     scene = Scene(
         terrain=terrain,
-        vents=vents_from_list(data.get('vents', []), terrain, temperature=hot),
+        vents=vents_from_list(data.get('vents', []), terrain),
         lava=lava,
         uncertainty=uncertain,
-        emplaced_flows=tuple(
-            replace(flow, temperature=flow.temperature or hot)
-            for flow in data.get('emplaced_flows', ())
-        ),
+        emplaced_flows=tuple(data.get('emplaced_flows', ())),
         events=tuple(data.get('events', ())),
         **{name: data[name] for name in ENVIRONMENT if name in data},
     )

@@ -196,9 +196,7 @@ def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[
     return tuple(result)
 
 
-def vents_from_list(
-    items: object, terrain: Terrain, *, temperature: object = None
-) -> tuple[Vent, ...]:
+def vents_from_list(items: object, terrain: Terrain) -> tuple[Vent, ...]:
     """Build vents from the plain data of a YAML file.
 
     Args:
@@ -206,7 +204,6 @@ def vents_from_list(
             replace ``position``, ``projected_end`` may replace ``end``, and ``effusion_rate`` may
             replace ``discharge``.
         terrain: Terrain on which the vents have to be.
-        temperature: Temperature of vents without one [K]; None: that of ``Vent``.
 
     Raises:
         LavaError: If the data are not such a list.
@@ -236,8 +233,6 @@ def vents_from_list(
         if 'position' not in data:
             raise LavaError(f'{where}.position', None, 'a value: this key is required')
         data.setdefault('name', f'vent {len(vents)}')
-        if temperature is not None:
-            data.setdefault('temperature', temperature)
         vents.append(Vent(**data))  # type: ignore[arg-type]
     return check_vents(vents, terrain)
 

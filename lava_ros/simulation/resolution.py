@@ -7,7 +7,12 @@ from dataclasses import dataclass, replace
 import math
 
 from lava_ros.scene import Scene
-from lava_ros.simulation.accuracy import Accuracy, expected_thickness, MAX_THICKNESS
+from lava_ros.simulation.accuracy import (
+    Accuracy,
+    COVERED,
+    expected_thickness,
+    MAX_THICKNESS,
+)
 from lava_ros.simulation.setup.course import course_of
 
 #: Default time span for the choice of spacing and effects [s].
@@ -30,6 +35,10 @@ PARTICLE_ERROR = 0.58, 0.4
 #: Footprint error from the terrain's cells, over their size as a fraction of the width.
 CELL_ERROR = 0.7
 
+#: Maximum Reynolds number rho u h / mu of laminar flow in a channel (Chow 1959, Open-Channel
+#: Hydraulics).
+LAMINAR = 500.0
+
 #: Minimum area of a flow that has left its vent, in squares of the minimum resolved width.
 _EXTENDED = 2.0
 
@@ -50,6 +59,7 @@ class Resolution:
         limit: Origin of the spacing: ``flow``, the width; ``edges``, the thickness;
             ``particles``, their maximum number; ``given``, the user; ``cells``, those of the
             terrain, without a discharge; or ``measured``, a running simulation.
+        reynolds: Expected Reynolds number (course.py); NaN without a discharge, or measured.
     """
 
     spacing: float
@@ -58,6 +68,7 @@ class Resolution:
     across: float
     cell: float
     limit: str
+    reynolds: float = math.nan
 
     @property
     def particle_error(self) -> float:
@@ -81,6 +92,23 @@ class Resolution:
         """True if the flow is under-resolved."""
         return self.across < MIN_ACROSS
 
+    def warnings(self, threshold: float = COVERED) -> list[str]:
+        """Return warnings about maps of lava at or above a thickness [m], as phrases."""
+        found = []
+        if self.is_coarse:
+            found.append(f'the flow is under-resolved, below {MIN_ACROSS:g} particles across')
+        if self.thickness < threshold and not math.isnan(self.width):
+            found.append(
+                f'lava about {self.thickness:.2g} m thick is expected, and only lava of '
+                f'{threshold:g} m or more counts as inundation'
+            )
+        if self.reynolds > LAMINAR:
+            found.append(
+                f'Reynolds number {self.reynolds:.2g} is above {LAMINAR:g}: turbulent lava would '
+                'be slower and thicker than the laminar flow that is computed'
+            )
+        return found
+
     def text(self) -> str:
         """Describe the resolution in one line."""
         if math.isnan(self.width):
@@ -97,11 +125,9 @@ class Resolution:
         text = f'{across:g} particles across a flow about {width:g} m wide'
         text += f' (spacing {self.spacing:.3g} m): expected error of the footprint {error:g} %'
         text += f' ({particles:g} % by the particles, {cells:g} % by cells of {self.cell:g} m)'
-        if self.is_coarse:
-            text += f'; the flow is under-resolved, below {MIN_ACROSS:g} particles across'
-        if self.limit == 'particles':
-            text += '; the largest number of particles limits the spacing'
-        return text
+        limited = ['the largest number of particles limits the spacing']
+        notes = self.warnings() + (limited if self.limit == 'particles' else [])
+        return '; '.join([text, *notes])
 
 
 def is_extended(area: float, distance: float) -> bool:
@@ -120,7 +146,9 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
     Lava emitted after the ``horizon`` [s] does not count.
     """
     course = course_of(scene, horizon=horizon)
-    width = math.nan if course is None else course.width
+    width, reynolds = (
+        (math.nan, math.nan) if course is None else (course.width, course.reynolds)
+    )
     thickness, flows = accuracy.thickness, scene.emplaced_flows
     emplaced = sum(flow.volume for flow in flows)
     if thickness is None and course is None and flows:
@@ -129,9 +157,12 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
         thickness = expected_thickness(scene) if course is None else course.thickness
         thickness = min(thickness, MAX_THICKNESS)
     cell = scene.terrain.resolution
+    emitted = emplaced + sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
+    # lava that has hardly left its vent is a disc, not a flow as wide as the path allows
+    width = min(width, 2.0 * math.sqrt(emitted / (math.pi * thickness)))
     if accuracy.spacing is not None:
         spacing = accuracy.spacing
-        return Resolution(spacing, thickness, width, width / spacing, cell, 'given')
+        return Resolution(spacing, thickness, width, width / spacing, cell, 'given', reynolds)
     if math.isnan(width) and not flows:
         spacing = scene.terrain.resolution / accuracy.refinement
         return Resolution(spacing, thickness, width, width, cell, 'cells')
@@ -139,13 +170,12 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
     by_width, by_edges = width / ACROSS if course else math.inf, EDGES * thickness
     wanted = min(by_width, by_edges) / accuracy.refinement
     most = MOST_PARTICLES * accuracy.refinement**2
-    emitted = emplaced + sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
     least = math.sqrt(emitted / (thickness * most))
     limit = 'flow' if by_width <= by_edges else 'edges'
     limit = limit if wanted >= least else 'particles'
     # round, so that a rotated scene has the same spacing
     spacing = float(f'{max(wanted, least):.3g}')
-    return Resolution(spacing, thickness, width, width / spacing, cell, limit)
+    return Resolution(spacing, thickness, width, width / spacing, cell, limit, reynolds)
 
 
 def resolved_accuracy(accuracy: Accuracy, scene: Scene, *, horizon: float = HORIZON) -> Accuracy:

@@ -112,6 +112,9 @@ def expected_scales(
     area = math.inf if course is None else float((columns.volume / columns.thickness).sum())
     # a coarsely resolved flow still counts as extended once it has left its vent
     distance = float(np.fmin(resolution.spacing, resolution.width / ACROSS))
+    if course is not None:
+        # a disc narrower than the flow of its course has not left its vent, however fine it is
+        distance *= course.width / resolution.width
     return scales_of(
         scene,
         columns,

@@ -144,9 +144,9 @@ def test_vents_follow_simulated_time(make_feed):
     feed.run()
     (cloud,) = feed.sent['vents']
     vents = inputs.vents_from_cloud(cloud, Settings())
-    # a fissure is its two ends, with half the discharge each
-    assert [vent.position for vent in vents] == [(2.0, 3.0), (3.0, 4.0), (8.0, 4.0)]
-    assert [vent.discharge for vent in vents] == [10.0, 2.5, 2.5]
+    assert [vent.position for vent in vents] == [(2.0, 3.0), (3.0, 4.0)]
+    assert [vent.end for vent in vents] == [None, (8.0, 4.0)]
+    assert [vent.discharge for vent in vents] == [10.0, 5.0]
     assert vents[0].temperature == pytest.approx(VENTS[0].temperature, abs=1e-3)
     feed.receive(LATE)
     feed.run()

@@ -156,6 +156,8 @@ def test_too_little_time_is_refused(monkeypatch):
         with pytest.raises(LavaError) as caught:
             _plan(within, members=members)
         assert caught.value.field == 'within'
+    with pytest.raises(LavaError, match=r'the coarsest run reaches 32 % of the horizon'):
+        _plan(0.01)
     for arguments in ({'within': 0.0}, {'horizon': -1.0}, {'members': 0}):
         with pytest.raises(LavaError):
             _plan(**{'within': 1.0, **arguments})

@@ -35,11 +35,12 @@ def order(ensembles, number, made, members=8):
     return ensembles.request(made, number, replace(RULES, members=members))
 
 
-def sent(ensembles, changes=1):
-    """Return the outlines that are sent to the process."""
+def sent(ensembles, changes=1, now=1e9):
+    """Return the outlines that are sent to the process at a simulated time [s]."""
     orders = []
     ensembles.send(
-        lambda name, **values: orders.append((name, values)), changes=changes, time_scale=2.0
+        lambda name, **values: orders.append((name, values)), changes=changes, time_scale=2.0,
+        now=now,
     )
     return orders
 
@@ -72,6 +73,26 @@ def test_stamp_of_an_outline_becomes_simulated_time():
     assert order(ensembles, 4, fork(120.0, 30.0))['posterior'] is POSTERIOR
     assert order(ensembles, 5, fork(130.0, 40.0, changes=2)) is None
     assert ensembles.status.members_left is None
+
+
+@pytest.mark.parametrize(
+    ('forks', 'clock', 'time'),
+    [
+        # the simulation is paused at 26 s, or slower than its clock
+        (((100.0, 20.0),), 2000.0, 26.0),
+        # the clock has gone back, and ahead by more than simulated time follows
+        (((100.0, 20.0), (50.0, 22.0)), 51.0, 24.0),
+        (((100.0, 20.0), (50.0, 22.0), (90.0, 24.0)), 70.0, 23.0),
+        (((100.0, 20.0), (50.0, 22.0)), 49.0, None),
+    ],
+)
+def test_outline_is_not_compared_with_a_time_that_is_not_simulated(forks, clock, time):
+    ensembles = EnsembleForecasts()
+    for number, (stamp, reached) in enumerate(forks, 1):
+        order(ensembles, number, fork(stamp, reached))
+    ensembles.observe(MASK, clock)
+    times = [values['outline'].time for _, values in sent(ensembles, now=26.0)]
+    assert times == ([] if time is None else [pytest.approx(time)])
 
 
 def test_one_ensemble_is_requested_per_state():

@@ -211,6 +211,10 @@ def test_restarted_node_does_not_overwrite_the_given_bag(tmp_path, written):
     assert folder.path(str(given)).name == 'etna_2'
     (tmp_path / 'bags/etna_2').mkdir()
     assert folder.path(str(given)).name == 'etna_3'
+    folder = BagFolder('', str(given))
+    assert folder.path(str(given), is_next=True).name == 'etna_3'
+    assert folder.path(str(given.with_name('other')), is_next=True).name == 'other'
+    assert folder.path(str(given.with_name('etna_2')), is_next=True).name == 'etna_2_2'
 
 
 def test_bags_in_a_shared_folder_have_different_names(here):

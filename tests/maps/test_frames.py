@@ -3,6 +3,8 @@
 
 """Frames of a bag, and arrival times of their lava."""
 
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
@@ -43,10 +45,11 @@ def test_last_frame_is_in_physical_units(grids):
 
 def test_frame_has_ground_vents_and_scene(tmp_path):
     closed = Vent((10.0, 60.0), 0.0, 1423.0, name='closed')
-    frame = Recording(record(tmp_path / 'bag', vents=(VENT, closed))).frame_at()
+    fissure = replace(VENT, end=(5.0, 25.0))
+    frame = Recording(record(tmp_path / 'bag', vents=(fissure, closed))).frame_at()
     np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation)
     assert (frame.resolution, frame.origin) == (5.0, (-50.0, 20.0))
-    np.testing.assert_allclose(frame.vents, [VENT.position])
+    np.testing.assert_allclose(frame.vents, [VENT.position, fissure.end])
     assert frame.scene['terrain']['epsg'] == 32633
 
 
@@ -134,7 +137,7 @@ def test_rejects_bags_without_layers_or_with_invalid_yaml(tmp_path):
     ('/terrain_info', {'resolution': float('nan')}, 'terrain.resolution'),
     ('/vents', {'point_step': 0}, 'vents.fields.x.offset'),
     ('/vents', {'fields': []}, 'vents.fields'),
-    ('/vents', {'data': [0, 0, 0xC0, 0x7F] * 7}, 'vents.data'),
+    ('/vents', {'data': [0, 0, 0xC0, 0x7F] * 11}, 'vents.data'),
     ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
 ])
 def test_rejects_inconsistent_messages(grids, tmp_path, topic, fields, words):
@@ -230,3 +233,25 @@ def test_arrival_is_that_of_the_simulation(tmp_path):
     other = arrival_of(bag, 0.5)
     assert other.times is not None and not other.is_noted
     assert other.times[12, 0] == 200.0
+
+
+@pytest.mark.parametrize('delay', [0, 1, 7_000_000, -SECOND, 10**18])
+def test_frames_have_the_stamps_of_maps_and_not_the_times_of_a_recorder(tmp_path, delay):
+    """rosbag2 records with the clock of the machine; its messages have delays of their own."""
+    own = BagReader(record(tmp_path / 'own', arrived=lambda time: growing(time) * time))
+    with closing(BagWriter(tmp_path / 'other', custom_data=own.custom_data)) as writer:
+        for index, item in enumerate(own.messages()):
+            topic = own.topics[item.topic]
+            writer.write(
+                item.topic, topic.message_type, item.data,
+                item.stamp_ns + delay + bool(delay) * 1_000_000 * (index % 7), qos=topic.qos,
+            )
+    other = Recording(tmp_path / 'other')
+    for frame, expected in zip(other.frames(), Recording(own.path).frames(), strict=True):
+        assert frame.time == expected.time
+        assert frame.layers.keys() == expected.layers.keys()
+    for time in (400.0, 500.0, None):
+        frame = other.frame_at(time)
+        assert frame.time == {400.0: 400.0, 500.0: 400.0, None: 800.0}[time]
+        wanted = np.where(growing(frame.time) > 0.0, growing(frame.time), np.nan)
+        np.testing.assert_array_equal(frame.layers['thickness'].values, wanted)

@@ -3,18 +3,24 @@
 
 """Mistakes in ROS arguments give one sentence and the exit status of a usage error."""
 
+import os
 from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
+from rclpy.context import Context
+from rclpy.node import Node
 
 from command_line import lava
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.errors import LavaError
+from lava_ros.ros import node_parameters
 from lava_ros.ros.executor import start_ros
 from lava_ros.ros.runtime import NodeRuntime
+from ros_domain import own_domain
 
-BAG = Path(__file__).parents[2] / 'bags/sample'
+ROOT = Path(__file__).parents[2]
+BAG = ROOT / 'bags/sample'
 
 FILES = {
     'null.yaml': '/**: {ros__parameters: {scene: }}',
@@ -25,7 +31,7 @@ FILES = {
     'type.yaml': '/**: {ros__parameters: {preset: 3}}',
     'whole.yaml': '/lava: {ros__parameters: {time_scale: 60}}',
     'list.yaml': '/**: {ros__parameters: {effects_off: 3}}',
-    'unknown.yaml': '/**: {ros__parameters: {discharge: 6.0, time_scales: 2.0, unheard_of: 1}}',
+    'unknown.yaml': '/**: {ros__parameters: {discharge: 6., time_scales: 2., qos_overrides.a: 1}}',
 }
 
 MISTAKES = {
@@ -96,12 +102,38 @@ def test_unexpected_error_is_the_last_line_after_warnings_of_parameters(run, mon
     assert status == 1
     warnings = [line for line in stderr.splitlines() if 'has no effect' in line]
     assert all('[WARN]' in line for line in warnings)
-    discharge, scale, unheard_of = warnings
+    discharge, qos, scale = warnings
     assert "this node has no parameter 'discharge'" in discharge
     assert 'similar names: default_discharge; vents come by the scene file (scene)' in discharge
     assert "'time_scales'" in scale and 'vents' not in scale
     assert 'similar names: time_scale' in scale
-    assert unheard_of.endswith("no parameter 'unheard_of': its value has no effect")
+    assert qos.endswith("no parameter 'qos_overrides.a': its value has no effect")
+
+
+@pytest.mark.parametrize('node', ['/lava', '/etna/lava', '/etna/north/lava'])
+@pytest.mark.parametrize(
+    'sections',
+    [
+        '/**', 'lava', '/lava', 'lava_node', '/etna/lava', 'etna/lava', '/*/lava', '/*/*',
+        '/**/lava', '/etna/**', '/etna/*/lava', 'etna: {lava', '/etna: {north/lava',
+        'etna: {north: {lava',
+    ],
+)
+def test_parameter_files_of_other_nodes_are_reported(tmp_path, node, sections):
+    file, depth = tmp_path / 'file.yaml', sections.count('{')
+    file.write_text(f'{sections}: {{ros__parameters: {{mine: 1}}}}{"}" * depth}')
+    words = ['--ros-args', '--params-file', str(file)]
+    context, (space, name) = Context(), node.rsplit('/', 1)
+    context.init(args=words, domain_id=own_domain())
+    made = Node(
+        name, namespace=space, context=context, start_parameter_services=False,
+        automatically_declare_parameters_from_overrides=True,
+    )
+    warnings = node_parameters.without_section(words, node)
+    assert len(warnings) == (not made.has_parameter('mine'))
+    assert all(f'no parameters for {node}, only for ' in text for text in warnings)
+    made.destroy_node()
+    context.shutdown()
 
 
 @pytest.mark.parametrize('words', [('--help',), ('scene.yaml',), ('-r', '__node:=other')])
@@ -119,6 +151,19 @@ def test_other_commands_reject_ros_arguments(command):
     assert (status, out) == (2, '')
     assert err.splitlines()[-1].startswith(('lava: ', f'lava {command}: '))
     assert 'Traceback' not in err
+
+
+@pytest.mark.parametrize(
+    'own', ['', 'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE']
+)
+def test_profiles_of_the_user_for_fast_dds_take_precedence(monkeypatch, own):
+    given = {own: 'mine.xml'} if own else {}
+    monkeypatch.setattr(os, 'environ', dict(given))
+    context = Context()
+    start_ros([], context=context, domain_id=own_domain())
+    context.shutdown()
+    shipped = str(ROOT / 'params/fast_dds.xml')
+    assert os.environ == (given or {'FASTRTPS_DEFAULT_PROFILES_FILE': shipped})
 
 
 @pytest.mark.parametrize('domain', ['one', '-1', '1.5', '233', '9999'])

@@ -139,7 +139,8 @@ def test_simulation_values_are_those_of_the_frame():
         'frame_stamp_ns': '99', 'particles': '3', 'inundated_area_m2': '2.0',
         'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_held_m3': '10.0',
         'volume_pending_m3': '0.5', 'volume_late_m3': '0.0', 'volume_left_m3': '0.0',
-        'volume_frozen_m3': '0.0', 'volume_in_holes_m3': '0.0', 'volume_error': '0.000e+00',
+        'volume_frozen_m3': '0.0', 'volume_in_holes_m3': '0.0', 'volume_thin_m3': '0.0',
+        'volume_error': '0.000e+00',
         'steps': '40', 'step_s': '0.25', 'step_limit': 'advection', 'step_stages': '1',
         'highest_temperature_c': '-273.15',
     }

@@ -4,6 +4,7 @@
 """Conversion of valid input messages, and errors of invalid ones."""
 
 import array
+from collections import Counter
 from dataclasses import replace
 from functools import partial
 from operator import attrgetter
@@ -197,7 +198,13 @@ def test_cloud_becomes_vents():
     first, second = inputs.vents_from_cloud(_vents({}, {'x': 9.0}), RULES)
     assert first == Vent((1.0, 2.0), 5.0, temperature=1373.15, radius=8.0, name='vent 0')
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')
-    assert inputs.vents_from_cloud(_vents({}, id=7.0), RULES)[0].name == 'vent 7'
+    numbers = 7.0, 0.5, 16777215.0, 16777216.0
+    vents = inputs.vents_from_cloud(_vents(*({'id': number} for number in numbers)), RULES)
+    names = [vent.name for vent in vents]
+    assert names == ['vent 7', 'vent 0.5', 'vent 16777215', 'vent 16777216']
+    for time in ({}, {'time': 0.0}):
+        with pytest.raises(LavaError, match=r'^vents\.id is nan'):
+            inputs.vents_from_cloud(_vents({**time, 'id': np.nan}), RULES)
     assert inputs.vents_from_cloud(_vents(), RULES) == ()
     # the id may be an integer, and the other fields doubles
     columns = {name: [value] for name, value in {'id': 42, **VENT}.items()}
@@ -215,6 +222,13 @@ def test_points_with_times_are_one_vent_with_a_series():
     assert (first.position, second.position) == ((1.0, 2.0), (9.0, 2.0))
     assert first.series == second.series == ((0.0, 5.0), (60.0, 2.0), (600.0, 0.0))
     assert first.name == 'vent 7'
+    for end in ((20.0, 5.0), (np.nan, np.nan)):
+        fissures = inputs.vents_from_cloud(
+            _vents(*points, id=7.0, **dict(zip(('x_end', 'y_end'), end, strict=True))), RULES
+        )
+        expected = None if np.isnan(end).all() else end
+        assert [vent.end for vent in fissures] == [expected, expected]
+        assert fissures[0].series == first.series
     for cloud, message_start in (
         (_vents(*points), 'missing: id'),
         (
@@ -236,6 +250,7 @@ def test_points_with_times_are_one_vent_with_a_series():
         ({'temperature': 100.0}, {}, "vent 'vent 0'.temperature"),
         ({'temperature': np.inf}, {}, "vent 'vent 0'.temperature"),
         ({'x': np.nan}, {}, "vent 'vent 0'.position[0]"),
+        ({'x_end': 5.0}, {}, "vent 'vent 0'.end[1]"),
         ({}, {'max_vents': 1}, 'vents.size'),
         ({}, {'max_input_bytes': 47}, 'vents.data'),
         ({}, {'frame_id': 'world'}, 'vents.header.frame_id'),
@@ -243,8 +258,10 @@ def test_points_with_times_are_one_vent_with_a_series():
 )
 def test_rejects_malformed_vents(changes, rules, field):
     with pytest.raises(LavaError) as caught:
-        inputs.vents_from_cloud(_vents(changes, {}), replace(RULES, **rules))
+        inputs.vents_from_cloud(_vents(changes, changes), replace(RULES, **rules))
     assert caught.value.field == field
+    # the value is that of the message, not one converted to kelvin
+    assert 'temperature' not in changes or caught.value.value == changes['temperature']
 
 
 @pytest.mark.parametrize('name', list(VENT))
@@ -292,6 +309,46 @@ def test_terrain_image_and_info_are_paired():
     pairing.add(moved, 20.1)
     result = pairing.poll(20.1)
     assert result[0] is third and result[1] is moved
+
+
+@pytest.mark.parametrize('make', [_plain_image, _info])
+@pytest.mark.parametrize(('width', 'pairs', 'errors'), [(4, 7, 0), (5, 0, 2)])
+def test_pairing_follows_a_half_that_is_published_ten_times_a_second(make, width, pairs, errors):
+    pairing, found = _pairing(_plain_image(), _info()), Counter()
+    assert pairing.poll(0.0)
+    for tick in range(1, 43):
+        pairing.add(make(width=width), 0.1 * tick)
+        try:
+            found['pair'] += pairing.poll(0.1 * tick) is not None
+        except LavaError:
+            found['error'] += 1
+    assert (found['pair'], found['error']) == (pairs, errors)
+
+
+@pytest.mark.parametrize('stray', [[], [Image], [MapMetaData], [Image, MapMetaData]])
+@pytest.mark.parametrize('lost', [None, Image, MapMetaData])
+@pytest.mark.parametrize('order', [(Image, MapMetaData), (MapMetaData, Image)])
+def test_pairing_keeps_elevations_at_the_position_of_their_time(stray, lost, order):
+    """A map of 10 Hz moves with a robot; an earlier half is left over, and one is lost."""
+    pairing, pairs = inputs.TerrainPairing(), []
+
+    def add(kind, tick):
+        stamp = codec.time_message(tick)
+        half = (
+            _plain_image(header=codec.header('map', tick)) if kind is Image
+            else _info(map_load_time=stamp)
+        )
+        pairing.add(half, 0.1 * tick)
+        pairs.append(pairing.poll(0.1 * tick))
+
+    for kind in stray:
+        add(kind, 1)
+    for tick in range(2, 30):
+        for kind in order:
+            if (tick, kind) != (10, lost):
+                add(kind, tick)
+    found = [(image.header.stamp, info.map_load_time) for image, info in filter(None, pairs)]
+    assert len(found) >= 27 and all(one == other for one, other in found)
 
 
 @pytest.mark.parametrize(

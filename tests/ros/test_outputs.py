@@ -5,22 +5,17 @@
 
 from array import array
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 
 from geometry_msgs.msg import Pose
-from nav_msgs.msg import OccupancyGrid
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image, PointField
 from visualization_msgs.msg import Marker
 
-from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError
-from lava_ros.live.recorder import Recorder
-from lava_ros.maps.layer_files import layers_from_dict, load_layers
+from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.outputs import (
     BARRIERS,
@@ -34,11 +29,9 @@ from lava_ros.ros.outputs import (
     vent_markers,
 )
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.publishers import LayerPublishers, NodeGraph, published_layers
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot, StepReport
-from recording import snapshot_at
 from ros.graph_publisher import cloud_of
 
 VALUES = np.array([[1.5, -2.0, 3.0], [4.0, 5.0, np.nan]])
@@ -178,19 +171,25 @@ def test_vents_message_has_the_current_discharge_and_elevation():
     series = ((0.0, 4.0), (10.0, 8.0), (20.0, 0.0))
     vents = (
         Vent((105.0, 205.0), series, temperature=1300.0, radius=3.0),
-        Vent((125.0, 215.0), 6.0, 1423.0, end=(115.0, 205.0)),
+        Vent((125.0, 215.0), 6.0, 1423.0, end=(115.0, 205.0), velocity=(2.0, -1.0)),
     )
     rows = outputs.vent_rows(vents, 15.0)
-    assert [row[2] for row in rows] == [8.0, 3.0, 3.0]
-    assert [row[2] for row in outputs.vent_rows(vents, -1.0)] == [0.0, 3.0, 3.0]
+    assert [row[2] for row in rows] == [8.0, 6.0]
+    assert [row[2] for row in outputs.vent_rows(vents, -1.0)] == [0.0, 6.0]
     cloud = outputs.vents_message(rows, TERRAIN, codec.header('map', 0))
-    assert cloud_columns(cloud, 'vents', ('z',))['z'].tolist() == [0.0, 5.0, 1.0]
-    again = inputs.vents_from_cloud(cloud, Settings())
-    assert [vent.position for vent in again] == [(105.0, 205.0), (125.0, 215.0), (115.0, 205.0)]
-    assert again[0].temperature == pytest.approx(1300.0, abs=1e-3)
-    assert again[0].radius == 3.0
+    assert cloud_columns(cloud, 'vents', ('z',))['z'].tolist() == [0.0, 5.0]
     cloud = outputs.vents_message([], TERRAIN, codec.header('map', 0))
     assert inputs.vents_from_cloud(cloud, Settings()) == ()
+
+
+@pytest.mark.parametrize('end', [None, (115.0, 205.0)])
+@pytest.mark.parametrize('velocity', [(0.0, 0.0), (2.0, -1.0)])
+def test_vents_message_has_every_property_of_a_vent_but_its_name(end, velocity):
+    vent = Vent((105.0, 215.0), 6.0, 1273.15, radius=3.0, end=end, velocity=velocity)
+    rows = outputs.vent_rows((vent,), 0.0)
+    cloud = outputs.vents_message(rows, TERRAIN, codec.header('map', 0))
+    (again,) = inputs.vents_from_cloud(cloud, Settings())
+    assert replace(again, name='') == vent
 
 
 def test_relief_is_lit_from_the_north_west():
@@ -223,7 +222,7 @@ def test_vent_has_a_marker_a_label_and_a_line_to_the_ground():
     assert first.action == Marker.DELETEALL
     assert {item.action for item in others} == {Marker.ADD}
     assert len({(item.ns, item.id) for item in others}) == len(others) == 6
-    assert {item.header.frame_id for item in others} == {'map'}
+    assert {(item.header.frame_id, item.frame_locked) for item in others} == {('map', True)}
     disc, fissure = (item for item in others if item.ns == PLACES)
     assert disc.type == Marker.CYLINDER
     at = disc.pose.position
@@ -316,135 +315,3 @@ def test_scene_messages_have_the_terrain_of_the_flow():
     shown = messages.update(scene, 10.0, codec.header('map', 1), ground=old)
     assert (shown['terrain'].height, shown['relief'].info.width) == (4, 5)
     assert set(messages.update(scene, 10.0, codec.header('map', 2))) == GROUND | SPRINGS
-
-
-CONFIGS = Path(__file__).parents[2] / 'msg_configs'
-
-
-class _Published:
-    """Publishers of the layers of a file, their QoS and messages, and a steady clock."""
-
-    def __init__(self, file, recorder=None):
-        self.sent, self.profiles, self.now = [], {}, 100.0
-        graph = NodeGraph(None, 'map')
-        graph.create, graph.recorder = self._create, recorder or graph.recorder
-        layers = [layer for layer in load_layers(CONFIGS / file) if layer.enabled]
-        self.publishers = LayerPublishers(graph, layers, clock=lambda: self.now)
-
-    def _create(self, kind, message_class, topic, profile):
-        self.profiles[topic] = profile
-        return SimpleNamespace(
-            publish=lambda data: self.sent.append((topic, bytes(data))), topic_name=f'/{topic}'
-        )
-
-
-def _small_flow():
-    thickness = np.zeros((20, 30), dtype=np.float32)
-    thickness[10, 10] = 1.0
-    return snapshot_at(1.0, thickness, Terrain(np.zeros((20, 30)), 10.0)), thickness
-
-
-def test_grid_is_padded_to_its_minimum_size():
-    (layer,) = (
-        item for item in load_layers(CONFIGS / 'nav2_keepout.yaml') if item.name == 'keepout_mask'
-    )
-    snapshot, _ = _small_flow()
-    plain, wide, high = (
-        outputs.layer_message(
-            replace(layer, min_cells=count), snapshot, codec.header('map', 1)
-        )
-        for count in (0, 41, 25)
-    )
-    for message, shape, corner in ((wide, (41, 41), (5, 10)), (high, (25, 30), (0, 2))):
-        info = message.info
-        assert (info.height, info.width, info.resolution) == (*shape, 10.0)
-        column, row = corner
-        origin = info.origin.position
-        assert (origin.x, origin.y) == (-10.0 * column, -10.0 * row)
-        cells = np.array(message.data).reshape(shape)
-        within = cells[row : row + 20, column : column + 30]
-        np.testing.assert_array_equal(within.ravel(), plain.data)
-        assert (cells == -1).sum() == cells.size - 600
-
-
-def test_heartbeat_repeats_the_newest_map(tmp_path):
-    recorder = Recorder()
-    recorder.arm(tmp_path / 'bag')
-    recorder.describe({})
-    world = _Published('nav2_speed.yaml', recorder)
-    first, _ = _small_flow()
-
-    def stamps(send):
-        world.sent.clear()
-        send()
-        return {
-            topic: deserialize_message(data, OccupancyGrid).header.stamp.sec
-            for topic, data in world.sent
-        }
-
-    def heartbeats():
-        world.publishers.publish_heartbeats(99 * 10**9)
-
-    def publish(snapshot, second):
-        world.publishers.publish(snapshot, second * 10**9, also_not_due=True, repeat=False)
-
-    topics = {'hazard', 'keepout_mask', 'speed_mask'}
-    assert stamps(heartbeats) == {}
-    assert stamps(lambda: publish(first, 1)) == dict.fromkeys(topics, 1)
-    world.now += 4.0
-    assert stamps(heartbeats) == {}
-    # unchanged masks are not sent, but their heartbeat has the time of the newest map
-    assert stamps(lambda: publish(replace(first, time=2.0), 2)) == {'hazard': 2}
-    world.now += 1.0
-    assert stamps(heartbeats) == {'keepout_mask': 2, 'speed_mask': 2}
-    world.now += 4.0
-    assert stamps(heartbeats) == {'hazard': 2}
-    world.now += 1.0
-    assert stamps(heartbeats) == {'keepout_mask': 2, 'speed_mask': 2}
-    recorder.stop()
-    recorded = [message.topic for message in BagReader(tmp_path / 'bag').messages()]
-    assert {topic: recorded.count(f'/{topic}') for topic in topics} == dict.fromkeys(topics, 2)
-
-
-def test_qos_has_twice_the_heartbeat_as_deadline_and_lease():
-    world = _Published('default.yaml')
-    for topic, profile in world.profiles.items():
-        if topic.endswith('get_map'):
-            continue
-        promised = [profile.deadline.nanoseconds, profile.liveliness_lease_duration.nanoseconds]
-        assert promised == ([10 * 10**9] * 2 if topic == 'hazard' else [0, 0]), topic
-
-
-def test_parameter_replaces_the_margin_of_keepout_masks():
-    file = CONFIGS / 'nav2_speed.yaml'
-    usual, wide = (
-        {layer.name: layer.margin for layer in published_layers(file, settings=settings)}
-        for settings in (Settings(), Settings(mask_margin=55.0))
-    )
-    assert usual == {'hazard': 0.0, 'keepout_mask': 20.0, 'speed_mask': 100.0}
-    assert wide == {**usual, 'keepout_mask': 55.0}
-    with pytest.raises(LavaError, match='mask_margin is 55.0, expected 0 unless msg_config has a'):
-        published_layers(CONFIGS / 'default.yaml', settings=Settings(mask_margin=55.0))
-
-
-def test_masks_are_sent_only_when_they_change():
-    world = _Published('nav2_speed.yaml')
-    publishers, sent = world.publishers, world.sent
-    first, thickness = _small_flow()
-
-    def topics(snapshot, *, repeat=False):
-        sent.clear()
-        publishers.publish(snapshot, 10**9, also_not_due=True, repeat=repeat)
-        return {topic for topic, _ in sent}
-
-    both = {'keepout_mask', 'speed_mask'}
-    assert topics(first) == both | {'hazard'}
-    assert topics(replace(first, time=2.0)) == {'hazard'}
-    further = thickness.copy()
-    further[10, 11] = 1.0
-    second = replace(first, time=3.0, thickness=further)
-    assert topics(second) == both | {'hazard'}
-    # a new bag, or an activated node, gets all of them
-    assert topics(second, repeat=True) == both | {'hazard'}
-    elsewhere = Terrain(np.zeros((20, 30)), 10.0, (5.0, 5.0))
-    assert topics(replace(second, time=4.0, terrain=elsewhere)) == both | {'hazard'}

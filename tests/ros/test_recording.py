@@ -8,14 +8,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from std_srvs.srv import Trigger
 import yaml
 
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.cli.main import main
+from lava_ros.maps.frames import Recording
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import snapshot_at
+from ros.conftest import start_flow
 
 TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
 STEEP = {'steep': 'on: slope = 0.5 > 0.12', 'inertia': 'off: number = 0.01 <= 0.1'}
@@ -106,3 +109,32 @@ def test_terrain_and_vents_are_repeated_as_the_bag_grows(tmp_path):
     scene = ('/terrain', '/terrain_info', '/relief', '/vents', '/vents_markers')
     assert all(seen[topic] == seen['/terrain'] for topic in scene)
     assert all(bag.topics[topic].qos == LATCHED for topic in scene)
+
+
+@pytest.mark.parametrize('jump', [-1.5, -9_000.0, 1e9])
+def test_another_bag_begins_where_the_clock_jumps(local, jump):
+    node = start_flow(local, record=True, bag_directory='bag')
+    node.run(3.0)
+    node.jump(node.now + jump)
+    node.wait_for_log('bag_2')
+    # the simulation reads the clock
+    node.worker.request_snapshot()
+    node.run_commands()
+    node.run(3.0)
+    assert node.change('deactivate') and node.change('cleanup')
+    times = [[frame.time for frame in Recording(name).frames()] for name in ('bag', 'bag_2')]
+    assert all(item == sorted(set(item)) for item in times)
+    assert times[0][-1] <= 100.0 <= times[1][0] < times[1][-1] <= 160.0
+    assert BagReader('bag_2').duration_ns > 2.5e9
+
+
+def test_bag_begins_at_the_first_time_of_the_clock(local):
+    node = local(record=True, bag_directory='bag')
+    node.jump(0.0)
+    assert node.change('configure') and node.change('activate'), node.log
+    node.publish('vents', 'terrain_info', 'terrain')
+    node.newest('height')
+    assert not node.request(Trigger, '/lava/save', 1.0).success
+    node.jump(1e9)
+    node.newest('height', condition=lambda newest: newest['height']['stamp_ns'] == 10**18)
+    assert BagReader('bag').start_ns == 10**18

@@ -3,11 +3,18 @@
 
 """Services, optional layers, markers and parameters of a running node."""
 
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 import pytest
+from rclpy.context import Context
+from rclpy.node import Node
+from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
+from lava_ros.ros import subscribers
 from ros.graph_publisher import elevation
 
 #: Layers that are off by default.
@@ -241,3 +248,44 @@ def test_accuracy_and_material_apply_at_the_next_reset(paused):
     assert checkpoint.scene.lava.density == 2000.0
     terrain = checkpoint.scene.terrain
     assert (terrain.epsg, terrain.offset) == (32633, (499000.0, 4180000.0))
+
+
+@pytest.mark.parametrize(
+    ('name', 'topics', 'warning'),
+    [
+        ('tracker', ['vents'], ''),
+        ('tracker', ['vents', 'vents'], 'several publishers of vents (/tracker)'),
+        ('tracker', ['clicked_point', 'clicked_point'], ''),
+        ('tracker', ['terrain', 'terrain_info'], ''),
+        ('tracker', ['terrain', 'terrain'], 'several publishers of terrain and'),
+        ('player', ['/diagnostics'], ''),
+        ('player', ['hazard', 'height'], '/player also publishes /hazard, /height'),
+        ('lava', ['hazard'], 'killed up to 20 s ago) also publishes /hazard'),
+    ],
+)
+def test_nodes_that_publish_the_same_are_reported(paused, monkeypatch, name, topics, warning):
+    monkeypatch.setattr(subscribers, 'RIVALS_PERIOD', 0.0)
+    kinds = {
+        'clicked_point': PointStamped, 'terrain_info': MapMetaData, 'terrain': Image,
+        'vents': PointCloud2, '/diagnostics': DiagnosticArray,
+    }
+    context, before = Context(), len(paused.log)
+    context.init(args=[], domain_id=paused.node.context.get_domain_id())
+    other = Node(name, context=context, use_global_arguments=False, enable_rosout=False)
+
+    def count(topic):
+        ends = paused.node.get_publishers_info_by_topic(paused.node.resolve_topic_name(topic))
+        return sum(end.node_name == name for end in ends)
+
+    counts = {topic: count(topic) + topics.count(topic) for topic in topics}
+    for topic in topics:
+        other.create_publisher(kinds.get(topic, OccupancyGrid), topic, 10)
+    # the names of nodes are discovered after their publishers
+    paused.wait_until(lambda: all(count(topic) == counts[topic] for topic in topics))
+    message = paused.status_now('inputs')['message']
+    words = ('also publishes', 'several publishers of')
+    assert any(word in message for word in words) == bool(warning)
+    assert warning in message and warning in paused.log[before:]
+    other.destroy_node()
+    context.shutdown()
+    paused.status_now('inputs', lambda item: not any(word in item['message'] for word in words))

@@ -15,8 +15,9 @@ import yaml
 from geodata import feature, write_features, write_raster, write_scene
 from lava_ros.errors import LavaError
 from lava_ros.maps.gis import Provenance, write_grid
-from lava_ros.scene import Scene, scene_from_yaml, scene_to_dict, Terrain
+from lava_ros.scene import Lava, Scene, scene_from_yaml, scene_to_dict, Terrain
 from lava_ros.scene.emplaced import EmplacedFlow, read_flows
+from lava_ros.simulation import Simulation
 
 CORNER = (500_000.0, 4_180_000.0)
 
@@ -200,6 +201,15 @@ def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path):
     events = [{'time': 9.0, 'terrain': 'new.npz'}]
     (event,) = scene_from_yaml(_scene_file(tmp_path, events=events)).events
     assert event.terrain is not None and event.terrain.epsg == 32633
+
+
+@pytest.mark.parametrize('hot', [1100.0, 1400.0])
+def test_emplaced_lava_without_a_temperature_has_that_of_erupting_lava(hot):
+    flow = EmplacedFlow(_flow().astype(float), CELL, (0.0, 0.0))
+    scene = Scene(GROUND, emplaced_flows=(flow,), lava=Lava(reference_temperature=hot))
+    assert scene.emplaced_flows[0].temperature == hot
+    temperature = Simulation(scene, device='cpu').sample().temperature
+    assert temperature == pytest.approx(hot)
 
 
 def test_rejects_emplaced_lava_below_the_solidus():

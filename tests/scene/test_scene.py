@@ -308,6 +308,8 @@ def test_material_flows_at_its_vent_and_has_references(name):
     temperature = float(material.vent_temperature.value)
     assert lava.solidus < temperature
     assert 1.0 < lava.viscosity_at(temperature) < 1e6
+    (vent,) = Scene(flat(), [replace(COLD, temperature=None)], lava).vents
+    assert vent.temperature == temperature
     for constant in (material.vent_temperature, *material.constants.values()):
         assert len(constant.source) > 30
         if constant.range is not None:
@@ -360,6 +362,29 @@ def test_scene_file_has_a_material_and_constants_that_replace_its_own(tmp_path):
             material_named(name)
 
 
+@pytest.mark.parametrize(
+    ('lava', 'phrase'),
+    [
+        ({'density': 2.7}, 'density is 2.7 kg/m3: 2.7 g/cm3 would be 2700 kg/m3, closer to the'),
+        ({'specific_heat': 1.15}, 'would be 1150 J/(kg K)'),
+        ({'latent_heat': 350.0}, 'would be 350000 J/kg'),
+        ({'viscosity': 5.0}, 'viscosity is 5 Pa s: 5 log10 Pa s would be 100000 Pa s'),
+        ({'solidus': 900.0}, '900 Celsius would be 1173.15 K, closer to the usual 1143 K'),
+        ({'reference_temperature': 1150.0}, '1150 Celsius would be 1423.15 K'),
+        ({'crust_temperature': 500.0}, '500 Celsius would be 773.15 K'),
+        ({'material': 'basalt', 'viscosity': 1e5}, 'no effect: the VFT law of this lava gives'),
+        ({'material': 'basalt', 'arrhenius': 0.04}, 'no effect: the VFT law of this lava gives'),
+        ({'crystals': 0.3}, 'no effect: the lava lacks other constants of the effect crystals'),
+        ({'material': 'kedadry2023', 'yield_rate': 0.02}, 'of the effect yielding'),
+        ({'viscosity': 100.0, 'density': 2200.0, 'solidus': 1150.0, 'yield_rate': 0.0}, ''),
+        ({'material': 'basalt', 'crystals': 0.4, 'liquidus': 1500.0, 'vft_a': -4.0}, ''),
+    ],
+)
+def test_warns_of_constants_in_another_unit_or_without_effect(lava, phrase, caplog):
+    scene_from_dict({'lava': lava}, flat())
+    assert phrase in caplog.text and len(caplog.records) == bool(phrase)
+
+
 def test_scene_without_lava_has_the_default_material():
     terrain = Terrain(np.zeros((20, 20)), 10.0)
     written = scene_from_dict({'vents': [{'position': [50, 50], 'discharge': 1}]}, terrain)
@@ -368,4 +393,6 @@ def test_scene_without_lava_has_the_default_material():
     assert scene.vents == written.vents
     assert scene.vents[0].temperature == material_named(DEFAULT).vent_temperature.value
     hotter = Scene(terrain, (Vent((50.0, 50.0), 1.0),), Lava(reference_temperature=1400.0))
-    assert hotter.vents[0].temperature == 1400.0
+    data = {'vents': [{'position': [50, 50], 'discharge': 1}]}
+    written = scene_from_dict({**data, 'lava': {'reference_temperature': 1400.0}}, terrain)
+    assert hotter.vents[0].temperature == written.vents[0].temperature == 1400.0

@@ -41,6 +41,18 @@ def test_valley_is_filled_to_its_normal_depth(cell: float):
         )
 
 
+@pytest.mark.parametrize('convection', [500.0, 5000.0])
+def test_lava_that_soon_solidifies_is_as_thick_as_at_its_solidus(convection):
+    """Extrapolated below it, the law of viscosity made such lava kilometres thick."""
+    cold = replace(LAVA, arrhenius=0.03, convection=convection, viscosity=1e6, solidus=1400.0)
+    stiff = replace(cold, convection=0.0, viscosity=cold.viscosity_at(1400.0))
+    thickness, expected = (
+        course_of(replace(scene(ground(5.0), 1.0), lava=lava), horizon=HOUR).thickness
+        for lava in (cold, stiff)
+    )
+    assert thickness == pytest.approx(expected, rel=0.1)
+
+
 def test_width_on_an_incline_is_that_of_the_steady_flow():
     """Smith (1973): half the width is ((14/3) x / tan b)^(3/7) (35 Q / 32 K)^(1/7)."""
     thin = replace(scene(ground(2.0)), lava=replace(LAVA, viscosity=1.0))

@@ -81,6 +81,33 @@ def test_number_of_particles_is_limited():
     assert found.limit == 'particles' and 'largest number of particles' in found.text()
 
 
+@pytest.mark.parametrize('viscosity', [1e4, 1e8, 1e12])
+def test_spacing_resolves_lava_that_has_hardly_left_its_vent(viscosity):
+    lump = replace(scene(ground(5.0)), lava=replace(LAVA, viscosity=viscosity))
+    for horizon in (10.0, HOUR):
+        found = resolution_of(lump, Accuracy(), horizon=horizon)
+        assert 10.0 * horizon / (found.spacing**2 * found.thickness) > 0.75 * ACROSS**2
+
+
+@pytest.mark.parametrize(
+    ('viscosity', 'discharge', 'phrases'),
+    [
+        (1e4, 10.0, []),
+        (1.0, 300.0, ['Reynolds number']),
+        (0.3, 0.01, ['only lava of 0.1 m or more']),
+        (1e-3, 1.0, ['only lava of 0.1 m or more', 'Reynolds number']),
+    ],
+)
+def test_resolution_warns_of_thin_and_turbulent_lava(viscosity, discharge, phrases):
+    fluid = replace(scene(ground(5.0), discharge), lava=replace(LAVA, viscosity=viscosity))
+    found = resolution_of(fluid, Accuracy(), horizon=HOUR)
+    assert [text in warning for text, warning in zip(phrases, found.warnings(), strict=True)] == [
+        True for _ in phrases
+    ]
+    assert all(warning in found.text() for warning in found.warnings())
+    assert not [text for text in found.warnings(1e-6) if 'inundation' in text]
+
+
 def test_explicit_spacing_is_kept_and_may_be_under_resolved():
     valley = scene(ground(5.0, 0.1))
     found = resolution_of(valley, Accuracy(spacing=12.0))

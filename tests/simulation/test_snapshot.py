@@ -59,6 +59,7 @@ def test_text_names_lost_and_solidified_lava():
         (SWALLOWED, '94.3 % of the lava was lost in no-data cells'),
         (VolumeBudget(100.0, 99.0, 2.0, 1.0), '1 % of the lava was lost over the border'),
         (VolumeBudget(100.0, 100.0, 2.0, 0.0, late=1.5), 'behind: 1.5 m3 of lava wait'),
+        (VolumeBudget(100.0, 100.0, 2.0, 0.0, thin=20.0), '20 % of the lava is where less than'),
         (VolumeBudget(100.0, 99.0, 2.0, 0.0), 'volume is not conserved: 1.0e-02'),
         (VolumeBudget(100.0, math.nan, 2.0, 0.0), 'volume is not conserved: nan'),
     ],
@@ -66,6 +67,19 @@ def test_text_names_lost_and_solidified_lava():
 def test_budget_warns_of_lost_overdue_and_unaccounted_lava(budget, phrase):
     (warning,) = budget.warnings()
     assert warning.startswith(phrase)
+
+
+@pytest.mark.parametrize(('viscosity', 'is_thin'), [(1e-3, True), (1e4, False)])
+def test_budget_of_a_snapshot_has_lava_that_does_not_inundate(viscosity, is_thin):
+    simulation = simulated(
+        Terrain(valley(), 10.0), Lava(viscosity=viscosity), VENTS[0], spacing=5.0, thickness=0.05,
+        effects=Effects(inertia=is_thin),
+    )
+    simulation.advance(30.0)
+    snapshot = simulation.snapshot()
+    dry = np.nansum(snapshot.thickness[~snapshot.inundated], dtype=float) * 100.0
+    assert snapshot.budget.thin == pytest.approx(dry)
+    assert bool(snapshot.budget.warnings()) == is_thin
 
 
 def test_budget_is_unchanged_by_diagnostics():
@@ -160,7 +174,8 @@ def test_diagnostics_equal_sums_over_the_particles(device):
         assert moment.particle_count == len(state.read_particles())
         assert moment.steps.count == simulation.steps
         assert moment.budget.pending == vents.pending(simulation.time).sum()
-        assert simulation.budget() == simulation.snapshot().budget == moment.budget
+        mapped = replace(simulation.snapshot().budget, thin=0.0)
+        assert simulation.budget() == mapped == moment.budget
     assert moment.particle_count > 0
 
 

@@ -7,11 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 import math
 
+from lava_ros.simulation.accuracy import COVERED
+
 #: Maximum fraction of the emitted volume that may be unaccounted for: guaranteed accuracy.
 VOLUME_TOLERANCE = 1e-5
 
 #: Fraction of the emitted volume above which lava that has left the map causes a warning.
 GONE = 1e-3
+
+#: Fraction of the emitted volume above which lava too thin to inundate causes a warning.
+THIN = 0.1
 
 #: Labels of the parts of a budget, in the order of their rows.
 _PARTS = {
@@ -23,6 +28,9 @@ _PARTS = {
     'pending': 'waiting in the vents',
     'late': 'overdue in the vents',
 }
+
+#: Parts that are on no map.
+_GONE = ('over_border', 'in_holes')
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,8 @@ class VolumeBudget:
         frozen: Volume that has solidified and become ground.
         late: Part of ``pending`` that is overdue: the vents are behind.
         in_holes: Part of ``left`` that has flowed onto cells without data.
+        thin: Volume on cells that count as not inundated (``accuracy.COVERED``); 0 in a budget
+            without maps.
     """
 
     emitted: float
@@ -48,6 +58,7 @@ class VolumeBudget:
     frozen: float = 0.0
     late: float = 0.0
     in_holes: float = 0.0
+    thin: float = 0.0
 
     @property
     def error(self) -> float:
@@ -108,11 +119,15 @@ class VolumeBudget:
             texts.append(f'volume is not conserved: {self.error:.1e} of it is unaccounted for')
         if self.late > 0.0:
             texts.append(f'behind: {self.late:.3g} m3 of lava wait in the vents')
-        for part in ('over_border', 'in_holes'):
+        thin = f'is where less than {COVERED:g} m came: it does not count as inundation'
+        for part, most, fate in (
+            *((part, GONE, f'was {_PARTS[part]}: it is on no map') for part in _GONE),
+            ('thin', THIN, thin),
+        ):
             gone = getattr(self, part)
-            if gone > GONE * self.emitted:
+            if gone > most * self.emitted:
                 percent = 100.0 * gone / self.emitted if self.emitted > 0.0 else math.nan
-                texts.append(f'{percent:.3g} % of the lava was {_PARTS[part]}: it is on no map')
+                texts.append(f'{percent:.3g} % of the lava {fate}')
         return texts
 
 

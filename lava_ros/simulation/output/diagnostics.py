@@ -8,6 +8,7 @@ particle volumes would have to be copied to the host for one sum.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -147,11 +148,14 @@ def snapshot_of(
     """
     grids, numbers = copies
     arrived, grids = np.where(grids[-1] < 0.0, np.float32(np.nan), grids[-1]), grids[:-1]
+    moment = moment_of(numbers, state, vents, before)
+    dry = np.nansum(grids[0], where=np.isnan(arrived), dtype=np.float64)
+    budget = replace(moment.budget, thin=float(dry) * terrain.resolution**2)
     return Snapshot(
         terrain=terrain,
         thickness=grids[0],
         temperature=grids[1],
         frozen=grids[2] if len(grids) > 2 else None,
         arrived=arrived,
-        **moment_of(numbers, state, vents, before)._asdict(),
+        **moment._replace(budget=budget)._asdict(),
     )

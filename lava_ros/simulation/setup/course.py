@@ -84,12 +84,14 @@ class Course:
         width: Width of the flow of the largest source, the lower quartile along the path [m].
         thickness: Median thickness of that flow, weighted by volume [m].
         fall: Largest difference of elevation between a source and the end of its path [m].
+        reynolds: Reynolds number rho u h / mu that 90 % of the volume does not exceed.
     """
 
     columns: Columns
     width: float
     thickness: float
     fall: float
+    reynolds: float
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,10 @@ def _find_course(scene: Scene, horizon: float) -> Course | None:
         np.concatenate([getattr(path, item.name) for path, _ in paths])
         for item in fields(Columns)
     ))
-    return Course(columns, width, thickness, max(fall for _, fall in paths))
+    momentum = scene.lava.density * columns.speed * columns.thickness
+    viscosity = [scene.lava.viscosity_at(value) for value in columns.temperature.tolist()]
+    reynolds = columns.quantile(momentum / viscosity, 0.9)
+    return Course(columns, width, thickness, max(fall for _, fall in paths), reynolds)
 
 
 def _sources(scene: Scene, horizon: float) -> list[_Source]:
@@ -236,6 +241,8 @@ def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, flo
         # the surface that loses heat is as wide as the flow
         mean = area / width
         temperature = _cooled_on_the_way(scene, source.temperature, mean, speed, step)
+        # solid lava is not stiffer: the first section has lava even if it is that cold
+        temperature = np.maximum(temperature, lava.solidus)
     is_liquid = np.minimum.accumulate(temperature) > lava.solidus
     is_liquid[0] = True
     filled = np.minimum(np.cumsum(area * step), source.volume)

@@ -184,3 +184,28 @@ def test_subscribers_that_never_read_do_not_affect_others(graph, served):
     count = len(stopped.seen)
     stopped.wait(lambda _: len(stopped.seen) > count + 3)
     never_reads.end(signal.SIGKILL)
+
+
+@pytest.mark.nightly
+def test_subscriber_of_all_layers_receives_each_map(graph):
+    """Each grid is larger than a datagram, and all layers are published at the same time."""
+    scene = graph.directory / 'scene.yaml'
+    scene.write_text(
+        'terrain: {file: st_helens.npz}\nvents: [{position: [4050.0, 3300.0], discharge: 60.0}]\n'
+    )
+    node = graph.node(
+        scene=str(scene), device='cpu', preset='draft', time_scale=20.0, msg_config='default.yaml',
+    )
+    grids = (*GRIDS, 'depth_class')
+    listener = graph.listener(*grids, 'height_raw:image', 'arrived:image')
+    listener.wait_for_topic('arrived')
+    listener.hear()
+    first = len(listener.seen)
+    for _ in range(15):
+        listener.wait_for_topic('height_raw')
+    stamps = {
+        topic: {item['stamp_ns'] for item in listener.seen[first:] if item['topic'] == topic}
+        for topic in (*grids, 'height_raw')
+    }
+    # the last maps are on their way, and a busy machine may lose one
+    assert all(len(stamps[topic]) >= 13 for topic in grids), (stamps, node.log)

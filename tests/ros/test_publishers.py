@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Publication of layers: when, with which stamp and with which QoS."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+from nav_msgs.msg import OccupancyGrid
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message
+
+from lava_ros.bag import BagReader
+from lava_ros.errors import LavaError
+from lava_ros.live.recorder import Recorder
+from lava_ros.maps.layer_files import load_layers
+from lava_ros.ros import codec, outputs
+from lava_ros.ros.parameters import Settings
+from lava_ros.ros.publishers import LayerPublishers, NodeGraph, published_layers
+from lava_ros.scene import Terrain
+from recording import snapshot_at
+
+CONFIGS = Path(__file__).parents[2] / 'msg_configs'
+
+
+class _Published:
+    """Publishers of the layers of a file, their QoS and messages, and a steady clock."""
+
+    def __init__(self, file, recorder=None):
+        self.sent, self.profiles, self.now = [], {}, 100.0
+        graph = NodeGraph(None, 'map')
+        graph.create, graph.recorder = self._create, recorder or graph.recorder
+        layers = [layer for layer in load_layers(CONFIGS / file) if layer.enabled]
+        self.publishers = LayerPublishers(graph, layers, clock=lambda: self.now)
+
+    def _create(self, kind, message_class, topic, profile):
+        self.profiles[topic] = profile
+        return SimpleNamespace(
+            publish=lambda data: self.sent.append((topic, bytes(data))), topic_name=f'/{topic}'
+        )
+
+
+def _small_flow():
+    thickness = np.zeros((20, 30), dtype=np.float32)
+    thickness[10, 10] = 1.0
+    return snapshot_at(1.0, thickness, Terrain(np.zeros((20, 30)), 10.0)), thickness
+
+
+def test_grid_is_padded_to_its_minimum_size():
+    (layer,) = (
+        item for item in load_layers(CONFIGS / 'nav2_keepout.yaml') if item.name == 'keepout_mask'
+    )
+    snapshot, _ = _small_flow()
+    plain, wide, high = (
+        outputs.layer_message(
+            replace(layer, min_cells=count), snapshot, codec.header('map', 1)
+        )
+        for count in (0, 41, 25)
+    )
+    for message, shape, corner in ((wide, (41, 41), (5, 10)), (high, (25, 30), (0, 2))):
+        info = message.info
+        assert (info.height, info.width, info.resolution) == (*shape, 10.0)
+        column, row = corner
+        origin = info.origin.position
+        assert (origin.x, origin.y) == (-10.0 * column, -10.0 * row)
+        cells = np.array(message.data).reshape(shape)
+        within = cells[row : row + 20, column : column + 30]
+        np.testing.assert_array_equal(within.ravel(), plain.data)
+        assert (cells == -1).sum() == cells.size - 600
+
+
+def test_repeated_map_has_the_stamp_of_its_state(tmp_path):
+    recorder = Recorder()
+    recorder.arm(tmp_path / 'bag')
+    recorder.describe({})
+    world = _Published('nav2_speed.yaml', recorder)
+    first, _ = _small_flow()
+
+    def stamps(send):
+        world.sent.clear()
+        send()
+        return {
+            topic: deserialize_message(data, OccupancyGrid).header.stamp.sec
+            for topic, data in world.sent
+        }
+
+    def heartbeats():
+        world.publishers.publish_heartbeats(99 * 10**9)
+
+    def publish(snapshot, second, *, repeat=False):
+        world.publishers.publish(snapshot, second * 10**9, also_not_due=True, repeat=repeat)
+
+    topics = {'hazard', 'keepout_mask', 'speed_mask'}
+    assert stamps(heartbeats) == {}
+    assert stamps(lambda: publish(first, 1)) == dict.fromkeys(topics, 1)
+    world.now += 4.0
+    assert stamps(heartbeats) == {}
+    # unchanged masks are not sent, but their heartbeat has the time of the newest map
+    assert stamps(lambda: publish(replace(first, time=2.0), 2)) == {'hazard': 2}
+    world.now += 1.0
+    assert stamps(heartbeats) == {'keepout_mask': 2, 'speed_mask': 2}
+    world.now += 4.0
+    assert stamps(heartbeats) == {'hazard': 2}
+    world.now += 1.0
+    assert stamps(heartbeats) == {'keepout_mask': 2, 'speed_mask': 2}
+    # so has a repeated map, unless the clock went back
+    second = world.publishers.shown
+    for now, stamp in ((9, 2), (1, 1), (3, 1)):
+        repeated = stamps(lambda now=now: publish(second, now, repeat=True))
+        assert repeated == dict.fromkeys(topics, stamp)
+    recorder.stop()
+    recorded = [message.topic for message in BagReader(tmp_path / 'bag').messages()]
+    assert {topic: recorded.count(f'/{topic}') for topic in topics} == dict.fromkeys(topics, 5)
+
+
+def test_qos_has_twice_the_heartbeat_as_deadline_and_lease():
+    world = _Published('default.yaml')
+    for topic, profile in world.profiles.items():
+        if topic.endswith('get_map'):
+            continue
+        promised = [profile.deadline.nanoseconds, profile.liveliness_lease_duration.nanoseconds]
+        assert promised == ([10 * 10**9] * 2 if topic == 'hazard' else [0, 0]), topic
+
+
+def test_parameter_replaces_the_margin_of_keepout_masks():
+    file = CONFIGS / 'nav2_speed.yaml'
+    usual, wide = (
+        {layer.name: layer.margin for layer in published_layers(file, settings=settings)}
+        for settings in (Settings(), Settings(mask_margin=55.0))
+    )
+    assert usual == {'hazard': 0.0, 'keepout_mask': 20.0, 'speed_mask': 100.0}
+    assert wide == {**usual, 'keepout_mask': 55.0}
+    with pytest.raises(LavaError, match='mask_margin is 55.0, expected 0 unless msg_config has a'):
+        published_layers(CONFIGS / 'default.yaml', settings=Settings(mask_margin=55.0))
+
+
+def test_masks_are_sent_only_when_they_change():
+    world = _Published('nav2_speed.yaml')
+    publishers, sent = world.publishers, world.sent
+    first, thickness = _small_flow()
+
+    def topics(snapshot, *, repeat=False):
+        sent.clear()
+        publishers.publish(snapshot, 10**9, also_not_due=True, repeat=repeat)
+        return {topic for topic, _ in sent}
+
+    both = {'keepout_mask', 'speed_mask'}
+    assert topics(first) == both | {'hazard'}
+    assert topics(replace(first, time=2.0)) == {'hazard'}
+    further = thickness.copy()
+    further[10, 11] = 1.0
+    second = replace(first, time=3.0, thickness=further)
+    assert topics(second) == both | {'hazard'}
+    # a new bag, or an activated node, gets all of them
+    assert topics(second, repeat=True) == both | {'hazard'}
+    elsewhere = Terrain(np.zeros((20, 30)), 10.0, (5.0, 5.0))
+    assert topics(replace(second, time=4.0, terrain=elsewhere)) == both | {'hazard'}
