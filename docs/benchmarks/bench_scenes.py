@@ -38,9 +38,11 @@ class BenchScene:
     duration: float
 
 
-def _lava(**constants: Any) -> Lava:
-    """Return a lava with those constants whose effects exist."""
-    return Lava(**{name: value for name, value in constants.items() if hasattr(Lava, name)})
+def _lava(usual: Lava | None = None, **constants: Any) -> Lava:
+    """Return a lava, or a variant of the ``usual`` one, with those constants that exist."""
+    return replace(usual or Lava(), **{
+        name: value for name, value in constants.items() if hasattr(Lava, name)
+    })
 
 
 #: Table 3.1 of the paper, with heat conduction into the ground and from column to column.
@@ -81,11 +83,11 @@ def scenes() -> tuple[BenchScene, ...]:
         # basalt on the crest of a ridge with flanks of 11 degrees
         bench_scene('ridge', 1200.0,
                     ground((-400.0, 400.0), (-200.0, 200.0), 3.0, _ridge(0.2, 30.0)),
-                    replace(BASALT, viscosity=5000.0), Vent(VENT, 20.0)),
+                    _lava(BASALT, viscosity=5000.0), Vent(VENT, 20.0)),
         # lava that thins under shear on rough ground
         bench_scene(
             'rough', 1800.0, ground((-350.0, 100.0), (-200.0, 200.0), 3.2, _rough(0.08, 1.5)),
-            replace(BASALT, viscosity=4000.0, flow_index=0.8, arrhenius=0.02), Vent(VENT, 15.0),
+            _lava(BASALT, viscosity=4000.0, flow_index=0.8, arrhenius=0.02), Vent(VENT, 15.0),
         ),
         # fluid lava that fills a crater
         bench_scene('crater', 600.0,
@@ -96,46 +98,46 @@ def scenes() -> tuple[BenchScene, ...]:
                     FLUID, Vent(VENT, 20.0)),
         # stiff, thick lava above its liquidus, finely resolved
         bench_scene('dome', 600.0, ground((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
-                    replace(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0), Vent(VENT, 50.0)),
+                    _lava(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0), Vent(VENT, 50.0)),
         # lava with a strong crust, and a strength that grows as it cools, on a slope of 6 degrees
         bench_scene('strong', 3600.0, ground((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
-                    replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02,
-                            crust_strength=1e5),
+                    _lava(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02,
+                          crust_strength=1e5),
                     Vent(VENT, 15.0)),
         # a toe with a crust that freezes
         bench_scene('lobe', 45000.0, ground((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
-                    replace(BASALT, viscosity=1e4, conductivity=5.0, crust=True),
+                    _lava(BASALT, viscosity=1e4, conductivity=5.0, crust=True),
                     Vent((0.03, 0.02), 0.002, radius=0.4)),
         # a fissure and two vents on rough ground
         bench_scene('fissure', 1200.0,
                     ground((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
-                    replace(BASALT, viscosity=3000.0),
+                    _lava(BASALT, viscosity=3000.0),
                     Vent((0.3, -80.2), 15.0, end=(20.3, 80.2), radius=5.0),
                     Vent((40.3, 120.2), 8.0), Vent((-120.3, -90.2), 5.0, temperature=1400.0)),
         # basalt down 2000 m at 27 degrees
         bench_scene('mountain', 1500.0,
                     ground((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
-                    replace(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
+                    _lava(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
                     Vent(VENT, 60.0)),
         # weak lava down a gully of 1.5 degrees between walls of 35
         bench_scene('gully', 2400.0,
                     ground((-500.0, 60.0), (-90.0, 90.0), 5.0, _gully(0.026, 0.7, 20.0)),
-                    replace(BASALT, viscosity=4000.0, arrhenius=0.02, yield_strength=8.0),
+                    _lava(BASALT, viscosity=4000.0, arrhenius=0.02, yield_strength=8.0),
                     Vent(VENT, 12.0, radius=10.0)),
         # a discharge that falls, and lava that freezes where it comes to rest
         bench_scene('fading', 14400.0,
                     ground((-400.0, 80.0), (-160.0, 160.0), 4.0, _plane(0.08)),
-                    replace(BASALT, arrhenius=0.03, solidus=1300.0),
+                    _lava(BASALT, arrhenius=0.03, solidus=1300.0),
                     Vent(VENT, ((0.0, 10.0), (900.0, 4.0), (2400.0, 1.0), (4800.0, 0.0)))),
         # lava on a slope of 30 degrees in wind
         bench_scene('steep_slope', 240.0,
                     ground((-600.0, 60.0), (-80.0, 80.0), 3.0, _plane(0.577)),
-                    replace(BASALT, viscosity=8000.0, crust_strength=1e3), Vent(VENT, 10.0),
+                    _lava(BASALT, viscosity=8000.0, crust_strength=1e3), Vent(VENT, 10.0),
                     wind_speed=3.0),
         # two streams that flow twelve times longer than was assumed
         bench_scene('longer', 600.0,
                     ground((-400.0, 80.0), (-160.0, 160.0), 4.0, _rough(0.05, 0.5)),
-                    replace(BASALT, viscosity=3000.0, arrhenius=0.01, yield_rate=0.01),
+                    _lava(BASALT, viscosity=3000.0, arrhenius=0.01, yield_rate=0.01),
                     Vent((0.3, -60.2), 1.5), Vent((20.3, 60.2), 0.8), duration=7200.0),
     )
 
