@@ -9,7 +9,6 @@ import argparse
 from collections.abc import Mapping
 import csv
 import math
-import sys
 from typing import TYPE_CHECKING
 
 from lava_ros.cli.console import Progress, write_json
@@ -43,9 +42,8 @@ def effects(args: argparse.Namespace) -> int:
     expected of the flow, its threshold, the time that the effect takes, and the accuracy that
     leaving it out costs. With --measure it also prints the largest number in a run.
     """
-    from lava_ros.cli.scenes import scene_from_arguments
+    from lava_ros.cli.scenes import log_resolution, scene_from_arguments
     from lava_ros.simulation.presets import preset_accuracy
-    from lava_ros.simulation.resolution import resolution_of
     from lava_ros.simulation.selection import decide, decision_as_dict
 
     horizon = seconds_of('--horizon', args.horizon)
@@ -70,8 +68,7 @@ def effects(args: argparse.Namespace) -> int:
         {**decision_as_dict(item), 'step_time_over_bare': costs.get(item.name)}
         for item in decisions
     ]
-    for text in resolution_of(scene, accuracy, horizon=horizon).warnings():
-        print(f'lava effects: {text}', file=sys.stderr)
+    log_resolution(scene, accuracy, horizon)
     write_json(rows, args.json)
     return 0
 

@@ -329,13 +329,12 @@ def _dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
 
 def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     """Return the plan of the members and, if the scene is the folder of a case, the case."""
-    from lava_ros.cli.scenes import scene_as_given
+    from lava_ros.cli.scenes import log_resolution, scene_as_given
     from lava_ros.forecast.members import make_plan
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.probabilistic_score import plan_of
     from lava_ros.hindcast.run import Settings
     from lava_ros.simulation import presets
-    from lava_ros.simulation.resolution import resolution_of
 
     if args.scene is None or not Path(args.scene).is_dir():
         plan = make_plan(
@@ -344,9 +343,7 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         )
-        resolution = resolution_of(plan.scene, plan.accuracy, horizon=plan.horizon)
-        for text in resolution.warnings(plan.threshold):
-            print(f'lava ensemble: {text}', file=sys.stderr)
+        log_resolution(plan.scene, plan.accuracy, plan.horizon, plan.threshold)
         return plan, None
     options = (
         'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',

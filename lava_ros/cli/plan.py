@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-import sys
 from typing import TYPE_CHECKING
 
 from lava_ros import validation
@@ -38,12 +37,11 @@ def plan(args: argparse.Namespace) -> int:
     have, and the expected errors: the numerical error as a fraction of the covered area, and the
     sampling error of a probability.
     """
-    from lava_ros.cli.scenes import scene_from_arguments
+    from lava_ros.cli.scenes import log_resolution, scene_from_arguments
     from lava_ros.forecast.pilot_runs import spacing_at
     from lava_ros.forecast.planning import plan_within
     from lava_ros.forecast.sampling import MAX_MEMBERS
     from lava_ros.simulation.presets import preset_accuracy
-    from lava_ros.simulation.resolution import resolution_of
 
     within = seconds_of('--within', args.within)
     horizon = seconds_of('--horizon', args.horizon)
@@ -86,7 +84,6 @@ def plan(args: argparse.Namespace) -> int:
     if found.members > 1:
         print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
-    for text in resolution_of(scene, accuracy, horizon=horizon).warnings():
-        print(f'lava plan: {text}', file=sys.stderr)
+    log_resolution(scene, accuracy, horizon)
     write_json(asdict(found), args.json)
     return 0

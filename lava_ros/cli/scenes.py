@@ -33,6 +33,7 @@ from lava_ros.scene.projection import in_degrees, projected
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.scene.vent_files import read_vents, VentRow
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolution_of
 
@@ -253,6 +254,14 @@ def _coordinates(option: str, text: str) -> tuple[float, float]:
             return angle('', first, 'longitude'), angle('', second, 'latitude')
     expected = 'longitude,latitude [degrees] or easting,northing [m]'
     raise LavaError(option, text.strip(), expected)
+
+
+def log_resolution(
+    scene: Scene, accuracy: Accuracy, horizon: float, threshold: float = COVERED
+) -> None:
+    """Log warnings about the expected flow up to a horizon [s], on maps from a thickness [m]."""
+    for text in resolution_of(scene, accuracy, horizon=horizon).warnings(threshold):
+        _LOG.warning(text)
 
 
 def _log_scene(scene: Scene) -> None:

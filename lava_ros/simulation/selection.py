@@ -29,10 +29,10 @@ from lava_ros.simulation.resolution import HORIZON as HORIZON
 from lava_ros.simulation.setup.course import course_of
 
 #: Points of the cooling of columns at rest, and the last excess over the first.
-_COOLING_POINTS, _LEAST_EXCESS = 200, 1e-4
+_COOLING_POINTS, _MIN_EXCESS = 200, 1e-4
 
 #: Heat flux of lava that loses none [W/m2].
-_LEAST_FLUX = 1e-12
+_MIN_FLUX = 1e-12
 
 
 @dataclass(frozen=True)
@@ -193,10 +193,10 @@ def _cooling_curve(scene: Scene, temperature: float) -> tuple[np.ndarray, np.nda
     if temperature <= ambient:
         return np.zeros(1), np.array([temperature])
     capacity, loss = scene.lava.density * scene.lava.specific_heat, heat_loss(scene)
-    excess = (temperature - ambient) * np.geomspace(1.0, _LEAST_EXCESS, _COOLING_POINTS)
+    excess = (temperature - ambient) * np.geomspace(1.0, _MIN_EXCESS, _COOLING_POINTS)
     flux = np.array([loss(ambient + value) for value in excess.tolist()])
     # d(time / thickness) = -capacity / flux d(excess) = -slowness d(log excess)
-    slowness = capacity * excess / np.maximum(flux, _LEAST_FLUX)
+    slowness = capacity * excess / np.maximum(flux, _MIN_FLUX)
     steps = -np.diff(np.log(excess)) * 0.5 * (slowness[1:] + slowness[:-1])
     return np.concatenate([[0.0], np.cumsum(steps)]), ambient + excess
 

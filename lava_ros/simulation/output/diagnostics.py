@@ -147,10 +147,12 @@ def snapshot_of(
     solidified thickness, and arrival), and the gathered values.
     """
     grids, numbers = copies
-    arrived, grids = np.where(grids[-1] < 0.0, np.float32(np.nan), grids[-1]), grids[:-1]
+    is_dry = grids[-1] < 0.0
+    arrived, grids = np.where(is_dry, np.float32(np.nan), grids[-1]), grids[:-1]
     moment = moment_of(numbers, state, vents, before)
-    dry = np.nansum(grids[0], where=np.isnan(arrived), dtype=np.float64)
-    budget = replace(moment.budget, thin=float(dry) * terrain.resolution**2)
+    # not nansum, which copies the grid
+    thin = np.sum(grids[0], where=is_dry & (grids[0] > 0.0), dtype=np.float64)
+    budget = replace(moment.budget, thin=float(thin) * terrain.resolution**2)
     return Snapshot(
         terrain=terrain,
         thickness=grids[0],
