@@ -89,6 +89,7 @@ class Page:
         self._labelled: tuple[Any, ...] = ()
         self._ground: Ground | None = None
         self._mesh: Any = None
+        self._lava: dict[Any, Any] = {}
         self._place: np.ndarray | None = None
         gui = client.gui
         gui.configure_theme(
@@ -144,7 +145,8 @@ class Page:
         slider, times = self.slider, [time or 0.0 for time in self._frames.times]
         last, value = len(times) - 1, int(slider.value)
         if self._version != self._frames.version:
-            is_at_end = self._version < 0 or value >= slider.max
+            # disabled while there is one frame
+            is_at_end = slider.disabled or value >= slider.max
             self._version = self._frames.version
             slider.max, slider.disabled = max(last, 1), last == 0
             value = last if is_at_end else int(np.searchsorted(times, self._time))
@@ -163,16 +165,16 @@ class Page:
             self.choice.options = names
         source = names.get(self.choice.value, '')
         is_shown = np.isfinite(maps[source]) if source else np.False_
-        before, ground = self._mesh, self._ground_of(frame)
+        mesh, ground = self._mesh, self._ground_of(frame)
         self._ground = ground
         ground.fit(frame, frame.lava | is_shown)
-        if before is None or before.glb_data is not ground.mesh:
+        if mesh is None or mesh.glb_data is not ground.mesh:
             self._mesh = self._client.scene.add_glb('/ground', ground.mesh, scale=self._scale)
-        if before is None:
+        if mesh is None:
             self._look('From the south')
-        elif before.scale != self._scale:
+        elif mesh.scale != self._scale:
             # the camera rises with the ground
-            rise = np.subtract(self._scale, before.scale) * ground.middle
+            rise = np.subtract(self._scale, mesh.scale) * ground.middle
             self._client.camera.position = self._client.camera.position + rise
             self._mesh.scale = self._scale
         title, facts = map(escape, self._frames.heading or titles(frame))
@@ -182,29 +184,38 @@ class Page:
             # a withdrawn forecast is a map without known cells
             facts += ' · <b>nothing on this map now</b>'
         self.title.content = _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px')
-        self._new_group('/lava')
+        before, self._lava = self._lava, {}
         if self.particles.value:
             self._draw_particles(ground, frame, self._frames.particles(index))
         elif source:
             near = {name: values[ground.part] for name, values in maps.items()}
-            self._draw_lava(ground, near, source)
+            self._draw_lava(ground, near, source, before)
+        for node in before.values():
+            node.remove()
         self._draw_labels(ground, frame)
         if self._place is not None:
             self.values.content = _table(_values(ground, maps, self._place))
 
-    def _draw_lava(self, ground: Ground, maps: Mapping[str, np.ndarray], source: str) -> None:
-        title, style = SHOWN[source]
-        scale = scale_of(style, maps[source])
+    def _draw_lava(
+        self, ground: Ground, maps: Mapping[str, np.ndarray], source: str, before: dict[Any, Any]
+    ) -> None:
+        """Draw a mesh of each colour; change that of ``before``, which is cheaper than a new one."""
+        (title, style), values = SHOWN[source], maps[source]
+        scale = scale_of(style, values)
         self.legend.content = _legend(title, style, scale)
-        blocks = np.ma.masked_invalid(ground.blocks(maps[source]) / scale.unit)
+        deep = maps.get('thickness', maps.get(EXPECTED, np.full_like(values, np.nan)))
+        depth = ground.blocks(deep)
+        blocks = depth if deep is values else ground.blocks(values)
         shades = scale.colours.resampled(min(scale.colours.N, COLOURS))
-        deep = maps.get('thickness', maps.get(EXPECTED, np.full_like(maps[source], np.nan)))
-        colours = shades(scale.norm(blocks), bytes=True)
-        for colour, points, faces in ground.lava(colours, ground.blocks(deep)):
-            self._client.scene.add_mesh_simple(
-                '/lava/{}_{}_{}'.format(*colour), points + LIFT, faces, color=colour[:3],
-                scale=self._scale, side='double',
+        colours = shades(scale.norm(np.ma.masked_invalid(blocks / scale.unit)), bytes=True)
+        for colour, points, faces in ground.lava(colours, depth):
+            mesh = self._lava[colour] = before.pop(colour, None) or (
+                self._client.scene.add_mesh_simple(
+                    '/lava/{}_{}_{}'.format(*colour), points, faces, color=colour[:3],
+                    side='double',
+                )
             )
+            mesh.vertices, mesh.faces, mesh.scale = points + LIFT, faces, self._scale
 
     def _draw_particles(self, ground: Ground, frame: Frame, points: np.ndarray) -> None:
         if not len(points):
@@ -218,7 +229,7 @@ class Page:
         if 'thickness' in frame.layers:
             thickness = frame.layers['thickness'].values
             z += np.nan_to_num(ground.terrain.values_at(thickness, xy))
-        self._client.scene.add_point_cloud(
+        self._lava['particles'] = self._client.scene.add_point_cloud(
             '/lava/particles', ground.placed(xy, z) + LIFT,
             scale.colours(scale.norm(celsius), bytes=True)[:, :3], point_size=0.7 * ground.cell,
             point_shape='circle', precision='float32', scale=self._scale,

@@ -17,6 +17,7 @@ import math
 import socket
 import sys
 from threading import Event
+import time
 from typing import Any
 from urllib.parse import urlsplit
 import warnings
@@ -126,8 +127,10 @@ class Server:
 
     def run(self, ended: Event) -> None:
         """Update the pages until an event, and report when their source fails or is back."""
-        was_bad = False
-        while not ended.wait(TICK):
+        was_bad, due = False, 0.0
+        while not ended.wait(due - time.monotonic()):
+            # a long update must not delay the next one, or maps are left out
+            due = time.monotonic() + TICK
             self.update()
             level, words = self._frames.status
             if was_bad != (level is Level.ERROR):

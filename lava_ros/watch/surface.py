@@ -143,23 +143,27 @@ class Ground:
         self, shown: np.ndarray, edges: Sequence[np.ndarray], z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the corners of blocks, and the points of two triangles a block."""
+        width = z.shape[1]
         row, column = np.divmod(np.flatnonzero(shown), shown.shape[1])
-        first = row * z.shape[1] + column
-        above = first + z.shape[1]
-        faces = np.stack([first, first + 1, above + 1, first, above + 1, above], -1).reshape(-1, 3)
+        corners = np.array([0, 1, width + 1, 0, width + 1, width])
+        faces = ((row * width + column)[:, None] + corners).reshape(-1, 3)
         faces = faces[np.isfinite(z.ravel()[faces]).all(axis=1)]
-        is_used = np.zeros(z.size, dtype=bool)
+        # unique() would sort
+        is_used, number = np.zeros(z.size, dtype=bool), np.empty(z.size, dtype=np.uint32)
         is_used[faces] = True
-        row, column = np.divmod(np.flatnonzero(is_used), z.shape[1])
+        used = np.flatnonzero(is_used)
+        number[used] = np.arange(len(used))
+        row, column = np.divmod(used, width)
         cells = np.stack([edges[0][row], edges[1][column]], axis=-1)
-        return self.placed(self._positions(cells), z[row, column]), (np.cumsum(is_used) - 1)[faces]
+        return self.placed(self._positions(cells), z[row, column]), number[faces]
 
 
 def _at_corners(values: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Any:
     """Return the mean of the known cells around the corners of blocks; NaN where none is."""
     padded = np.pad(values, 1, constant_values=np.nan)
     around = [padded[np.ix_(rows + i, columns + j)] for i in (0, 1) for j in (0, 1)]
-    return np.ma.masked_invalid(around).mean(axis=0).filled(np.nan)
+    count = np.isfinite(around).sum(axis=0)
+    return np.where(count, np.nansum(around, axis=0), np.nan) / np.maximum(count, 1)
 
 
 def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: bytes) -> bytes:
