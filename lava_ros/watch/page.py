@@ -159,7 +159,9 @@ class Page:
 
     def _show(self, index: int) -> None:
         frame = self._frames.frame(index)
-        maps = _maps(frame)
+        maps = {name: item.values for name, item in frame.layers.items()}
+        if frame.arrived is not None:
+            maps[ARRIVED] = frame.arrived
         names = {SHOWN[source][0]: source for source in SHOWN if source in maps} or {'-': ''}
         if self.choice.options != (*names,):
             self.choice.options = names
@@ -199,7 +201,7 @@ class Page:
     def _draw_lava(
         self, ground: Ground, maps: Mapping[str, np.ndarray], source: str, before: dict[Any, Any]
     ) -> None:
-        """Draw a mesh of each colour; change that of ``before``, which is cheaper than a new one."""
+        """Draw a mesh of each colour, if possible one of ``before``, which takes less time."""
         (title, style), values = SHOWN[source], maps[source]
         scale = scale_of(style, values)
         self.legend.content = _legend(title, style, scale)
@@ -245,7 +247,7 @@ class Page:
         if wanted == self._labelled:
             return
         self._labelled, scene = wanted, self._client.scene
-        self._new_group('/labels')
+        scene.remove_by_name('/labels')
         for number, (text, place) in enumerate(labels):
             at = ground.placed(np.array([place]))[0] * self._scale
             scene.add_label(f'/labels/{number}', text, position=at, anchor='bottom-center')
@@ -272,11 +274,6 @@ class Page:
     @property
     def _scale(self) -> tuple[float, float, float]:
         return (1.0, 1.0, float(self.stretch.value))
-
-    def _new_group(self, name: str) -> None:
-        """Remove the nodes below a name, and create their parent again."""
-        self._client.scene.remove_by_name(name)
-        self._client.scene.add_frame(name, show_axes=False)
 
 
 def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -> dict[str, str]:
@@ -315,12 +312,6 @@ def _legend(title: str, style: str, scale: Scale) -> str:
     unit = f'{title} [{scale.label}]' if scale.label else title
     row = f'<div style="display: flex; justify-content: space-between">{text}</div>'
     return _box(f'{unit}<div style="{bar}"></div>{row}')
-
-
-def _maps(frame: Frame) -> dict[str, np.ndarray]:
-    """Return the values of the maps of a frame by source."""
-    maps = {source: item.values for source, item in frame.layers.items()}
-    return maps if frame.arrived is None else {**maps, ARRIVED: frame.arrived}
 
 
 def _vents(frame: Frame) -> list[tuple[str, list[float]]]:

@@ -4,7 +4,7 @@
 """The ground and the lava as triangles, fine around the lava and coarse far from it."""
 
 from collections.abc import Iterator, Sequence
-from io import BytesIO
+from functools import partial
 import math
 from typing import Any
 
@@ -15,7 +15,7 @@ from lava_ros.maps.frames import Frame
 from lava_ros.maps.plot import bounds_of
 from lava_ros.scene import Terrain
 
-#: Rows or columns of large blocks along a side, and maximum number of corners of small ones.
+#: Rows or columns of large blocks along a side, and maximum number of corners of all blocks.
 COARSE, MAX_CORNERS = 128, 200_000
 
 #: Length of the longer side of the ground in the view.
@@ -42,9 +42,9 @@ class Ground:
         self._elevation = frame.elevation
         self.cell = SIDE / max(self.terrain.shape)
         self._low, self._high = np.nanmin(frame.elevation), np.nanmax(frame.elevation)
-        file = BytesIO()
-        Image.fromarray(picture[::-1]).save(file, 'JPEG', quality=90)
-        self._picture = file.getvalue()
+        self._picture = texture = Image.fromarray(picture[::-1])
+        # trimesh would write PNG, or JPEG of the default quality
+        vars(texture).update(format='JPEG', save=partial(texture.save, quality=90))
         self._window = np.zeros((2, 2), dtype=int)
 
     def is_of(self, frame: Frame) -> bool:
@@ -67,15 +67,16 @@ class Ground:
         far = max(max(self.terrain.shape) // COARSE, 1)
         for step in range(1, far + 1):
             lines = [
-                np.unique([*range(0, first, far), *range(first, end, step), *range(end, side, far), side])
+                np.unique(np.r_[0:first:far, first:end:step, end:side:far, side])
                 for side, (first, end) in zip(self.terrain.shape, window, strict=True)
             ]
             if math.prod(map(len, lines)) <= MAX_CORNERS:
                 break
         z = _at_corners(self._elevation, *lines)
-        inner = [slice(*np.searchsorted(*item) + (0, 1)) for item in zip(lines, window, strict=True)]
+        ends = [np.searchsorted(*item) for item in zip(lines, window, strict=True)]
+        inner = tuple(slice(first, end + 1) for first, end in ends)
         self._small = [item[part] for item, part in zip(lines, inner, strict=True)]
-        self._small_z, self.part = z[*inner], tuple(slice(*item) for item in window)
+        self._small_z, self.part = z[inner], tuple(slice(*item) for item in window)
         self.middle = self.placed(self._positions(window.mean(axis=1))[None])[0]
         self.extent = float(np.diff(window).max()) * self.cell
         points, faces = self._triangles(np.ones(np.subtract(z.shape, 1), dtype=bool), lines, z)
@@ -151,8 +152,8 @@ def _at_corners(values: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> An
     return np.where(count, np.nansum(around, axis=0), np.nan) / np.maximum(count, 1)
 
 
-def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: bytes) -> bytes:
-    """Return binary glTF of triangles with a JPEG, which has its own light and shade."""
+def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: Image.Image) -> Any:
+    """Return binary glTF of triangles with a picture, which has its own light and shade."""
     # slow to load
     from trimesh import Trimesh
     from trimesh.visual import TextureVisuals
@@ -162,7 +163,6 @@ def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: by
         tree['extensionsUsed'] = ['KHR_materials_unlit']
         tree['materials'][0]['extensions'] = {'KHR_materials_unlit': {}}
 
-    texture = Image.open(BytesIO(picture))
-    material = PBRMaterial(baseColorTexture=texture, baseColorFactor=[217, 217, 217, 255])
+    material = PBRMaterial(baseColorTexture=picture, baseColorFactor=[217, 217, 217, 255])
     mesh = Trimesh(points, faces, process=False, visual=TextureVisuals(places, material=material))
-    return bytes(mesh.export(file_type='glb', tree_postprocessor=unlight))
+    return mesh.export(file_type='glb', tree_postprocessor=unlight)
