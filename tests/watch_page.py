@@ -69,7 +69,7 @@ class Visitor:
     """A client that opens the page, sends its camera as a browser does, and changes elements."""
 
     def __init__(self, server: Server) -> None:
-        self._server = server
+        self.server = server
         version = f'viser-v{viser.__version__}'
         self.socket: ClientConnection = connect(
             f'ws://127.0.0.1:{server.port}/', subprotocols=[version], max_size=None,
@@ -84,7 +84,11 @@ class Visitor:
 
     @property
     def pages(self) -> list[Page]:
-        return list(self._server.pages.values())
+        return list(self.server.pages.values())
+
+    @property
+    def page(self) -> Page:
+        return self.pages[0]
 
     def say(self, kind: str, **fields: Any) -> None:
         self.socket.send(msgspec.msgpack.encode({'type': kind, **fields}))
@@ -96,11 +100,11 @@ class Visitor:
     def wait(self, condition: Callable[[], Any]) -> None:
         """Update the server until a condition holds."""
         end = time.monotonic() + 120.0
-        self._server.update()
+        self.server.update()
         while not condition():
             assert time.monotonic() < end
             time.sleep(0.01)
-            self._server.update()
+            self.server.update()
 
 
 @contextmanager

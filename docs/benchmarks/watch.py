@@ -32,8 +32,8 @@ from pages.report.devtools import Browser
 #: Cells along a side of the terrain, maps a second, different maps, and kept times.
 SIDE, RATE, N_MAPS, N_TIMES = 2500, 5.0, 4, 600
 
-#: Number of triangles that the page has drawn, and more than it draws without the ground.
-DRAWN, GROUND = 'window.__viserTestpoints?.rendererInfo.render.triangles', 120_000
+#: Numbers of the page's last picture: its triangles, more than it has without the ground.
+INFO, GROUND = 'window.__viserTestpoints?.rendererInfo.render', 120_000
 
 
 class Flow(Frames):
@@ -107,7 +107,7 @@ def main() -> None:
         browser.call('Page.navigate', url=f'http://127.0.0.1:{server.port}/')
         browser.wait_for('(document.body?.innerText ?? "").includes("Lava flow")')
         text = time.monotonic() - begun
-        browser.wait_for(f'({DRAWN} ?? 0) > {GROUND}')
+        browser.wait_for(f'({INFO}.triangles ?? 0) > {GROUND}')
         browser.screenshot(Path(folder) / 'first.png')
         print(
             f'{flow.cells} cells of lava, all sent after {text:.1f} s, first picture after '
@@ -118,11 +118,14 @@ def main() -> None:
         flow.begun = time.monotonic()
         for _ in range(round(2.0 * float(sys.argv[1]))):
             cpu, wall, shown = time.process_time(), time.monotonic(), flow.shown
+            drawn = browser.evaluate(f'{INFO}.frame')
             time.sleep(30.0)
             wall = time.monotonic() - wall
+            drawn = browser.evaluate(f'{INFO}.frame') - drawn
             heap = browser.evaluate('performance.memory.usedJSHeapSize') / 2**20
             print(
-                f'{time.monotonic() - begun:4.0f} s: {(flow.shown - shown) / wall:.1f} maps/s, '
+                f'{time.monotonic() - begun:4.0f} s: {(flow.shown - shown) / wall:.1f} maps/s as '
+                f'{drawn / wall:.1f} pictures/s, '
                 f'{100.0 * (time.process_time() - cpu) / wall:.0f} % of a core, server '
                 f'{resident():.0f} MB, heap of the page {heap:.0f} MB', flush=True,
             )

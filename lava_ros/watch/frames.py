@@ -145,7 +145,6 @@ class BagFrames(Frames):
         super().__init__()
         BagReader(path)
         self._path = Path(path)
-        self._layers = [item for item in watched_layers() if item.is_forecast]
         self._recording: Recording | None = None
         self._moments: Sequence[Moment] = ()
         self._sizes: list[int] = []
@@ -161,7 +160,8 @@ class BagFrames(Frames):
             if sizes == self._sizes:
                 return
             self._sizes = sizes
-            self._recording = Recording(self._path, more=self._layers)
+            forecasts = [item for item in watched_layers() if item.is_forecast]
+            self._recording = Recording(self._path, more=forecasts)
             self._moments = self._recording.timeline.last_run
             self.times = [item.time for item in self._moments] or [None]
             self.places = self._recording.places

@@ -13,7 +13,6 @@ from functools import partial
 from http import HTTPStatus
 from io import StringIO
 import logging
-import math
 import socket
 import sys
 from threading import Event
@@ -85,7 +84,7 @@ class Server:
         """
         self._frames, self._drape, self._control = frames, drape, control
         self._ground: Ground | None = None
-        self._tried = -1.0
+        self._tried = -1
         self.pages: dict[int, Page] = {}
         with refusing('--port', port, 'a port that is free', OSError):
             listener = socket.create_server((ADDRESS, port))
@@ -110,12 +109,11 @@ class Server:
     def update(self) -> None:
         """Read new frames, and update the pages of the browsers that are there."""
         self._frames.poll()
-        if self._frames.times and self._tried < self._frames.version:
+        if self._ground is None and self._frames.times and self._tried != self._frames.version:
             # ready before the first browser has loaded its page, which reports any error
             self._tried = self._frames.version
             with suppress(LavaError):
                 frame = self._frames.frame(len(self._frames.times) - 1)
-                self._tried = math.inf
                 self._ground_of(frame).fit(frame, frame.lava)
         self.pages = {
             number: self.pages.get(number)
