@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator, Sequence
 from io import BytesIO
+from itertools import count
 import json
 import math
 import struct
@@ -17,8 +18,8 @@ from lava_ros.maps.frames import Frame
 from lava_ros.maps.plot import bounds_of
 from lava_ros.scene import Terrain
 
-#: Rows or columns of large blocks along a side, and maximum number of corners of all blocks.
-COARSE, MAX_CORNERS = 64, 120_000
+#: Maximum number of corners of blocks, and maximum ratio of the sides of large and small ones.
+MAX_CORNERS, MAX_RATIO = 85_000, 32
 
 #: Length of the longer side of the ground in the view.
 SIDE = 10.0
@@ -66,10 +67,10 @@ class Ground:
             return
         margin = np.maximum(MARGIN * np.diff(cells), MIN_MARGIN).astype(int) * (-1, 1)
         self._window = window = np.clip(cells + margin, 0, sides)
-        far = max(max(self.terrain.shape) // COARSE, 1)
-        for step in range(1, far + 1):
+        for far in count(1):
+            near = -(-far // MAX_RATIO)
             lines = [
-                np.unique(np.r_[0:first:far, first:end:step, end:side:far, side])
+                np.unique(np.r_[0:first:far, first:end:near, end:side:far, side])
                 for side, (first, end) in zip(self.terrain.shape, window, strict=True)
             ]
             if math.prod(map(len, lines)) <= MAX_CORNERS:
@@ -151,8 +152,8 @@ def _at_corners(values: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> An
     """Return the mean of the known cells around the corners of blocks; NaN where none is."""
     padded = np.pad(values, 1, constant_values=np.nan)
     around = [padded[np.ix_(rows + i, columns + j)] for i in (0, 1) for j in (0, 1)]
-    count = np.isfinite(around).sum(axis=0)
-    return np.where(count, np.nansum(around, axis=0), np.nan) / np.maximum(count, 1)
+    known = np.isfinite(around).sum(axis=0)
+    return np.where(known, np.nansum(around, axis=0), np.nan) / np.maximum(known, 1)
 
 
 def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: bytes) -> bytes:
