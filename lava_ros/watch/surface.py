@@ -5,7 +5,6 @@
 
 from collections.abc import Iterator, Sequence
 from io import BytesIO
-from itertools import count
 import json
 import math
 import struct
@@ -18,8 +17,8 @@ from lava_ros.maps.frames import Frame
 from lava_ros.maps.plot import bounds_of
 from lava_ros.scene import Terrain
 
-#: Maximum number of corners of blocks, and maximum ratio of the sides of large and small ones.
-MAX_CORNERS, MAX_RATIO = 85_000, 32
+#: Rows or columns of large blocks along a side, and maximum number of corners of small ones.
+COARSE, MAX_CORNERS = 128, 200_000
 
 #: Length of the longer side of the ground in the view.
 SIDE = 10.0
@@ -66,23 +65,34 @@ class Ground:
         if ((cells - self._window) * (1, -1) >= 0).all():
             return
         margin = np.maximum(MARGIN * np.diff(cells), MIN_MARGIN).astype(int) * (-1, 1)
-        self._window = window = np.clip(cells + margin, 0, sides)
-        for far in count(1):
-            near = -(-far // MAX_RATIO)
-            lines = [
-                np.unique(np.r_[0:first:far, first:end:near, end:side:far, side])
-                for side, (first, end) in zip(self.terrain.shape, window, strict=True)
+        far = max(max(self.terrain.shape) // COARSE, 1)
+        # small blocks end at an edge of large ones
+        self._window = np.clip((cells + margin + (0, far - 1)) // far * far, 0, sides)
+        large = [np.array([*range(0, side, far), side]) for side in self.terrain.shape]
+        ends = [np.searchsorted(*item) for item in zip(large, self._window, strict=True)]
+        for step in range(1, far + 1):
+            self._small = small = [
+                np.unique(np.minimum(item[a : b + 1, None] + np.arange(0, far, step), item[b]))
+                for item, (a, b) in zip(large, ends, strict=True)
             ]
-            if math.prod(map(len, lines)) <= MAX_CORNERS:
+            if math.prod(map(len, small)) <= MAX_CORNERS:
                 break
-        z = _at_corners(self._elevation, *lines)
-        ends = [np.searchsorted(*item) for item in zip(lines, window, strict=True)]
-        inner = tuple(slice(first, end + 1) for first, end in ends)
-        self._small = [item[part] for item, part in zip(lines, inner, strict=True)]
-        self._small_z, self.part = z[inner], tuple(slice(*item) for item in window)
-        self.middle = self.placed(self._positions(window.mean(axis=1))[None])[0]
-        self.extent = float(np.diff(window).max()) * self.cell
-        points, faces = self._triangles(np.ones(np.subtract(z.shape, 1), dtype=bool), lines, z)
+        outer, inner = (_at_corners(self._elevation, *edges) for edges in (large, small))
+        is_large = np.ones(np.subtract(outer.shape, 1), dtype=bool)
+        is_large[tuple(slice(*item) for item in ends)] = False
+        for axis, lines in enumerate(ends):
+            # no gaps between small and large blocks
+            for side, line in zip((0, -1), lines, strict=True):
+                z = np.swapaxes(inner, 0, axis)[side]
+                new = np.interp(small[1 - axis], large[1 - axis], np.take(outer, line, axis))
+                z[:] = np.where(np.isfinite(new), new, z)
+        self._small_z, self.part = inner, tuple(slice(*item) for item in self._window)
+        self.middle = self.placed(self._positions(self._window.mean(axis=1))[None])[0]
+        self.extent = float(np.diff(self._window).max()) * self.cell
+        points, faces = self._triangles(is_large, large, outer)
+        is_small = np.ones(np.subtract(inner.shape, 1), dtype=bool)
+        near, more = self._triangles(is_small, small, inner)
+        points, faces = np.concatenate([points, near]), np.concatenate([faces, more + len(points)])
         # a picture begins in the north-west
         places = points[:, :2] / (self.cell * np.array(self.terrain.shape[::-1])) * (1, -1) + 0.5
         self.mesh = _gltf(points, places, faces, self._picture)
@@ -159,29 +169,30 @@ def _at_corners(values: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> An
 def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: bytes) -> bytes:
     """Return binary glTF of triangles with a JPEG; trimesh would take half a second to load."""
     arrays = [points.astype('<f4'), places.astype('<f4'), faces.astype('<u4').ravel()]
+    kinds = [('VEC3', 5126), ('VEC2', 5126), ('SCALAR', 5125)]
     parts = [*(item.tobytes() for item in arrays), picture + bytes(-len(picture) % 4)]
     starts = np.cumsum([0, *map(len, parts)]).tolist()
     accessors: list[dict[str, Any]] = [
-        {'bufferView': number, 'type': kind, 'componentType': code, 'count': len(arrays[number])}
-        for number, (kind, code) in enumerate([('VEC3', 5126), ('VEC2', 5126), ('SCALAR', 5125)])
+        {'bufferView': number, 'type': kind, 'componentType': code, 'count': len(item)}
+        for number, ((kind, code), item) in enumerate(zip(kinds, arrays, strict=True))
     ]
     accessors[0] |= {'min': points.min(axis=0).tolist(), 'max': points.max(axis=0).tolist()}
-    shape = {'attributes': {'POSITION': 0, 'TEXCOORD_0': 1}, 'indices': 2, 'material': 0}
+    attributes = {'POSITION': 0, 'TEXCOORD_0': 1}
     colour = {'baseColorTexture': {'index': 0}, 'baseColorFactor': [0.85, 0.85, 0.85, 1.0]}
     # the picture has its own light and shade
-    unlit = 'KHR_materials_unlit'
-    text = json.dumps({
-        'asset': {'version': '2.0'}, 'extensionsUsed': [unlit], 'scene': 0,
-        'scenes': [{'nodes': [0]}], 'nodes': [{'mesh': 0}], 'meshes': [{'primitives': [shape]}],
-        'accessors': accessors,
-        'materials': [{'pbrMetallicRoughness': colour, 'extensions': {unlit: {}}}],
+    unlit: dict[str, Any] = {'KHR_materials_unlit': {}}
+    content = {
+        'asset': {'version': '2.0'}, 'extensionsUsed': [*unlit], 'scene': 0,
+        'scenes': [{'nodes': [0]}], 'nodes': [{'mesh': 0}], 'accessors': accessors,
+        'meshes': [{'primitives': [{'attributes': attributes, 'indices': 2, 'material': 0}]}],
+        'materials': [{'pbrMetallicRoughness': colour, 'extensions': unlit}],
         'textures': [{'source': 0}], 'images': [{'bufferView': 3, 'mimeType': 'image/jpeg'}],
-        'buffers': [{'byteLength': starts[-1]}],
-        'bufferViews': [
+        'buffers': [{'byteLength': starts[-1]}], 'bufferViews': [
             {'buffer': 0, 'byteOffset': start, 'byteLength': len(part)}
             for start, part in zip(starts[:-1], parts, strict=True)
         ],
-    }).encode()
+    }
+    text = json.dumps(content).encode()
     text += b' ' * (-len(text) % 4)
     head = struct.pack('<4s4I', b'glTF', 2, 28 + len(text) + starts[-1], len(text), 0x4E4F534A)
     return b''.join([head, text, struct.pack('<2I', starts[-1], 0x004E4942), *parts])
