@@ -137,12 +137,15 @@ class Solver:
     def switch_effects(self, effects: Effects) -> None:
         """Continue with other effects."""
         self.settle()
-        former = self.state
+        former, froze = self.state, self.effects.any('freezes')
         self.effects = effects
         self.state = State(former.capacity, effects, self.accuracy, self.device)
         self.state.take_over(former)
-        self._place_terrain()
-        self.cover()
+        if effects.any('freezes') == froze:
+            self._build_stage()
+        else:
+            self._place_terrain()
+            self.cover()
 
     def _place_terrain(self) -> None:
         """Copy the terrain to the device, with the grids and kernels that depend on it.
@@ -162,7 +165,11 @@ class Solver:
             self.terrain, output_radius, accuracy.kernel, self.device, more=more
         )
         self._keep_arrival(terrain)
-        former = self.after_step
+        self._build_stage()
+
+    def _build_stage(self) -> None:
+        """Collect the kernels of the effects for the state, the terrain and the grids."""
+        accuracy, former = self.accuracy, self.after_step
         self.after_step = {
             name: kind(self.scene, accuracy, self.terrain, self.state)
             for name, kind in device_parts(self.effects, 'AfterStep').items()
@@ -364,6 +371,12 @@ class Solver:
 
         self.take_stages(look=look)
 
+    def _draw_maps(self) -> None:
+        """Map the flow of the ordered particles, after the latest copies of the maps."""
+        self.stage.compute_flow()
+        self._reader.before_writing()
+        self._fill_raster()
+
     def _fill_raster(self) -> None:
         self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
         for effect in self.after_step.values():
@@ -373,14 +386,23 @@ class Solver:
     def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
         """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""
         state, raster = self.state, self.raster
-        self.stage.compute_flow()
-        self._reader.before_writing()
-        self._fill_raster()
+        self._draw_maps()
         wp.copy(raster.grids[-1], state.arrived)
         numbers = self._diagnostics.take(state, self.vents)
         copies = self._reader.begin([raster.grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))
+
+    def measure(self) -> tuple[ParticleSample, list[Any]]:
+        """Read the particles back, and copy maps on the device, which later maps do not change.
+
+        The maps are those of all lava and, with solidification, of solidified lava [m].
+        """
+        self.order()
+        self._draw_maps()
+        grids = self.raster.grids
+        maps = [wp.clone(grids[n]) for n in range(0, grids.shape[0] - 1, 2)]
+        return self.read_sample(), maps
 
     def read_sample(self) -> ParticleSample:
         """Read the ordered particles back, after ``stage.compute_flow``, with their velocity."""

@@ -3,13 +3,17 @@
 
 """Measurement of the lava of a running simulation: columns, width and resolution."""
 
+from collections.abc import Sequence
+from functools import cache
 import math
+from typing import Any
 
 import numpy as np
 
 from lava_ros.effects.scales import Columns, Scales, volume_quantile
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 from lava_ros.simulation.resolution import is_extended, Resolution
@@ -23,60 +27,60 @@ MAX_COLUMNS = 4096
 MIN_MEASURED = 1e-6
 
 
-def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
-    """Measure the columns of the lava that still flows.
-
-    Args:
-        snapshot: The flow on the cells of its terrain.
-        sample: Its particles at the same time, at least one.
-    """
-    some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
-    terrain, cell = snapshot.terrain, snapshot.terrain.resolution
-    row, column = _cells_of(terrain, sample.position[some])
-    rows, columns = _window(snapshot.thickness > 0.0, row, column)
-    here = row - rows.start, column - columns.start
-    thickness = np.nan_to_num(snapshot.thickness[rows, columns])
-    ground = terrain.elevation[rows, columns].astype(np.float64)
-    surface = ground + thickness
-    if snapshot.frozen is not None:
-        ground = ground + np.nan_to_num(snapshot.frozen[rows, columns])
-    return Columns(
-        volume=sample.volume[some],
-        thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
-        slope=np.maximum(_measure_slopes(surface, cell, *here), MIN_MEASURED),
-        ground_slope=_measure_slopes(ground, cell, *here),
-        temperature=sample.temperature[some],
-        speed=np.hypot(*sample.velocity[some].T),
-        width=measure_widths(standing_cells(thickness), cell)[here],
-    )
-
-
 def measured_scales(
-    scene: Scene, accuracy: Accuracy, snapshot: Snapshot, sample: ParticleSample, *, horizon: float
+    scene: Scene, accuracy: Accuracy, sample: ParticleSample, maps: Sequence[Any], duration: float
 ) -> Scales:
-    """Return the scales of a flow that has been measured.
+    """Return the scales of the lava that still flows; each is measured when it is first read.
 
     Args:
         scene: The scene.
         accuracy: Its resolution, with all automatic values resolved.
-        snapshot: The flow on the cells of its terrain.
-        sample: Its particles at the same time, at least one.
-        horizon: Time span for the choice of effects [s].
+        sample: The particles, at least one.
+        maps: Thickness of all lava and, with solidification, of solidified lava, on the device.
+        duration: Time from the start of the eruption to the horizon [s].
     """
     assert accuracy.spacing is not None
-    columns = measure_columns(snapshot, sample)
-    distance = float(np.median(np.sqrt(columns.volume / columns.thickness)))
-    sources = np.reshape([vent.position for vent in scene.vents], (-1, 2))
-    heights = scene.terrain.elevations_at(np.concatenate([sample.position, sources]))
+    some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
+    terrain, cell = scene.terrain, scene.terrain.resolution
+    here = _cells_of(terrain, sample.position[some])
+
+    @cache
+    def thickness() -> np.ndarray:
+        return read(maps[0])
+
+    def widths() -> np.ndarray:
+        window = _window(thickness() > 0.0, *here)
+        wet = standing_cells(thickness()[window])
+        return measure_widths(wet, cell)[tuple(
+            index - part.start for index, part in zip(here, window, strict=True)
+        )]
+
+    def fall() -> float:
+        sources = np.reshape([vent.position for vent in scene.vents], (-1, 2))
+        heights = terrain.elevations_at(np.concatenate([sample.position, sources]))
+        return float(np.nanmax(heights) - np.nanmin(heights))
+
+    columns = Columns.on_demand(
+        volume=sample.volume[some],
+        thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
+        slope=lambda: np.maximum(_measure_slopes(terrain, [thickness()], *here), MIN_MEASURED),
+        ground_slope=lambda: _measure_slopes(terrain, [read(one) for one in maps[1:]], *here),
+        temperature=sample.temperature[some],
+        speed=lambda: np.hypot(*sample.velocity[some].T),
+        width=widths,
+    )
     return scales_of(
         scene,
         columns,
-        fall=float(np.nanmax(heights) - np.nanmin(heights)),
+        fall=fall,
         spacing=accuracy.spacing,
         kernel_radius=accuracy.ratio * accuracy.spacing,
-        duration=max(horizon, snapshot.time),
+        duration=duration,
         is_measured=True,
-        is_extended=is_extended(snapshot.area(snapshot.standing), distance),
+        is_extended=lambda: is_extended(
+            np.count_nonzero(standing_cells(thickness())) * cell**2,
+            float(np.median(np.sqrt(columns.volume / columns.thickness))),
+        ),
     )
 
 
@@ -150,17 +154,25 @@ def _measure_diagonal_runs(wet: np.ndarray) -> np.ndarray:
 
 
 def _measure_slopes(
-    elevation: np.ndarray, cell: float, row: np.ndarray, column: np.ndarray
+    terrain: Terrain, layers: Sequence[np.ndarray], row: np.ndarray, column: np.ndarray
 ) -> np.ndarray:
-    """Return the slope of some cells, rise over run, 0 next to cells without data."""
-    rows, columns = (size - 1 for size in elevation.shape)
+    """Return the slope of some cells, rise over run, 0 next to cells without data.
+
+    ``layers`` of lava [m], shape [rows, columns], raise the terrain.
+    """
+    rows, columns = (size - 1 for size in terrain.shape)
     down, up = np.maximum(row - 1, 0), np.minimum(row + 1, rows)
     left, right = np.maximum(column - 1, 0), np.minimum(column + 1, columns)
+
+    def heights(*cells: np.ndarray) -> np.ndarray:
+        ground = terrain.elevation[cells].astype(np.float64)
+        return sum((np.nan_to_num(layer[cells]) for layer in layers), ground)
+
     rises = (
-        (elevation[up, column] - elevation[down, column]) / np.maximum(up - down, 1),
-        (elevation[row, right] - elevation[row, left]) / np.maximum(right - left, 1),
+        (heights(up, column) - heights(down, column)) / np.maximum(up - down, 1),
+        (heights(row, right) - heights(row, left)) / np.maximum(right - left, 1),
     )
-    return np.nan_to_num(np.hypot(*rises) / cell)
+    return np.nan_to_num(np.hypot(*rises) / terrain.resolution)
 
 
 def _window(wet: np.ndarray, row: np.ndarray, column: np.ndarray) -> tuple[slice, slice]:
