@@ -63,10 +63,8 @@ class _OnDemand:
     def on_demand(cls: type[_Kind], **values: Any) -> _Kind:
         """Return an object whose fields are values, or functions that compute them."""
         new = cls.__new__(cls)
-        functions = {name: value for name, value in values.items() if callable(value)}
-        vars(new).update(values, _functions=functions)
-        for name in functions:
-            del vars(new)[name]
+        known = {name: value for name, value in values.items() if not callable(value)}
+        vars(new).update(known, _functions=values)
         return new
 
     if not TYPE_CHECKING:
@@ -75,8 +73,7 @@ class _OnDemand:
             """Compute a field."""
             if name not in vars(self).get('_functions', ()):
                 raise AttributeError(name)
-            value = vars(self)[name] = self._functions[name]()
-            return value
+            return vars(self).setdefault(name, self._functions[name]())
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 
 """Measurement of the lava of a running simulation: columns, width and resolution."""
 
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 import math
 from typing import Any
 
@@ -43,17 +43,7 @@ def measured_scales(
     some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
     terrain, cell = scene.terrain, scene.terrain.resolution
     here = _cells_of(terrain, sample.position[some])
-
-    @cache
-    def thickness() -> np.ndarray:
-        return read(maps[0])
-
-    def widths() -> np.ndarray:
-        window = _window(thickness() > 0.0, *here)
-        wet = standing_cells(thickness()[window])
-        return measure_widths(wet, cell)[tuple(
-            index - part.start for index, part in zip(here, window, strict=True)
-        )]
+    thickness, *frozen = (cache(partial(read, one)) for one in maps)
 
     def fall() -> float:
         sources = np.reshape([vent.position for vent in scene.vents], (-1, 2))
@@ -63,11 +53,11 @@ def measured_scales(
     columns = Columns.on_demand(
         volume=sample.volume[some],
         thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
-        slope=lambda: np.maximum(_measure_slopes(terrain, [thickness()], *here), MIN_MEASURED),
-        ground_slope=lambda: _measure_slopes(terrain, [read(one) for one in maps[1:]], *here),
+        slope=lambda: np.maximum(_measure_slopes(terrain, [thickness], *here), MIN_MEASURED),
+        ground_slope=lambda: _measure_slopes(terrain, frozen, *here),
         temperature=sample.temperature[some],
         speed=lambda: np.hypot(*sample.velocity[some].T),
-        width=widths,
+        width=lambda: measure_widths(standing_cells(thickness()), cell)[here],
     )
     return scales_of(
         scene,
@@ -96,8 +86,6 @@ def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | N
     wet = standing_cells(thickness)
     if not wet.any():
         return None
-    rows, columns = _window(wet, *np.nonzero(wet))
-    thickness, wet = thickness[rows, columns], wet[rows, columns]
     width, thickness = measure_widths(wet, cell)[wet], thickness[wet]
     distance = accuracy.spacing * np.sqrt(accuracy.thickness / thickness)
     if not is_extended(np.count_nonzero(wet) * cell**2, float(np.median(distance))):
@@ -125,10 +113,17 @@ def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
     Returns:
         The width [m], float64, same shape, 0 without lava.
     """
-    straight = np.minimum(_measure_runs(wet), _measure_runs(wet.T).T)
-    mirrored = _measure_diagonal_runs(wet[:, ::-1])[:, ::-1]
-    diagonal = np.minimum(_measure_diagonal_runs(wet), mirrored)
-    return np.minimum(straight * cell, diagonal * (math.sqrt(2.0) * cell))
+    found = np.zeros(wet.shape)
+    if wet.any():
+        # the rectangle of wet cells
+        ends = (np.flatnonzero(wet.any(axis=axis))[[0, -1]] + (0, 1) for axis in (1, 0))
+        window = tuple(slice(*item) for item in ends)
+        wet = wet[window]
+        straight = np.minimum(_measure_runs(wet), _measure_runs(wet.T).T)
+        mirrored = _measure_diagonal_runs(wet[:, ::-1])[:, ::-1]
+        diagonal = np.minimum(_measure_diagonal_runs(wet), mirrored)
+        found[window] = np.minimum(straight * cell, diagonal * (math.sqrt(2.0) * cell))
+    return found
 
 
 def _measure_runs(wet: np.ndarray) -> np.ndarray:
@@ -154,11 +149,12 @@ def _measure_diagonal_runs(wet: np.ndarray) -> np.ndarray:
 
 
 def _measure_slopes(
-    terrain: Terrain, layers: Sequence[np.ndarray], row: np.ndarray, column: np.ndarray
+    terrain: Terrain, layers: Sequence[Callable[[], np.ndarray]], row: np.ndarray,
+    column: np.ndarray,
 ) -> np.ndarray:
     """Return the slope of some cells, rise over run, 0 next to cells without data.
 
-    ``layers`` of lava [m], shape [rows, columns], raise the terrain.
+    ``layers`` return layers of lava on the terrain [m], shape [rows, columns].
     """
     rows, columns = (size - 1 for size in terrain.shape)
     down, up = np.maximum(row - 1, 0), np.minimum(row + 1, rows)
@@ -166,23 +162,13 @@ def _measure_slopes(
 
     def heights(*cells: np.ndarray) -> np.ndarray:
         ground = terrain.elevation[cells].astype(np.float64)
-        return sum((np.nan_to_num(layer[cells]) for layer in layers), ground)
+        return sum((np.nan_to_num(layer()[cells]) for layer in layers), ground)
 
     rises = (
         (heights(up, column) - heights(down, column)) / np.maximum(up - down, 1),
         (heights(row, right) - heights(row, left)) / np.maximum(right - left, 1),
     )
     return np.nan_to_num(np.hypot(*rises) / terrain.resolution)
-
-
-def _window(wet: np.ndarray, row: np.ndarray, column: np.ndarray) -> tuple[slice, slice]:
-    """Return rows and columns that enclose wet and given cells, with a margin of 1."""
-    ends = []
-    for axis, others in ((1, row), (0, column)):
-        found = np.concatenate([np.flatnonzero(wet.any(axis=axis)), others])
-        last = wet.shape[1 - axis] - 1
-        ends.append(slice(max(int(found.min()) - 1, 0), min(int(found.max()) + 1, last) + 1))
-    return ends[0], ends[1]
 
 
 def _cells_of(terrain: Terrain, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
