@@ -141,6 +141,7 @@ class Solver:
         self.effects = effects
         self.state = State(former.capacity, effects, self.accuracy, self.device)
         self.state.take_over(former)
+        self._reserve_room()
         if effects.any('freezes') == froze:
             self._build_stage()
         else:
@@ -236,6 +237,10 @@ class Solver:
             self.scene.vents, self.scene.terrain, self.accuracy, self.particle_volume,
             self.device, since=since, before=before,
         )
+        self._reserve_room()
+
+    def _reserve_room(self) -> None:
+        """Make room for the particles that the vents emit before the host reads the counts."""
         # without room lava would wait in the vents, and come out all at once
         state, accuracy = self.state, self.accuracy
         assert accuracy.thickness is not None

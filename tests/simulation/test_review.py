@@ -93,6 +93,20 @@ def test_effects_are_not_switched_off(device: str):
     assert on <= set(simulation.effects)
 
 
+@pytest.mark.parametrize('name', ['steep', 'solidification'])
+def test_switch_keeps_the_particles_and_the_room_for_new_ones(simulation: Simulation, name: str):
+    simulation.advance(0.1 * HOUR)
+    former = simulation.solver.state
+    # sums of position and remainder round to other positions
+    former.remainder.fill_(1e-3)
+    simulation._switch_to(replace(simulation.effects, **{name: name not in simulation.effects}))
+    state = simulation.solver.state
+    assert state is not former and state.particles_ahead == former.particles_ahead > 0
+    expected, found = former.save(), state.save()
+    for array in ('particle', 'remainder', 'clock', 'counts', 'top', 'left'):
+        assert np.array_equal(found[array], expected[array]), array
+
+
 def test_reviews_do_not_change_the_flow(device: str):
     plain = replace(scene(ground(10.0)), lava=replace(LAVA, solidus=900.0, emissivity=0.9))
     accuracy = Accuracy(spacing=12.0, thickness=1.0, deterministic=True)
