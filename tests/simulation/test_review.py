@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 import math
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.output import measurement
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution, measure_widths
 from lava_ros.simulation.selection import Decision, noted
@@ -91,6 +93,18 @@ def test_effects_are_not_switched_off(device: str):
     assert on <= set(simulation.effects)
     simulation.set_terrain(Terrain(np.zeros((60, 200)), 10.0))
     assert on <= set(simulation.effects)
+
+
+def test_review_measures_only_the_scales_that_its_effects_read(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+):
+    simulation.advance(0.2 * HOUR)
+    widths = Mock(wraps=measure_widths)
+    monkeypatch.setattr(measurement, 'measure_widths', widths)
+    simulation.review(['solidification', 'steep'])
+    assert not widths.called
+    simulation.review(['helmholtz'])
+    assert widths.called
 
 
 @pytest.mark.parametrize('name', ['steep', 'solidification'])

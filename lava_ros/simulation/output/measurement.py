@@ -3,7 +3,7 @@
 
 """Measurement of the lava of a running simulation: columns, width and resolution."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache, partial
 import math
 from typing import Any
@@ -43,7 +43,7 @@ def measured_scales(
     some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
     terrain, cell = scene.terrain, scene.terrain.resolution
     here = _cells_of(terrain, sample.position[some])
-    thickness, *frozen = (cache(partial(read, one)) for one in maps)
+    thickness = cache(partial(read, maps[0]))
 
     def fall() -> float:
         sources = np.reshape([vent.position for vent in scene.vents], (-1, 2))
@@ -53,8 +53,8 @@ def measured_scales(
     columns = Columns.on_demand(
         volume=sample.volume[some],
         thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
-        slope=lambda: np.maximum(_measure_slopes(terrain, [thickness], *here), MIN_MEASURED),
-        ground_slope=lambda: _measure_slopes(terrain, frozen, *here),
+        slope=lambda: np.maximum(_measure_slopes(terrain, here, thickness()), MIN_MEASURED),
+        ground_slope=lambda: _measure_slopes(terrain, here, *map(read, maps[1:])),
         temperature=sample.temperature[some],
         speed=lambda: np.hypot(*sample.velocity[some].T),
         width=lambda: measure_widths(standing_cells(thickness()), cell)[here],
@@ -149,25 +149,22 @@ def _measure_diagonal_runs(wet: np.ndarray) -> np.ndarray:
 
 
 def _measure_slopes(
-    terrain: Terrain, layers: Sequence[Callable[[], np.ndarray]], row: np.ndarray,
-    column: np.ndarray,
+    terrain: Terrain, here: tuple[np.ndarray, np.ndarray], *layers: np.ndarray
 ) -> np.ndarray:
     """Return the slope of some cells, rise over run, 0 next to cells without data.
 
-    ``layers`` return layers of lava on the terrain [m], shape [rows, columns].
+    ``layers`` of lava on the terrain [m] have its shape.
     """
-    rows, columns = (size - 1 for size in terrain.shape)
-    down, up = np.maximum(row - 1, 0), np.minimum(row + 1, rows)
-    left, right = np.maximum(column - 1, 0), np.minimum(column + 1, columns)
+    places, last = np.stack(here), np.subtract(terrain.shape, 1)[:, None]
 
     def heights(*cells: np.ndarray) -> np.ndarray:
         ground = terrain.elevation[cells].astype(np.float64)
-        return sum((np.nan_to_num(layer()[cells]) for layer in layers), ground)
+        return sum((np.nan_to_num(layer[cells]) for layer in layers), ground)
 
-    rises = (
-        (heights(up, column) - heights(down, column)) / np.maximum(up - down, 1),
-        (heights(row, right) - heights(row, left)) / np.maximum(right - left, 1),
-    )
+    rises = []
+    for step in np.eye(2, dtype=int)[:, :, None]:
+        low, high = np.maximum(places - step, 0), np.minimum(places + step, last)
+        rises.append((heights(*high) - heights(*low)) / np.maximum((high - low).sum(axis=0), 1))
     return np.nan_to_num(np.hypot(*rises) / terrain.resolution)
 
 
