@@ -98,7 +98,7 @@ def test_effects_are_not_switched_off(device: str):
 def test_review_measures_only_the_scales_that_its_effects_read(
     simulation: Simulation, monkeypatch: pytest.MonkeyPatch
 ):
-    simulation.advance(0.2 * HOUR)
+    simulation.advance(HOUR)
     widths = Mock(wraps=measure_widths)
     monkeypatch.setattr(measurement, 'measure_widths', widths)
     simulation.review(['solidification', 'steep'])
