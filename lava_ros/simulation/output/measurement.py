@@ -159,7 +159,7 @@ def _measure_slopes(
 
     def heights(*cells: np.ndarray) -> np.ndarray:
         ground = terrain.elevation[cells].astype(np.float64)
-        return sum((np.nan_to_num(layer[cells]) for layer in layers), ground)
+        return sum((np.fmax(layer[cells], 0.0) for layer in layers), ground)
 
     rises = []
     for step in np.eye(2, dtype=int)[:, :, None]:
