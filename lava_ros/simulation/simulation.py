@@ -380,11 +380,12 @@ class Simulation:
 
     def measure_scales(self) -> Scales | None:
         """Measure the scales of the flow as it is now; None without flowing lava."""
-        sample, maps = self.solver.measure()
+        self.solver.order()
+        grids, sample = self.solver.draw_maps(), self.solver.read_sample()
         if not len(sample.volume):
             return None
         duration = max(self._horizon, self.time)
-        return measured_scales(self.scene, self.accuracy, sample, maps, duration)
+        return measured_scales(self.scene, self.accuracy, sample, grids, duration)
 
     def _watch(self, *, is_due: bool = False) -> None:
         """Find out which effects reviews evaluate, and when the next review ``is_due``."""

@@ -376,11 +376,12 @@ class Solver:
 
         self.take_stages(look=look)
 
-    def _draw_maps(self) -> None:
-        """Map the flow of the ordered particles, after the latest copies of the maps."""
+    def draw_maps(self) -> Any:
+        """Map the flow of the ordered particles; return the grids of the raster."""
         self.stage.compute_flow()
         self._reader.before_writing()
         self._fill_raster()
+        return self.raster.grids
 
     def _fill_raster(self) -> None:
         self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
@@ -390,24 +391,12 @@ class Solver:
 
     def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
         """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""
-        state, raster = self.state, self.raster
-        self._draw_maps()
-        wp.copy(raster.grids[-1], state.arrived)
+        state, grids = self.state, self.draw_maps()
+        wp.copy(grids[-1], state.arrived)
         numbers = self._diagnostics.take(state, self.vents)
-        copies = self._reader.begin([raster.grids, numbers], beside=beside)
+        copies = self._reader.begin([grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))
-
-    def measure(self) -> tuple[ParticleSample, list[Any]]:
-        """Read the particles back, and copy maps on the device, which later maps do not change.
-
-        The maps are those of all lava and, with solidification, of solidified lava [m].
-        """
-        self.order()
-        self._draw_maps()
-        grids = self.raster.grids
-        maps = [wp.clone(grids[n]) for n in range(0, grids.shape[0] - 1, 2)]
-        return self.read_sample(), maps
 
     def read_sample(self) -> ParticleSample:
         """Read the ordered particles back, after ``stage.compute_flow``, with their velocity."""

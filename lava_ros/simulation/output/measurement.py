@@ -3,12 +3,12 @@
 
 """Measurement of the lava of a running simulation: columns, width and resolution."""
 
-from collections.abc import Sequence
 from functools import cache, partial
 import math
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from lava_ros.effects.scales import Columns, Scales, volume_quantile
 from lava_ros.scene import Scene, Terrain
@@ -28,7 +28,7 @@ MIN_MEASURED = 1e-6
 
 
 def measured_scales(
-    scene: Scene, accuracy: Accuracy, sample: ParticleSample, maps: Sequence[Any], duration: float
+    scene: Scene, accuracy: Accuracy, sample: ParticleSample, grids: Any, duration: float
 ) -> Scales:
     """Return the scales of the lava that still flows; each is measured when it is first read.
 
@@ -36,13 +36,15 @@ def measured_scales(
         scene: The scene.
         accuracy: Its resolution, with all automatic values resolved.
         sample: The particles, at least one.
-        maps: Thickness of all lava and, with solidification, of solidified lava, on the device.
+        grids: Maps on the device, as for a snapshot (``diagnostics.snapshot_of``).
         duration: Time from the start of the eruption to the horizon [s].
     """
     assert accuracy.spacing is not None
     some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
     terrain, cell = scene.terrain, scene.terrain.resolution
     here = _cells_of(terrain, sample.position[some])
+    # all lava and solidified lava, copied on the device: later maps overwrite the grids
+    maps = [wp.clone(grids[n]) for n in range(0, grids.shape[0] - 1, 2)]
     thickness = cache(partial(read, maps[0]))
 
     def fall() -> float:
