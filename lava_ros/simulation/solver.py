@@ -244,11 +244,11 @@ class Solver:
         # without room lava would wait in the vents, and come out all at once
         state, accuracy = self.state, self.accuracy
         assert accuracy.thickness is not None
-        step = min(self.vents.longest_step(accuracy.thickness), accuracy.longest_step)
-        rate = sum(vent.peak for vent in self.scene.vents) / self.particle_volume
+        _, steps, rates = self.vents.step_limits(accuracy.thickness).T
+        most = (np.minimum(steps, accuracy.longest_step) * rates).max() / self.particle_volume
         # steps have at least two stages with RKL2
-        steps = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
-        state.particles_ahead = math.ceil(min(steps * step * rate, _MAX_AHEAD))
+        ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
+        state.particles_ahead = math.ceil(min(ahead * most, _MAX_AHEAD))
         state.make_room(state.read_clock()[1])
 
     def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
