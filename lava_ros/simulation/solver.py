@@ -240,7 +240,7 @@ class Solver:
         self._reserve_room()
 
     def _reserve_room(self) -> None:
-        """Make room for the particles that the vents emit before the host reads the counts."""
+        """Reserve capacity for particles that vents emit before the host reads the counts."""
         # without room lava would wait in the vents, and come out all at once
         state, accuracy = self.state, self.accuracy
         assert accuracy.thickness is not None
