@@ -380,7 +380,7 @@ class Simulation:
 
     def measure_scales(self) -> Scales | None:
         """Measure the scales of the flow as it is now; None without flowing lava."""
-        self.solver.order()
+        self.solver.sort()
         grids, sample = self.solver.draw_maps(), self.solver.read_sample()
         if not len(sample.volume):
             return None
