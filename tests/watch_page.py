@@ -69,7 +69,7 @@ class Visitor:
     """A client that opens the page, sends its camera as a browser does, and changes elements."""
 
     def __init__(self, server: Server) -> None:
-        self.server = server
+        self.server, known = server, set(server.pages)
         version = f'viser-v{viser.__version__}'
         self.socket: ClientConnection = connect(
             f'ws://127.0.0.1:{server.port}/', subprotocols=[version], max_size=None,
@@ -80,15 +80,12 @@ class Visitor:
             far=1000.0, image_height=500, image_width=800, look_at=(0, 0, 0),
             up_direction=(0, 0, 1),
         )
-        self.wait(lambda: self.pages)
+        self.wait(lambda: server.pages.keys() - known)
+        self.page = self.pages[-1]
 
     @property
     def pages(self) -> list[Page]:
         return list(self.server.pages.values())
-
-    @property
-    def page(self) -> Page:
-        return self.pages[0]
 
     def say(self, kind: str, **fields: Any) -> None:
         self.socket.send(msgspec.msgpack.encode({'type': kind, **fields}))

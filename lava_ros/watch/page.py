@@ -159,6 +159,7 @@ class Page:
 
     def _show(self, index: int) -> None:
         frame = self._frames.frame(index)
+        particles = self._frames.particles(index) if self.particles.value else None
         maps = {name: item.values for name, item in frame.layers.items()}
         if frame.arrived is not None:
             maps[ARRIVED] = frame.arrived
@@ -187,8 +188,8 @@ class Page:
             facts += ' · <b>nothing on this map now</b>'
         self.title.content = _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px')
         before, self._lava = self._lava, {}
-        if self.particles.value:
-            self._draw_particles(ground, frame, self._frames.particles(index))
+        if particles is not None:
+            self._draw_particles(ground, frame, particles)
         elif source:
             near = {name: values[ground.part] for name, values in maps.items()}
             self._draw_lava(ground, near, source, before)

@@ -7,9 +7,11 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from http.client import HTTPConnection
 from io import BytesIO
+from itertools import count
 import socket
 import sys
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 from PIL import Image
@@ -173,11 +175,20 @@ def test_reports_when_the_source_fails_and_is_back(frames, capsys):
     assert capsys.readouterr().err == 'lava watch: words\n' * 2
 
 
+def test_a_long_update_does_not_delay_the_next_one(frames, monkeypatch):
+    waits, duration = [], 0.75 * server_module.TICK
+    clock = SimpleNamespace(monotonic=count(0.0, duration).__next__)
+    monkeypatch.setattr(server_module, 'time', clock)
+    ended = SimpleNamespace(wait=lambda time: waits.append(time) or len(waits) > 3)
+    server_module.Server(frames, 0).run(ended)
+    assert waits[1:] == pytest.approx([server_module.TICK - duration] * 3)
+
+
 def test_follows_new_frames_only_at_the_end(visitor, page, frames):
     assert (page.slider.value, page.slider.max) == (3, 3)
-    for count in (5, 1, 5):
-        frames.grow(count)
-        visitor.wait(lambda last=count - 1: page.slider.value == last)
+    for number in (5, 1, 5):
+        frames.grow(number)
+        visitor.wait(lambda last=number - 1: page.slider.value == last)
     visitor.press(page.slider, 2)
     visitor.wait(lambda: '10 min of 17 min' in page.title.content)
     frames.grow(6)
@@ -244,8 +255,14 @@ def test_untrusted_texts_are_escaped(page):
     assert labels == ['▲ open', '<b>hut</b>']
 
 
-def test_shows_particles_in_place_of_the_lava(visitor, page, frames):
-    visitor.press(page.particles)
+def test_shows_particles_in_place_of_the_lava(visitor, page, frames, monkeypatch):
+    lava = drawn(page, '/lava/').keys()
+    with monkeypatch.context() as patch:
+        patch.setattr(frames, 'particles', Mock(side_effect=LavaError('bag', 'x', 'a bag')))
+        visitor.press(page.particles)
+        visitor.wait(lambda: 'a bag' in page.status.content)
+        assert drawn(page, '/lava/').keys() == lava
+    frames.version += 1
     visitor.wait(lambda: '/lava/particles' in drawn(page))
     assert drawn(page)['/lava/particles'].points.shape == (3, 3)
     assert list(drawn(page, '/lava/')) == ['/lava/particles']
@@ -263,12 +280,21 @@ def test_the_camera_rises_with_the_ground(visitor, page):
     np.testing.assert_allclose(page._client.camera.position, before + rise)
 
 
-def test_pages_share_the_ground_until_it_changes(visitor, page, frames):
-    Visitor(visitor.server)
-    visitor.wait(lambda: all(item.title.content for item in visitor.pages))
+def test_pages_show_the_same_and_share_the_ground_until_it_changes(visitor, page, frames):
+    for number in (6, 2):
+        frames.grow(number)
+        visitor.wait(lambda last=number - 1: page._drawn[1] == last)
+    other = Visitor(visitor.server).page
+    visitor.wait(lambda: other.title.content)
+    # whatever maps a page has shown before
+    lava, same = (drawn(item, '/lava/') for item in (page, other))
+    assert lava.keys() == same.keys() and len(lava) > 1
+    for name, mesh in lava.items():
+        np.testing.assert_array_equal(mesh.vertices, same[name].vertices)
+        np.testing.assert_array_equal(mesh.faces, same[name].faces)
     before = page._ground
     assert {item._ground for item in visitor.pages} == {before}
-    frames._frames[3] = replace(frames.frame(3), elevation=2.0 * frames.frame(3).elevation)
+    frames._frames[1] = replace(frames.frame(1), elevation=2.0 * frames.frame(1).elevation)
     frames.version += 1
     visitor.wait(lambda: all(item._ground is not before for item in visitor.pages))
     shown = {drawn(item)['/ground'].glb_data for item in visitor.pages}
