@@ -193,8 +193,8 @@ class Page:
         elif source:
             near = {name: values[ground.part] for name, values in maps.items()}
             self._draw_lava(ground, near, source, before)
-        for node in before.values():
-            node.remove()
+        for name in before.keys() - self._lava.keys():
+            before[name].remove()
         self._draw_labels(ground, frame)
         if self._place is not None:
             self.values.content = _table(_values(ground, maps, self._place))
@@ -212,11 +212,8 @@ class Page:
         shades = scale.colours.resampled(min(scale.colours.N, COLOURS))
         colours = shades(scale.norm(np.ma.masked_invalid(blocks / scale.unit)), bytes=True)
         for colour, points, faces in ground.lava(colours, depth):
-            mesh = self._lava[colour] = before.pop(colour, None) or (
-                self._client.scene.add_mesh_simple(
-                    '/lava/{}_{}_{}'.format(*colour), points, faces, color=colour[:3],
-                    side='double',
-                )
+            mesh = self._lava[colour] = before.get(colour) or self._client.scene.add_mesh_simple(
+                '/lava/{}_{}_{}'.format(*colour), points, faces, color=colour[:3], side='double'
             )
             mesh.vertices, mesh.faces, mesh.scale = points + LIFT, faces, self._scale
 

@@ -255,6 +255,7 @@ def test_untrusted_texts_are_escaped(page):
     assert labels == ['▲ open', '<b>hut</b>']
 
 
+@pytest.mark.filterwarnings('error')
 def test_shows_particles_in_place_of_the_lava(visitor, page, frames, monkeypatch):
     lava = drawn(page, '/lava/').keys()
     with monkeypatch.context() as patch:
@@ -265,6 +266,8 @@ def test_shows_particles_in_place_of_the_lava(visitor, page, frames, monkeypatch
     frames.version += 1
     visitor.wait(lambda: '/lava/particles' in drawn(page))
     assert drawn(page)['/lava/particles'].points.shape == (3, 3)
+    visitor.press(page.slider, 2)
+    visitor.wait(lambda: page._drawn[1] == 2)
     assert list(drawn(page, '/lava/')) == ['/lava/particles']
     visitor.press(page.slider, 0)
     visitor.wait(lambda: 'No particles' in page.legend.content)
