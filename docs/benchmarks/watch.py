@@ -9,7 +9,9 @@ The argument is the duration [min]. A headless Chromium, which the variable CHRO
 ``make look`` installs, opens the page of 2,500 x 2,500 cells with 100,000 cells of lava, which
 change ``RATE`` times a second after the first picture. Most of the time to this picture is the
 browser's. Later CPU and memory are those of this process, the server; maps
-are in its memory, so that no ROS is involved.
+are in its memory, so that no ROS is involved. As root, begin the command with
+``setpriv --bounding-set=-sys_nice --inh-caps=-sys_nice``: Chromium without a GPU would
+otherwise draw with a higher priority than the server's.
 """
 
 from contextlib import closing, suppress
