@@ -3,27 +3,32 @@
 
 """Diagnostics of the node: messages on /diagnostics, and its log."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 from socket import gethostname
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
-from lava_ros.live.checkpoint_recording import CheckpointRecording
-from lava_ros.live.ensemble_forecasts import ForecastStatus
 from lava_ros.live.recorder import Recorder
 from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ZERO_CELSIUS
-from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
+
+if TYPE_CHECKING:
+    # commands write bags without these modules
+    from lava_ros.live.checkpoint_recording import CheckpointRecording
+    from lava_ros.live.ensemble_forecasts import ForecastStatus
+    from lava_ros.ros.startup_inputs import DeadlineChoice
 
 #: Levels of a status.
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
