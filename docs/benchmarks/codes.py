@@ -71,6 +71,9 @@ N_POINTS = 8
 #: Cell size of the reference run of the plain scheme, for flows without an exact solution [m].
 FINEST = 1.25
 
+#: Other cell sizes of the plain scheme [m].
+CELLS = (20.0, 10.0, 5.0, 2.5)
+
 #: Time step of the plain scheme, as a fraction of the stable step.
 STEP_FRACTION = 0.9
 
@@ -190,13 +193,36 @@ def valley_scores(flow, thickness, cell):
     yield 'profile', distance(stream, expected), '%'
 
 
-def hill_scores(flow, thickness, cell):
+def area_scores(flow, thickness, cell):
     """Yield the errors of the covered area and of the thickness, relative to FINEST."""
     expected = flow.expected(cell)
     covered = [np.count_nonzero(item > FRONT) for item in (thickness, expected)]
     yield 'area', 100.0 * (covered[0] / covered[1] - 1.0), '%'
     yield 'profile', distance(thickness, expected), '%'
 
+
+def bumps(x, y, height, length):
+    """Return the elevation of hills and hollows with a wavelength in both directions, all in m."""
+    x, y = (2.0 * math.pi / length * item for item in (x, y))
+    # no line of symmetry, and the vent is on a slope
+    return height * (np.sin(x + 0.4 * y + 0.7) + np.sin(0.7 * x - y + 2.0))
+
+
+def hill(x, y, height, width):
+    """Return the elevation of a hill in the way of a flow [m]."""
+    return height * np.exp(-((x - 150.0) ** 2 + (y - 10.0) ** 2) / (2.0 * width**2))
+
+
+#: Other grounds, whose reference is the plain scheme on FINEST.
+GROUNDS = {
+    'hill': lambda x, y: hill(x, y, 15.0, 30.0) - FALL * x,
+    'low_hill': lambda x, y: hill(x, y, 5.0, 15.0) - FALL * x,
+    'slope': lambda x, y: -FALL * x,
+    'gentle_slope': lambda x, y: -0.5 * FALL * x,
+    'gully': lambda x, y: 0.001 * y**2 - FALL * x,
+    'rough': lambda x, y: bumps(x, y, 2.0, 80.0) - FALL * x,
+    'rougher': lambda x, y: bumps(x, y, 1.5, 40.0) + bumps(y, -x, 3.0, 130.0) - FALL * x,
+}
 
 FLOWS = {
     flow.name: flow
@@ -211,13 +237,9 @@ FLOWS = {
             valley_scores,
             lambda x, y: np.maximum(MIDDLE - WALL * np.abs(y), 0.0),
         ),
-        # a hill of 15 m on the same slope
-        Flow(
-            'hill',
-            (-60.0, -140.0, 480.0, 140.0),
-            HOUR,
-            lambda x, y: 15.0 * np.exp(-((x - 150.0) ** 2 + (y - 10.0) ** 2) / 1800.0) - FALL * x,
-            hill_scores,
+        *(
+            Flow(name, (-60.0, -140.0, 480.0, 140.0), HOUR, ground, area_scores)
+            for name, ground in GROUNDS.items()
         ),
     )
 }
@@ -327,7 +349,7 @@ def codes(folder):
     """Yield all runs: group, name of the flow, name of the code, cell size [m] and function."""
     for name in FLOWS:
         half = name.endswith('_half')
-        for cell in (10.0, 5.0, 2.5):
+        for cell in CELLS:
             if name.startswith('constant_flux'):
                 yield 'plain', name, 'exact solution', cell, exact_means
             yield 'plain', name, 'plain scheme', cell, plain

@@ -8,7 +8,9 @@ python docs/benchmarks/other_codes.py
 
 from collections.abc import Iterator
 import math
+from statistics import median
 
+import numpy as np
 from tables import HERE, Line, lines_of, written
 
 PAGE = HERE.parent / 'accuracy/other_codes.md'
@@ -50,7 +52,30 @@ def grid_table(first: str, quantity: str, title: str) -> Iterator[Line]:
         )
 
 
+def ratio_table() -> Iterator[Line]:
+    """Yield the CPU time of `standard` over that of the plain scheme with the same profile.
+
+    The plain scheme's time is interpolated between its cell sizes, in logarithms.
+    """
+    rows = [row for row in lines_of('codes.csv') if row['quantity'] == 'profile']
+    yield ('flow', 'profile', '`standard`', 'plain scheme', 'ratio')
+    ratios = []
+    for row in (row for row in rows if row['code'] == 'standard'):
+        error, time = float(row['value']), float(row['cpu_s'])
+        plain = sorted(
+            (math.log(float(other['value'])), math.log(float(other['cpu_s'])))
+            for other in rows
+            if other['case'] == row['case'] and other['code'] == 'plain scheme'
+        )
+        same = math.exp(np.interp(math.log(error), *np.transpose(plain)))
+        ratios.append(time / same)
+        name = row['case'].replace('_', ' ')
+        yield (name, f'{error:.2g} %', seconds(time), seconds(same), f'{ratios[-1]:.2g}')
+    yield ('median', '', '', '', f'{median(ratios):.2g}')
+
+
 TABLES = {
+    'ratio': ratio_table,
     'flux': lambda: grid_table('constant_flux', 'radius', 'R'),
     'valley': lambda: grid_table('valley', 'front', 'front'),
     'hill': lambda: grid_table('hill', 'area', 'area'),

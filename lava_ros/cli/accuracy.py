@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lava_ros import validation
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
         '--output', 'DIR', 'folder for the report, whose files are named after the device',
         'accuracy',
     ),
+    argument('--before', 'FILE', 'CSV of an earlier report, to show its fronts in the chart'),
     '--device', '--json',
 )
 def accuracy(args: argparse.Namespace) -> int:
@@ -53,6 +55,7 @@ def accuracy(args: argparse.Namespace) -> int:
     repetitions = validation.whole('--repetitions', repetitions, at_least=1, at_most=1000)
     if args.longest is not None:
         longest = seconds_of('--longest', args.longest)
+    before = [] if args.before is None else read_csv(Path(args.before), '--before')
     order = [*cases.CASES, LATERAL]
     for name in args.case:
         validation.choice('--case', name, order)
@@ -89,7 +92,7 @@ def accuracy(args: argparse.Namespace) -> int:
     for name, is_effect in ((f'{stem}.png', False), (f'{stem}_effects.png', True)):
         shown = [row for row in rows if (row.case in cases.EFFECT_CASES) == is_effect]
         if shown:
-            draw(shown, cases.TITLES, folder / name)
+            draw(shown, cases.TITLES, folder / name, before)
     write_json(as_plain(measured), args.json)
     _print_presets(measured)
     print(f'written to {folder}: {stem}.csv, {stem}.png')

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 import math
+from typing import Any, TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -52,8 +53,31 @@ def volume_quantile(values: np.ndarray, volume: np.ndarray, fraction: float) -> 
     return float(values[order[min(index, len(order) - 1)]])
 
 
+_Kind = TypeVar('_Kind', bound='_OnDemand')
+
+
+class _OnDemand:
+    """Base of a dataclass whose fields may be computed when they are first read."""
+
+    @classmethod
+    def on_demand(cls: type[_Kind], **values: Any) -> _Kind:
+        """Return an object whose fields are values, or functions that compute them."""
+        new = cls.__new__(cls)
+        known = {name: value for name, value in values.items() if not callable(value)}
+        vars(new).update(known, _functions=values)
+        return new
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            """Compute a field."""
+            if name not in vars(self).get('_functions', ()):
+                raise AttributeError(name)
+            return vars(self).setdefault(name, self._functions[name]())
+
+
 @dataclass(frozen=True)
-class Columns:
+class Columns(_OnDemand):
     """Columns of lava, either expected or of a running simulation.
 
     Attributes:
@@ -85,7 +109,7 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class Scales:
+class Scales(_OnDemand):
     """The scales of a flow.
 
     Attributes:
@@ -98,8 +122,8 @@ class Scales:
         kernel_radius: Radius of the smoothing kernel l [m].
         spacing: Particle spacing [m].
         duration: Time from the start of the eruption to the horizon [s].
-        is_measured: True if the columns are those of a running simulation.
         is_extended: True if the flow has left its vent.
+        is_measured: True if the columns are those of a running simulation.
     """
 
     scene: Scene
@@ -110,8 +134,8 @@ class Scales:
     kernel_radius: float
     spacing: float
     duration: float
+    is_extended: bool
     is_measured: bool = False
-    is_extended: bool = True
 
     @property
     def lava(self) -> Lava:

@@ -41,9 +41,8 @@ MAPS = 24
 #: of first order: less than half as many evaluations, for the same scores (docs/VALIDATION.md).
 COURANT, INTEGRATOR = 2.0, 'rkl1'
 
-#: Longest step of long runs [s], ten times the usual one, and as a fraction of the duration of
-#: shorter ones.
-MAX_STEP, STEP_FRACTION = 600.0, 1e-3
+#: Longest step over the duration of a run, if that is more than the usual longest step.
+LONGEST_STEP = 1e-3
 
 #: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
 #: that resolve waves during weeks of creeping flow. Lateral stress is in none of the models with
@@ -98,8 +97,8 @@ class Settings:
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant, integrator=self.integrator)
         if accuracy.longest_step == Accuracy().longest_step:
-            longest = min(MAX_STEP, STEP_FRACTION * case.duration)
-            accuracy = replace(accuracy, longest_step=max(longest, accuracy.longest_step))
+            longest = max(LONGEST_STEP * case.duration, accuracy.longest_step)
+            accuracy = replace(accuracy, longest_step=longest)
         return resolved_accuracy(accuracy, case.scene, horizon=case.duration)
 
     def coarseness(self, case: Case) -> int:

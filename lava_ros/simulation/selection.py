@@ -127,15 +127,15 @@ def expected_scales(
 
 
 def scales_of(scene: Scene, columns: Columns, **others: Any) -> Scales:
-    """Complete the scales of columns of lava; ``others`` are the other fields of ``Scales``."""
+    """Complete the scales of columns of lava; ``others`` as for ``Scales.on_demand``."""
     temperature = max(
         (vent.temperature for vent in scene.vents), default=scene.lava.reference_temperature
     )
-    return Scales(
+    return Scales.on_demand(
         scene=scene,
         columns=columns,
         vent_temperature=temperature,
-        rest_temperature=_cooled_at_rest(
+        rest_temperature=lambda: _cooled_at_rest(
             scene, temperature, columns.thickness, others['duration']
         ),
         **others,

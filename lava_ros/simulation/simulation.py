@@ -380,13 +380,12 @@ class Simulation:
 
     def measure_scales(self) -> Scales | None:
         """Measure the scales of the flow as it is now; None without flowing lava."""
-        # one sort and one computation of the flow for the maps and the particles
-        snapshot = self.snapshot()
-        if not snapshot.particle_count:
+        self.solver.sort()
+        grids, sample = self.solver.draw_maps(), self.solver.read_sample()
+        if not len(sample.volume):
             return None
-        return measured_scales(
-            self.scene, self.accuracy, snapshot, self.solver.read_sample(), horizon=self._horizon
-        )
+        duration = max(self._horizon, self.time)
+        return measured_scales(self.scene, self.accuracy, sample, grids, duration)
 
     def _watch(self, *, is_due: bool = False) -> None:
         """Find out which effects reviews evaluate, and when the next review ``is_due``."""

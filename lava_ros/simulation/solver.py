@@ -137,12 +137,16 @@ class Solver:
     def switch_effects(self, effects: Effects) -> None:
         """Continue with other effects."""
         self.settle()
-        former = self.state
+        former, froze = self.state, self.effects.any('freezes')
         self.effects = effects
         self.state = State(former.capacity, effects, self.accuracy, self.device)
         self.state.take_over(former)
-        self._place_terrain()
-        self.cover()
+        self._reserve_room()
+        if effects.any('freezes') == froze:
+            self._build_stage()
+        else:
+            self._place_terrain()
+            self.cover()
 
     def _place_terrain(self) -> None:
         """Copy the terrain to the device, with the grids and kernels that depend on it.
@@ -162,7 +166,11 @@ class Solver:
             self.terrain, output_radius, accuracy.kernel, self.device, more=more
         )
         self._keep_arrival(terrain)
-        former = self.after_step
+        self._build_stage()
+
+    def _build_stage(self) -> None:
+        """Collect the kernels of the effects for the state, the terrain and the grids."""
+        accuracy, former = self.accuracy, self.after_step
         self.after_step = {
             name: kind(self.scene, accuracy, self.terrain, self.state)
             for name, kind in device_parts(self.effects, 'AfterStep').items()
@@ -229,14 +237,18 @@ class Solver:
             self.scene.vents, self.scene.terrain, self.accuracy, self.particle_volume,
             self.device, since=since, before=before,
         )
+        self._reserve_room()
+
+    def _reserve_room(self) -> None:
+        """Reserve capacity for particles that vents emit before the host reads the counts."""
         # without room lava would wait in the vents, and come out all at once
         state, accuracy = self.state, self.accuracy
         assert accuracy.thickness is not None
-        step = min(self.vents.longest_step(accuracy.thickness), accuracy.longest_step)
-        rate = sum(vent.peak for vent in self.scene.vents) / self.particle_volume
+        _, steps, rates = self.vents.step_limits(accuracy.thickness).T
+        most = (np.minimum(steps, accuracy.longest_step) * rates).max() / self.particle_volume
         # steps have at least two stages with RKL2
-        steps = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
-        state.particles_ahead = math.ceil(min(steps * step * rate, _MAX_AHEAD))
+        ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
+        state.particles_ahead = math.ceil(min(ahead * most, _MAX_AHEAD))
         state.make_room(state.read_clock()[1])
 
     def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
@@ -364,6 +376,13 @@ class Solver:
 
         self.take_stages(look=look)
 
+    def draw_maps(self) -> Any:
+        """Map the flow of the ordered particles; return the grids of the raster."""
+        self.stage.compute_flow()
+        self._reader.before_writing()
+        self._fill_raster()
+        return self.raster.grids
+
     def _fill_raster(self) -> None:
         self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
         for effect in self.after_step.values():
@@ -372,13 +391,10 @@ class Solver:
 
     def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
         """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""
-        state, raster = self.state, self.raster
-        self.stage.compute_flow()
-        self._reader.before_writing()
-        self._fill_raster()
-        wp.copy(raster.grids[-1], state.arrived)
+        state, grids = self.state, self.draw_maps()
+        wp.copy(grids[-1], state.arrived)
         numbers = self._diagnostics.take(state, self.vents)
-        copies = self._reader.begin([raster.grids, numbers], beside=beside)
+        copies = self._reader.begin([grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))
 

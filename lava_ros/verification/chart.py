@@ -21,10 +21,12 @@ _INK, _GREY, _FRONT = '#222222', '#9aa0a6', '#d1495b'
 _COLOURS = ('#fb9a06', '#e2583b', '#a92e5e', '#3d0f56', '#5f6368')
 
 
-def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
+def draw(
+    rows: Sequence[Row], titles: dict[str, str], output: Path, before: Sequence[Row] = ()
+) -> None:
     """Draw a panel for each case with a cost, under its title; the suffix chooses the format.
 
-    ``titles`` has the title of each case by name.
+    ``titles`` has the title of each case by name, ``before`` the rows of an earlier report.
 
     Raises:
         LavaError: If matplotlib is not installed, or the picture cannot be written.
@@ -39,11 +41,14 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     columns = max(1, min(len(cases), 3))
     lines = max(1, math.ceil(len(cases) / columns))
     width, height = (7.2, 5.2) if columns == 1 else (4.0 * columns, 3.3 * lines + 1.1)
+    former = [item for item in points(before) if math.isfinite(item.cost)]
     with new_figure('chart', output, (width, height), dpi=130) as figure:
         for index, name in enumerate(cases):
             axes = figure.add_subplot(lines, columns, index + 1)
             found = [point for point in everything if point.case == name]
             _draw_case(axes, found, colours)
+            front = pareto_front([point for point in former if point.case == name])
+            axes.plot(*_places(front), color=_GREY, linestyle='--', linewidth=1.3, zorder=1)
             axes.set_title(titles.get(name, name), loc='left', fontsize=10, color=_INK)
             if index % columns == 0:
                 axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
@@ -54,7 +59,7 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
                     va='center')
         figure.text(0.988, top, rows[0].machine, fontsize=9, color='#555555', va='center',
                     ha='right')
-        _draw_legend(figure, colours, height)
+        _draw_legend(figure, colours, height, has_former=bool(former))
         if not cases:
             figure.text(0.5, 0.45, 'No time was simulated: there is no cost to show', ha='center',
                         color='#555555')
@@ -103,7 +108,9 @@ def _set_limits(axes: Any, found: Sequence[Point]) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def _draw_legend(figure: Any, colours: dict[str, str], height: float) -> None:
+def _draw_legend(
+    figure: Any, colours: dict[str, str], height: float, *, has_former: bool
+) -> None:
     from matplotlib.lines import Line2D
 
     dot = partial(Line2D, [], [], marker='o', linestyle='')
@@ -115,6 +122,8 @@ def _draw_legend(figure: Any, colours: dict[str, str], height: float) -> None:
         Line2D([], [], color=_FRONT, linewidth=1.3, label='front'),
         dot(markersize=4, color=_GREY, markeredgecolor='none', label='other settings'),
     ]
+    if has_former:
+        handles.append(Line2D([], [], color=_GREY, linestyle='--', label='front before'))
     figure.legend(
         handles=handles, loc='center left', bbox_to_anchor=(0.006, 1.0 - 0.47 / height),
         ncols=len(handles), frameon=False, fontsize=9, handletextpad=0.3, columnspacing=1.3,

@@ -12,7 +12,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import refusing
 from lava_ros.files import write_output
 from lava_ros.files.csv import format_table, read_table
 from lava_ros.simulation.presets import PRESETS
@@ -83,21 +83,19 @@ def _columns(row: Any) -> dict[str, Any]:
     return row if isinstance(row, dict) else asdict(row)
 
 
-def read_csv(path: Path) -> list[Row]:
-    """Read a file of ``write_csv``.
+def read_csv(path: Path, field: str = 'report') -> list[Row]:
+    """Read a file of ``write_csv``; errors name the ``field``.
 
     Raises:
         LavaError: If the file cannot be read, or is not such a file.
     """
     types: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
     columns = {item.name: types[str(item.type)] for item in fields(Row)}
-    try:
+    lines = list(read_table(field, path, list(columns)))
+    with refusing(field, str(path), 'a CSV of measurements', ValueError):
         return [
-            Row(*(kind(line[name]) for name, kind in columns.items()))
-            for _, line in read_table('report', path, list(columns))
+            Row(*(kind(line[name]) for name, kind in columns.items())) for _, line in lines
         ]
-    except ValueError as error:
-        raise LavaError('report', str(path), f'a CSV of measurements ({error})') from error
 
 
 def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:

@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 import math
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.output import measurement
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution, measure_widths
 from lava_ros.simulation.selection import Decision, noted
@@ -91,6 +93,32 @@ def test_effects_are_not_switched_off(device: str):
     assert on <= set(simulation.effects)
     simulation.set_terrain(Terrain(np.zeros((60, 200)), 10.0))
     assert on <= set(simulation.effects)
+
+
+def test_review_measures_only_the_scales_that_its_effects_read(
+    simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+):
+    simulation.advance(0.2 * HOUR)
+    widths = Mock(wraps=measure_widths)
+    monkeypatch.setattr(measurement, 'measure_widths', widths)
+    simulation.review(['solidification', 'steep'])
+    assert not widths.called
+    scales = simulation.measure_scales()
+    assert scales is not None and (scales.lateral > 0.0).all() and widths.called
+
+
+@pytest.mark.parametrize('name', ['steep', 'solidification'])
+def test_switch_keeps_the_particles_and_the_room_for_new_ones(simulation: Simulation, name: str):
+    simulation.advance(0.1 * HOUR)
+    former = simulation.solver.state
+    # sums of position and remainder round to other positions
+    former.remainder.fill_(1e-3)
+    simulation._switch_to(replace(simulation.effects, **{name: name not in simulation.effects}))
+    state = simulation.solver.state
+    assert state is not former and state.particles_ahead == former.particles_ahead > 0
+    expected, found = former.save(), state.save()
+    for array in ('particle', 'remainder', 'clock', 'counts', 'top', 'left'):
+        assert np.array_equal(found[array], expected[array]), array
 
 
 def test_reviews_do_not_change_the_flow(device: str):

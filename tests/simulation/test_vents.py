@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
@@ -19,6 +20,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.particles.layout import FULL
 from lava_ros.simulation.particles.state import State
 import lava_ros.simulation.solver as solver_module
+from lava_ros.simulation.step.timestep import longest_from
 import lava_ros.simulation.step.vents as vents_module
 from lava_ros.simulation.step.vents import Emission, VentSet
 
@@ -201,6 +203,50 @@ def test_gentle_slope_does_not_change_the_places_of_emission() -> None:
     )
     around = np.sort(np.hypot(*(level - 50.0).T)), np.sort(np.hypot(*(sloping - 50.0).T))
     assert around[0] == pytest.approx(around[1]) and around[0][-1] > 15.0
+
+
+def test_a_step_emits_no_more_than_half_a_thickness() -> None:
+    """The steps from any time, over changes of the discharge, without and with another limit."""
+    series = ((0.0, 0.0), (100.0, 60.0), (130.0, 3.0), (140.0, 90.0), (145.0, 0.0), (400.0, 2.0))
+    steady = Vent((20.0, 20.0), 1.0, radius=5.0)
+    vents = vent_set(replace(VENT, discharge=series), steady)
+    ends, limits, rates = vents.step_limits(1.0).T
+    assert ends.tolist() == [100.0, 130.0, 140.0, 145.0, 400.0, math.inf]
+    assert rates.tolist() == [1.0, 61.0, 4.0, 91.0, 1.0, 3.0]
+    half = 0.5 * math.pi * 25.0
+    assert limits[0] == limits[4] == pytest.approx(half)
+    times = np.array([0.0, 70.0, 99.0, 100.0, 120.0, 139.9, 143.0, 300.0, 399.0, 1e6])
+    found = {}
+    for longest in (20.0, 1e3):
+        steps = wp.zeros(len(times), dtype=wp.float64, device='cpu')
+        tables = [wp.array(item, dtype=wp.float64, device='cpu') for item in (times, ends, limits)]
+        wp.launch(longest_steps, len(times), [longest, *tables], [steps], device='cpu')
+        found[longest] = steps.numpy()
+    assert (found[20.0] == np.minimum(found[1e3], 20.0)).all()
+    for vent, area in ((vents.vents[0], math.pi * 100.0), (steady, math.pi * 25.0)):
+        given = [vent.volume_between(a, a + b) for a, b in zip(times, found[1e3], strict=True)]
+        assert max(given) <= 0.5 * area * (1.0 + 1e-9)
+    # the limit is reached by a vent where the discharge is constant
+    assert found[1e3][[0, 3, 7]] == pytest.approx([half, 0.5 * math.pi * 100.0 / 60.0, half])
+
+
+def test_steps_are_longer_after_a_strong_discharge() -> None:
+    simulation = flow(Vent((50.0, 50.0), ((0.0, 100.0), (10.0, 0.1)), radius=10.0))
+    simulation.advance(10.0)
+    strong = simulation.steps
+    assert strong >= 10.0 / (0.5 * math.pi * 100.0 / 100.0)
+    simulation.advance(110.0)
+    assert simulation.steps - strong < 5 * strong
+
+
+@wp.kernel
+def longest_steps(
+    longest: wp.float64, times: wp.array(dtype=wp.float64), ends: wp.array(dtype=wp.float64),
+    limits: wp.array(dtype=wp.float64), steps: wp.array(dtype=wp.float64),
+):
+    """Compute the longest step from each time."""
+    i = wp.tid()
+    steps[i] = longest_from(times[i], longest, ends, limits)
 
 
 def test_table_of_a_long_discharge_series() -> None:

@@ -125,6 +125,18 @@ def test_chart_omits_what_is_not_known(tmp_path, row, monkeypatch):
     assert [place[1] for place in named] == [2.5]
 
 
+def test_chart_shows_the_front_of_an_earlier_report(tmp_path, row, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure))
+    before = [row(error=0.5), row(case='other', error=0.1)]
+    for former in ([], before):
+        draw([row()], {}, tmp_path / 'a.png', former)
+    _, plain = (figure.axes[0].lines for figure in drawn)
+    assert [line.get_ydata().tolist() for line in plain] == [[0.01], [0.5]]
+    legends = [[text.get_text() for text in figure.legends[0].texts] for figure in drawn]
+    assert ['front before' in texts for texts in legends] == [False, True]
+
+
 def test_unwritable_chart_is_an_error_that_names_the_file(tmp_path, row):
     with pytest.raises(LavaError, match=r'none/a\.png'):
         draw([row()], {}, tmp_path / 'none/a.png')

@@ -3,13 +3,17 @@
 
 """Measurement of the lava of a running simulation: columns, width and resolution."""
 
+from functools import cache, partial
 import math
+from typing import Any
 
 import numpy as np
+import warp as wp
 
 from lava_ros.effects.scales import Columns, Scales, volume_quantile
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 from lava_ros.simulation.resolution import is_extended, Resolution
@@ -23,60 +27,52 @@ MAX_COLUMNS = 4096
 MIN_MEASURED = 1e-6
 
 
-def measure_columns(snapshot: Snapshot, sample: ParticleSample) -> Columns:
-    """Measure the columns of the lava that still flows.
-
-    Args:
-        snapshot: The flow on the cells of its terrain.
-        sample: Its particles at the same time, at least one.
-    """
-    some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
-    terrain, cell = snapshot.terrain, snapshot.terrain.resolution
-    row, column = _cells_of(terrain, sample.position[some])
-    rows, columns = _window(snapshot.thickness > 0.0, row, column)
-    here = row - rows.start, column - columns.start
-    thickness = np.nan_to_num(snapshot.thickness[rows, columns])
-    ground = terrain.elevation[rows, columns].astype(np.float64)
-    surface = ground + thickness
-    if snapshot.frozen is not None:
-        ground = ground + np.nan_to_num(snapshot.frozen[rows, columns])
-    return Columns(
-        volume=sample.volume[some],
-        thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
-        slope=np.maximum(_measure_slopes(surface, cell, *here), MIN_MEASURED),
-        ground_slope=_measure_slopes(ground, cell, *here),
-        temperature=sample.temperature[some],
-        speed=np.hypot(*sample.velocity[some].T),
-        width=measure_widths(standing_cells(thickness), cell)[here],
-    )
-
-
 def measured_scales(
-    scene: Scene, accuracy: Accuracy, snapshot: Snapshot, sample: ParticleSample, *, horizon: float
+    scene: Scene, accuracy: Accuracy, sample: ParticleSample, grids: Any, duration: float
 ) -> Scales:
-    """Return the scales of a flow that has been measured.
+    """Return the scales of the lava that still flows; each is measured when it is first read.
 
     Args:
         scene: The scene.
         accuracy: Its resolution, with all automatic values resolved.
-        snapshot: The flow on the cells of its terrain.
-        sample: Its particles at the same time, at least one.
-        horizon: Time span for the choice of effects [s].
+        sample: The particles, at least one.
+        grids: Maps on the device, as for a snapshot (``diagnostics.snapshot_of``).
+        duration: Time from the start of the eruption to the horizon [s].
     """
     assert accuracy.spacing is not None
-    columns = measure_columns(snapshot, sample)
-    distance = float(np.median(np.sqrt(columns.volume / columns.thickness)))
-    sources = np.reshape([vent.position for vent in scene.vents], (-1, 2))
-    heights = scene.terrain.elevations_at(np.concatenate([sample.position, sources]))
+    some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
+    terrain, cell = scene.terrain, scene.terrain.resolution
+    here = _cells_of(terrain, sample.position[some])
+    # all lava and solidified lava, copied on the device: later maps overwrite the grids
+    maps = [wp.clone(grids[n]) for n in range(0, grids.shape[0] - 1, 2)]
+    thickness = cache(partial(read, maps[0]))
+
+    def fall() -> float:
+        sources = np.reshape([vent.position for vent in scene.vents], (-1, 2))
+        heights = terrain.elevations_at(np.concatenate([sample.position, sources]))
+        return float(np.nanmax(heights) - np.nanmin(heights))
+
+    columns = Columns.on_demand(
+        volume=sample.volume[some],
+        thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
+        slope=lambda: np.maximum(_measure_slopes(terrain, here, thickness()), MIN_MEASURED),
+        ground_slope=lambda: _measure_slopes(terrain, here, *map(read, maps[1:])),
+        temperature=sample.temperature[some],
+        speed=lambda: np.hypot(*sample.velocity[some].T),
+        width=lambda: measure_widths(standing_cells(thickness()), cell)[here],
+    )
     return scales_of(
         scene,
         columns,
-        fall=float(np.nanmax(heights) - np.nanmin(heights)),
+        fall=fall,
         spacing=accuracy.spacing,
         kernel_radius=accuracy.ratio * accuracy.spacing,
-        duration=max(horizon, snapshot.time),
+        duration=duration,
         is_measured=True,
-        is_extended=is_extended(snapshot.area(snapshot.standing), distance),
+        is_extended=lambda: is_extended(
+            np.count_nonzero(standing_cells(thickness())) * cell**2,
+            float(np.median(np.sqrt(columns.volume / columns.thickness))),
+        ),
     )
 
 
@@ -92,8 +88,6 @@ def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | N
     wet = standing_cells(thickness)
     if not wet.any():
         return None
-    rows, columns = _window(wet, *np.nonzero(wet))
-    thickness, wet = thickness[rows, columns], wet[rows, columns]
     width, thickness = measure_widths(wet, cell)[wet], thickness[wet]
     distance = accuracy.spacing * np.sqrt(accuracy.thickness / thickness)
     if not is_extended(np.count_nonzero(wet) * cell**2, float(np.median(distance))):
@@ -121,10 +115,17 @@ def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
     Returns:
         The width [m], float64, same shape, 0 without lava.
     """
-    straight = np.minimum(_measure_runs(wet), _measure_runs(wet.T).T)
-    mirrored = _measure_diagonal_runs(wet[:, ::-1])[:, ::-1]
-    diagonal = np.minimum(_measure_diagonal_runs(wet), mirrored)
-    return np.minimum(straight * cell, diagonal * (math.sqrt(2.0) * cell))
+    found = np.zeros(wet.shape)
+    if wet.any():
+        # the rectangle of wet cells
+        ends = (np.flatnonzero(wet.any(axis=axis))[[0, -1]] + (0, 1) for axis in (1, 0))
+        window = tuple(slice(*item) for item in ends)
+        wet = wet[window]
+        straight = np.minimum(_measure_runs(wet), _measure_runs(wet.T).T)
+        mirrored = _measure_diagonal_runs(wet[:, ::-1])[:, ::-1]
+        diagonal = np.minimum(_measure_diagonal_runs(wet), mirrored)
+        found[window] = np.minimum(straight * cell, diagonal * (math.sqrt(2.0) * cell))
+    return found
 
 
 def _measure_runs(wet: np.ndarray) -> np.ndarray:
@@ -150,27 +151,23 @@ def _measure_diagonal_runs(wet: np.ndarray) -> np.ndarray:
 
 
 def _measure_slopes(
-    elevation: np.ndarray, cell: float, row: np.ndarray, column: np.ndarray
+    terrain: Terrain, here: tuple[np.ndarray, np.ndarray], *layers: np.ndarray
 ) -> np.ndarray:
-    """Return the slope of some cells, rise over run, 0 next to cells without data."""
-    rows, columns = (size - 1 for size in elevation.shape)
-    down, up = np.maximum(row - 1, 0), np.minimum(row + 1, rows)
-    left, right = np.maximum(column - 1, 0), np.minimum(column + 1, columns)
-    rises = (
-        (elevation[up, column] - elevation[down, column]) / np.maximum(up - down, 1),
-        (elevation[row, right] - elevation[row, left]) / np.maximum(right - left, 1),
-    )
-    return np.nan_to_num(np.hypot(*rises) / cell)
+    """Return the slope of some cells, rise over run, 0 next to cells without data.
 
+    ``layers`` of lava on the terrain [m] have its shape.
+    """
+    places, last = np.stack(here), np.subtract(terrain.shape, 1)[:, None]
 
-def _window(wet: np.ndarray, row: np.ndarray, column: np.ndarray) -> tuple[slice, slice]:
-    """Return rows and columns that enclose wet and given cells, with a margin of 1."""
-    ends = []
-    for axis, others in ((1, row), (0, column)):
-        found = np.concatenate([np.flatnonzero(wet.any(axis=axis)), others])
-        last = wet.shape[1 - axis] - 1
-        ends.append(slice(max(int(found.min()) - 1, 0), min(int(found.max()) + 1, last) + 1))
-    return ends[0], ends[1]
+    def heights(*cells: np.ndarray) -> np.ndarray:
+        ground = terrain.elevation[cells].astype(np.float64)
+        return sum((np.fmax(layer[cells], 0.0) for layer in layers), ground)
+
+    rises = []
+    for step in np.eye(2, dtype=int)[:, :, None]:
+        low, high = np.maximum(places - step, 0), np.minimum(places + step, last)
+        rises.append((heights(*high) - heights(*low)) / np.maximum((high - low).sum(axis=0), 1))
+    return np.nan_to_num(np.hypot(*rises) / terrain.resolution)
 
 
 def _cells_of(terrain: Terrain, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -335,15 +335,11 @@ class State:
 
     def take_over(self, former: 'State') -> None:
         """Adopt the data of another state with other effects, as far as both have them."""
-        self.write_particles(former.read_particles())
-        count = former.count
-        for name in set(self._carried) & set(former._carried):
-            if count:
-                wp.copy(getattr(self, name), getattr(former, name), count=count)
-        arrays = self.effects.arrays
+        carried, arrays = set(self._carried) & set(former._carried), self.effects.arrays
         totals = [name for name in arrays if arrays[name].is_total and hasattr(former, name)]
-        for name in ('clock', 'counts', 'top', 'left', *totals):
+        for name in ('particle', *carried, 'clock', 'counts', 'top', 'left', *totals):
             wp.copy(getattr(self, name), getattr(former, name))
+        self.arrived = former.arrived
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy all arrays that the next step depends on, between two steps, by name."""

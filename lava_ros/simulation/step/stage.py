@@ -8,6 +8,8 @@ from functools import partial
 import math
 from typing import Any
 
+import warp as wp
+
 from lava_ros.effects.laws import heat_of, law_of
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
@@ -109,8 +111,11 @@ class Stage:
             assert accuracy.thickness is not None
             pace = timestep.pace_type(state.real)()
             pace.longest = timestep.longest_step(
-                scene, accuracy, self._effects, vents.longest_step(accuracy.thickness),
-                self.constants.reach,
+                scene, accuracy, self._effects, self.constants.reach
+            )
+            pace.ends, pace.limits, _ = (
+                wp.array(column, dtype=wp.float64, device=state.device)
+                for column in vents.step_limits(accuracy.thickness).T
             )
             pace.fixed = accuracy.fixed_step or 0.0
             pace.few = int(timestep.FEW * accuracy.refinement)

@@ -82,6 +82,31 @@ def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64)
     return step
 
 
+@wp.func
+def longest_from(
+    time: wp.float64, longest: wp.float64, ends: wp.array(dtype=wp.float64),
+    limits: wp.array(dtype=wp.float64),
+) -> wp.float64:
+    """Return the longest step from a time that ``longest`` and the vents allow [s].
+
+    Args:
+        time: Simulated time [s].
+        longest: Limit by anything else [s].
+        ends: End of each span of constant discharge [s]; the last one is infinite.
+        limits: Longest step in each span [s]. A step over several uses up a share of it in each.
+    """
+    step = wp.float64(0.0)
+    rest = wp.float64(1.0)
+    for k in range(wp.lower_bound(ends, time), ends.shape[0]):
+        span = ends[k] - time - step
+        most = rest * limits[k]
+        if most <= span or step + span >= longest:
+            return wp.min(step + most, longest)
+        step += span
+        rest -= span / limits[k]
+    return longest
+
+
 @lru_cache
 def pace_type(real: Any) -> Any:
     """Return the struct for the choice of a stage: limits, arrays of ``State``, vents."""
@@ -89,6 +114,8 @@ def pace_type(real: Any) -> Any:
     @wp.struct
     class Pace:
         longest: wp.float64
+        ends: wp.array(dtype=wp.float64)
+        limits: wp.array(dtype=wp.float64)
         fixed: wp.float64
         few: wp.int32
         rates: wp.array(dtype=real)
@@ -164,10 +191,10 @@ def choice_function(
             if wp.static(has_velocity):
                 pace.clock[at.FORMER_STEP] = step
             remaining = end - time
-            step = pace.longest
+            step = longest_from(time, pace.longest, pace.ends, pace.limits)
             limit = 0
-            explicit = pace.longest
-            if diffusion * pace.longest > one:
+            explicit = step
+            if diffusion * step > one:
                 explicit = one / diffusion
             if wp.static(is_staged):
                 most = _span(wp.float64(MAX_STAGES), order)
@@ -238,16 +265,11 @@ def choice_function(
     return choose
 
 
-def longest_step(
-    scene: Scene, accuracy: Accuracy, effects: Effects, emission: float, reach: float
-) -> float:
-    """Return the longest step [s] that the user, the vents and the effects allow.
+def longest_step(scene: Scene, accuracy: Accuracy, effects: Effects, reach: float) -> float:
+    """Return the longest step [s] that the user and the effects allow.
 
-    ``emission`` is the longest step by the discharge of the vents [s] (``VentSet.longest_step``),
-    and ``reach`` the maximum displacement in a step [m].
+    ``reach`` is the maximum displacement in a step [m].
     """
-    assert accuracy.thickness is not None
-    longest = min(accuracy.longest_step, emission)
     limits = device_parts(effects, 'step_limit').values()
     steps: list[float] = [limit(scene, accuracy, reach) for limit in limits]
-    return min([longest, *steps])
+    return min([accuracy.longest_step, *steps])

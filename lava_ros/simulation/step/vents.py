@@ -329,18 +329,31 @@ class VentSet:
         usual = count * self._particle_volume * (1.0 + _ROUNDING)
         return pending - usual if pending > usual else 0.0
 
-    def longest_step(self, thickness: float) -> float:
-        """Return the time [s] in which no vent raises its area by more than half a thickness [m].
+    def step_limits(self, thickness: float) -> np.ndarray:
+        """Return how long steps may be while each discharge lasts.
 
-        All vents together then emit no more than the maximum number of particles in a step.
+        In such a step no vent raises its area by more than half a thickness [m], and all vents
+        together emit no more than the maximum number of particles.
+
+        Returns:
+            End of each span of constant discharge [s], longest step in it [s] and discharge of all
+            vents [m3/s], shape [spans, 3].
         """
-        strongest, total = 0.0, 0.0
-        for vent, area in zip(self.vents, self._areas, strict=True):
-            strongest, total = max(strongest, vent.peak / area), total + vent.peak
-        if strongest <= 0.0:
-            return math.inf
-        most = _MAX_PARTICLES_PER_STEP * self._particle_volume
-        return min(0.5 * thickness / strongest, most / total)
+        series = [np.transpose(vent.series) for vent in self.vents]
+        ends = np.unique([time for times, _ in series for time in times if time > self.since])
+        begins = np.array([self.since, *ends])
+        rates = np.zeros((len(series), len(begins)))
+        for row, (times, fluxes) in zip(rates, series, strict=True):
+            index = np.searchsorted(times, begins, side='right') - 1
+            row[:] = np.where(index >= 0, fluxes[index], 0.0)
+        total = rates.sum(axis=0)
+        strongest = np.max(rates.T / self._areas, axis=1, initial=0.0)
+        with np.errstate(divide='ignore'):
+            steps = np.minimum(
+                0.5 * thickness / strongest,
+                _MAX_PARTICLES_PER_STEP * self._particle_volume / total,
+            )
+        return np.column_stack([[*ends, math.inf], steps, total])
 
 
 def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:

@@ -297,8 +297,9 @@ class AfterStep:
         """
         terrain, before = self._scene_terrain, former._scene_terrain
         if terrain is before:
-            wp.copy(self._placed, former._placed)
-            self._lay(read(former._deposit))
+            self._placed, self._deposit = former._placed, former._deposit
+            if self._terrain is not former._terrain:
+                self._lay(read(self._deposit))
             return
 
         def moved(thickness: np.ndarray) -> np.ndarray:
