@@ -3,8 +3,6 @@
 
 """Diagnostics of the node: messages on /diagnostics, and its log."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from socket import gethostname
@@ -14,6 +12,8 @@ from typing import Any, TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
+from lava_ros.live.checkpoint_recording import CheckpointRecording
+from lava_ros.live.ensemble_forecasts import ForecastStatus
 from lava_ros.live.recorder import Recorder
 from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
@@ -25,9 +25,7 @@ from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
 
 if TYPE_CHECKING:
-    # commands write bags without these modules
-    from lava_ros.live.checkpoint_recording import CheckpointRecording
-    from lava_ros.live.ensemble_forecasts import ForecastStatus
+    # loads the start of the node, which the bag of a command does not need
     from lava_ros.ros.startup_inputs import DeadlineChoice
 
 #: Levels of a status.
@@ -186,7 +184,7 @@ def forecast_status(
 
 
 def deadline_status(
-    deadline: float, choice: DeadlineChoice | None, *, took: float
+    deadline: float, choice: 'DeadlineChoice | None', *, took: float
 ) -> DiagnosticStatus:
     """Return the status of the deadline: the choice made for it, and whether it was met.
 

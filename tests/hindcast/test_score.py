@@ -100,10 +100,7 @@ def test_paths_are_the_shortest_and_need_no_scipy(monkeypatch):
     mask = np.pad(np.random.default_rng(4).random((60, 50)) < 0.6, 2)
     sources = [tuple(place) for place in np.argwhere(mask)[[0, 700]]]
     ways = distances(mask, sources)
-    by_neighbors = [
-        np.roll(ways, (turn * i, turn * j), (0, 1)) + np.hypot(i, j)
-        for i, j in STEPS for turn in (1, -1)
-    ]
+    by_neighbors = [np.roll(ways, step, (0, 1)) + np.hypot(*step) for step in STEPS]
     shortest = np.where(mask, np.min(by_neighbors, axis=0), np.inf)
     for place in sources:
         shortest[place] = 0.0
