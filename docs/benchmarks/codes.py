@@ -364,6 +364,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('group', nargs='+', choices=('presets', 'plain', 'lava2d'))
     parser.add_argument('--lava2d', metavar='FOLDER', help='a checkout of Lava2d')
+    parser.add_argument('--flow', action='append', choices=FLOWS, help='a flow (default: all)')
     parser.add_argument('--repetitions', type=int, default=3)
     chosen = parser.parse_args()
     if 'lava2d' in chosen.group and chosen.lava2d is None:
@@ -371,7 +372,7 @@ def main():
     known = lines_of(TABLE) if TABLE.exists() else []
     rows = {tuple(row[column] for column in COLUMNS[:4]): row for row in known}
     for group, name, code, cell, run in codes(chosen.lava2d):
-        if group not in chosen.group:
+        if group not in chosen.group or name not in (chosen.flow or FLOWS):
             continue
         flow = FLOWS[name]
         result = run(flow, cell, chosen.repetitions)

@@ -202,8 +202,9 @@ def pace(moment: Moment) -> float:
     simulation, sample = moment.simulation, moment.lava
     accuracy, scene = simulation.accuracy, simulation.scene
     reach = simulation.solver.stage.constants.reach
-    emission = simulation.solver.vents.longest_step(accuracy.thickness)
-    longest = longest_step(scene, accuracy, simulation.effects, emission, reach)
+    ends, limits, _ = simulation.solver.vents.step_limits(accuracy.thickness).T
+    limit = limits[np.searchsorted(ends, moment.time, side='right')]
+    longest = min(limit, longest_step(scene, accuracy, simulation.effects, reach))
     if not len(sample.volume):
         return 3.0 / longest
     lava = scene.lava
