@@ -238,7 +238,7 @@ FLOWS = {
             lambda x, y: np.maximum(MIDDLE - WALL * np.abs(y), 0.0),
         ),
         *(
-            Flow(name, (-60.0, -140.0, 480.0, 140.0), HOUR, ground, area_scores)
+            Flow(name, (-60.0, -200.0, 480.0, 200.0), HOUR, ground, area_scores)
             for name, ground in GROUNDS.items()
         ),
     )

@@ -4,6 +4,7 @@
 # PYTHON_ARGCOMPLETE_OK
 """Entry points `lava` and `lava_node`, which Ctrl+C during start-up ends quietly."""
 
+import atexit
 import gc
 from importlib import import_module
 import os
@@ -39,6 +40,8 @@ def _run(module: str) -> int:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _leave)
     gc.set_threshold(_NEW_OBJECTS)
+    # otherwise the end of the process searches all objects for garbage, for half a second
+    atexit.register(gc.freeze)
     return int(import_module(module).main())
 
 

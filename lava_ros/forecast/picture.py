@@ -11,11 +11,11 @@ import numpy as np
 
 from lava_ros.files.pictures import new_figure, save_picture
 from lava_ros.forecast.scores import brier_score, reliability
-from lava_ros.maps.frames import Frame
+from lava_ros.maps.frames import frame_of
 from lava_ros.maps.page_layout import shrink_title
 from lava_ros.maps.plot import INK
 from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.scene import Scene
 
 
 def draw_narrowing(
@@ -42,22 +42,6 @@ def draw_narrowing(
         for title, values in maps
     ]
     draw_sheet(panels, output, title='Inundation probability before and after an outline')
-
-
-def frame_of(scene: Scene) -> Frame:
-    """Return the terrain and the vents of a scene as a frame without layers."""
-    terrain = scene.terrain
-    fissures = [(vent.position, vent.end) for vent in scene.vents if vent.end is not None]
-    return Frame(
-        elevation=terrain.elevation,
-        resolution=terrain.resolution,
-        origin=terrain.origin,
-        layers={},
-        vents=np.array([vent.position for vent in scene.vents]).reshape(-1, 2),
-        time=None,
-        scene=scene_to_dict(scene),
-        fissures=np.array(fissures).reshape(-1, 2, 2),
-    )
 
 
 def write_reliability(

@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 
 import lava_ros
-from lava_ros.forecast.picture import frame_of
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.expected_error import ExpectedError
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.score import Score
+from lava_ros.maps.frames import frame_of
 from lava_ros.maps.gis import Provenance, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
 from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.pages.report.page import write_static_page
-from lava_ros.pages.runs import system_words
+from lava_ros.pages.report.static_page import write_static_page
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
+from lava_ros.scene.projection import system_words
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import raise_peak
 from lava_ros.simulation.output.snapshot import Snapshot

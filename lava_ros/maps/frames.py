@@ -28,7 +28,7 @@ from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer
-from lava_ros.scene import MAX_COORDINATE, Terrain
+from lava_ros.scene import MAX_COORDINATE, Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
 
 #: Called with the name of the activity and its completed fraction, 0 to 1.
@@ -124,6 +124,22 @@ class Frame:
         """Maximum thickness [m]; NaN without lava or without a thickness layer."""
         thickness = self.layers.get('thickness')
         return math.nan if thickness is None else float(np.fmax.reduce(thickness.values, None))
+
+
+def frame_of(scene: Scene) -> Frame:
+    """Return the terrain and the vents of a scene as a frame without layers."""
+    terrain = scene.terrain
+    fissures = [(vent.position, vent.end) for vent in scene.vents if vent.end is not None]
+    return Frame(
+        elevation=terrain.elevation,
+        resolution=terrain.resolution,
+        origin=terrain.origin,
+        layers={},
+        vents=np.array([vent.position for vent in scene.vents]).reshape(-1, 2),
+        time=None,
+        scene=scene_to_dict(scene),
+        fissures=np.array(fissures).reshape(-1, 2, 2),
+    )
 
 
 def silent(activity: str, fraction: float) -> None:

@@ -22,18 +22,17 @@ from lava_ros.files.optional import require
 from lava_ros.files.rasters import open_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.members import Plan
-from lava_ros.forecast.picture import frame_of
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.forecast.store import MANIFEST
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.colours import STYLES
-from lava_ros.maps.frames import Frame, Recording
+from lava_ros.maps.frames import Frame, frame_of, Recording
 from lava_ros.maps.gis import PROBABILITIES
 from lava_ros.maps.onset import Onset, recorded_onset, stated_onset
 from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
-from lava_ros.scene.projection import coordinate_system, name_in_wkt, system_name
+from lava_ros.scene.projection import system_words
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.output.budget import VolumeBudget
 
@@ -257,16 +256,6 @@ def _ground(frame: Frame) -> dict[str, str]:
         'elevation': f'{source}, {cells}' if source else cells,
         'coordinates': system_words(terrain.get('epsg'), terrain.get('wkt')),
     }
-
-
-def system_words(epsg: int | None, wkt: str | None) -> str:
-    """Return the code of a coordinate system, and its name if GDAL is installed."""
-    if not epsg:
-        return system_name(None, wkt) if wkt else 'of the map frame: no coordinate system'
-    try:
-        return f'{name_in_wkt(coordinate_system(epsg).to_wkt())} (EPSG:{epsg})'
-    except LavaError:
-        return f'EPSG:{epsg}'
 
 
 def _ensemble(folder: Path) -> Run:

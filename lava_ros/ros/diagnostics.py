@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from socket import gethostname
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
@@ -19,11 +19,14 @@ from lava_ros.live.session import is_on, SimulationSession
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ZERO_CELSIUS
-from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
+
+if TYPE_CHECKING:
+    # loads the start of the node, which the bag of a command does not need
+    from lava_ros.ros.startup_inputs import DeadlineChoice
 
 #: Levels of a status.
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -181,7 +184,7 @@ def forecast_status(
 
 
 def deadline_status(
-    deadline: float, choice: DeadlineChoice | None, *, took: float
+    deadline: float, choice: 'DeadlineChoice | None', *, took: float
 ) -> DiagnosticStatus:
     """Return the status of the deadline: the choice made for it, and whether it was met.
 

@@ -93,6 +93,16 @@ def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:
         return horizontal(rasterio.crs.CRS.from_wkt(wkt))
 
 
+def system_words(epsg: int | None, wkt: str | None) -> str:
+    """Return the code of a coordinate system, and its name if GDAL is installed."""
+    if not epsg:
+        return system_name(None, wkt) if wkt else 'of the map frame: no coordinate system'
+    try:
+        return f'{name_in_wkt(coordinate_system(epsg).to_wkt())} (EPSG:{epsg})'
+    except LavaError:
+        return f'EPSG:{epsg}'
+
+
 def horizontal(crs: Any) -> Any:
     """Return the horizontal part of a rasterio coordinate system, which may be compound."""
     parts = _parts(crs)

@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ctrl+C while a command starts, at any import: no traceback."""
+"""The start of a command, which Ctrl+C ends without a traceback, and its end."""
 
 import subprocess
 import sys
 
 import pytest
 
+import lava_ros
 from project import PROJECT
 
 #: Starts a program as its script does, and interrupts it at the import of a module.
@@ -61,3 +62,28 @@ def test_signal_ignored_by_nohup_stays_ignored() -> None:
     done = interrupted('lava', '--version', module='lava_ros.cli.main', handler='SIG_IGN')
     assert done.returncode == 0
     assert done.stdout.startswith('interrupted\nlava_ros ')
+
+
+#: Leaves an object that only a search for garbage finds.
+GARBAGE = """
+import sys
+from lava_ros.cli.start import lava
+
+class Cycle:
+    def __init__(self):
+        self.own = self
+    def __del__(self):
+        print('found')
+
+sys.argv = ['lava', '--version']
+try:
+    lava()
+finally:
+    Cycle()
+"""
+
+
+def test_end_of_a_program_does_not_search_for_garbage() -> None:
+    run = [sys.executable, '-c', GARBAGE]
+    done = subprocess.run(run, capture_output=True, text=True, check=True)
+    assert done.stdout == f'lava_ros {lava_ros.__version__}\n'

@@ -6,6 +6,7 @@
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+import sys
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from lava_ros.forecast.sampling import draw_members
 from lava_ros.hindcast.case import Case, Event, load_case
 from lava_ros.hindcast.probabilistic_score import mapped_on, plan_of, score_probability
 from lava_ros.hindcast.run import Settings
-from lava_ros.hindcast.score import distances, Score, score_case
+from lava_ros.hindcast.score import distances, Score, score_case, STEPS
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation.output.inundation import standing_cells
@@ -92,6 +93,18 @@ def test_paths_are_nearly_straight():
     assert ways[5, 10] == pytest.approx(40.0)
     assert np.isinf(ways[20, 10])
     assert np.isinf(distances(np.zeros((3, 3), bool), [(1, 1)])).all()
+
+
+def test_paths_are_the_shortest_and_need_no_scipy(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'scipy.sparse', None)
+    mask = np.pad(np.random.default_rng(4).random((60, 50)) < 0.6, 2)
+    sources = [tuple(place) for place in np.argwhere(mask)[[0, 700]]]
+    ways = distances(mask, sources)
+    by_neighbors = [np.roll(ways, step, (0, 1)) + np.hypot(*step) for step in STEPS]
+    shortest = np.where(mask, np.min(by_neighbors, axis=0), np.inf)
+    for place in sources:
+        shortest[place] = 0.0
+    np.testing.assert_array_equal(ways, shortest)
 
 
 @pytest.mark.parametrize('turns', [1, 2, 3])

@@ -20,11 +20,10 @@ from eruption import write_grid
 from geodata import feature, write_raster
 from lava_ros.errors import LavaError
 from lava_ros.maps.export import export_bag
-from lava_ros.pages.runs import system_words
 from lava_ros.scene import Scene, scene_to_dict
 from lava_ros.scene.features import read_features
 from lava_ros.scene.on_terrain import read_raster_on
-from lava_ros.scene.projection import coordinate_system, projected, system_name
+from lava_ros.scene.projection import coordinate_system, projected, system_name, system_words
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation.output.checkpoint import from_bytes
 from recording import record, TERRAIN

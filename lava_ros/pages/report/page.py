@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""HTML pages: a report on a bag with an animated map, and static pages with one picture."""
+"""HTML pages: a report on a bag with an animated map, and pages of runs."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -12,11 +12,8 @@ import tempfile
 from types import MappingProxyType
 from typing import Any
 
-import lava_ros
 from lava_ros.bag.description import described
-from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, write_output
-from lava_ros.files.optional import require
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Progress, Recording, silent
 from lava_ros.maps.onset import recorded_onset
@@ -27,6 +24,7 @@ from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.pictures import draw_runs
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of, svg
+from lava_ros.pages.report.static_page import read_asset, render_page, write_static_page
 from lava_ros.pages.report.summary import pack_maps, relief, RunSummary, summarize, view_of
 
 #: First warning of a page of runs.
@@ -73,11 +71,11 @@ def page(
     summary = summarize(recording, progress)
     charts = charts_of(recording, summary)
     data = _data(recording, summary, charts, progress)
-    style, script = _file('report.css'), _file('report.js')
+    style, script = read_asset('report.css'), read_asset('report.js')
     start, end = summary.times[0], summary.times[-1]
     description = described(recording.bag.custom_data)
     layers = [item['name'] for item in data['layers']]
-    return _rendered(
+    return render_page(
         'report.html',
         style=style,
         script=script,
@@ -132,22 +130,6 @@ def _data(
     }
 
 
-def _rendered(template: str, **content: Any) -> str:
-    """Render a template of this folder; texts are escaped."""
-    require('jinja2', 'HTML pages')
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    pages = Environment(
-        loader=FileSystemLoader(Path(__file__).parent), autoescape=True,
-        undefined=StrictUndefined, keep_trailing_newline=True,
-    )
-    return pages.get_template(template).render(version=lava_ros.__version__, **content)
-
-
-def _file(name: str) -> str:
-    return Path(__file__).with_name(name).read_text(encoding='utf-8')
-
-
 def _hash(text: str) -> str:
     """Return the source expression of a script or style for a Content-Security-Policy."""
     return 'sha256-' + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
@@ -157,33 +139,6 @@ def _json(data: Any) -> str:
     """Return JSON that cannot end the HTML element around it."""
     text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(',', ':'))
     return text.replace('<', '\\u003c').replace('>', '\\u003e').replace('&', '\\u0026')
-
-
-def write_static_page(
-    output: Path, picture: Path, *, template: str = 'still.html', **content: Any
-) -> int:
-    """Write a self-contained HTML page about a PNG.
-
-    Args:
-        output: The page.
-        picture: The PNG.
-        template: A template of this folder: ``still.html``, or one that extends it.
-        content: Variables of the template: ``title``, ``subtitle``, ``warnings`` and ``facts`` of
-            the page, ``shows``, which describes the picture, and the sections after the picture.
-
-    Returns:
-        Size of the page [bytes].
-
-    Raises:
-        LavaError: If the page cannot be written, or the picture cannot be read.
-    """
-    try:
-        image = base64.b64encode(picture.read_bytes()).decode()
-    except OSError as error:
-        raise LavaError('output', str(picture), f'a readable picture ({error})') from error
-    text = _rendered(template, style=_file('report.css'), picture=image, **content)
-    write_output('output', output, text)
-    return len(text.encode())
 
 
 def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -> int:
