@@ -3,7 +3,7 @@
 
 """Compute the references of the cases `cooling_plane` and `cooling_front` with finite volumes.
 
-    python docs/benchmarks/cooling_plane.py 5 2.5 1.25
+    python docs/benchmarks/cooling_plane.py 5 2.5 1.25 0.625
 
 writes a row for each cell size [m] to cooling_plane.csv: the front [m] and, for each column of the
 map by its distance from the vent [m], the number of cells of 5 m on one side of the axis with a

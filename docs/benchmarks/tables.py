@@ -121,7 +121,7 @@ def hindcast_steps() -> Iterator[Line]:
         'flow', 'integrator', 'cells in a step', 'evaluations', 'one run', 'majority',
         'single runs', 'area', 'length',
     )
-    for row in lines_of('hindcast_steps_h100.csv'):
+    for row in lines_of('hindcast_steps_h200.csv'):
         yield (
             row['case'].removeprefix('etna'),
             row['integrator'].upper(),

@@ -409,8 +409,9 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     # the origin of particles is the centre of the terrain, which is 4 m x 3 m
     placed = checkpoint.arrays['state.particle'][:, [0, 1, 3]] + [2.0, 1.5, -273.15]
     np.testing.assert_allclose(frames.particles(1), placed, rtol=1e-5)
-    assert set(seen.layers) == set(expected.layers)
-    np.testing.assert_array_equal(seen.lava, expected.lava)
+    for source_name, item in expected.layers.items():
+        np.testing.assert_array_equal(seen.layers[source_name].values, item.values)
+    np.testing.assert_array_equal(seen.elevation, TERRAIN.elevation.astype(np.float32))
     path.unlink()
     frames.poll()
     assert frames.status.level is Level.WARN
