@@ -161,8 +161,9 @@ class Run:
         self._wall_time = 0.0
         self._most_particles = self._maps = self._stored = 0
         self._has_maps = has_maps
-        # maps that are not stored yet
+        # maps that are not stored yet, and the latest map
         self._new: list[Snapshot] = []
+        self._latest: Snapshot | None = None
         self._stored_at = wall_clock.monotonic()
         self.is_resumed = folder is not None and (folder / 'run.json').is_file()
         if folder is not None and self.is_resumed:
@@ -195,7 +196,9 @@ class Run:
 
     def result(self) -> Result:
         """Return the result so far."""
-        simulation, snapshot = self._simulation, self._snapshot()
+        simulation, snapshot = self._simulation, self._latest
+        if snapshot is None or snapshot.time != simulation.time:
+            snapshot = self._snapshot()
         return Result(
             snapshot=snapshot,
             peak=self._peak,
@@ -227,6 +230,7 @@ class Run:
         if flaw:
             raise LavaError('the simulated flow', flaw, 'finite numbers')
         np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
+        self._latest = snapshot
         if self._folder is not None:
             self._new.append(snapshot)
 

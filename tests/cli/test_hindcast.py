@@ -188,8 +188,8 @@ def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
     assert drawn == [tmp_path / 'out/comparison.png']
     # the case, a pilot, and two replicates of which one is rotated by 90 degrees
     assert sorted(simulated) == sorted([SHAPE, SHAPE, SHAPE, SHAPE[::-1]])
-    # three maps of the case, one of each other run, and one for each result
-    assert len(mapped) == 3 + 3 + 4
+    # three maps of the case, and one of each other run
+    assert len(mapped) == 3 + 3
 
 
 def _counted(name, calls, of):
