@@ -29,6 +29,11 @@ def seconds(time: float) -> str:
     return f'{time:.0f} s' if time >= 9.95 else f'{time:.2g} s'
 
 
+def two_digits(number: float) -> str:
+    """Format a number with two digits, without an exponent."""
+    return f'{float(f"{number:.2g}"):g}'
+
+
 def grid_table(first: str, quantity: str, title: str) -> Iterator[Line]:
     """Yield the scores of codes minus those of the exact solution on the same cells."""
     rows = [row for row in lines_of('codes.csv') if row['case'].startswith(first)]
@@ -70,8 +75,8 @@ def ratio_table() -> Iterator[Line]:
         same = math.exp(np.interp(math.log(error), *np.transpose(plain)))
         ratios.append(time / same)
         name = row['case'].replace('_', ' ')
-        yield (name, f'{error:.2g} %', seconds(time), seconds(same), f'{ratios[-1]:.2g}')
-    yield ('median', '', '', '', f'{median(ratios):.2g}')
+        yield (name, f'{error:.2g} %', seconds(time), seconds(same), two_digits(ratios[-1]))
+    yield ('median', '', '', '', two_digits(median(ratios)))
 
 
 TABLES = {
