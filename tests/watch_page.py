@@ -17,7 +17,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from lava_ros.maps.frames import LayerFrame, Recording
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, PROBABILITY
-from lava_ros.watch.frames import Frames, Level, Status
+from lava_ros.watch.frames import Frames, Level, Status, WatchedParticles
 from lava_ros.watch.page import Page
 from lava_ros.watch.server import Server
 from recording import growing, record
@@ -49,9 +49,10 @@ class Growing(Frames):
     def facts(self, index: int) -> dict[str, str]:
         return {'<i>effects</i>': f'frame <{index}>'}
 
-    def particles(self, index: int) -> np.ndarray:
-        """Three particles, from the second frame on."""
-        return np.array([[0.0, 90.0, 900.0], [0.0, 95.0, 901.0], [0.0, 100.0, 902.0]])[: 3 * index]
+    def particles(self, index: int) -> WatchedParticles:
+        """Three particles of an earlier time, from the second frame on."""
+        values = np.array([[0.0, 90.0, 900.0], [0.0, 95.0, 901.0], [0.0, 100.0, 902.0]])
+        return WatchedParticles(values[: 3 * index], 120.0)
 
     def command(self, name: str) -> None:
         self.commands.append(name)

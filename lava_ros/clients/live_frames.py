@@ -29,7 +29,14 @@ from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.ros.outputs import BARRIERS, LABELS, PLACES
-from lava_ros.watch.frames import Frames, Level, NO_PARTICLES, Status, watched_layers
+from lava_ros.watch.frames import (
+    Frames,
+    Level,
+    NO_PARTICLES,
+    Status,
+    watched_layers,
+    WatchedParticles,
+)
 
 #: Time without diagnostics after which the node counts as silent [s]; the normal period is 1 s.
 PATIENCE = 5.0
@@ -188,7 +195,7 @@ class LiveFrames(Watcher, Frames):
         """Return the newest sentence of each status of the node."""
         return self._statuses
 
-    def particles(self, index: int) -> np.ndarray:
+    def particles(self, index: int) -> WatchedParticles:
         """Return the newest particles with the newest maps; the first call subscribes to them."""
         self._wanted_at = time.monotonic()
         if self._sampling is None:
@@ -261,7 +268,7 @@ class LiveFrames(Watcher, Frames):
 
     def _on_particles(self, message: PointCloud2) -> None:
         columns = cloud_columns(message, 'lava_particles', ('x', 'y', 'temperature'))
-        self._particles = np.column_stack(list(columns.values()))
+        self._particles = WatchedParticles(np.column_stack(list(columns.values())))
         self.version += 1
 
     def _on_terrain(self, image: Image) -> None:

@@ -31,9 +31,6 @@ LAYERS = (
 #: Minimum wall time between two reads of a bag [s], and as a multiple of the duration of a read.
 PERIOD, REST = 1.0, 5.0
 
-#: The particles where there are none: x, y, temperature.
-NO_PARTICLES = np.empty((0, 3))
-
 #: Commands to a node.
 COMMANDS = ('pause', 'resume', 'step', 'reset')
 
@@ -51,6 +48,20 @@ class Status(NamedTuple):
 
     level: Level
     words: str
+
+
+class WatchedParticles(NamedTuple):
+    """Map position x, y [m] and temperature [Celsius] of particles, shape [particles, 3].
+
+    ``time`` is their simulated time [s]; None for that of the maps.
+    """
+
+    values: np.ndarray
+    time: float | None = None
+
+
+#: The particles where there are none.
+NO_PARTICLES = WatchedParticles(np.empty((0, 3)))
 
 
 class Frames:
@@ -95,12 +106,8 @@ class Frames:
         """Return the diagnostics at ``times[index]`` as texts by name."""
         return self._facts
 
-    def particles(self, index: int) -> np.ndarray:
-        """Return the newest particles at or before ``times[index]``.
-
-        Returns:
-            Map position x, y [m] and temperature [Celsius], shape [particles, 3].
-        """
+    def particles(self, index: int) -> WatchedParticles:
+        """Return the newest particles at or before ``times[index]``."""
         return NO_PARTICLES
 
     def command(self, name: str) -> None:
@@ -181,7 +188,7 @@ class BagFrames(Frames):
         """Return the diagnostics of the simulation at that time."""
         return self._moments[index].values if self._moments else {}
 
-    def particles(self, index: int) -> np.ndarray:
+    def particles(self, index: int) -> WatchedParticles:
         """Return the particles of the newest checkpoint at or before that time."""
         time = self.times[index]
         found = checkpoint_at(self._path, math.inf if time is None else time)
@@ -189,4 +196,5 @@ class BagFrames(Frames):
             return NO_PARTICLES
         particles = found.arrays['state.particle']
         positions = particles[:, :2] + found.scene.terrain.centre
-        return np.column_stack([positions, particles[:, 3] - ZERO_CELSIUS])
+        values = np.column_stack([positions, particles[:, 3] - ZERO_CELSIUS])
+        return WatchedParticles(values, found.time)

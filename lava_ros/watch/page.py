@@ -25,7 +25,7 @@ from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
 from lava_ros.maps.plot import BARRIER, barriers_of, duration, shaded_ground, titles
 from lava_ros.pages.runs import ENSEMBLE_MAPS
 from lava_ros.scene.on_terrain import PlacedPicture
-from lava_ros.watch.frames import COMMANDS, Frames, Level, Status
+from lava_ros.watch.frames import COMMANDS, Frames, Level, Status, WatchedParticles
 from lava_ros.watch.surface import Ground, SIDE
 
 #: Title and style of each map, in the order of the list.
@@ -217,14 +217,17 @@ class Page:
             )
             mesh.vertices, mesh.faces, mesh.scale = points + LIFT, faces, self._scale
 
-    def _draw_particles(self, ground: Ground, frame: Frame, points: np.ndarray) -> None:
+    def _draw_particles(self, ground: Ground, frame: Frame, particles: WatchedParticles) -> None:
+        points, time = particles
         if not len(points):
             self.legend.content = _box('No particles at this time.')
             return
         points = points[:: -(-len(points) // MAX_PARTICLES)]
         xy, celsius = points[:, :2], points[:, 2]
         scale = scale_of('temperature', celsius)
-        self.legend.content = _legend('Particles', 'temperature', scale)
+        # those of a bag are older than its maps
+        title = 'Particles' if time is None else f'Particles at {duration(time)}'
+        self.legend.content = _legend(title, 'temperature', scale)
         z = ground.terrain.elevations_at(xy)
         if 'thickness' in frame.layers:
             thickness = frame.layers['thickness'].values

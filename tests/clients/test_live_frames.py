@@ -122,14 +122,14 @@ def test_receives_particles_only_while_they_are_shown(live, monkeypatch):
     for second in (1, 2):
         live.deliver_maps(second, 'thickness')
         live.deliver_status(second, 100.0 * second)
-    assert not len(live.particles(1))
+    assert not len(live.particles(1).values)
     columns = {'x': [10.0, 20.0], 'y': [90.0, 95.0], 'temperature': [900.0, 950.0]}
     version = live.version
     live.deliver('lava_particles', codec.point_cloud(columns, codec.header('map', START)))
     assert live.version > version
     # only the newest ones are kept
-    assert not len(live.particles(0))
-    assert live.particles(1).tolist() == [[10.0, 90.0, 900.0], [20.0, 95.0, 950.0]]
+    assert not len(live.particles(0).values)
+    assert live.particles(1).values.tolist() == [[10.0, 90.0, 900.0], [20.0, 95.0, 950.0]]
     live.poll()
     topic = '/etna/lava_particles'
     assert topic in {item.topic_name for item in live._node.subscriptions}
@@ -137,7 +137,7 @@ def test_receives_particles_only_while_they_are_shown(live, monkeypatch):
     live.poll()
     assert topic not in {item.topic_name for item in live._node.subscriptions}
     live.deliver_status(3, 0.0)
-    assert not len(live._particles)
+    assert not len(live._particles.values)
 
 
 def test_probabilities_belong_to_later_frames(live, monkeypatch):

@@ -266,6 +266,7 @@ def test_shows_particles_in_place_of_the_lava(visitor, page, frames, monkeypatch
     frames.version += 1
     visitor.wait(lambda: '/lava/particles' in drawn(page))
     assert drawn(page)['/lava/particles'].points.shape == (3, 3)
+    assert 'Particles at 2 min' in page.legend.content
     visitor.press(page.slider, 2)
     visitor.wait(lambda: page._drawn[1] == 2)
     assert list(drawn(page, '/lava/')) == ['/lava/particles']
@@ -403,12 +404,13 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     assert frames.status.level is Level.OK
     seen, expected = frames.frame(1), Recording(whole).frame_at(400.0)
     assert seen.time == 400.0 and frames.facts(1)['simulated_time_s'] == '400.0'
-    assert not len(frames.particles(1))
+    assert not len(frames.particles(1).values)
     checkpoint = small_checkpoint(400.0, 5)
     monkeypatch.setattr('lava_ros.watch.frames.checkpoint_at', lambda path, time: checkpoint)
     # the origin of particles is the centre of the terrain, which is 4 m x 3 m
     placed = checkpoint.arrays['state.particle'][:, [0, 1, 3]] + [2.0, 1.5, -273.15]
-    np.testing.assert_allclose(frames.particles(1), placed, rtol=1e-5)
+    np.testing.assert_allclose(frames.particles(1).values, placed, rtol=1e-5)
+    assert frames.particles(1).time == checkpoint.time
     for source_name, item in expected.layers.items():
         np.testing.assert_array_equal(seen.layers[source_name].values, item.values)
     np.testing.assert_array_equal(seen.elevation, TERRAIN.elevation.astype(np.float32))
