@@ -337,12 +337,11 @@ def _count_numbers(field: str, path: Path) -> int:
                 known += b'|' + line[2]
         if not surfer:
             _check_header(field, path, lines)
-        # twice as fast as a search for text after anything except text
-        other = re.compile(rb'\s(?!(?:' + known + rb')(?!\S))(\S+)', re.IGNORECASE)
+        other = re.compile(rb'(?<!\S)(?!(?:' + known + rb')(?!\S))\S+', re.IGNORECASE)
         if found := other.search(data, begin):
-            before = data[: found.start(1)].split(b'\n')
+            before = data[: found.start()].split(b'\n')
             place = f'line {len(before)}, column {len(before[-1]) + 1} of {path.name}'
-            text = found[1].decode(errors='replace')
+            text = found[0].decode(errors='replace')
             expected = 'a number with a decimal point; NODATA_value for cells without data'
             raise LavaError(place, text, expected)
         count = 0
