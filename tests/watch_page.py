@@ -50,7 +50,7 @@ class Growing(Frames):
         return {'<i>effects</i>': f'frame <{index}>'}
 
     def particles(self, index: int) -> WatchedParticles:
-        """Three particles of an earlier time, from the second frame on."""
+        """Return three particles of an earlier time; the first frame has none."""
         values = np.array([[0.0, 90.0, 900.0], [0.0, 95.0, 901.0], [0.0, 100.0, 902.0]])
         return WatchedParticles(values[: 3 * index], 120.0)
 

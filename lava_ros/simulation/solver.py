@@ -242,10 +242,9 @@ class Solver:
     def _reserve_room(self) -> None:
         """Reserve capacity for particles that vents emit before the host reads the counts."""
         # without room lava would wait in the vents, and come out all at once
-        state, accuracy = self.state, self.accuracy
-        assert accuracy.thickness is not None
-        _, steps, rates = self.vents.step_limits(accuracy.thickness).T
-        most = (np.minimum(steps, accuracy.longest_step) * rates).max() / self.particle_volume
+        state = self.state
+        _, steps, rates = self.vents.step_limits.T
+        most = (np.minimum(steps, self.accuracy.longest_step) * rates).max() / self.particle_volume
         # steps have at least two stages with RKL2
         ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
         state.particles_ahead = math.ceil(min(ahead * most, _MAX_AHEAD))

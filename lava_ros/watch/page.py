@@ -225,7 +225,7 @@ class Page:
         points = points[:: -(-len(points) // MAX_PARTICLES)]
         xy, celsius = points[:, :2], points[:, 2]
         scale = scale_of('temperature', celsius)
-        # those of a bag are older than its maps
+        # a bag has fewer checkpoints than maps
         title = 'Particles' if time is None else f'Particles at {duration(time)}'
         self.legend.content = _legend(title, 'temperature', scale)
         z = ground.terrain.elevations_at(xy)

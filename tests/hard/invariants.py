@@ -202,7 +202,7 @@ def pace(moment: Moment) -> float:
     simulation, sample = moment.simulation, moment.lava
     accuracy, scene = simulation.accuracy, simulation.scene
     reach = simulation.solver.stage.constants.reach
-    ends, limits, _ = simulation.solver.vents.step_limits(accuracy.thickness).T
+    ends, limits, _ = simulation.solver.vents.step_limits.T
     limit = limits[np.searchsorted(ends, moment.time, side='right')]
     longest = min(limit, longest_step(scene, accuracy, simulation.effects, reach))
     if not len(sample.volume):

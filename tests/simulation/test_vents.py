@@ -210,7 +210,7 @@ def test_a_step_emits_no_more_than_half_a_thickness() -> None:
     series = ((0.0, 0.0), (100.0, 60.0), (130.0, 3.0), (140.0, 90.0), (145.0, 0.0), (400.0, 2.0))
     steady = Vent((20.0, 20.0), 1.0, radius=5.0)
     vents = vent_set(replace(VENT, discharge=series), steady)
-    ends, limits, rates = vents.step_limits(1.0).T
+    ends, limits, rates = vents.step_limits.T
     assert ends.tolist() == [100.0, 130.0, 140.0, 145.0, 400.0, math.inf]
     assert rates.tolist() == [1.0, 61.0, 4.0, 91.0, 1.0, 3.0]
     half = 0.5 * math.pi * 25.0

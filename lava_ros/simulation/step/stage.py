@@ -108,14 +108,13 @@ class Stage:
         """Return the (cached) arguments for the choice of a stage."""
         if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
             accuracy, state = self._accuracy, self._state
-            assert accuracy.thickness is not None
             pace = timestep.pace_type(state.real)()
             pace.longest = timestep.longest_step(
                 scene, accuracy, self._effects, self.constants.reach
             )
             pace.ends, pace.limits, _ = (
                 wp.array(column, dtype=wp.float64, device=state.device)
-                for column in vents.step_limits(accuracy.thickness).T
+                for column in vents.step_limits.T
             )
             pace.fixed = accuracy.fixed_step or 0.0
             pace.few = int(timestep.FEW * accuracy.refinement)

@@ -93,7 +93,8 @@ def longest_from(
         time: Simulated time [s].
         longest: Limit by anything else [s].
         ends: End of each span of constant discharge [s]; the last one is infinite.
-        limits: Longest step in each span [s]. A step over several uses up a share of it in each.
+        limits: Longest step in each span [s]. In a step over several, the fractions of the limits
+            add up to at most 1.
     """
     step = wp.float64(0.0)
     rest = wp.float64(1.0)

@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
 from itertools import count, pairwise
 import math
 from typing import Any
@@ -153,7 +154,7 @@ class VentSet:
         self.counted: set[int] = set()
         # read at each advance, so computed once
         self._opening = [vent.next_opening(since) for vent in self.vents]
-        self._particle_volume = particle_volume
+        self._particle_volume, self._thickness = particle_volume, thickness
         self.is_symmetric = accuracy.symmetric
         self._device = device
         self._before = self._with_places(before, terrain, spacing)
@@ -329,16 +330,16 @@ class VentSet:
         usual = count * self._particle_volume * (1.0 + _ROUNDING)
         return pending - usual if pending > usual else 0.0
 
-    def step_limits(self, thickness: float) -> np.ndarray:
-        """Return how long steps may be while each discharge lasts.
+    @cached_property
+    def step_limits(self) -> np.ndarray:
+        """Limits of the steps while each discharge lasts.
 
-        In such a step no vent raises its area by more than half a thickness [m], and all vents
-        together emit no more than the maximum number of particles.
-
-        Returns:
-            End of each span of constant discharge [s], longest step in it [s] and discharge of all
-            vents [m3/s], shape [spans, 3].
+        In such a step no vent raises its area by more than half of the expected thickness, and all
+        vents together emit no more than the maximum number of particles. The columns are the end
+        of each span of constant discharge [s], the longest step in it [s] and the discharge of all
+        vents [m3/s].
         """
+        assert self._thickness is not None
         series = [np.transpose(vent.series) for vent in self.vents]
         ends = np.unique([time for times, _ in series for time in times if time > self.since])
         begins = np.array([self.since, *ends])
@@ -350,7 +351,7 @@ class VentSet:
         strongest = np.max(rates.T / self._areas, axis=1, initial=0.0)
         with np.errstate(divide='ignore'):
             steps = np.minimum(
-                0.5 * thickness / strongest,
+                0.5 * self._thickness / strongest,
                 _MAX_PARTICLES_PER_STEP * self._particle_volume / total,
             )
         return np.column_stack([[*ends, math.inf], steps, total])
