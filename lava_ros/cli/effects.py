@@ -68,7 +68,7 @@ def effects(args: argparse.Namespace) -> int:
         {**decision_as_dict(item), 'step_time_over_bare': costs.get(item.name)}
         for item in decisions
     ]
-    log_resolution(scene, accuracy, horizon)
+    log_resolution(scene, accuracy, forced, horizon)
     write_json(rows, args.json)
     return 0
 

@@ -343,7 +343,7 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         )
-        log_resolution(plan.scene, plan.accuracy, plan.horizon, plan.threshold)
+        log_resolution(plan.scene, plan.accuracy, {}, plan.horizon, plan.threshold)
         return plan, None
     options = (
         'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',

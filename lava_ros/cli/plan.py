@@ -84,6 +84,6 @@ def plan(args: argparse.Namespace) -> int:
     if found.members > 1:
         print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
-    log_resolution(scene, accuracy, horizon)
+    log_resolution(scene, accuracy, found.forced, horizon)
     write_json(asdict(found), args.json)
     return 0

@@ -4,7 +4,7 @@
 """Scenes from the arguments of a command, and the default scene."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 import logging
@@ -257,10 +257,14 @@ def _coordinates(option: str, text: str) -> tuple[float, float]:
 
 
 def log_resolution(
-    scene: Scene, accuracy: Accuracy, horizon: float, threshold: float = COVERED
+    scene: Scene, accuracy: Accuracy, forced: Mapping[str, bool], horizon: float,
+    threshold: float = COVERED,
 ) -> None:
-    """Log warnings about the expected flow up to a horizon [s], on maps from a thickness [m]."""
-    for text in resolution_of(scene, accuracy, horizon=horizon).warnings(threshold):
+    """Log warnings about the expected flow up to a horizon [s], on maps from a thickness [m].
+
+    ``forced`` are the effects that a user has switched on or off, by name.
+    """
+    for text in resolution_of(scene, accuracy, forced, horizon=horizon).warnings(threshold):
         _LOG.warning(text)
 
 

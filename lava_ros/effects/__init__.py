@@ -5,16 +5,16 @@
 
 Each declares ``EFFECT`` (``effect.py``) and defines the functions below that it needs. ``wp`` is
 Warp, or its substitute on the host (``laws.HOST``), ``real`` the scalar type, ``law``,
-``constants`` and ``column`` the structs of ``laws.py``:
+``constants`` and ``column`` the structs of ``laws.py``, ``heat.py`` and ``column.py``:
 
     viscosity(wp, real, law)                  mu(T)                          laws.py
     stiffening(wp, real, law, viscosity)      mu(T) with suspended solids    laws.py
-    strength(wp, real, law)                   tau_y(T, thickness, age)       laws.py
-    speed(wp, real, law, viscosity, strength) u of thickness and slope       laws.py
-    terms(wp, real, constants, column)        heat gained and lost           step/heat.py
-    relaxed(wp, real, constants, relaxation)  temperature after a step       step/heat.py
+    strength(wp, real, law, column)           tau_y of a column              laws.py
+    speed(wp, real, law, column, viscosity, strength)   u of a column        laws.py
+    terms(wp, real, constants, column)        heat gained and lost           heat.py
+    relaxed(wp, real, constants, relaxation)  temperature after a step       heat.py
     warmed(wp, real, constants)               temperature after given heat   step/effects
-    factor(real), along(real, climbs=)        speed of a layer on a slope    step/flow.py
+    cosine(slope), cosine_squared(real), factor(real), along(real, climbs=)   a layer on a slope
 
 The part of an effect that launches kernels of its own is in ``simulation/step/effects``, or in
 its file:
@@ -37,7 +37,7 @@ To add an effect, add its file and its test; to delete an effect, delete its fil
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from importlib import import_module
 from pkgutil import iter_modules
@@ -49,7 +49,7 @@ from lava_ros.effects.protocols import Lava, Scene
 from lava_ros.errors import LavaError
 
 #: Files in this folder that are not effects.
-_OTHERS = ('bingham', 'effect', 'laws', 'protocols', 'scales')
+_OTHERS = ('bingham', 'column', 'effect', 'heat', 'laws', 'protocols', 'scales')
 
 
 def _read() -> dict[str, ModuleType]:
@@ -159,6 +159,16 @@ def existing(scene: Scene) -> tuple[str, ...]:
         for name in possible(scene.lava)
         if not (around := EFFECTS[name].environment) or any(getattr(scene, key) for key in around)
     )
+
+
+def considered(scene: Scene, forced: Mapping[str, bool] = MappingProxyType({})) -> Effects:
+    """Return the effects that estimates of a flow include.
+
+    They are those that the scene has, relevant or not, without those that the user has forced off
+    and with those forced on.
+    """
+    on = [name for name, is_on in forced.items() if is_on]
+    return compatible([*on, *(name for name in existing(scene) if forced.get(name, True))])
 
 
 def drop_superseded(names: Iterable[str]) -> tuple[str, ...]:

@@ -20,8 +20,9 @@ from lava_ros.effects.scales import footprint_change, Scales
 def _stiffening(scales: Scales) -> np.ndarray:
     """Return the logarithm of the largest viscosity ratio: by cooling, or of vent to reference."""
     lava = scales.lava
-    at_vent = abs(math.log(lava.viscosity_at(scales.vent_temperature) / lava.viscosity))
-    end = scales.law(lava.viscosity_at, scales.rest_temperature) / lava.viscosity
+    law = scales.rheology.viscosity_at
+    at_vent = abs(math.log(law(scales.vent_temperature) / lava.viscosity))
+    end = scales.law(law, scales.rest_temperature) / lava.viscosity
     return np.maximum(np.abs(np.log(end)), at_vent)
 
 

@@ -19,22 +19,24 @@ from typing import Any
 
 
 @lru_cache
-def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> Any:
+def speed(
+    wp: Any, real: Any, law_type: Any, column_type: Any, viscosity: Any, strength: Any
+) -> Any:
     """Return the device function for u / s and the largest derivative du/ds [m/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def bingham(
-        law: law_type, weight: real, depth: real, slope: real, temperature: real, age: real
-    ) -> vec2:
-        stress = weight * depth * slope
-        resisted = strength(law, temperature, depth, age)
+    def bingham(law: law_type, weight: real, column: column_type) -> vec2:
+        thickness = column.normal_thickness
+        stress = weight * thickness * column.slope
+        resisted = strength(law, column)
         if stress <= resisted:
             return vec2()
         b = resisted / stress
         # 1 - b without the cancellation of the quotient
         free = (stress - resisted) / stress
-        newtonian = weight * depth * depth / (real(3.0) * viscosity(law, temperature))
+        newtonian = weight * thickness * thickness
+        newtonian /= real(3.0) * viscosity(law, column.temperature)
         return newtonian * free * vec2(
             free * (real(1.0) + real(0.5) * b), real(1.0) + b + b * b
         )

@@ -37,7 +37,7 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
         ambient, temperature = real(constants.ambient), column.temperature
         square = temperature * temperature + ambient * ambient
         loss = real(constants.radiation) * square * (temperature + ambient)
-        rate = (loss + real(constants.convection)) / column.thickness
+        rate = (loss + real(constants.convection)) / column.normal_thickness
         return vec2(rate, rate * ambient)
 
     return cooling

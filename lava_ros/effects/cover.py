@@ -77,7 +77,7 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
         crust = wp.max(real(constants.crust), ambient)
         if temperature > crust:
             crusted = transfer(constants, crust) * (crust - ambient) / (temperature - ambient)
-        rate = (share * crusted + (real(1.0) - share) * bare) / column.thickness
+        rate = (share * crusted + (real(1.0) - share) * bare) / column.normal_thickness
         return vec2(rate, rate * ambient)
 
     return cover

@@ -91,7 +91,9 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
 
     @wp.func
     def crust(constants: constants_type, column: column_type) -> vec2:
-        thickness, temperature, age = column.thickness, column.temperature, column.age
+        thickness, temperature, age = (
+            column.normal_thickness, column.temperature, column.age
+        )
         radiation = real(constants.radiation)
         convection = real(constants.convection)
         ambient = real(constants.ambient)

@@ -30,7 +30,7 @@ from lava_ros.effects.scales import footprint_change, Scales
 
 def _resistance(scales: Scales) -> np.ndarray:
     """Return the stress of the crust at the horizon over that at the base of each column."""
-    lava, thickness = scales.lava, scales.columns.thickness
+    lava, thickness = scales.lava, scales.columns.normal_thickness
     crust = np.minimum(np.sqrt(lava.crust_diffusivity * scales.duration), thickness)
     return lava.crust_strength * crust / thickness / scales.stress
 
@@ -59,12 +59,13 @@ EFFECT = Effect(
 
 
 @lru_cache
-def strength(wp: Any, real: Any, law_type: Any) -> Any:
+def strength(wp: Any, real: Any, law_type: Any, column_type: Any) -> Any:
     """Return the device function for the stress of the crust [Pa]."""
 
     @wp.func
-    def crust_stress(law: law_type, temperature: real, depth: real, age: real) -> real:
-        crust = wp.min(wp.sqrt(real(law.crust_diffusivity) * age), depth)
-        return real(law.crust_strength) * crust / depth
+    def crust_stress(law: law_type, column: column_type) -> real:
+        thickness = column.normal_thickness
+        crust = wp.min(wp.sqrt(real(law.crust_diffusivity) * column.age), thickness)
+        return real(law.crust_strength) * crust / thickness
 
     return crust_stress

@@ -38,8 +38,7 @@ def _heat_taken(scales: Scales) -> np.ndarray:
     taken = 2.0 * lava.ground_conductivity * math.sqrt(
         scales.duration / (math.pi * lava.ground_diffusivity)
     )
-    capacity = lava.density * lava.specific_heat * scales.columns.thickness
-    return scales.matters(np.minimum(taken / capacity, 1.0))
+    return scales.matters(np.minimum(taken / scales.heat_capacity, 1.0))
 
 
 def _contact(scene: Scene) -> float:
@@ -80,7 +79,7 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
 
     @wp.func
     def ground(constants: constants_type, column: column_type) -> vec2:
-        b = real(constants.contact) / column.thickness
+        b = real(constants.contact) / column.normal_thickness
         root = wp.sqrt(column.age)
         x = b * root
         c = real(wp.static(4.0 / math.pi)) + real(wp.static(2.0 - 4.0 / math.pi)) * x / (

@@ -50,7 +50,9 @@ _NO_SLOPE = 1e-12
 
 
 @lru_cache
-def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> Any:
+def speed(
+    wp: Any, real: Any, law_type: Any, column_type: Any, viscosity: Any, strength: Any
+) -> Any:
     """Return the device function for u / s and a bound of u / s and du/ds [m/s].
 
     ``viscosity`` is K(T), ``strength`` tau_y(T) or None without yielding.
@@ -59,24 +61,23 @@ def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> A
     has_strength = strength is not None
 
     @wp.func
-    def herschel_bulkley(
-        law: law_type, weight: real, depth: real, slope: real, temperature: real, age: real
-    ) -> vec2:
+    def herschel_bulkley(law: law_type, weight: real, column: column_type) -> vec2:
         one = real(1.0)
+        thickness, slope = column.normal_thickness, column.slope
         n = real(law.flow_index)
         least = real(_NO_SLOPE)
         if n > one:
             least = real(MIN_SLOPE)
         sheared = one
         if wp.static(has_strength):
-            stress = weight * depth * slope
-            resisted = strength(law, temperature, depth, age)
+            stress = weight * thickness * slope
+            resisted = strength(law, column)
             if stress <= resisted:
                 return vec2()
             sheared = (stress - resisted) / stress
         fall = wp.max(slope, least)
-        excess = weight * depth * fall * sheared
-        rate = wp.pow(excess / viscosity(law, temperature), one / n) * depth / fall
+        excess = weight * thickness * fall * sheared
+        rate = wp.pow(excess / viscosity(law, column.temperature), one / n) * thickness / fall
         across = n / (n + one) * sheared * (one - n / (n + n + one) * sheared)
         along = wp.max(one, one / n) * across
         if wp.static(has_strength):

@@ -15,6 +15,10 @@ import numpy as np
 
 from lava_ros.effects.protocols import Lava, Scene
 
+if TYPE_CHECKING:
+    from lava_ros.effects import Effects
+    from lava_ros.effects.laws import Rheology
+
 #: Fraction of the way to the solidus above which lava may solidify.
 FREEZING_THRESHOLD = 0.9
 
@@ -82,7 +86,8 @@ class Columns(_OnDemand):
 
     Attributes:
         volume: Their volume [m3], float64, shape [columns] like all arrays.
-        thickness: Vertical thickness [m].
+        thickness: Vertical thickness h [m].
+        normal_thickness: Thickness across the flow d [m] (``column.py``).
         slope: Slope of the lava's surface, rise over run.
         ground_slope: Slope of the ground, rise over run.
         temperature: Temperature [K].
@@ -92,6 +97,7 @@ class Columns(_OnDemand):
 
     volume: np.ndarray
     thickness: np.ndarray
+    normal_thickness: np.ndarray
     slope: np.ndarray
     ground_slope: np.ndarray
     temperature: np.ndarray
@@ -114,6 +120,7 @@ class Scales(_OnDemand):
 
     Attributes:
         scene: The scene.
+        effects: Effects that the estimates include (``effects.considered``).
         columns: Columns of lava.
         vent_temperature: Temperature of the hottest vent, or the material's reference [K].
         rest_temperature: Temperature of each column after ``duration`` of radiation and convection
@@ -127,6 +134,7 @@ class Scales(_OnDemand):
     """
 
     scene: Scene
+    effects: Effects
     columns: Columns
     vent_temperature: float
     rest_temperature: np.ndarray
@@ -148,15 +156,29 @@ class Scales(_OnDemand):
         return max(self.vent_temperature - self.scene.ambient_temperature, 1.0)
 
     @cached_property
+    def rheology(self) -> Rheology:
+        """The laws of flow."""
+        # laws.py reads the effects' files, which import this one
+        from lava_ros.effects.laws import Rheology
+
+        return Rheology(self.lava, self.effects)
+
+    @cached_property
     def viscosity(self) -> np.ndarray:
         """Viscosity of each column [Pa s]."""
-        return self.law(self.lava.viscosity_at, self.columns.temperature)
+        return self.law(self.rheology.viscosity_at, self.columns.temperature)
 
     @cached_property
     def stress(self) -> np.ndarray:
-        """Shear stress at the base of each column [Pa]."""
+        """Shear stress at the base of each column [Pa]: rho g h s cos^2 b, for the slope s."""
         columns = self.columns
-        return self.lava.density * self.scene.gravity * columns.thickness * columns.slope
+        stress = self.lava.density * self.scene.gravity * columns.slope
+        return stress * columns.normal_thickness**2 / columns.thickness
+
+    @cached_property
+    def heat_capacity(self) -> np.ndarray:
+        """Heat capacity of each column per area of its surface [J/(m2 K)]."""
+        return self.lava.density * self.lava.specific_heat * self.columns.normal_thickness
 
     def law(self, law: Callable[[float], float], temperature: np.ndarray) -> np.ndarray:
         """Evaluate a law whose values are positive at many temperatures [K]."""
@@ -203,7 +225,7 @@ class Scales(_OnDemand):
         # the area of lava that stops is inversely proportional to its yield strength
         strong = 1.0 / footprint_change(1.0)
         for law, weight in (
-            (self.lava.viscosity_at, 1.0), (self.lava.yield_strength_at, strong)
+            (self.rheology.viscosity_at, 1.0), (self.rheology.strength_at, strong)
         ):
             at_vent = law(self.vent_temperature)
             if at_vent > 0.0:

@@ -23,9 +23,8 @@ TRANSFER = 0.0036 * 0.4412 * 1099.0
 
 def _heat_taken(scales: Scales) -> np.ndarray:
     """Return the effect of the heat that the wind takes from each column up to the horizon."""
-    capacity = scales.lava.density * scales.lava.specific_heat * scales.columns.thickness
     taken = TRANSFER * scales.scene.wind_speed * scales.duration
-    return scales.matters(np.minimum(taken / capacity, 1.0))
+    return scales.matters(np.minimum(taken / scales.heat_capacity, 1.0))
 
 
 def _convection(scene: Scene) -> float:

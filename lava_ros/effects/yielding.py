@@ -20,7 +20,7 @@ from lava_ros.effects.scales import footprint_change, Scales
 
 def _bingham(scales: Scales) -> np.ndarray:
     """Return the yield strength of each column over the stress at its base."""
-    strength = scales.law(scales.lava.yield_strength_at, scales.columns.temperature)
+    strength = scales.law(scales.rheology.strength_at, scales.columns.temperature)
     return strength / scales.stress
 
 
@@ -52,14 +52,15 @@ _LARGEST_EXPONENT = 60.0
 
 
 @lru_cache
-def strength(wp: Any, real: Any, law_type: Any) -> Any:
-    """Return the device function for tau_y [Pa] of temperature, thickness and age."""
+def strength(wp: Any, real: Any, law_type: Any, column_type: Any) -> Any:
+    """Return the device function for tau_y [Pa] of a column."""
 
     @wp.func
-    def yield_strength(law: law_type, temperature: real, depth: real, age: real) -> real:
+    def yield_strength(law: law_type, column: column_type) -> real:
         value = real(law.yield_strength)
         if real(law.yield_rate) > real(0.0):
-            exponent = real(law.yield_rate) * (real(law.reference_temperature) - temperature)
+            colder = real(law.reference_temperature) - column.temperature
+            exponent = real(law.yield_rate) * colder
             value *= wp.exp(wp.min(exponent, real(_LARGEST_EXPONENT)))
         return value
 

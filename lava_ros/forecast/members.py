@@ -140,7 +140,8 @@ def make_plan(
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     threshold, samples = _sampling(threshold, samples, horizon)
     # one spacing for all members
-    accuracy = resolved_accuracy(accuracy or Accuracy(), median_scene(scene), horizon=horizon)
+    median = median_scene(scene)
+    accuracy = resolved_accuracy(accuracy or Accuracy(), median, effects, horizon=horizon)
     chosen = [
         effects_for(one, effects, accuracy=accuracy, horizon=horizon)
         for one in (scene, *end_scenes(scene))

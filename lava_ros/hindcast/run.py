@@ -99,7 +99,8 @@ class Settings:
         if accuracy.longest_step == Accuracy().longest_step:
             longest = max(MAX_STEP_FRACTION * case.duration, accuracy.longest_step)
             accuracy = replace(accuracy, longest_step=longest)
-        return resolved_accuracy(accuracy, case.scene, horizon=case.duration)
+        forced = {**FORCED, **self.forced}
+        return resolved_accuracy(accuracy, case.scene, forced, horizon=case.duration)
 
     def coarseness(self, case: Case) -> int:
         """Return the side of a simulated cell in cells of the elevation: about the spacing."""

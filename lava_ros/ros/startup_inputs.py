@@ -193,7 +193,9 @@ def _checkpoint_parameters(checkpoint: Checkpoint) -> dict[str, Any]:
     for name, preset in PRESETS.items():
         own = replace(preset.accuracy, spacing=accuracy.spacing, thickness=accuracy.thickness)
         if own == accuracy:
-            automatic = resolved_accuracy(preset.accuracy, scene, horizon=checkpoint.horizon)
+            automatic = resolved_accuracy(
+                preset.accuracy, scene, forced, horizon=checkpoint.horizon
+            )
             result['preset'] = name
             result['spacing'] = 0.0 if automatic.spacing == accuracy.spacing else accuracy.spacing
     return result

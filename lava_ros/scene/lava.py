@@ -79,11 +79,11 @@ class Lava:
 
     def viscosity_at(self, temperature: float) -> float:
         """Return the viscosity [Pa s] at a temperature [K], including the effect of crystals."""
-        return laws.viscosity_at(self, temperature)
+        return laws.rheology_of(self).viscosity_at(temperature)
 
     def yield_strength_at(self, temperature: float) -> float:
         """Return the yield strength [Pa] at a temperature [K]."""
-        return laws.strength_at(self, temperature)
+        return laws.rheology_of(self).strength_at(temperature)
 
 
 def constant_units() -> dict[str, str]:

@@ -3,9 +3,11 @@
 
 """Choice of the particle spacing by the width of the flow (course.py)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 import math
 
+from lava_ros.effects import considered
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import (
     Accuracy,
@@ -140,12 +142,19 @@ def is_extended(area: float, distance: float) -> bool:
     return area >= _EXTENDED * (MIN_ACROSS * distance) ** 2
 
 
-def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON) -> Resolution:
+def resolution_of(
+    scene: Scene,
+    accuracy: Accuracy,
+    forced: Mapping[str, bool] | None = None,
+    *,
+    horizon: float = HORIZON,
+) -> Resolution:
     """Return the resolution of a scene at an accuracy, whose own spacing or thickness remains.
 
+    ``forced`` are the effects that a user has switched on or off, by name.
     Lava emitted after the ``horizon`` [s] does not count.
     """
-    course = course_of(scene, horizon=horizon)
+    course = course_of(scene, considered(scene, forced or {}), horizon=horizon)
     width, reynolds = (
         (math.nan, math.nan) if course is None else (course.width, course.reynolds)
     )
@@ -178,9 +187,18 @@ def resolution_of(scene: Scene, accuracy: Accuracy, *, horizon: float = HORIZON)
     return Resolution(spacing, thickness, width, width / spacing, cell, limit, reynolds)
 
 
-def resolved_accuracy(accuracy: Accuracy, scene: Scene, *, horizon: float = HORIZON) -> Accuracy:
-    """Return the accuracy with spacing and thickness filled in from the scales of a scene."""
+def resolved_accuracy(
+    accuracy: Accuracy,
+    scene: Scene,
+    forced: Mapping[str, bool] | None = None,
+    *,
+    horizon: float = HORIZON,
+) -> Accuracy:
+    """Return the accuracy with spacing and thickness filled in from the scales of a scene.
+
+    ``forced`` are the effects that a user has switched on or off, by name.
+    """
     if accuracy.spacing is not None and accuracy.thickness is not None:
         return accuracy
-    found = resolution_of(scene, accuracy, horizon=horizon)
+    found = resolution_of(scene, accuracy, forced, horizon=horizon)
     return replace(accuracy, spacing=found.spacing, thickness=found.thickness)

@@ -11,16 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 import math
 from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
+from lava_ros.effects import compatible, considered, EFFECTS, Effects, excluded_by, existing
+from lava_ros.effects.column import normal_thickness
 from lava_ros.effects.effect import Effect
-from lava_ros.effects.laws import heat_loss
+from lava_ros.effects.heat import heat_loss
+from lava_ros.effects.laws import Rheology
 from lava_ros.effects.scales import Columns, Scales
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness
@@ -98,17 +100,23 @@ class Decision:
 
 
 def expected_scales(
-    scene: Scene, *, accuracy: Accuracy | None = None, horizon: float = HORIZON
+    scene: Scene,
+    forced: Mapping[str, bool] | None = None,
+    *,
+    accuracy: Accuracy | None = None,
+    horizon: float = HORIZON,
 ) -> Scales:
     """Return the scales of a flow before its first step, up to a horizon [s].
 
+    ``forced`` are the effects that a user has switched on or off, by name.
     They are those of its expected course (``course_of``). Without a discharge each cell of the
     terrain counts as a column, of the thickness of the accuracy or that of a flow of 1 m3/s.
     """
     accuracy = accuracy or Accuracy()
-    resolution = resolution_of(scene, accuracy, horizon=horizon)
-    course = course_of(scene, horizon=horizon)
-    columns = _still_columns(scene, accuracy) if course is None else course.columns
+    effects = considered(scene, forced or {})
+    resolution = resolution_of(scene, accuracy, forced, horizon=horizon)
+    course = course_of(scene, effects, horizon=horizon)
+    columns = _still_columns(scene, accuracy, effects) if course is None else course.columns
     area = math.inf if course is None else float((columns.volume / columns.thickness).sum())
     # a coarsely resolved flow still counts as extended once it has left its vent
     distance = float(np.fmin(resolution.spacing, resolution.width / ACROSS))
@@ -117,6 +125,7 @@ def expected_scales(
         distance *= course.width / resolution.width
     return scales_of(
         scene,
+        effects,
         columns,
         fall=_relief(scene.terrain) if course is None else course.fall,
         spacing=resolution.spacing,
@@ -126,34 +135,51 @@ def expected_scales(
     )
 
 
-def scales_of(scene: Scene, columns: Columns, **others: Any) -> Scales:
+def scales_of(scene: Scene, effects: Effects, columns: Columns, **others: Any) -> Scales:
     """Complete the scales of columns of lava; ``others`` as for ``Scales.on_demand``."""
     temperature = max(
         (vent.temperature for vent in scene.vents), default=scene.lava.reference_temperature
     )
     return Scales.on_demand(
         scene=scene,
+        effects=effects,
         columns=columns,
         vent_temperature=temperature,
         rest_temperature=lambda: _cooled_at_rest(
-            scene, temperature, columns.thickness, others['duration']
+            scene, effects, temperature, columns.normal_thickness, others['duration']
         ),
         **others,
     )
 
 
-def _still_columns(scene: Scene, accuracy: Accuracy) -> Columns:
+def _including(scales: Scales, name: str) -> Scales:
+    """Return scales whose estimates also include an effect, for its own number."""
+    if name in scales.effects:
+        return scales
+    kept = ('fall', 'spacing', 'kernel_radius', 'is_extended')
+    return scales_of(
+        scales.scene,
+        compatible([name, *scales.effects]),
+        scales.columns,
+        **{item: partial(getattr, scales, item) for item in kept},
+        duration=scales.duration,
+        is_measured=scales.is_measured,
+    )
+
+
+def _still_columns(scene: Scene, accuracy: Accuracy, effects: Effects) -> Columns:
     """Return columns of lava on every cell of a terrain, for a scene without a discharge."""
     terrain, lava = scene.terrain, scene.lava
     thickness = accuracy.thickness or expected_thickness(scene)
     x0, y0, x1, y1 = terrain.extent
     ground = slopes_of(terrain)
     slope = np.maximum(ground, thickness / (0.5 * math.hypot(x1 - x0, y1 - y0)))
-    viscosity = lava.viscosity_at(lava.reference_temperature)
+    viscosity = Rheology(lava, effects).viscosity_at(lava.reference_temperature)
     one = np.ones_like(slope)
     return Columns(
         volume=one,
         thickness=thickness * one,
+        normal_thickness=normal_thickness(thickness * one, ground, effects),
         slope=slope,
         ground_slope=ground,
         temperature=lava.reference_temperature * one,
@@ -177,22 +203,24 @@ def _relief(terrain: Terrain) -> float:
 
 
 def _cooled_at_rest(
-    scene: Scene, temperature: float, thickness: np.ndarray, duration: float
+    scene: Scene, effects: Effects, temperature: float, thickness: np.ndarray, duration: float
 ) -> np.ndarray:
     """Return the temperature [K] of columns at rest after a time [s] of radiation and convection.
 
-    It is a function of the time over the thickness alone.
+    It is a function of the time over the ``thickness`` across the flow [m] alone.
     """
-    return np.interp(duration / thickness, *_cooling_curve(scene, temperature))
+    return np.interp(duration / thickness, *_cooling_curve(scene, effects, temperature))
 
 
 @lru_cache(maxsize=8)
-def _cooling_curve(scene: Scene, temperature: float) -> tuple[np.ndarray, np.ndarray]:
+def _cooling_curve(
+    scene: Scene, effects: Effects, temperature: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return times over thickness [s/m], and temperatures [K] after them."""
     ambient = scene.ambient_temperature
     if temperature <= ambient:
         return np.zeros(1), np.array([temperature])
-    capacity, loss = scene.lava.density * scene.lava.specific_heat, heat_loss(scene)
+    capacity, loss = scene.lava.density * scene.lava.specific_heat, heat_loss(scene, effects)
     excess = (temperature - ambient) * np.geomspace(1.0, _MIN_EXCESS, _COOLING_POINTS)
     flux = np.array([loss(ambient + value) for value in excess.tolist()])
     # d(time / thickness) = -capacity / flux d(excess) = -slowness d(log excess)
@@ -221,7 +249,7 @@ def decide(
     """
     forced = validation.keys('effects', overrides or {}, allowed=EFFECTS)
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    return decide_by(expected_scales(scene, accuracy=accuracy, horizon=horizon), forced)
+    return decide_by(expected_scales(scene, forced, accuracy=accuracy, horizon=horizon), forced)
 
 
 def decide_by(
@@ -243,7 +271,8 @@ def decide_by(
                 # nothing moves yet, so the number is undefined
                 value = 0.0
             elif name in there:
-                value = scales.columns.quantile(effect.number(scales), effect.fraction)
+                own = effect.number(_including(scales, name))
+                value = scales.columns.quantile(own, effect.fraction)
             is_on = bool(forced.get(name, value > effect.threshold))
             decisions[name] = Decision(name, effect, value, is_on, name in forced)
     _settle(decisions)

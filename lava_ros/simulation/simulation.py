@@ -10,7 +10,7 @@ import math
 import time as wall_clock
 
 from lava_ros import validation
-from lava_ros.effects import EFFECTS, Effects, excluded_by
+from lava_ros.effects import considered, EFFECTS, Effects, excluded_by
 from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
@@ -80,9 +80,10 @@ class Simulation:
                 unknown.
         """
         used = device_of(device)
-        self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene, horizon=horizon)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
+        forced = asdict(effects) if isinstance(effects, Effects) else self._forced
+        self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene, forced, horizon=horizon)
         self._review = Review()
         chosen = effects if isinstance(effects, Effects) else self._choose_effects(scene)
         self.solver = Solver(scene, formulated(chosen, self.accuracy), self.accuracy, used)
@@ -364,12 +365,13 @@ class Simulation:
     @property
     def resolution(self) -> Resolution:
         """How many particles lie across the flow of the scene as it is now."""
-        return resolution_of(self.scene, self.accuracy, horizon=self._horizon)
+        return resolution_of(self.scene, self.accuracy, self._all_forced, horizon=self._horizon)
 
     def decisions(self) -> tuple[Decision, ...]:
         """Say what decides about each effect now; of those that exclude each other one is on."""
-        forced = asdict(self.effects) if self._forced is None else self._forced
-        decisions = decide(self.scene, forced, accuracy=self.accuracy, horizon=self._horizon)
+        decisions = decide(
+            self.scene, self._all_forced, accuracy=self.accuracy, horizon=self._horizon
+        )
         return tuple(
             noted(
                 item, self.effects, self._review.largest.get(item.name, math.nan),
@@ -385,7 +387,13 @@ class Simulation:
         if not len(sample.volume):
             return None
         duration = max(self._horizon, self.time)
-        return measured_scales(self.scene, self.accuracy, sample, grids, duration)
+        effects = considered(self.scene, self._all_forced)
+        return measured_scales(self.scene, effects, self.accuracy, sample, grids, duration)
+
+    @property
+    def _all_forced(self) -> dict[str, bool]:
+        """Effects that the user has switched on or off, by name: all of a fixed set."""
+        return asdict(self.effects) if self._forced is None else self._forced
 
     def _watch(self, *, is_due: bool = False) -> None:
         """Find out which effects reviews evaluate, and when the next review ``is_due``."""

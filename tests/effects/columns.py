@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from lava_ros.effects.laws import STEFAN_BOLTZMANN
+from lava_ros.effects.heat import STEFAN_BOLTZMANN
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from solver import incline, only, simulated

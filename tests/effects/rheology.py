@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from lava_ros.effects.column import column_type
 from lava_ros.effects.laws import law_of, law_type, speed_function
 from lava_ros.scene import Lava
 from lava_ros.simulation import Particles
@@ -39,7 +40,7 @@ def scattered(effects, *, slope=0.1, precision='float64', device='cpu', longest_
 
 def responses(effects, lava, slopes, thickness, device):
     """Return mobility and its bound [m/s] from the device function, shape [slopes, 2]."""
-    speed = speed_function(wp, wp.float64, law_type(wp.float64), effects)
+    speed, column_struct = speed_function(wp, wp.float64, effects), column_type(wp.float64)
 
     @wp.kernel(module='unique', enable_backward=False)
     def evaluate(
@@ -47,8 +48,11 @@ def responses(effects, lava, slopes, thickness, device):
         found: wp.array(dtype=wp.vec2d),
     ):
         i = wp.tid()
-        temperature, age = wp.float64(1400.0), wp.float64(0.0)
-        found[i] = speed(law, wp.float64(WEIGHT), depth, slope[i], temperature, age)
+        column = column_struct()
+        column.normal_thickness = depth
+        column.slope = slope[i]
+        column.temperature = wp.float64(1400.0)
+        found[i] = speed(law, wp.float64(WEIGHT), column)
 
     found = wp.zeros(len(slopes), dtype=wp.vec2d, device=device)
     wp.launch(

@@ -10,7 +10,7 @@ import re
 import numpy as np
 import pytest
 
-from lava_ros.effects import EFFECTS
+from lava_ros.effects import considered, EFFECTS
 from lava_ros.effects.scales import Columns, footprint_change, Scales
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
@@ -30,14 +30,15 @@ def scales(lava, rest, **columns):
     rest = np.atleast_1d(np.asarray(rest, dtype=float))
     one = np.ones_like(rest)
     values = {
-        'volume': one, 'thickness': 2.0 * one, 'slope': 0.1 * one, 'ground_slope': 0.1 * one,
-        'temperature': HOT * one, 'speed': 0.1 * one, 'width': 50.0 * one, **columns,
+        'volume': one, 'thickness': 2.0 * one, 'normal_thickness': 2.0 * one,
+        'slope': 0.1 * one, 'ground_slope': 0.1 * one, 'temperature': HOT * one,
+        'speed': 0.1 * one, 'width': 50.0 * one, **columns,
     }
     vent = Vent((20.0, 20.0), 1.0, temperature=HOT)
     scene = Scene(Terrain(np.zeros((4, 4)), 10.0), (vent,), lava)
     return Scales(
-        scene=scene, columns=Columns(**values), vent_temperature=HOT, rest_temperature=rest,
-        fall=10.0, kernel_radius=5.0, spacing=2.0, duration=3600.0, is_extended=True,
+        scene=scene, effects=considered(scene), columns=Columns(**values),
+        vent_temperature=HOT, rest_temperature=rest, fall=10.0, kernel_radius=5.0, spacing=2.0, duration=3600.0, is_extended=True,
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from effects.columns import AIR, CAPACITY, check_equal, flux, HOT, HOUR, still_columns
-from lava_ros.effects.laws import heat_loss
+from lava_ros.effects.heat import heat_loss
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene
 from lava_ros.simulation import Particles

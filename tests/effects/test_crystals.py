@@ -12,7 +12,7 @@ import warp as wp
 from effects.columns import viscosities
 from effects.rheology import viscosity_precisions
 from lava_ros.effects.crystals import MIN_FREE_FRACTION
-from lava_ros.effects.laws import law_type, speed_function
+from lava_ros.effects.laws import speed_function
 from lava_ros.scene import Lava
 from solver import only
 
@@ -49,5 +49,4 @@ def test_viscosity_is_finite_at_maximum_packing(device):
 
 
 def test_newtonian_lava_compiles_no_speed_function():
-    law = law_type(wp.float32)
-    assert speed_function(wp, wp.float32, law, only('crystals')) is None
+    assert speed_function(wp, wp.float32, only('crystals')) is None

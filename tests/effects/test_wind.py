@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from effects.columns import AIR, CAPACITY, HOUR, still_columns
-from lava_ros.effects.laws import heat_loss
+from lava_ros.effects.heat import heat_loss
 from lava_ros.effects.wind import TRANSFER
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.selection import effects_for

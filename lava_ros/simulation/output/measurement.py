@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from lava_ros.effects import Effects
+from lava_ros.effects.column import normal_thickness
 from lava_ros.effects.scales import Columns, Scales, volume_quantile
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
@@ -28,12 +30,14 @@ MIN_MEASURED = 1e-6
 
 
 def measured_scales(
-    scene: Scene, accuracy: Accuracy, sample: ParticleSample, grids: Any, duration: float
+    scene: Scene, effects: Effects, accuracy: Accuracy, sample: ParticleSample, grids: Any,
+    duration: float,
 ) -> Scales:
     """Return the scales of the lava that still flows; each is measured when it is first read.
 
     Args:
         scene: The scene.
+        effects: Effects that the estimates include.
         accuracy: Its resolution, with all automatic values resolved.
         sample: The particles, at least one.
         grids: Maps on the device, as for a snapshot (``diagnostics.snapshot_of``).
@@ -52,9 +56,11 @@ def measured_scales(
         heights = terrain.elevations_at(np.concatenate([sample.position, sources]))
         return float(np.nanmax(heights) - np.nanmin(heights))
 
+    own = np.maximum(sample.thickness[some], MIN_MEASURED)
     columns = Columns.on_demand(
         volume=sample.volume[some],
-        thickness=np.maximum(sample.thickness[some], MIN_MEASURED),
+        thickness=own,
+        normal_thickness=lambda: normal_thickness(own, columns.ground_slope, effects),
         slope=lambda: np.maximum(_measure_slopes(terrain, here, thickness()), MIN_MEASURED),
         ground_slope=lambda: _measure_slopes(terrain, here, *map(read, maps[1:])),
         temperature=sample.temperature[some],
@@ -63,6 +69,7 @@ def measured_scales(
     )
     return scales_of(
         scene,
+        effects,
         columns,
         fall=fall,
         spacing=accuracy.spacing,

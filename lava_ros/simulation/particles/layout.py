@@ -11,7 +11,8 @@ import warp as wp
 
 from lava_ros.effects import EFFECTS
 from lava_ros.effects.effect import Array, join_names
-from lava_ros.effects.laws import heat_type, law_type
+from lava_ros.effects.heat import heat_type
+from lava_ros.effects.laws import law_type
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 
@@ -49,10 +50,11 @@ ARRAYS = {
     'rates': Array('real', 2),
     'top': Array('real', 1),
     'share': Array('real'),
-    'age': Array('real', is_carried=True),
+    'emission_time': Array('float64', is_carried=True),
     'velocity': Array('vec2', is_carried=True),
     'slope': Array('vec2'),
     'remainder': Array('vec2', is_carried=True),
+    'temperature_remainder': Array('real', is_carried=True),
     'surface': Array('vec2'),
     'flow': Array('vec3'),
     'particle': Array('vec4'),
@@ -171,7 +173,7 @@ def arguments_type(real: Any) -> Any:
         'cells': cell_frame(real),
         'constants': flow_constants_of(real),
         'law': law_type(real),
-        'heat': heat_type(real),
+        'heat': heat_type(wp.float64),
     }
     for name, array in (ARRAYS | _MORE_ARRAYS).items():
         types[name] = wp.array(dtype=kinds[array.dtype])
@@ -179,6 +181,12 @@ def arguments_type(real: Any) -> Any:
             types[f'ordered_{name}'] = types[name]
     members = {'__annotations__': types, '__module__': __name__}
     return wp.struct(type('MotionArguments', (), members))
+
+
+@wp.func
+def age_at(time: wp.float64, emission_time: wp.float64) -> wp.float64:
+    """Return the age of lava [s] at a simulated time, never below 0 by rounding."""
+    return wp.max(time - emission_time, wp.float64(0.0))
 
 
 def count_in(counts: np.ndarray) -> int:

@@ -57,7 +57,7 @@ MAX_PARTICLES_PER_CELL = 2**15
 @lru_cache
 def _kernels(
     real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_mean: bool,
-    has_empty: bool, is_ranked_again: bool,
+    has_empty: bool, is_ranked_again: bool, has_temperature_remainder: bool,
 ) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
     load, store = compiled.access(real, 4)
@@ -134,7 +134,9 @@ def _kernels(
         if wp.static(has_velocity):
             store_pair(m.ordered_velocity, place, load_pair(m.velocity, i))
         if wp.static(has_age):
-            m.ordered_age[place] = m.age[i]
+            m.ordered_emission_time[place] = m.emission_time[i]
+        if wp.static(has_temperature_remainder):
+            m.ordered_temperature_remainder[place] = m.temperature_remainder[i]
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
             if m.counts[at.STAGE] > 0:
                 store(m.ordered_base, place, load(m.base, i))
@@ -148,7 +150,7 @@ def _kernels(
 def _kernels_of(state: State) -> tuple[Any, ...]:
     return _kernels(
         state.real, state.is_staged, state.has_velocity, state.has_age, state.has_mean,
-        state.has_empty, state.is_ranked_again,
+        state.has_empty, state.is_ranked_again, state.has_temperature_remainder,
     )
 
 

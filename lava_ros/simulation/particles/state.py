@@ -57,7 +57,10 @@ class State:
         ordered: ``particle`` in the order of the neighbour grid's cells.
         remainder: Only in float32: rounding error of each particle's position [m]. Without it slow
             lava far from the centre would never move.
-        age: Only if an effect needs it: time since each particle was emitted [s].
+        temperature_remainder: Only in float32, if temperatures change: rounding error of each
+            particle's temperature [K]. Without it lava would not cool in short steps.
+        emission_time: Only if an effect needs the age of lava: simulated time at which each
+            particle was emitted [s], float64. An age is the clock minus this time.
         velocity: Only if an effect needs it: velocity of each particle in the middle of the latest
             step [m/s].
         slope: Only if an effect needs it: gradient of the surface at each ordered particle.
@@ -112,6 +115,7 @@ class State:
         self.is_staged = accuracy.integrator != 'euler' and not self.has_velocity
         self.order = 1 if accuracy.integrator == 'rkl1' else 2
         self.has_remainder = accuracy.precision == 'float32'
+        self.has_temperature_remainder = self.has_remainder and bool(effects.having('terms'))
         self.is_deterministic = accuracy.deterministic
         # a step of fixed length is not limited
         self.is_guarded = accuracy.fixed_step is None
@@ -141,10 +145,11 @@ class State:
     def _arrays(self) -> dict[str, Array]:
         """Specifications of all arrays of this state, by name: its own and its effects'."""
         is_needed = {
-            'age': self.has_age,
+            'emission_time': self.has_age,
             'velocity': self.has_velocity,
             'slope': self.effects.any('needs_drop'),
             'remainder': self.has_remainder,
+            'temperature_remainder': self.has_temperature_remainder,
             'surface': self.has_surface,
             'base': self.is_staged,
             'drift': self.is_staged,
@@ -273,10 +278,8 @@ class State:
     @property
     def _carried(self) -> list[str]:
         """Names of the arrays that particles carry from step to step, each with a twin."""
-        names = ['remainder'] if self.has_remainder else []
-        names += [name for name, array in self.effects.arrays.items() if array.is_carried]
-        names += ['velocity'] if self.has_velocity else []
-        return names + (['age'] if self.has_age else [])
+        of_step, arrays = ('base', 'drift', 'mean_temperature'), self._arrays.items()
+        return [name for name, array in arrays if array.is_carried and name not in of_step]
 
     @property
     def _of_step(self) -> tuple[str, ...]:
@@ -317,17 +320,21 @@ class State:
     def write_particles(self, values: np.ndarray) -> None:
         """Replace all particles by rows of (x, y from the centre, volume, temperature), float64.
 
-        The first rows are the existing particles: they keep their velocity and age.
+        The first rows are the existing particles: they keep their velocity and emission time. The
+        new ones are emitted now.
         """
         count = min(self.count, len(values))
         kept = {name: getattr(self, name).numpy()[:count].copy() for name in self._carried}
         if self.has_remainder:
             kept['remainder'] = values[:, :2] - values[:, :2].astype(np.float32)
+        if self.has_temperature_remainder:
+            kept['temperature_remainder'] = values[:, 3] - values[:, 3].astype(np.float32)
         if len(values) > FULLEST * self.capacity:
             self._allocate(room_for(len(values)))
         self._put('particle', values)
         for name in self._carried:
             getattr(self, name).zero_()
+        self._begin_ages()
         for name, former in kept.items():
             self._put(name, former)
         self.write_count(at.PARTICLES, len(values))
@@ -340,6 +347,13 @@ class State:
         for name in ('particle', *carried, 'clock', 'counts', 'top', 'left', *totals):
             wp.copy(getattr(self, name), getattr(former, name))
         self.arrived = former.arrived
+        if not former.has_age:
+            self._begin_ages()
+
+    def _begin_ages(self) -> None:
+        """Let all lava count as emitted now, if an effect needs its age."""
+        if self.has_age:
+            self.emission_time.fill_(self.read_clock()[0][at.TIME])
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy all arrays that the next step depends on, between two steps, by name."""
@@ -389,6 +403,8 @@ class State:
         rows = read(self.particle[:count]).astype(np.float64)
         if self.has_remainder:
             rows[:, :2] += read(self.remainder[:count])
+        if self.has_temperature_remainder:
+            rows[:, 3] += read(self.temperature_remainder[:count])
         return rows
 
 

@@ -25,7 +25,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from lava_ros.effects.laws import heat_balance
+from lava_ros.effects import considered, Effects
+from lava_ros.effects.column import normal_thickness
+from lava_ros.effects.heat import host_temperature
+from lava_ros.effects.laws import Rheology
 from lava_ros.effects.scales import Columns
 from lava_ros.scene import Scene, Terrain, Vent
 
@@ -110,23 +113,30 @@ class _Source:
     temperature: float
 
 
-#: Courses found so far, by scene and horizon [s].
-_found = WeakKeyDictionary[Scene, dict[float, Course | None]]()
+#: Courses found so far, by scene, and by effects and horizon [s].
+_found = WeakKeyDictionary[Scene, dict[tuple[Effects, float], Course | None]]()
 
 
-def course_of(scene: Scene, *, horizon: float) -> Course | None:
-    """Return the expected course of the flow up to a horizon [s]; None without a discharge."""
+def course_of(
+    scene: Scene, effects: Effects | None = None, *, horizon: float
+) -> Course | None:
+    """Return the expected course of the flow up to a horizon [s]; None without a discharge.
+
+    ``effects`` are those whose laws the lava follows, by default all that the scene has.
+    """
+    effects = considered(scene) if effects is None else effects
     courses = _found.setdefault(scene, {})
-    if horizon not in courses:
-        courses[horizon] = _find_course(scene, horizon)
-    return courses[horizon]
+    key = effects, horizon
+    if key not in courses:
+        courses[key] = _find_course(scene, effects, horizon)
+    return courses[key]
 
 
-def _find_course(scene: Scene, horizon: float) -> Course | None:
+def _find_course(scene: Scene, effects: Effects, horizon: float) -> Course | None:
     sources = _sources(scene, horizon)[:MAX_SOURCES]
     if not sources:
         return None
-    paths = [_follow(scene, source, horizon) for source in sources]
+    paths = [_follow(scene, effects, source, horizon) for source in sources]
     largest = paths[0][0]
     thickness = largest.quantile(largest.thickness, 0.5)
     width = largest.quantile(largest.width, NARROW)
@@ -135,7 +145,8 @@ def _find_course(scene: Scene, horizon: float) -> Course | None:
         for item in fields(Columns)
     ))
     momentum = scene.lava.density * columns.speed * columns.thickness
-    viscosity = [scene.lava.viscosity_at(value) for value in columns.temperature.tolist()]
+    rheology = Rheology(scene.lava, effects)
+    viscosity = [rheology.viscosity_at(value) for value in columns.temperature.tolist()]
     reynolds = columns.quantile(momentum / viscosity, 0.9)
     return Course(columns, width, thickness, max(fall for _, fall in paths), reynolds)
 
@@ -200,10 +211,13 @@ def _peak(vents: Sequence[Vent], horizon: float) -> float:
     return max(sum(vent.discharge_at(time) for vent in vents) for time in times)
 
 
-def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, float]:
+def _follow(
+    scene: Scene, effects: Effects, source: _Source, horizon: float
+) -> tuple[Columns, float]:
     """Follow the lava of a source; return its columns, and its descent [m]."""
     lava, weight = scene.lava, scene.lava.density * scene.gravity
-    viscosity = lava.viscosity_at(source.temperature)
+    rheology = Rheology(lava, effects)
+    viscosity = rheology.viscosity_at(source.temperature)
     scale = (3.0 * viscosity * source.discharge / weight) ** 0.25
     terrain = _averaged(scene.terrain, round(_CELL * scale / scene.terrain.resolution))
     x0, y0, x1, y1 = terrain.extent
@@ -213,7 +227,7 @@ def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, flo
     path, height = _descent(terrain, source.places.mean(axis=0))
     if len(path) < 3:
         slope = _local_slope(scene.terrain, source.places.mean(axis=0))
-        return _on_level_ground(source, scale, level, slope), 0.0
+        return _on_level_ground(source, scale, level, slope, effects), 0.0
     steps = np.hypot(*np.diff(path, axis=0).T)
     step = 0.5 * (steps[1:] + steps[:-1])
     along = path[2:] - path[:-2]
@@ -224,23 +238,32 @@ def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, flo
     spread = across @ source.places.T
     extent = np.ptp(spread, axis=1) + 2.0 * source.radius
     drop = np.minimum(slope, _MAX_SLOPE)
-    fall = drop / (1.0 + drop**2) ** 2
+    # cos^2 b: the stress at the base is rho g h tan b cos^2 b, the speed that times h cos^2 b
+    square = normal_thickness(np.ones_like(slope), drop, effects) ** 2
+    pull = drop * square
     distance = np.cumsum(step)
     temperature, width = np.full(len(step), source.temperature), np.full(len(step), np.inf)
+    age, mean = np.zeros(len(step)), np.full(len(step), scale)
     for _ in range(_ITERATIONS):
-        mu = np.array([lava.viscosity_at(value) for value in temperature.tolist()])
-        flux = 3.0 * mu * source.discharge / (weight * fall)
-        strength = np.array([lava.yield_strength_at(value) for value in temperature.tolist()])
+        mu = np.array([rheology.viscosity_at(value) for value in temperature.tolist()])
+        flux = 3.0 * mu * source.discharge / (weight * pull * square)
+        across = normal_thickness(mean, drop, effects)
+        strength = np.array([
+            rheology.strength_at(*column)
+            for column in zip(temperature.tolist(), across.tolist(), age.tolist(), strict=True)
+        ])
         widest = _SMITH * (distance / slope) ** (3.0 / 7.0) * flux ** (1.0 / 7.0)
         widest = np.minimum(np.maximum(widest, extent), max(level, float(extent.max())))
         widest = np.minimum(widest, _COVERED * width)
         width, area, thickness = _normal_depth(
-            terrain, path[1:-1], along, widest, flux, strength / (weight * slope)
+            terrain, path[1:-1], along, widest, flux, strength / (weight * pull)
         )
         speed = source.discharge / area
         # the surface that loses heat is as wide as the flow
         mean = area / width
-        temperature = _cooled_on_the_way(scene, source.temperature, mean, speed, step)
+        temperature, age = _cooled_on_the_way(
+            scene, effects, source.temperature, mean, drop, speed, step
+        )
         # solid lava is not stiffer: the first section has lava even if it is that cold
         temperature = np.maximum(temperature, lava.solidus)
     is_liquid = np.minimum.accumulate(temperature) > lava.solidus
@@ -252,6 +275,7 @@ def _follow(scene: Scene, source: _Source, horizon: float) -> tuple[Columns, flo
     columns = Columns(
         volume=np.diff(filled, prepend=0.0),
         thickness=thickness,
+        normal_thickness=normal_thickness(thickness, slope, effects),
         slope=np.maximum(slope, thickness / (distance[count - 1] + scale)),
         ground_slope=slope,
         temperature=temperature,
@@ -292,13 +316,14 @@ def _local_slope(terrain: Terrain, place: np.ndarray) -> float:
 
 
 def _on_level_ground(
-    source: _Source, scale: float, width: float, ground_slope: float
+    source: _Source, scale: float, width: float, ground_slope: float, effects: Effects
 ) -> Columns:
     """Return the column of a flow that spreads as if on level ground, where no path leads away."""
     radius, thickness = 0.5 * width, _MEAN_THICKNESS * scale
     values = {
         'volume': source.volume,
         'thickness': thickness,
+        'normal_thickness': normal_thickness(thickness, ground_slope, effects),
         'slope': max(thickness / radius, ground_slope),
         'ground_slope': ground_slope,
         'temperature': source.temperature,
@@ -309,20 +334,23 @@ def _on_level_ground(
 
 
 def _cooled_on_the_way(
-    scene: Scene, temperature: float, thickness: np.ndarray, speed: np.ndarray, step: np.ndarray
-) -> np.ndarray:
-    """Return the temperature [K] of lava at the end of each step [m] of its path."""
-    balance, age, reached = heat_balance(scene), 0.0, []
-    for h, u, length in zip(thickness.tolist(), speed.tolist(), step.tolist(), strict=True):
-        time = length / u
-        age += 0.5 * time
-        rate, source = balance(h, temperature, age, u)
-        age += 0.5 * time
-        if rate > 0.0:
-            rest = source / rate
-            temperature = rest + (temperature - rest) * math.exp(-rate * time)
+    scene: Scene, effects: Effects, temperature: float, thickness: np.ndarray,
+    slope: np.ndarray, speed: np.ndarray, step: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return temperature [K] and age [s] of lava at the end of each step [m] of its path."""
+    cooled = host_temperature(scene, effects)
+    time = step / speed
+    age, reached = np.cumsum(time), []
+    columns = np.column_stack([
+        normal_thickness(thickness, slope, effects), age - time, slope * speed, speed, time
+    ])
+    for across, begun, drop, u, duration in columns.tolist():
+        temperature = cooled(
+            normal_thickness=across, temperature=temperature, age=begun, drop=drop, speed=u,
+            step=duration,
+        )
         reached.append(temperature)
-    return np.array(reached)
+    return np.array(reached), age
 
 
 def _descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:

@@ -33,7 +33,8 @@ _ROUNDING = 1e-9
 
 @lru_cache
 def emission_function(
-    real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins: bool
+    real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins: bool,
+    has_temperature_remainder: bool,
 ) -> Any:
     """Return the device function that releases the particles that are due from every k-th vent.
 
@@ -70,7 +71,9 @@ def emission_function(
                 velocity = outlets.vents[v].velocity
                 m.velocity[i] = vec2(real(velocity[0]), real(velocity[1]))
             if wp.static(has_age):
-                m.age[i] = real(0.0)
+                m.emission_time[i] = m.clock[TIME]
+            if wp.static(has_temperature_remainder):
+                m.temperature_remainder[i] = real(0.0)
             place = place_of(v, outlets.released[v] + n, outlets)
             volume, heat = real(outlets.particle_volume), real(outlets.vents[v].temperature)
             p = vec4(real(place[0]), real(place[1]), volume, heat)

@@ -39,7 +39,8 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.effects.laws import LATERAL_DRAG, law_type, speed_function, viscosity_function
+from lava_ros.effects.column import column_type
+from lava_ros.effects.laws import LATERAL_DRAG, speed_function, viscosity_function
 from lava_ros.simulation.backend.compiled import (
     access,
     FEW_THREADS,
@@ -57,10 +58,12 @@ from lava_ros.simulation.particles.cells import (
 from lava_ros.simulation.particles.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.particles.layout import (
     ADVECTION,
+    age_at,
     arguments_type,
     DIFFUSION,
     PARTICLES,
     STAGE,
+    TIME,
 )
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
@@ -76,15 +79,15 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     _, store = access(real, 4)
-    viscosity = viscosity_function(wp, real, law_type(real), effects)
+    viscosity = viscosity_function(wp, real, effects)
     _, x_k1 = bessel(real)
     # each form of the lateral stress has its own limit of stability
     green, helmholtz = 'green' in effects, 'helmholtz' in effects
     steep, along = effects.function('factor', real), effects.function('along', real)
-    speed = speed_function(wp, real, law_type(real), effects)
+    speed = speed_function(wp, real, effects)
     has_age, has_velocity = effects.any('needs_age'), effects.any('needs_velocity')
     is_lateral, has_drop = effects.any('is_lateral'), effects.any('needs_drop')
-    raised = raise_to(real)
+    column_struct, raised = column_type(real), raise_to(real)
     fallen, bend_at = fall_function(real), terrain_functions(real).bend_at
 
     @wp.func
@@ -101,16 +104,20 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 mobility *= steep(ground)
             largest = mobility
         else:
-            depth = height
-            fall = wp.length(surface)
+            column = column_struct()
+            column.thickness = height
+            column.normal_thickness = height
+            column.slope = wp.length(surface)
+            column.temperature = temperature
+            on_map = real(1.0)
             if wp.static(along is not None):
                 layer = along(height, surface, ground)
-                depth = layer[0]
-                fall = layer[1]
-            age = real(0.0)
+                column.normal_thickness = layer[0]
+                column.slope = layer[1]
+                on_map = layer[2]
             if wp.static(has_age):
-                age = m.ordered_age[i]
-            response = speed(m.law, weight, depth, fall, temperature, age)
+                column.age = real(age_at(m.clock[TIME], m.ordered_emission_time[i]))
+            response = on_map * speed(m.law, weight, column)
             mobility = response[0]
             largest = response[1]
         velocity = -mobility * surface

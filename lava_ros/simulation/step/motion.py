@@ -14,16 +14,17 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.effects.column import column_type
+from lava_ros.effects.heat import temperature_function
 from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.own_ground import note_function
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import bin_function
-from lava_ros.simulation.particles.layout import arguments_type
+from lava_ros.simulation.particles.layout import age_at, arguments_type
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
-from lava_ros.simulation.step.heat import temperature_function
 from lava_ros.simulation.step.outlets import Outlets
 from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
 
@@ -94,8 +95,10 @@ def motion_function(
     gradient_at, _, height_at, *_ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    temperature_after = temperature_function(real, effects)
-    heats = temperature_after is not None
+    temperature_after = temperature_function(wp, wp.float64, effects)
+    heats, column_struct = temperature_after is not None, column_type(wp.float64)
+    has_temperature_remainder = heats and real is wp.float32
+    cosine_squared = effects.function('cosine_squared', real)
     note = note_function(real, False)
     has_age, has_mean = effects.any('needs_age'), effects.any('stiffens')
     has_velocity, has_speed = effects.any('needs_velocity'), effects.any('needs_speed')
@@ -141,15 +144,26 @@ def motion_function(
             if wp.static(has_mean):
                 m.mean_temperature[i] = m.ordered_mean_temperature[i]
         temperature = p[3]
-        time_out = real(0.0)
         if wp.static(has_age):
-            time_out = m.ordered_age[i]
-            m.age[i] = time_out
-            if m.counts[at.IS_LAST] == 1:
-                m.age[i] = time_out + real(m.clock[at.STEP])
+            m.emission_time[i] = m.ordered_emission_time[i]
+        if wp.static(has_temperature_remainder):
+            m.temperature_remainder[i] = m.ordered_temperature_remainder[i]
         if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
             if m.counts[at.IS_LAST] == 1:
-                step = real(m.clock[at.STEP])
+                step = m.clock[at.STEP]
+                column = column_struct()
+                column.thickness = wp.float64(f[0])
+                column.normal_thickness = column.thickness
+                if wp.static(cosine_squared is not None):
+                    share = cosine_squared(gradient_at(m.ground, p[0], p[1]))
+                    column.normal_thickness *= wp.sqrt(wp.float64(share))
+                exact = wp.float64(temperature)
+                if wp.static(has_temperature_remainder):
+                    exact += wp.float64(m.ordered_temperature_remainder[i])
+                age = wp.float64(0.0)
+                if wp.static(has_age):
+                    # the clock is at the end of the step
+                    age = age_at(m.clock[at.TIME] - step, m.ordered_emission_time[i])
                 drop = real(0.0)
                 if wp.static(falls):
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
@@ -159,14 +173,15 @@ def motion_function(
                         drop += wp.dot(ground, vec2(dx, dy))
                         drop += height_at(m.ground, x, y)
                         drop -= height_at(m.ground, x + dx, y + dy)
-                speed = real(0.0)
+                column.drop = wp.float64(drop) / step
                 if wp.static(has_speed):
-                    speed = wp.sqrt(dx * dx + dy * dy) / step
-                temperature = temperature_after(
-                    m.heat, f[0], temperature, time_out, drop, speed, step
-                )
+                    column.speed = wp.float64(wp.sqrt(dx * dx + dy * dy)) / step
+                exact = temperature_after(m.heat, column, exact, age, step)
+                temperature = real(exact)
+                if wp.static(has_temperature_remainder):
+                    m.temperature_remainder[i] = real(exact - wp.float64(temperature))
         if wp.static(freezes):  # noqa: SIM102, the static test decides
-            if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
+            if m.counts[at.IS_LAST] == 1 and wp.float64(temperature) < m.heat.solidus:
                 m.cold[0] = 1
         if wp.static(real is wp.float32):
             rest = load_pair(m.ordered_remainder, i)

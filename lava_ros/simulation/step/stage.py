@@ -10,7 +10,8 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects.laws import heat_of, law_of
+from lava_ros.effects.heat import heat_of
+from lava_ros.effects.laws import law_of
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.threads import launch_over
@@ -55,7 +56,7 @@ class Stage:
         self.constants = _flow_constants(scene, accuracy, self._radius, state.real)
         neighbors.set_constants(
             law=law_of(scene.lava, state.real),
-            heat=heat_of(scene, state.effects, state.real),
+            heat=heat_of(scene, state.effects, wp.float64),
             constants=self.constants,
         )
         gradient = accuracy.gradient if state.has_surface else 'energy'
@@ -94,7 +95,7 @@ class Stage:
         pace, way, outlets = self._pace_of(scene, vents), self._arguments(), vents.outlets
         emission = emission_function(
             state.real, vents.is_symmetric, state.has_velocity, state.has_age,
-            state.bins_in_motion,
+            state.bins_in_motion, state.has_temperature_remainder,
         )
         emits_in_motion = emission if state.bins_in_motion else None
         choice = choice_within_motion(state, pace, outlets, emits_in_motion)

@@ -30,7 +30,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.effects.laws import heat_type
+from lava_ros.effects.heat import heat_type
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import access, quick_kernel
@@ -59,7 +59,8 @@ def _kernels(
     slope = smoothing_kernel(kernel_name, real).slope
     _, _, cells_around, range_in = cell_functions(real)
     load, _ = access(real, 4)
-    warmed = effects.function('warmed', wp, real, heat_type(real))
+    warmed = effects.function('warmed', wp, wp.float64, heat_type(wp.float64))
+    has_temperature_remainder = bool(effects.having('terms')) and real is wp.float32
 
     @quick_kernel
     def wait(thread: int, m: arguments_type(real), rate: wp.float64):
@@ -121,10 +122,15 @@ def _kernels(
                         rise += weight * (m.warmth[j] - own)
             rise *= step * factor
             now = m.particle[i]
+            before = wp.float64(own)
+            if wp.static(has_temperature_remainder):
+                before += wp.float64(m.temperature_remainder[i])
+            after = before + wp.float64(rise)
             if wp.static(warmed is not None):
-                m.particle[i] = vec4(now[0], now[1], now[2], warmed(m.heat, own, rise))
-            else:
-                m.particle[i] = vec4(now[0], now[1], now[2], own + rise)
+                after = warmed(m.heat, before, wp.float64(rise))
+            if wp.static(has_temperature_remainder):
+                m.temperature_remainder[i] = real(after - wp.float64(real(after)))
+            m.particle[i] = vec4(now[0], now[1], now[2], real(after))
 
     @quick_kernel
     def keep(thread: int, m: arguments_type(real)):

@@ -40,7 +40,8 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.effects.laws import law_type, speed_function, viscosity_function
+from lava_ros.effects.column import column_type
+from lava_ros.effects.laws import speed_function, viscosity_function
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import access, quick_kernel, raise_to
@@ -49,12 +50,14 @@ from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import (
     ADVECTION,
+    age_at,
     arguments_type,
     CURRENT,
     DIFFUSION,
     FORMER_STEP,
     PARTICLES,
     STEP,
+    TIME,
 )
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
@@ -71,32 +74,34 @@ _EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
 
 @lru_cache
 def _column_function(real: Any, effects: Effects) -> Any:
-    """Return the device function for temperature [K] and age [s], which laws of flow depend on.
+    """Return the device function for a particle's column, without its slope.
 
     The temperature is the mean around a particle, once ``mean_temperature`` has been computed.
     """
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+    vec4, column_struct = wp.types.vector(4, real), column_type(real)
 
     @wp.func
-    def law_arguments(i: int, p: vec4, m: arguments_type(real)) -> vec2:
-        temperature = p[3]
+    def column_of(i: int, p: vec4, m: arguments_type(real)) -> column_struct:
+        column = column_struct()
+        column.thickness = m.flow[i][0]
+        column.normal_thickness = column.thickness
+        column.temperature = p[3]
         if wp.static(effects.any('stiffens')):
-            temperature = m.ordered_mean_temperature[i]
-        age = real(0.0)
+            column.temperature = m.ordered_mean_temperature[i]
         if wp.static(effects.any('needs_age')):
-            age = m.ordered_age[i]
-        return vec2(temperature, age)
+            column.age = real(age_at(m.clock[TIME], m.ordered_emission_time[i]))
+        return column
 
-    return law_arguments
+    return column_of
 
 
 @lru_cache
 def _drag_function(real: Any, effects: Effects) -> Any:
     """Return the device function that slows a velocity down over a time."""
-    vec2 = wp.types.vector(2, real)
-    viscosity = viscosity_function(wp, real, law_type(real), effects)
-    speed = speed_function(wp, real, law_type(real), effects)
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    column_struct = column_type(real)
+    viscosity = viscosity_function(wp, real, effects)
+    speed = speed_function(wp, real, effects)
     along = effects.function('along', real)
     up = effects.function('along', real, climbs=True)
 
@@ -104,8 +109,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
     def slowed(
         velocity: vec2,
         fall: real,
-        height: real,
-        column: vec2,
+        column: column_struct,
         ground: vec2,
         m: arguments_type(real),
     ) -> vec2:
@@ -114,21 +118,25 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         weight = m.constants.weight
         if pace == real(0.0) or fall == real(0.0):
             return velocity
-        layer = vec2(height, real(1.0))
+        layer = vec3(column.thickness, real(1.0), real(1.0))
         if wp.static(along is not None):
-            layer = along(height, velocity / pace, ground)
+            layer = along(column.thickness, velocity / pace, ground)
             if wp.dot(velocity, ground) > real(0.0):
-                layer = up(height, velocity / pace, ground)
+                layer = up(column.thickness, velocity / pace, ground)
         if wp.static(speed is None):
-            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(m.law, column[0]))
+            mobility = layer[2] * weight * layer[0] * layer[0]
+            mobility /= real(3.0) * viscosity(m.law, column.temperature)
         else:
             # Newton's method from above: the bound of du/ds keeps it above
             slope = pace / fall
-            response = speed(m.law, weight, layer[0], layer[1] * slope, column[0], column[1])
+            column.normal_thickness = layer[0]
+            column.slope = layer[1] * slope
+            response = layer[2] * speed(m.law, weight, column)
             for _ in range(_ITERATIONS):
                 change = (slope * (response[0] + fall) - pace) / (response[1] + fall)
                 slope -= change
-                response = speed(m.law, weight, layer[0], layer[1] * slope, column[0], column[1])
+                column.slope = layer[1] * slope
+                response = layer[2] * speed(m.law, weight, column)
                 if change <= real(_CHANGE) * slope:
                     break
             mobility = response[0]
@@ -148,9 +156,9 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
     _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load, _ = access(real, 4)
-    law_arguments = _column_function(real, effects)
-    viscosity = viscosity_function(wp, real, law_type(real), effects)
-    is_newtonian = speed_function(wp, real, law_type(real), effects) is None
+    column_of = _column_function(real, effects)
+    viscosity = viscosity_function(wp, real, effects)
+    is_newtonian = speed_function(wp, real, effects) is None
     slowed = _drag_function(real, effects)
     steep, heats = effects.function('along', real) is not None, effects.any('needs_drop')
 
@@ -178,13 +186,13 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
             return
         p = load(m.ordered, i)
         height = m.flow[i][0]
-        column = law_arguments(i, p, m)
+        column = column_of(i, p, m)
         ground = gradient_at(m.ground, p[0], p[1])
         g = m.constants.gravity * share_of(ground)
         fall = -g * vec2(m.flow[i][1], m.flow[i][2])
         m.kick[i] = fall
         half = real(wp.float64(0.5) * m.clock[STEP])
-        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, column, ground, m)
+        u = slowed(m.ordered_velocity[i] + half * fall, half * g, column, ground, m)
         m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * m.constants.stiffness
@@ -193,7 +201,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         drag = real(0.0)
         if wp.static(is_newtonian):
             mobility = m.constants.weight * height * height
-            mobility /= real(3.0) * viscosity(m.law, column[0])
+            mobility /= real(3.0) * viscosity(m.law, column.temperature)
             drag = g
         root = wp.sqrt(drag * drag + real(4.0) * number * square * mobility * mobility)
         advection = wp.length(u) / m.constants.reach
@@ -242,8 +250,8 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         old = m.ordered_velocity[i]
         free = old + time * (m.kick[i] + lift) + step * scale * push
         fall = time * g * share_of(ground)
-        column = law_arguments(i, p, m)
-        new = slowed(free, fall, f[0], column, ground, m)
+        column = column_of(i, p, m)
+        new = slowed(free, fall, column, ground, m)
         m.velocity[i] = new
         if wp.static(heats):
             # the slope that balances the drag: its work is the heat, not that of the weight

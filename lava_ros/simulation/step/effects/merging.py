@@ -10,7 +10,7 @@ spacing. Where lava has thinned again, a particle splits into halves, which are 
 line to the nearest neighbour, down to the volume that vents emit.
 
 Volume is conserved bitwise: particles merge only where the sum of their volumes has no rounding,
-as for equal volumes, and halving has none. The sums of V x, V T, V times age and, with inertia,
+as for equal volumes, and halving has none. The sums of V x, V T, V times emission time and, with inertia,
 V u are conserved to rounding.
 """
 
@@ -51,7 +51,8 @@ STRETCHED = 2.5
 
 @lru_cache
 def _kernels(
-    real: Any, has_velocity: bool, has_age: bool, is_ordered: bool, threads: int
+    real: Any, has_velocity: bool, has_age: bool, has_temperature_remainder: bool,
+    is_ordered: bool, threads: int,
 ) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
@@ -144,8 +145,12 @@ def _kernels(
         if wp.static(has_velocity):
             m.velocity[i] = real(a) * m.velocity[i] + real(b) * m.velocity[j]
         if wp.static(has_age):
-            m.age[i] = real(a) * m.age[i] + real(b) * m.age[j]
+            m.emission_time[i] = a * m.emission_time[i] + b * m.emission_time[j]
         temperature = a * wp.float64(p[3]) + b * wp.float64(o[3])
+        if wp.static(has_temperature_remainder):
+            temperature += a * wp.float64(m.temperature_remainder[i])
+            temperature += b * wp.float64(m.temperature_remainder[j])
+            m.temperature_remainder[i] = real(temperature - wp.float64(real(temperature)))
         m.particle[i] = vec4(real(place[0]), real(place[1]), both, real(temperature))
         m.particle[j] = vec4(o[0], o[1], real(0.0), o[3])
 
@@ -188,7 +193,9 @@ def _kernels(
         if wp.static(has_velocity):
             m.velocity[slot] = m.velocity[i]
         if wp.static(has_age):
-            m.age[slot] = m.age[i]
+            m.emission_time[slot] = m.emission_time[i]
+        if wp.static(has_temperature_remainder):
+            m.temperature_remainder[slot] = m.temperature_remainder[i]
 
     @quick_kernel
     def split(thread: int, m: arguments_type(real)):
@@ -226,7 +233,8 @@ class AfterStep:
         """Merge particles that have converged and split those that have been stretched."""
         threads = state.rare_threads
         wait, choose, merge, split, count = _kernels(
-            state.real, state.has_velocity, state.has_age, state.is_deterministic, threads
+            state.real, state.has_velocity, state.has_age, state.has_temperature_remainder,
+            state.is_deterministic, threads,
         )
         state.launches(wait, [way, EVERY])
         state.launches(choose, [way, self._area, self._least], dim=threads)

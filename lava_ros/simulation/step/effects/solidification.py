@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from lava_ros.effects.laws import heat_loss
+from lava_ros.effects.heat import heat_loss
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
