@@ -102,7 +102,7 @@ def test_particles_of_the_emitted_volume_do_not_split(device):
     assert len(rows_of(simulation)) == 100
 
 
-def test_merging_and_splitting_keep_momentum_and_age(device):
+def test_merging_and_splitting_keep_momentum_and_emission_time(device):
     effects = only('cooling', 'inertia', 'ground', 'merging')
     for spacing, volume in ((2.5, 25.0), (10.0, 100.0)):
         simulation = simulation_of(device, lattice(spacing, 12, volume), effects)
@@ -113,10 +113,11 @@ def test_merging_and_splitting_keep_momentum_and_age(device):
 
         def sums(state=state):
             volumes = state.read_particles()[:, 2]
-            carried = [item.numpy()[: len(volumes)] for item in (state.velocity, state.age)]
+            arrays = state.velocity, state.emission_time
+            carried = [item.numpy()[: len(volumes)] for item in arrays]
             return [values.astype(np.float64).T @ volumes for values in carried]
 
-        for name, draw in (('velocity', random.normal), ('age', random.uniform)):
+        for name, draw in (('velocity', random.normal), ('emission_time', random.uniform)):
             values = getattr(state, name).numpy()
             values[:] = draw(size=values.shape)
             getattr(state, name).assign(values)

@@ -105,7 +105,7 @@ def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monk
         ('freezing', 'solidification.deposit'),
         ('freezing', 'state.frozen'),
         *(('inertia', f'state.{name}') for name in ('remainder', 'velocity', 'clock')),
-        *(('crust', f'state.{name}') for name in ('age', 'waited')),
+        *(('crust', f'state.{name}') for name in ('emission_time', 'waited')),
         ('merging', 'state.moved'),
     ],
 )
