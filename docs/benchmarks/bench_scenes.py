@@ -119,9 +119,9 @@ def scenes() -> tuple[BenchScene, ...]:
                     ground((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
                     _lava(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
                     Vent(VENT, 60.0)),
-        # weak lava down a gully of 1.5 degrees between walls of 35
+        # weak lava down a gully of 0.9 degrees between walls of 35
         bench_scene('gully', 2400.0,
-                    ground((-500.0, 60.0), (-90.0, 90.0), 5.0, _gully(0.026, 0.7, 20.0)),
+                    ground((-500.0, 60.0), (-90.0, 90.0), 5.0, _gully(0.016, 0.7, 16.0)),
                     _lava(BASALT, viscosity=4000.0, arrhenius=0.02, yield_strength=8.0),
                     Vent(VENT, 12.0, radius=10.0)),
         # a discharge that falls, and lava that freezes where it comes to rest

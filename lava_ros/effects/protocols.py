@@ -31,6 +31,20 @@ class Lava(Protocol):
         """Return another constant."""
 
 
+class Rheology(Protocol):
+    """The laws of flow of a lava (``laws.Rheology``)."""
+
+    @property
+    def effects(self) -> Any:
+        """Effects that are on."""
+
+    def viscosity_at(self, temperature: float) -> float:
+        """Return the viscosity [Pa s] at a temperature [K]."""
+
+    def strength_at(self, temperature: float) -> float:
+        """Return the yield strength [Pa] at a temperature [K]."""
+
+
 class Scene(Protocol):
     """Surroundings of a lava; those that effects declare are attributes too."""
 

@@ -13,11 +13,7 @@ from typing import Any, TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from lava_ros.effects.protocols import Lava, Scene
-
-if TYPE_CHECKING:
-    from lava_ros.effects import Effects
-    from lava_ros.effects.laws import Rheology
+from lava_ros.effects.protocols import Lava, Rheology, Scene
 
 #: Fraction of the way to the solidus above which lava may solidify.
 FREEZING_THRESHOLD = 0.9
@@ -120,7 +116,7 @@ class Scales(_OnDemand):
 
     Attributes:
         scene: The scene.
-        effects: Effects that the estimates include (``effects.considered``).
+        rheology: Laws of flow with the effects that estimates include (``effects.considered``).
         columns: Columns of lava.
         vent_temperature: Temperature of the hottest vent, or the material's reference [K].
         rest_temperature: Temperature of each column after ``duration`` of radiation and convection
@@ -134,7 +130,7 @@ class Scales(_OnDemand):
     """
 
     scene: Scene
-    effects: Effects
+    rheology: Rheology
     columns: Columns
     vent_temperature: float
     rest_temperature: np.ndarray
@@ -154,14 +150,6 @@ class Scales(_OnDemand):
     def warmth(self) -> float:
         """Temperature above that of the air [K], at least 1 K: lava without vents may be cold."""
         return max(self.vent_temperature - self.scene.ambient_temperature, 1.0)
-
-    @cached_property
-    def rheology(self) -> Rheology:
-        """The laws of flow."""
-        # laws.py reads the effects' files, which import this one
-        from lava_ros.effects.laws import Rheology
-
-        return Rheology(self.lava, self.effects)
 
     @cached_property
     def viscosity(self) -> np.ndarray:

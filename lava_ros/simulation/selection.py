@@ -142,7 +142,7 @@ def scales_of(scene: Scene, effects: Effects, columns: Columns, **others: Any) -
     )
     return Scales.on_demand(
         scene=scene,
-        effects=effects,
+        rheology=Rheology(scene.lava, effects),
         columns=columns,
         vent_temperature=temperature,
         rest_temperature=lambda: _cooled_at_rest(
@@ -154,12 +154,13 @@ def scales_of(scene: Scene, effects: Effects, columns: Columns, **others: Any) -
 
 def _including(scales: Scales, name: str) -> Scales:
     """Return scales whose estimates also include an effect, for its own number."""
-    if name in scales.effects:
+    effects = scales.rheology.effects
+    if name in effects:
         return scales
     kept = ('fall', 'spacing', 'kernel_radius', 'is_extended')
     return scales_of(
         scales.scene,
-        compatible([name, *scales.effects]),
+        compatible([name, *effects]),
         scales.columns,
         **{item: partial(getattr, scales, item) for item in kept},
         duration=scales.duration,

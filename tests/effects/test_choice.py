@@ -10,7 +10,8 @@ import re
 import numpy as np
 import pytest
 
-from lava_ros.effects import considered, EFFECTS
+from lava_ros.effects import EFFECTS
+from lava_ros.effects.laws import rheology_of
 from lava_ros.effects.scales import Columns, footprint_change, Scales
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
@@ -37,7 +38,7 @@ def scales(lava, rest, **columns):
     vent = Vent((20.0, 20.0), 1.0, temperature=HOT)
     scene = Scene(Terrain(np.zeros((4, 4)), 10.0), (vent,), lava)
     return Scales(
-        scene=scene, effects=considered(scene), columns=Columns(**values),
+        scene=scene, rheology=rheology_of(lava), columns=Columns(**values),
         vent_temperature=HOT, rest_temperature=rest, fall=10.0, kernel_radius=5.0, spacing=2.0, duration=3600.0, is_extended=True,
     )
 
