@@ -92,8 +92,12 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
     def relaxation(temperature: real, rate: real, source: real, step: real) -> real:
         """Solve T' = -rate T + source, both constant."""
         x = rate * step
-        if x < real(1.0e-6):
-            return temperature + step * (source - rate * temperature)
+        if x < real(1.0e-2):
+            # (1 - exp(-x)) / x to 1e-10, without an exponential
+            mean = real(1.0) - x / real(2.0) * (
+                real(1.0) - x / real(3.0) * (real(1.0) - x / real(4.0))
+            )
+            return temperature + step * mean * (source - rate * temperature)
         equilibrium = source / rate
         return equilibrium + (temperature - equilibrium) * wp.exp(-x)
 

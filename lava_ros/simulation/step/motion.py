@@ -154,9 +154,11 @@ def motion_function(
                 column = column_struct()
                 column.thickness = wp.float64(f[0])
                 column.normal_thickness = column.thickness
+                ground = vec2()
+                if wp.static(cosine_squared is not None or (falls and not has_velocity)):
+                    ground = gradient_at(m.ground, p[0], p[1])
                 if wp.static(cosine_squared is not None):
-                    share = cosine_squared(gradient_at(m.ground, p[0], p[1]))
-                    column.normal_thickness *= wp.sqrt(wp.float64(share))
+                    column.normal_thickness *= wp.float64(wp.sqrt(cosine_squared(ground)))
                 exact = wp.float64(temperature)
                 if wp.static(has_temperature_remainder):
                     exact += wp.float64(m.ordered_temperature_remainder[i])
@@ -169,7 +171,6 @@ def motion_function(
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
                     if wp.static(not has_velocity):
                         # the actual drop of the ground, however steep it is where the step begins
-                        ground = gradient_at(m.ground, p[0], p[1])
                         drop += wp.dot(ground, vec2(dx, dy))
                         drop += height_at(m.ground, x, y)
                         drop -= height_at(m.ground, x + dx, y + dy)
