@@ -44,7 +44,6 @@ EFFECT = Effect(
     admits='1.5 % of the speed: 3/2 of the number',
     cost=footprint_change(0.015),
     source='exact sheet, verification/exact/rheology.py',
-    no_case='its stress by thickness and age adds to the strength of herschel_bulkley',
     exists=lambda lava: lava.crust_strength > 0.0,
     constants={
         'crust_strength': number(0.0, 'Strength of the crust; 0: none', 0.0, 1e9, 'Pa'),

@@ -65,6 +65,34 @@ def _sheet(
     return case.Case(name, title, source, measure, effects)
 
 
+#: Slope of a sheet that cools on a steep slope [rad], and hours after which it is measured.
+STEEP, STEEP_HOURS = math.radians(30.0), (1.0, 10.0, 100.0)
+
+
+def _run_steep(accuracy: Accuracy, device: str) -> case.Run:
+    """Compare sheets on 30 degrees, whose surface is 1 / cos b times their area on the map."""
+    runs = []
+    for effect, solution, constants in (
+        ('cooling', partial(exact.convecting_sheet, ambient=COLD), {'convection': 50.0}),
+        ('ground', partial(exact.column_on_ground, ground=COLD), {'ground_conductivity': 2.0}),
+        ('crust', partial(exact.convecting_slab, ambient=COLD),
+         {'convection': 50.0, 'conductivity': 2.0, 'crust': True}),
+    ):
+        lava = replace(STILL, **constants)
+        trial = case.layer(
+            lava, replace(SLOPING, **{effect: True}), replace(accuracy, longest_step=600.0),
+            device, thickness=THICKNESS / math.cos(STEEP), spacing=4.0, side=80.0, slope=STEEP,
+            temperature=HOT,
+        )
+        for hour in STEEP_HOURS:
+            trial.advance(3600.0 * hour)
+            expected = solution(lava, 3600.0 * hour, initial=HOT, thickness=THICKNESS)
+            found = trial.middle('temperature', 16.0).mean()
+            trial.compare(f'{effect}, {hour:g} h', found, expected, 'K', HOT - expected)
+        runs.append(trial.run())
+    return case.joined(runs)
+
+
 def _run_viscous(accuracy: Accuracy, device: str) -> case.Run:
     # a small heat capacity, to warm by degrees
     lava = replace(ISOTHERMAL, specific_heat=1.0)
@@ -254,6 +282,8 @@ CASES = (
            partial(exact.crystallising_sheet, ambient=COLD),
            {'convection': 50.0, 'latent_heat': 3.5e5, 'liquidus': 1400.0, 'solidus': 1250.0},
            ('cooling', 'latent_heat')),
+    case.Case('steep_sheet', 'sheets that cool on 30 degrees',
+              'heat balance; Carslaw & Jaeger 1959', _run_steep, ('steep', 'cooling', 'ground', 'crust')),
     case.Case('viscous_heating', 'lava that warms as it descends', 'energy balance', _run_viscous,
               ('viscous_heating', 'steep')),
     case.Case('conduction', 'step of temperature', 'error function', _run_conduction,

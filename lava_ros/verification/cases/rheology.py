@@ -188,6 +188,36 @@ def _run_laws(accuracy: Accuracy, device: str) -> case.Run:
     )
 
 
+def _run_crust(accuracy: Accuracy, device: str) -> case.Run:
+    """Compare the speeds of sheets 2 m thick that a crust holds back, up to an age of weeks.
+
+    The stress of the crust is sigma delta / d, that of the sheet rho g d sin b. The lava is so
+    viscous that it moves by millimetres.
+    """
+    runs, thickness = [], 2.0
+    for degrees in (10.0, 30.0, 45.0):
+        slope = math.radians(degrees)
+        lava = replace(ISOTHERMAL, viscosity=1e12, crust_diffusivity=5e-7)
+        # half of the stress at the base when the crust is as thick as the sheet
+        strength = 0.5 * WEIGHT * thickness * math.sin(slope)
+        trial = case.layer(
+            replace(lava, crust_strength=strength),
+            replace(SLOPING, crust_strength=True), replace(accuracy, longest_step=1e6), device,
+            thickness=thickness / math.cos(slope), slope=slope,
+        )
+        for days in (1.0, 46.0):
+            trial.advance(86400.0 * days)
+            crust = math.sqrt(lava.crust_diffusivity * 86400.0 * days)
+            expected = exact.herschel_bulkley_velocity(
+                thickness, slope, density=lava.density, consistency=lava.viscosity,
+                strength=strength * crust / thickness, index=1.0, gravity=GRAVITY,
+            )
+            found = trial.middle('velocity', MIDDLE)[:, 0].mean() / math.cos(slope)
+            trial.compare(f'{days:g} days at {degrees:g} degrees', found, expected, 'm/s')
+        runs.append(trial.run())
+    return case.joined(runs)
+
+
 CASES = (
     case.Case('herschel_bulkley', 'sheets of Bingham, power-law and Herschel-Bulkley lava',
               'Herschel & Bulkley 1926', _run_sheets, ('steep', 'yielding', 'power_law')),
@@ -198,6 +228,8 @@ CASES = (
               ('steep', 'yielding', 'vft', 'crystals')),
     case.Case('bingham_dome', 'dome left by a fixed volume', 'Nye 1952; Blake 1990', _run_dome,
               ('yielding',)),
+    case.Case('crust_strength', 'sheets held back by a crust', 'Castruccio et al. 2013',
+              _run_crust, ('steep', 'crust_strength')),
     case.Case('ridge', 'ridge left by a strip on a slope', 'after Hulme 1974', _run_ridge,
               ('steep', 'yielding')),
 )

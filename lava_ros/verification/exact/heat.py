@@ -37,6 +37,18 @@ def column_on_ground(
     return ground + (initial - ground) * math.exp(x * x) * math.erfc(x)
 
 
+def convecting_sheet(
+    lava: Lava, time: float, *, initial: float, ambient: float, thickness: float
+) -> float:
+    """Return T [K] of a mixed sheet that loses heat by convection alone after a time [s].
+
+    rho c d T' = -lambda (T - Ta), d the thickness across the sheet [m]. ``lava`` has rho, c and
+    lambda.
+    """
+    rate = lava.convection / (lava.density * lava.specific_heat * thickness)
+    return ambient + (initial - ambient) * math.exp(-rate * time)
+
+
 def convecting_slab(
     lava: Lava, time: float, *, initial: float, ambient: float, thickness: float
 ) -> float:
