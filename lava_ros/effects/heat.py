@@ -9,7 +9,8 @@ between the temperature and the equilibrium f / s for any step.
 
 A loss that depends on a column's age t falls as 1 / sqrt(t). Over a span from t0 to t1 it is
 evaluated at the age ((sqrt(t0) + sqrt(t1)) / 2)^2, the midpoint in sqrt(t), which integrates
-1 / sqrt(t) exactly, even from an age of 0.
+1 / sqrt(t) exactly, even from an age of 0. A new crust first loses the heat of a bare surface, and
+then as 1 / sqrt(t): a step longer than the age is divided into ``PIECES``, even in sqrt(t).
 
 The device computes it in float64: in float32 a step that cools lava by less than 6e-5 K would
 change nothing.
@@ -29,6 +30,9 @@ from lava_ros.effects.protocols import Scene
 
 #: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018).
 STEFAN_BOLTZMANN = 5.670374419e-8
+
+#: Parts of a step that is longer than the age of the lava.
+PIECES = 8
 
 #: Constants of the heat balance of every lava.
 _HEAT = ('radiation', 'convection', 'ambient', 'solidus', 'liquidus')
@@ -78,7 +82,7 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
     temperature [K] and age [s] at the start of the step, and the step [s].
     """
     constants_type, column_struct = heat_type(real), column_type(real)
-    modules = effects.having('terms')
+    modules, needs_age = effects.having('terms'), effects.any('needs_age')
     names = drop_superseded(modules)
     if not names:
         return None
@@ -116,11 +120,9 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
         return wp.max(real(0.25) * root * root, real(1.0e-9))
 
     @wp.func
-    def temperature_after(
+    def in_two_stages(
         constants: constants_type, column: column_struct, temperature: real, age: real, step: real
     ) -> real:
-        if step <= real(0.0):
-            return temperature
         half = real(0.5) * step
         column.temperature = temperature
         column.age = mean_age(age, half)
@@ -129,6 +131,25 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
         column.age = mean_age(age, step)
         half_way = balance(constants, column)
         return relaxed(constants, temperature, half_way[0], half_way[1], step)
+
+    @wp.func
+    def temperature_after(
+        constants: constants_type, column: column_struct, temperature: real, age: real, step: real
+    ) -> real:
+        if step <= real(0.0):
+            return temperature
+        if wp.static(needs_age):  # noqa: SIM102, the static test decides what is compiled
+            if age < step:
+                root = wp.sqrt(age)
+                width = (wp.sqrt(age + step) - root) * real(wp.static(1.0 / PIECES))
+                after = temperature
+                for _ in range(PIECES):
+                    # the difference of the squares of root + width and root
+                    part = width * (root + root + width)
+                    after = in_two_stages(constants, column, after, root * root, part)
+                    root += width
+                return after
+        return in_two_stages(constants, column, temperature, age, step)
 
     return temperature_after
 
