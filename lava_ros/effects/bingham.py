@@ -3,7 +3,7 @@
 
 """The speed of a Bingham fluid, which flows only where the stress at its base exceeds a strength.
 
-The stress at the base of a layer of thickness h is tau_b = rho g h s, s = |grad S|, and falls
+The stress at the base of a layer of thickness d is tau_b = rho g d s, s its slope, and falls
 linearly to 0 at the surface. Above h_s = h (1 - B), B = tau_y / tau_b, it is below the strength
 tau_y: a plug rides on a sheared layer. With mu du/dz = tau - tau_y there and no slip below, the
 depth average is

@@ -3,7 +3,8 @@
 
 """Cooling at the surface by radiation and convection, at the column's mean temperature.
 
-rho c h dT/dt = -eps sigma (T^4 - Ta^4) - lambda (T - Ta), which is -s(T) (T - Ta).
+rho c d dT/dt = -eps sigma (T^4 - Ta^4) - lambda (T - Ta), which is -s(T) (T - Ta), with the
+thickness d across the flow (``column.py``).
 """
 
 from functools import lru_cache

@@ -7,7 +7,7 @@ A fraction f = f0 exp(-a u) of the surface is crust at a constant temperature Tc
 hot as the column (Harris & Rowland 2001, Bulletin of Volcanology 63, 20-44: f0 = 0.9, a = 0.16 s/m
 for poorly insulated flows, f0 = 1, a = 0.00756 s/m for well crusted flows):
 
-    rho c h dT/dt = -f q(Tc) - (1 - f) q(T), q(T) = eps sigma (T^4 - Ta^4) + lambda (T - Ta).
+    rho c d dT/dt = -f q(Tc) - (1 - f) q(T), q(T) = eps sigma (T^4 - Ta^4) + lambda (T - Ta).
 
 Their convection uses one temperature for the whole surface, a mean to the power of 4/3; here each
 part loses its own heat. Lava colder than Tc is as cold as its crust. The crust is renewed as the

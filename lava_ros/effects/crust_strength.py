@@ -4,11 +4,11 @@
 """Strength of a crust that thickens with age and stops lava at margins and fronts.
 
 A crust of strength sigma is delta = sqrt(kappa t) thick at the age t of a column, at most as thick
-as the column. It resists as a stress sigma delta / h at the base of a column of thickness h
-(Castruccio, Rust & Sparks 2013, Bulletin of Volcanology 75, 681; Lyman & Kerr 2006, Journal of
-Geophysical Research 111, B05206): lava stops where
+as the column. It resists as a stress sigma delta / d at the base of a column of thickness d across
+the flow (Castruccio, Rust & Sparks 2013, Bulletin of Volcanology 75, 681; Lyman & Kerr 2006,
+Journal of Geophysical Research 111, B05206): lava on a slope b stops where
 
-    rho g h s = sigma delta / h,   that is h = sqrt(sigma delta / (rho g s)).
+    rho g d sin b = sigma delta / d,   that is d = sqrt(sigma delta / (rho g sin b)).
 
 This stress adds to the yield strength of the core (``bingham.py``). It is small for young lava in
 a channel. It holds old, thin lava at margins and fronts, which builds levees. In the ten eruptions

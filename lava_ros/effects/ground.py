@@ -5,7 +5,7 @@
 
 Ground at Tg in contact with lava of constant temperature T for a time t takes up
 kg (T - Tg) / sqrt(pi a t) [W/m2], with its diffusivity a (Carslaw & Jaeger 1959, section 2.4).
-That is a rate of b / sqrt(pi t), b = kg / (sqrt(a) rho c h), of the column's own cooling. Cooling
+That is a rate of b / sqrt(pi t), b = kg / (sqrt(a) rho c d), of the column's own cooling. Cooling
 lava meets ground that it has warmed: the exact temperature of a mixed column that loses heat to
 the ground alone is
 

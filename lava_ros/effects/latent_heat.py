@@ -3,7 +3,7 @@
 
 """Latent heat, released by crystals that form between liquidus and solidus.
 
-Crystallisation is linear in temperature, so the heat content over rho c h is
+Crystallisation is linear in temperature, so the heat content over rho c d is
 T + (L / c) F with the melt fraction F = (T - solidus) / (liquidus - solidus) between 0 and 1, and
 within the interval temperature changes 1 + L / (c (liquidus - solidus)) times more slowly. A step
 is solved piece by piece: up to the end of the interval, across it, and beyond. So the heat
