@@ -4,14 +4,14 @@
 """The speed of a Bingham fluid, which flows only where the stress at its base exceeds a strength.
 
 The stress at the base of a layer of thickness d is tau_b = rho g d s, s its slope, and falls
-linearly to 0 at the surface. Above h_s = h (1 - B), B = tau_y / tau_b, it is below the strength
+linearly to 0 at the surface. Above d_s = d (1 - B), B = tau_y / tau_b, it is below the strength
 tau_y: a plug rides on a sheared layer. With mu du/dz = tau - tau_y there and no slip below, the
 depth average is
 
-    u = (rho g h^2 s / 3 mu) (1 - 3 B / 2 + B^3 / 2),   exactly 0 for B >= 1,
+    u = (rho g d^2 s / 3 mu) (1 - 3 B / 2 + B^3 / 2),   exactly 0 for B >= 1,
 
-and the derivative of the flux, d(h u)/ds = (rho g h^3 / 3 mu) (1 - B^3), is the diffusivity along
-the slope: between u h / s, that across it, and that of lava without strength.
+and the derivative of the flux, d(d u)/ds = (rho g d^3 / 3 mu) (1 - B^3), is the diffusivity along
+the slope: between u d / s, that across it, and that of lava without strength.
 """
 
 from functools import lru_cache

@@ -120,36 +120,41 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
         return wp.max(real(0.25) * root * root, real(1.0e-9))
 
     @wp.func
-    def in_two_stages(
-        constants: constants_type, column: column_struct, temperature: real, age: real, step: real
-    ) -> real:
-        half = real(0.5) * step
-        column.temperature = temperature
-        column.age = mean_age(age, half)
-        start = balance(constants, column)
-        column.temperature = relaxed(constants, temperature, start[0], start[1], half)
-        column.age = mean_age(age, step)
-        half_way = balance(constants, column)
-        return relaxed(constants, temperature, half_way[0], half_way[1], step)
-
-    @wp.func
     def temperature_after(
         constants: constants_type, column: column_struct, temperature: real, age: real, step: real
     ) -> real:
+        after = temperature
+        root = real(0.0)
+        width = real(0.0)
+        part = step
+        begun = age
+        stages = int(2)
         if step <= real(0.0):
-            return temperature
+            stages = 0
         if wp.static(needs_age):  # noqa: SIM102, the static test decides what is compiled
             if age < step:
+                stages *= PIECES
                 root = wp.sqrt(age)
                 width = (wp.sqrt(age + step) - root) * real(wp.static(1.0 / PIECES))
-                after = temperature
-                for _ in range(PIECES):
+        # a loop over all stages: a law that is called at one place is compiled into the loop
+        for stage in range(stages):
+            span = part
+            if stage % 2 == 0:
+                column.temperature = after
+                if width > real(0.0):
                     # the difference of the squares of root + width and root
+                    begun = root * root
                     part = width * (root + root + width)
-                    after = in_two_stages(constants, column, after, root * root, part)
                     root += width
-                return after
-        return in_two_stages(constants, column, temperature, age, step)
+                span = real(0.5) * part
+            column.age = mean_age(begun, span)
+            terms = balance(constants, column)
+            reached = relaxed(constants, after, terms[0], terms[1], span)
+            if stage % 2 == 0:
+                column.temperature = reached
+            else:
+                after = reached
+        return after
 
     return temperature_after
 

@@ -74,39 +74,40 @@ def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
         falls = source < rate * temperature
         result = temperature
         remaining = step
-        for _ in range(3):
-            if remaining > real(0.0):
-                end = real(0.0)
-                factor = real(1.0)
-                if falls:
-                    if result > liquidus:
-                        end = liquidus
-                    elif result > solidus:
-                        end = solidus
-                        factor = slower
-                else:
-                    end = real(1.0e9)
-                    if result < solidus:
-                        end = solidus
-                    elif result < liquidus:
-                        end = liquidus
-                        factor = slower
-                reached = relaxation(result, rate / factor, source / factor, remaining)
-                passed = reached > end
-                if falls:
-                    passed = reached < end
-                if passed:
-                    # fraction of the time until the end of the piece
-                    share = (result - end) / (result - reached)
-                    x = rate * remaining / factor
-                    if x > real(1.0e-6):
-                        equilibrium = source / rate
-                        share = wp.log((result - equilibrium) / (end - equilibrium)) / x
-                    remaining *= wp.clamp(real(1.0) - share, real(0.0), real(1.0))
-                    result = end
-                else:
-                    result = reached
-                    remaining = real(0.0)
+        pieces = int(0)
+        while remaining > real(0.0) and pieces < 3:
+            pieces += 1
+            end = real(0.0)
+            factor = real(1.0)
+            if falls:
+                if result > liquidus:
+                    end = liquidus
+                elif result > solidus:
+                    end = solidus
+                    factor = slower
+            else:
+                end = real(1.0e9)
+                if result < solidus:
+                    end = solidus
+                elif result < liquidus:
+                    end = liquidus
+                    factor = slower
+            reached = relaxation(result, rate / factor, source / factor, remaining)
+            passed = reached > end
+            if falls:
+                passed = reached < end
+            if passed:
+                # fraction of the time until the end of the piece
+                share = (result - end) / (result - reached)
+                x = rate * remaining / factor
+                if x > real(1.0e-6):
+                    equilibrium = source / rate
+                    share = wp.log((result - equilibrium) / (end - equilibrium)) / x
+                remaining *= wp.clamp(real(1.0) - share, real(0.0), real(1.0))
+                result = end
+            else:
+                result = reached
+                remaining = real(0.0)
         return result
 
     return relaxed
