@@ -40,7 +40,7 @@ def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
 
 def frozen_in(simulation):
     """Return the thickness of solidified lava on maps, in full precision [m]."""
-    return simulation.solver.after_step['solidification'].thickness()
+    return simulation.solver.raised.thickness()
 
 
 def raised_in(simulation):

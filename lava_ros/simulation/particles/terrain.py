@@ -9,7 +9,6 @@ rest. Here it is the gradient of the quadratic B-spline of the heights: linear a
 direction, quadratic across, the same at the corners, and curl-free.
 """
 
-from copy import copy
 from functools import lru_cache
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
@@ -58,17 +57,6 @@ class StaggeredTerrain:
             staggered = _shared[key] = cls(terrain, precision, device)
         return staggered
 
-    def own(self) -> 'StaggeredTerrain':
-        """Return a copy with a ``height`` that may be written to."""
-        terrain = copy(self)
-        # keeps this instance alive, so that it can still be shared
-        terrain._source = self
-        terrain.height = wp.clone(self.bare)
-        terrain.ground = ground_type(self.height.dtype)()
-        terrain.ground.assign(self.ground)
-        terrain.ground.elevation = terrain.height
-        return terrain
-
     def raise_to(self, places: np.ndarray, top: Any) -> None:
         """Raise a height [m], shape [1] on the device, to that of the highest of some places.
 
@@ -96,6 +84,12 @@ def _raise(real: Any) -> Any:
         wp.atomic_max(top, 0, height_at(ground, place[0], place[1]))
 
     return raise_top
+
+
+def has_same_cells(one: Terrain, other: Terrain) -> bool:
+    """Return True if two terrains have the same cells; elevations and missing data may differ."""
+    cells = [(item.shape, item.resolution, item.origin) for item in (one, other)]
+    return cells[0] == cells[1]
 
 
 def sampled(
