@@ -25,6 +25,7 @@ from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of, snapshot_of
+from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.output.looks import Looks
 from lava_ros.simulation.output.rasterization import Raster
 from lava_ros.simulation.output.snapshot import (
@@ -38,7 +39,12 @@ from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.solidified import RaisedTerrain
 from lava_ros.simulation.particles.state import room_for, State
-from lava_ros.simulation.particles.terrain import has_same_cells, sampled, StaggeredTerrain
+from lava_ros.simulation.particles.terrain import (
+    averaged,
+    has_same_cells,
+    sampled,
+    StaggeredTerrain,
+)
 from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
@@ -198,7 +204,14 @@ class Solver:
             self._arrived = terrain, wp.array(times, dtype=wp.float32, device=self.device)
         former, recorded = self._arrived
         if not has_same_cells(former, terrain):
-            times = sampled(read(recorded), former, terrain, outside=-1.0)
+            before = read(recorded)
+            times = sampled(before, former, terrain, outside=-1.0)
+            if self.raised is not None:
+                # solidified lava stands where lava has arrived, also if it is off the middle
+                part = averaged(before >= 0.0, former, terrain)
+                mean = averaged(np.maximum(before, 0.0), former, terrain) / np.maximum(part, 1e-9)
+                is_standing = standing_cells(self.raised.thickness()) & (part > 0.0)
+                times = np.where(is_standing & (times < 0.0), mean, times)
             recorded = wp.array(times, dtype=wp.float32, device=self.device)
         self._arrived = terrain, recorded
         self.state.arrived = recorded

@@ -16,6 +16,7 @@ from lava_ros.scene.reshaping import Barrier
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
+from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.particles.solidified import THICKNESS_UNIT
 from simulation.test_stops import hill
 from solver import only
@@ -62,6 +63,8 @@ def state_of(simulation):
     """Check the maps and the ground; return the snapshot and the rise of the ground [m]."""
     snapshot = simulation.snapshot()
     assert volume_errors(snapshot) == []
+    assert not (standing_cells(snapshot.frozen) & ~snapshot.inundated).any()
+    assert not snapshot.arrived[snapshot.inundated].max() > snapshot.time
     terrain = simulation.solver.terrain
     rise = terrain.deposit.numpy() * THICKNESS_UNIT
     height = terrain.height.numpy()
@@ -209,7 +212,7 @@ def cases():
             yield pytest.param(change, *kind, marks=[pytest.mark.nightly] * is_nightly)
 
 
-@pytest.mark.parametrize(('change', 'precision', 'deterministic'), cases())
+@pytest.mark.parametrize(('change', 'precision', 'deterministic'), [*cases()])
 def test_solidified_lava_is_kept(change, precision, deterministic, device):
     """It is while the flow continues with the changed effects, without solidification, and on."""
     data = flow(precision, deterministic, device)

@@ -14,7 +14,7 @@ the rounding of a float32 elevation.
 """
 
 from collections.abc import Mapping
-import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.layout import BORDER, fitting, ground_type, HOLES
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.particles.terrain import has_same_cells, StaggeredTerrain
+from lava_ros.simulation.particles.terrain import averaged, has_same_cells, StaggeredTerrain
 
 #: Unit of the thickness of solidified lava [m]; the maximum thickness is 2^63 units.
 THICKNESS_UNIT = 2.0**-44
@@ -101,13 +101,7 @@ class RaisedTerrain(StaggeredTerrain):
         on cells without data is added to the volume that has ``left`` (``State.left``) [m3].
         """
         before, terrain = former._terrain, self._terrain
-
-        def moved(values: np.ndarray) -> np.ndarray:
-            for axis in (0, 1):
-                values = _shared(values, before, terrain, axis)
-            # makes sums of equal maps independent of the memory layout
-            return np.ascontiguousarray(values)
-
+        moved = partial(averaged, before=before, after=terrain)
         frozen = former.thickness()
         thickness = moved(frozen)
         volume, on_map = (
@@ -148,7 +142,7 @@ class RaisedTerrain(StaggeredTerrain):
         )
         for name, values in (('deposit', deposit), ('placed', placed)):
             if (values < 0).any():
-                raise LavaError(f'checkpoint.solidified.{name}', values.min(), 'at least 0')
+                raise LavaError(f'checkpoint.solidified.{name}', int(values.min()), 'at least 0')
         if placed[~self._terrain.has_data].any():
             where = 'lava on cells without data'
             raise LavaError('checkpoint.solidified.placed', where, 'lava on cells with data')
@@ -163,23 +157,3 @@ class RaisedTerrain(StaggeredTerrain):
 def _counted(thickness: np.ndarray) -> np.ndarray:
     """Return a thickness [m] in integer units."""
     return np.rint(thickness / THICKNESS_UNIT).astype(np.int64)
-
-
-def _shared(values: np.ndarray, before: Terrain, after: Terrain, axis: int) -> np.ndarray:
-    """Return means of a terrain's cells over those of another, along rows (axis 0) or columns."""
-    side = 1 - axis
-    offset = (after.origin[side] - before.origin[side]) / before.resolution
-    ratio = after.resolution / before.resolution
-    edges = offset + ratio * np.arange(after.shape[axis] + 1)
-    # cells that coincide except for rounding
-    edges = np.where(np.abs(edges - np.rint(edges)) < 1e-6, np.rint(edges), edges)
-    values = np.moveaxis(values, axis, 0)
-    start, end = edges[:-1], edges[1:]
-    first = np.floor(start).astype(int)
-    shared = np.zeros((len(start), values.shape[1]))
-    for step in range(math.ceil(ratio) + 1):
-        cell = first + step
-        common = np.minimum(end, cell + 1) - np.maximum(start, cell)
-        common[(cell < 0) | (cell >= len(values))] = 0.0
-        shared += np.maximum(common, 0.0)[:, None] * values[np.clip(cell, 0, len(values) - 1)]
-    return np.moveaxis(shared / ratio, 0, axis)

@@ -10,6 +10,7 @@ direction, quadratic across, the same at the corners, and curl-free.
 """
 
 from functools import lru_cache
+import math
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
 
@@ -107,6 +108,40 @@ def sampled(
         is_inside.append((place >= 0) & (place < before.shape[axis]))
         index.append(np.clip(place, 0, before.shape[axis] - 1))
     return np.where(np.logical_and.outer(*is_inside), values[np.ix_(*index)], outside)
+
+
+def averaged(values: np.ndarray, before: Terrain, after: Terrain) -> np.ndarray:
+    """Average values over the cells of another terrain, weighted by the common area.
+
+    ``values`` have the shape of the terrain ``before``; outside of it they are 0. The sum over the
+    common area is kept, and values on the same cells do not change.
+    """
+    for axis in (0, 1):
+        values = _averaged_along(axis, values, before, after)
+    # makes sums of equal maps independent of the memory layout
+    return np.ascontiguousarray(values)
+
+
+def _averaged_along(
+    axis: int, values: np.ndarray, before: Terrain, after: Terrain
+) -> np.ndarray:
+    """Return the means along the columns (axis 0) or the rows of a grid."""
+    side = 1 - axis
+    offset = (after.origin[side] - before.origin[side]) / before.resolution
+    ratio = after.resolution / before.resolution
+    edges = offset + ratio * np.arange(after.shape[axis] + 1)
+    # cells that coincide except for rounding
+    edges = np.where(np.abs(edges - np.rint(edges)) < 1e-6, np.rint(edges), edges)
+    values = np.moveaxis(values, axis, 0)
+    start, end = edges[:-1], edges[1:]
+    first = np.floor(start).astype(int)
+    shared = np.zeros((len(start), values.shape[1]))
+    for step in range(math.ceil(ratio) + 1):
+        cell = first + step
+        common = np.minimum(end, cell + 1) - np.maximum(start, cell)
+        common[(cell < 0) | (cell >= len(values))] = 0.0
+        shared += np.maximum(common, 0.0)[:, None] * values[np.clip(cell, 0, len(values) - 1)]
+    return np.moveaxis(shared / ratio, 0, axis)
 
 
 @lru_cache(maxsize=1)

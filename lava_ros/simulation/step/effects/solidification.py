@@ -201,8 +201,9 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
                 patch = patch_of(frame, p[0], p[1], width)
                 for row in range(patch[2] + 1, patch[3] + 1):
                     for column in range(patch[0] + 1, patch[1] + 1):
-                        parts = wp.float64(deposit[row, column])
-                        top = wp.float64(bare[row, column]) + parts * wp.float64(wp.static(THICKNESS_UNIT))
+                        top = wp.float64(deposit[row, column])
+                        top *= wp.float64(wp.static(THICKNESS_UNIT))
+                        top += wp.float64(bare[row, column])
                         m.ground.elevation[row, column] = real(top)
                 m.particle[i] = vec4(p[0], p[1], real(0.0), p[3])
 
