@@ -78,8 +78,8 @@ class Solver:
         radius: Radius of the smoothing kernel [m].
         state: Arrays of the particles, and the clock.
         terrain: The ground on the device, which simulations on the same terrain share.
-        raised: The same ground if it is that of this simulation alone, because lava can solidify
-            onto it or has done so; None otherwise.
+        raised: ``terrain`` if lava can solidify onto it or has done so: then only this simulation
+            has it; None otherwise.
         neighbors: The grid of cells in which neighbours are found.
         raster: The terrain's cells, for maps.
         stage: The kernels of one stage of a step.
@@ -145,7 +145,7 @@ class Solver:
 
     def switch_effects(self, effects: Effects) -> None:
         """Continue with other effects."""
-        # particles that have solidified or merged are none with other effects
+        # drop particles that have solidified or merged, which a state with other effects keeps
         self.order()
         former, self.effects = self.state, effects
         self.state = State(former.capacity, effects, self.accuracy, self.device)
@@ -207,7 +207,7 @@ class Solver:
             before = read(recorded)
             times = sampled(before, former, terrain, outside=-1.0)
             if self.raised is not None:
-                # solidified lava stands where lava has arrived, also if it is off the middle
+                # the middle of a cell with solidified lava may be where no lava has arrived
                 part = averaged(before >= 0.0, former, terrain)
                 mean = averaged(np.maximum(before, 0.0), former, terrain) / np.maximum(part, 1e-9)
                 is_standing = standing_cells(self.raised.thickness()) & (part > 0.0)

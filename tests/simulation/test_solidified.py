@@ -18,6 +18,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.particles.solidified import THICKNESS_UNIT
+from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from simulation.test_stops import hill
 from solver import only
 from volume import volume_errors
@@ -198,6 +199,17 @@ CHANGES = {
        for name, ground in GROUNDS.items()},
     **{name: with_effect(name) for name in EFFECTS},
 }
+
+
+def test_scene_without_solidification_has_no_grids_for_it(device):
+    simulation = Simulation(
+        Scene(hill(), (VENT,), LAVA), effects=only('cooling'), device=device,
+        accuracy=Accuracy(spacing=4.0, thickness=0.5),
+    )
+    ground = StaggeredTerrain.shared(simulation.scene.terrain, 'float32', device)
+    assert simulation.solver.raised is None and simulation.solver.terrain is ground
+    assert simulation.snapshot().frozen is None
+    assert not [name for name in simulation.checkpoint().arrays if name.startswith('solidified')]
 
 
 #: Changes that are tried with every kind in each run.

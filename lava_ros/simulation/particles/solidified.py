@@ -4,9 +4,9 @@
 """Solidified lava: a terrain that the lava of one simulation has raised.
 
 The effect ``solidification`` only adds to it (step/effects/solidification.py). It stays when that
-effect is switched off, when the terrain is replaced, and in checkpoints. Its volume is the sum of
-the cells of the map and is stored nowhere else: the budget of a simulation has lost solidified
-lava that is on no map.
+effect is switched off, when the terrain is replaced, and in checkpoints. Its volume is the sum
+over the cells of the map and is stored nowhere else: a budget in which the map lacks solidified
+lava has an error.
 
 The thickness is stored separately from the elevation in integer multiples of 2^-44 m: sums of
 integers do not depend on their order, so runs are bitwise identical, and deposits are not lost to
@@ -117,7 +117,7 @@ class RaisedTerrain(StaggeredTerrain):
         self.placed.assign(_counted(np.where(terrain.has_data, thickness, 0.0)))
         raised = read(former.deposit) * THICKNESS_UNIT
         inner = raised[1:-1, 1:-1]
-        # without data a deposit only continues that of the cells around: its lava is elsewhere
+        # on cells without data the deposit is a continuation, and its lava is in other cells
         covered = moved(np.where(before.has_data, inner, 0.0))
         inner = np.where(terrain.has_data, covered, moved(inner))
         if not has_same_cells(before, terrain):
