@@ -19,6 +19,7 @@ import pytest
 
 from deleted_effects import is_left_out
 from ros_domain import own_domain
+from volume import volume_errors
 
 #: Context of one trial of a kind, by its name; gives the figures of the kind.
 Trial = Callable[[str], AbstractContextManager[dict[str, Any]]]
@@ -61,26 +62,35 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def conserved_volume(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[None]:
-    """Check after each test that its simulations have conserved the volume of the lava.
+    """Check that simulations conserve the volume of the lava, and that maps show it.
 
-    Only those of the test's own thread: workers of nodes may be in the middle of a step.
+    Each snapshot is checked, and after the test its simulations. The latter only if they are of
+    the test's own thread: workers of nodes may be in the middle of a step.
     """
     module = sys.modules.get('lava_ros.simulation.simulation')
     if module is None or request.node.get_closest_marker('spoils_volume'):
         yield
         return
+    solver = sys.modules['lava_ros.simulation.solver']
     advancing, flown = module.Simulation.advancing, {}
+    snapshot_of, lost = solver.snapshot_of, []
 
     def recorded(simulation: Any, *arguments: Any, **options: Any) -> Any:
         if threading.current_thread() is threading.main_thread():
             flown[id(simulation)] = simulation
         return advancing(simulation, *arguments, **options)
 
+    def checked(*arguments: Any) -> Any:
+        snapshot = snapshot_of(*arguments)
+        lost.extend(volume_errors(snapshot))
+        return snapshot
+
     monkeypatch.setattr(module.Simulation, 'advancing', recorded)
+    monkeypatch.setattr(solver, 'snapshot_of', checked)
     yield
     for simulation in flown.values():
-        budget = simulation.budget()
-        assert budget.is_conserved, budget.text()
+        simulation.begin_snapshot().result()
+    assert not lost, '\n'.join(lost)
 
 
 @pytest.fixture(scope='session')

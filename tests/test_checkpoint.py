@@ -55,7 +55,7 @@ def checkpoint(count=1000, **changes):
             'state.particle': np.abs(random.normal(0.0, 9.0, (count, 4))).astype(np.float32),
             'state.emission_time': random.random(count),
             'state.counts': np.arange(8, dtype=np.int32),
-            'solidification.deposit': random.integers(0, 2**60, (13, 15)),
+            'solidified.deposit': random.integers(0, 2**60, (13, 15)),
         },
     }
     return Checkpoint(**{**values, **changes})

@@ -28,9 +28,7 @@ its file:
 ``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, way)``, called after the
 motion in every stage: its kernels return at once unless ``counts[IS_LAST]`` is 1, and the step is
 ``clock[STEP]``. ``state.ordered`` holds the particles before the motion, and ``state.particle``
-the same particles in the same order after it. An ``AfterStep`` with arrays of its own has
-``save() -> arrays by name`` and ``load(arrays)`` for checkpoints, ``take_over(former, state)`` for
-a new terrain or other effects, and ``show(state, grids)`` if maps contain it.
+the same particles in the same order after it.
 
 To add an effect, add its file and its test; to delete an effect, delete its files.
 """

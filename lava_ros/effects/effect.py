@@ -116,14 +116,12 @@ class Array:
         dtype: ``real``, ``vec2`` or ``vec4`` of the state's precision, ``int32`` or ``float64``.
         count: Number of items, None for one per particle.
         is_carried: True if particles carry it from step to step.
-        is_total: True if it is a sum that continues when effects are selected again.
-        is_saved: True if checkpoints contain it; they always contain carried arrays and totals.
+        is_saved: True if checkpoints contain it; they always contain carried arrays.
     """
 
     dtype: str
     count: int | None = None
     is_carried: bool = False
-    is_total: bool = False
     is_saved: bool = False
 
 

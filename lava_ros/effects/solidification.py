@@ -19,8 +19,6 @@ EFFECT = Effect(
     arrays={
         # 1 if a particle became colder than the solidus in this step
         'cold': Array('int32', 1),
-        # solidified volume [m3]
-        'frozen': Array('float64', 1, is_total=True),
     },
     freezes=True,
     removes_particles=True,

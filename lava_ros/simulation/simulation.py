@@ -10,7 +10,7 @@ import math
 import time as wall_clock
 
 from lava_ros import validation
-from lava_ros.effects import considered, EFFECTS, Effects, excluded_by
+from lava_ros.effects import considered, Effects, excluded_by
 from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
@@ -277,7 +277,7 @@ class Simulation:
     def set_terrain(self, terrain: Terrain) -> None:
         """Replace the ground under the flow; lava outside the new one has left.
 
-        A terrain is the ground without lava: what has frozen stays on top of it.
+        A terrain is the ground without lava: solidified lava stays on top of it.
 
         Raises:
             LavaError: A vent or a barrier to come does not lie on the new terrain; the old one
@@ -299,7 +299,7 @@ class Simulation:
         self.set_terrain(ground)
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
-        """Choose the effects anew from now on; what has frozen stays ground.
+        """Choose the effects again from now on; solidified lava stays ground.
 
         Args:
             forced: Effects switched on or off whatever the scene says, by name.
@@ -311,16 +311,15 @@ class Simulation:
         former = self._forced, self._horizon
         self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
         self._forced = dict(forced)
-        kept = {*self._review.since, *(name for name in self.effects if EFFECTS[name].freezes)}
         try:
-            self._update_effects(kept)
+            self._update_effects(self._review.since)
         except LavaError:
             self._forced, self._horizon = former
             raise
 
     def checkpoint(self) -> Checkpoint:
         """Copy everything that is needed to continue from the current time."""
-        self.solver.settle()
+        self.solver.order()
         return Checkpoint(
             time=self.time,
             scene=self.scene,

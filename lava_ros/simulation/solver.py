@@ -25,6 +25,7 @@ from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of, snapshot_of
+from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.output.looks import Looks
 from lava_ros.simulation.output.rasterization import Raster
 from lava_ros.simulation.output.snapshot import (
@@ -36,8 +37,14 @@ from lava_ros.simulation.output.snapshot import (
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
+from lava_ros.simulation.particles.solidified import RaisedTerrain
 from lava_ros.simulation.particles.state import room_for, State
-from lava_ros.simulation.particles.terrain import sampled, StaggeredTerrain
+from lava_ros.simulation.particles.terrain import (
+    averaged,
+    has_same_cells,
+    sampled,
+    StaggeredTerrain,
+)
 from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
@@ -70,7 +77,9 @@ class Solver:
         particle_volume: Volume of the particles that vents emit [m3].
         radius: Radius of the smoothing kernel [m].
         state: Arrays of the particles, and the clock.
-        terrain: The ground on the device.
+        terrain: The ground on the device, which simulations on the same terrain share.
+        raised: ``terrain`` if lava can solidify onto it or has done so: then only this simulation
+            has it; None otherwise.
         neighbors: The grid of cells in which neighbours are found.
         raster: The terrain's cells, for maps.
         stage: The kernels of one stage of a step.
@@ -103,7 +112,7 @@ class Solver:
         self.volume_before = 0.0
         self.most_particles = 0
         self.is_bare = False
-        self.after_step: dict[str, Any] = {}
+        self.raised: RaisedTerrain | None = None
         self._arrived: tuple[Terrain, Any] | None = None
         self._place_terrain()
         self.cover()
@@ -136,32 +145,42 @@ class Solver:
 
     def switch_effects(self, effects: Effects) -> None:
         """Continue with other effects."""
-        self.settle()
-        former, froze = self.state, self.effects.any('freezes')
-        self.effects = effects
+        # drop particles that have solidified or merged, which a state with other effects keeps
+        self.order()
+        former, self.effects = self.state, effects
         self.state = State(former.capacity, effects, self.accuracy, self.device)
         self.state.take_over(former)
         self._reserve_room()
-        if effects.any('freezes') == froze:
-            self._build_stage()
+        if effects.any('freezes') and self.raised is None:
+            self.own_terrain()
         else:
-            self._place_terrain()
-            self.cover()
+            self._build_stage()
 
-    def _place_terrain(self) -> None:
+    def own_terrain(self) -> RaisedTerrain:
+        """Return the ground, after giving the simulation one that solidified lava can raise."""
+        if self.raised is None:
+            self._place_terrain(is_raised=True)
+            self.cover()
+        assert self.raised is not None
+        return self.raised
+
+    def _place_terrain(self, *, is_raised: bool = False) -> None:
         """Copy the terrain to the device, with the grids and kernels that depend on it.
 
-        The neighbour grid covers nothing yet.
+        Solidified lava stays on it. The neighbour grid covers nothing yet.
         """
-        terrain, accuracy = self.scene.terrain, self.accuracy
-        # solidified lava raises the ground of this simulation alone
-        shared = StaggeredTerrain.shared(terrain, accuracy.precision, self.device)
-        freezes = self.effects.any('freezes')
-        self.terrain = shared.own() if freezes else shared
+        terrain, accuracy, former = self.scene.terrain, self.accuracy, self.raised
+        if is_raised or former is not None or self.effects.any('freezes'):
+            self.raised = RaisedTerrain(terrain, accuracy.precision, self.device)
+        if self.raised is not None and former is not None:
+            self.raised.take_over(former, self.state.left)
+        self.terrain = self.raised or StaggeredTerrain.shared(
+            terrain, accuracy.precision, self.device
+        )
         self.neighbors = NeighborGrid(self.terrain, self.radius, accuracy.ratio, self.device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
         # grids for solidified lava, and for the arrival
-        more = freezes + 1
+        more = (self.raised is not None) + 1
         self.raster = Raster(
             self.terrain, output_radius, accuracy.kernel, self.device, more=more
         )
@@ -170,15 +189,13 @@ class Solver:
 
     def _build_stage(self) -> None:
         """Collect the kernels of the effects for the state, the terrain and the grids."""
-        accuracy, former = self.accuracy, self.after_step
         self.after_step = {
-            name: kind(self.scene, accuracy, self.terrain, self.state)
+            name: kind(self.scene, self.accuracy, self.terrain, self.state)
             for name, kind in device_parts(self.effects, 'AfterStep').items()
         }
-        for name, effect in self.after_step.items():
-            if name in former and hasattr(effect, 'take_over'):
-                effect.take_over(former[name], self.state)
-        self.stage = Stage(self.scene, accuracy, self.state, self.neighbors, self.after_step)
+        self.stage = Stage(
+            self.scene, self.accuracy, self.state, self.neighbors, self.after_step
+        )
 
     def _keep_arrival(self, terrain: Terrain) -> None:
         """Let the motion record arrival times, starting from those recorded so far."""
@@ -186,9 +203,15 @@ class Solver:
             times = np.full(terrain.shape, -1.0, dtype=np.float32)
             self._arrived = terrain, wp.array(times, dtype=wp.float32, device=self.device)
         former, recorded = self._arrived
-        cells = [(item.shape, item.resolution, item.origin) for item in (former, terrain)]
-        if cells[0] != cells[1]:
-            times = sampled(read(recorded), former, terrain, outside=-1.0)
+        if not has_same_cells(former, terrain):
+            before = read(recorded)
+            times = sampled(before, former, terrain, outside=-1.0)
+            if self.raised is not None:
+                # the middle of a cell with solidified lava may be where no lava has arrived
+                part = averaged(before >= 0.0, former, terrain)
+                mean = averaged(np.maximum(before, 0.0), former, terrain) / np.maximum(part, 1e-9)
+                is_standing = standing_cells(self.raised.thickness()) & (part > 0.0)
+                times = np.where(is_standing & (times < 0.0), mean, times)
             recorded = wp.array(times, dtype=wp.float32, device=self.device)
         self._arrived = terrain, recorded
         self.state.arrived = recorded
@@ -384,15 +407,14 @@ class Solver:
 
     def _fill_raster(self) -> None:
         self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
-        for effect in self.after_step.values():
-            if hasattr(effect, 'show'):
-                effect.show(self.state, self.raster.grids)
+        if self.raised is not None:
+            self.raised.show(self.state, self.scene.lava.solidus, self.raster.grids)
 
     def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
         """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""
         state, grids = self.state, self.draw_maps()
         wp.copy(grids[-1], state.arrived)
-        numbers = self._diagnostics.take(state, self.vents)
+        numbers = self._diagnostics.take(state, self.vents, self.raised)
         copies = self._reader.begin([grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))
@@ -414,5 +436,5 @@ class Solver:
         """Return the budget of the lava's volume."""
         self.settle()
         self._reader.before_writing()
-        numbers = read(self._diagnostics.take(self.state, self.vents))
+        numbers = read(self._diagnostics.take(self.state, self.vents, self.raised))
         return moment_of(numbers, self.state, self.vents, self.volume_before).budget

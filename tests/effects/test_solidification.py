@@ -40,7 +40,7 @@ def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
 
 def frozen_in(simulation):
     """Return the thickness of solidified lava on maps, in full precision [m]."""
-    return simulation.solver.after_step['solidification'].thickness()
+    return simulation.solver.raised.thickness()
 
 
 def raised_in(simulation):
@@ -109,6 +109,29 @@ def test_solidified_volume_is_exact_next_to_borders_and_holes(device):
     assert exact.sum() * 100.0 == pytest.approx(5 * 77.0, rel=1e-12)
     assert (exact[15:25, 30:40] == 0.0).all()
     assert np.isnan(snapshot.frozen[15:25, 30:40]).all()
+    # a terrain with the same cells keeps the continuation of the deposit beyond them
+    height = simulation.solver.terrain.height.numpy().copy()
+    beyond = np.isnan(np.pad(elevation, 1, constant_values=np.nan))
+    assert (height != simulation.solver.terrain.bare.numpy())[beyond].sum() > 10
+    simulation.set_terrain(Terrain(elevation, 10.0))
+    assert np.array_equal(simulation.solver.terrain.height.numpy(), height)
+    # cells that get data are ground without lava
+    before = raised_in(simulation)
+    simulation.set_terrain(hillside())
+    hole = np.isnan(elevation)
+    assert (before[hole] > 0.0).any() and (raised_in(simulation)[hole] == 0.0).all()
+    assert simulation.budget().frozen == snapshot.budget.frozen
+
+
+def test_solidified_columns_are_not_particles_with_other_effects(device):
+    """A checkpoint, and a simulation with other effects, do not contain particles of volume 0."""
+    simulation = freezing(device, hillside(), layer())
+    simulation.advance(1.0)
+    assert len(simulation.checkpoint().arrays['state.particle']) == 0
+    simulation = freezing(device, hillside(), layer())
+    simulation.advance(1.0)
+    simulation.set_effects({'solidification': False})
+    assert simulation.particle_count == 0
 
 
 def test_solidified_volume_is_exact_over_many_steps(device):

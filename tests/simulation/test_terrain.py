@@ -11,6 +11,7 @@ import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.particles.layout import ground_type
+from lava_ros.simulation.particles.solidified import RaisedTerrain
 from lava_ros.simulation.particles.terrain import StaggeredTerrain, terrain_functions
 
 
@@ -112,7 +113,7 @@ def test_curvature_is_the_largest_eigenvalue_or_zero(device):
 
 def test_members_share_one_copy_of_the_ground(device):
     terrain = plane()
-    one, other = (StaggeredTerrain.shared(terrain, 'float32', device).own() for _ in range(2))
+    one, other = (RaisedTerrain(terrain, 'float32', device) for _ in range(2))
     assert one.bare is other.bare
     assert one.known is other.known
     assert one.height.ptr != other.height.ptr

@@ -19,6 +19,7 @@ from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.solidified import RaisedTerrain, THICKNESS_UNIT
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.timestep import LIMITS
 from lava_ros.simulation.step.vents import VentSet
@@ -47,7 +48,8 @@ def _kernel(real: Any) -> Any:
         clock: wp.array(dtype=wp.float64),
         counts: wp.array(dtype=wp.int32),
         left: wp.array(dtype=wp.float64),
-        frozen: wp.array(dtype=wp.float64),
+        placed: wp.array2d(dtype=wp.int64),
+        placed_unit: wp.float64,
         released: wp.array(dtype=wp.int32),
         numbers: wp.array(dtype=wp.float64),
     ):
@@ -60,9 +62,7 @@ def _kernel(real: Any) -> Any:
             place = int(wp.static(_SUMS))
             numbers[place] = left[at.BORDER]
             numbers[place + 1] = left[at.HOLES]
-            if frozen:
-                numbers[place + 2] = frozen[0]
-            place += 3
+            place += 2
             for i in range(clock.shape[0]):
                 numbers[place + i] = clock[i]
             place += clock.shape[0]
@@ -71,6 +71,13 @@ def _kernel(real: Any) -> Any:
             place += counts.shape[0]
             for i in range(released.shape[0]):
                 numbers[place + i] = wp.float64(released[i])
+        if placed:
+            # integers: thread n sums every 16384th cell
+            parts = wp.int64(0)
+            columns = placed.shape[1]
+            for cell in range(t, placed.shape[0] * columns, wp.static(_SUMS)):
+                parts += placed[cell // columns, cell % columns]
+            numbers[numbers.shape[0] - wp.static(_SUMS) + t] = wp.float64(parts) * placed_unit
 
     return gather
 
@@ -82,20 +89,25 @@ class FlowDiagnostics:
         """Initialize without an array."""
         self._numbers: Any = None
 
-    def take(self, state: State, vents: VentSet) -> Any:
+    def take(self, state: State, vents: VentSet, raised: RaisedTerrain | None) -> Any:
         """Gather the current values on the device; the next call overwrites them.
 
-        Particles that have left must have been dropped.
+        Particles that have left must have been dropped. ``raised`` is the ground if lava can have
+        solidified onto it.
         """
-        length = _SUMS + 3 + state.clock.size + state.counts.size + vents.released.size
+        length = _SUMS + 2 + state.clock.size + state.counts.size + vents.released.size
+        placed, unit = None, 0.0
+        if raised is not None:
+            length += _SUMS
+            placed, unit = raised.placed, THICKNESS_UNIT * raised.exact_ground.resolution**2
         if self._numbers is None or self._numbers.size != length:
             self._numbers = wp.zeros(length, dtype=wp.float64, device=state.device)
         wp.launch(
             _kernel(state.real),
             dim=_SUMS,
             inputs=[
-                state.particle, state.clock, state.counts, state.left,
-                getattr(state, 'frozen', None), vents.released,
+                state.particle, state.clock, state.counts, state.left, placed, unit,
+                vents.released,
             ],
             outputs=[self._numbers],
             device=state.device,
@@ -108,8 +120,8 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
 
     Only the sizes of the state's arrays are read; ``before`` [m3] was emitted by earlier vents.
     """
-    ends = np.cumsum([_SUMS, 3, state.clock.size, state.counts.size])
-    sums, (border, holes, frozen), clock, places, released = np.split(numbers, ends)
+    sizes = [_SUMS, 2, state.clock.size, state.counts.size, vents.released.size]
+    sums, (border, holes), clock, places, released, frozen = np.split(numbers, np.cumsum(sizes))
     counts, time = places.astype(np.int64), float(clock[at.TIME])
     pending = float(vents.pending(time, released.astype(np.int32)).sum())
     return Moment(
@@ -127,7 +139,7 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
             held=float(sums.sum()) + pending,
             pending=pending,
             left=float(border + holes),
-            frozen=float(frozen),
+            frozen=float(frozen.sum()),
             late=vents.late(pending),
             in_holes=float(holes),
         ),
@@ -143,8 +155,8 @@ def snapshot_of(
 ) -> Snapshot:
     """Build the snapshot of a moment; state, vents and volume as for ``moment_of``.
 
-    ``copies`` are the grids on the terrain (thickness, temperature, with solidification the
-    solidified thickness, and arrival), and the gathered values.
+    ``copies`` are the grids on the terrain (thickness, temperature, the solidified thickness if
+    lava can have solidified, and arrival), and the gathered values.
     """
     grids, numbers = copies
     is_dry = grids[-1] < 0.0

@@ -52,6 +52,7 @@ _OWN = wp.constant(wp.float32(-1.0))
 
 @lru_cache
 def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
+    vec2 = wp.types.vector(2, real)
     norm, shape, slope, *_ = smoothing_kernel(kernel_name, real)
     _, _, cells_around, range_in = cell_functions(real)
     load, _ = access(real, 4)
@@ -225,8 +226,10 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
         y = middle(terrain.y0, i, terrain.resolution)
         reach = real(radius)
         inverse = real(1.0) / reach
-        height = real(0.0)
-        heat = real(0.0)
+        # thickness and its product with the temperature, and the rounding error of both sums:
+        # thousands of particles may be in one cell
+        total = vec2()
+        excess = vec2()
         box = cells_around(m.cells, x, y, reach)
         for r in range(box[0], box[1]):
             near = range_in(m.cells, r, box)
@@ -241,14 +244,15 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
                         part = m.share[k] * shape(wp.sqrt(square))
                 elif m.home[k] == own:
                     part = m.share[k]
-                height += part
-                heat += part * p[3]
+                more = vec2(part, part * p[3]) - excess
+                former = total
+                total = former + more
+                excess = (total - former) - more
         if is_covered:
-            height *= real(own_weight)
-            heat *= real(own_weight)
-        thickness[i, j] = wp.float32(height)
-        if height != real(0.0):
-            temperature[i, j] = wp.float32(heat / height)
+            total *= real(own_weight)
+        thickness[i, j] = wp.float32(total[0])
+        if total[0] != real(0.0):
+            temperature[i, j] = wp.float32(total[1] / total[0])
 
     return mark, weigh, share_out, gather
 

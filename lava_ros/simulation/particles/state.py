@@ -342,9 +342,8 @@ class State:
 
     def take_over(self, former: 'State') -> None:
         """Adopt the data of another state with other effects, as far as both have them."""
-        carried, arrays = set(self._carried) & set(former._carried), self.effects.arrays
-        totals = [name for name in arrays if arrays[name].is_total and hasattr(former, name)]
-        for name in ('particle', *carried, 'clock', 'counts', 'top', 'left', *totals):
+        carried = set(self._carried) & set(former._carried)
+        for name in ('particle', *carried, 'clock', 'counts', 'top', 'left'):
             wp.copy(getattr(self, name), getattr(former, name))
         self.arrived = former.arrived
         if not former.has_age:
@@ -386,7 +385,7 @@ class State:
     def _sums(self) -> list[str]:
         """Names of the arrays that do not depend on the number of particles."""
         items = self.effects.arrays.items()
-        kept = [name for name, array in items if array.is_total or array.is_saved]
+        kept = [name for name, array in items if array.is_saved]
         return ['clock', 'counts', 'rates', 'stage', 'top', 'left', *kept]
 
     def take_order(self, *, within_step: bool = False) -> None:

@@ -9,8 +9,8 @@ rest. Here it is the gradient of the quadratic B-spline of the heights: linear a
 direction, quadratic across, the same at the corners, and curl-free.
 """
 
-from copy import copy
 from functools import lru_cache
+import math
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
 
@@ -58,17 +58,6 @@ class StaggeredTerrain:
             staggered = _shared[key] = cls(terrain, precision, device)
         return staggered
 
-    def own(self) -> 'StaggeredTerrain':
-        """Return a copy with a ``height`` that may be written to."""
-        terrain = copy(self)
-        # keeps this instance alive, so that it can still be shared
-        terrain._source = self
-        terrain.height = wp.clone(self.bare)
-        terrain.ground = ground_type(self.height.dtype)()
-        terrain.ground.assign(self.ground)
-        terrain.ground.elevation = terrain.height
-        return terrain
-
     def raise_to(self, places: np.ndarray, top: Any) -> None:
         """Raise a height [m], shape [1] on the device, to that of the highest of some places.
 
@@ -98,6 +87,12 @@ def _raise(real: Any) -> Any:
     return raise_top
 
 
+def has_same_cells(one: Terrain, other: Terrain) -> bool:
+    """Return True if two terrains have the same cells; elevations and missing data may differ."""
+    cells = [(item.shape, item.resolution, item.origin) for item in (one, other)]
+    return cells[0] == cells[1]
+
+
 def sampled(
     values: np.ndarray, before: Terrain, after: Terrain, *, outside: float
 ) -> np.ndarray:
@@ -113,6 +108,40 @@ def sampled(
         is_inside.append((place >= 0) & (place < before.shape[axis]))
         index.append(np.clip(place, 0, before.shape[axis] - 1))
     return np.where(np.logical_and.outer(*is_inside), values[np.ix_(*index)], outside)
+
+
+def averaged(values: np.ndarray, before: Terrain, after: Terrain) -> np.ndarray:
+    """Average values over the cells of another terrain, weighted by the common area.
+
+    ``values`` have the shape of the terrain ``before``; outside of it they are 0. The sum over the
+    common area is kept, and values on the same cells do not change.
+    """
+    for axis in (0, 1):
+        values = _averaged_along(axis, values, before, after)
+    # makes sums of equal maps independent of the memory layout
+    return np.ascontiguousarray(values)
+
+
+def _averaged_along(
+    axis: int, values: np.ndarray, before: Terrain, after: Terrain
+) -> np.ndarray:
+    """Return the means along the columns (axis 0) or the rows of a grid."""
+    side = 1 - axis
+    offset = (after.origin[side] - before.origin[side]) / before.resolution
+    ratio = after.resolution / before.resolution
+    edges = offset + ratio * np.arange(after.shape[axis] + 1)
+    # cells that coincide except for rounding
+    edges = np.where(np.abs(edges - np.rint(edges)) < 1e-6, np.rint(edges), edges)
+    values = np.moveaxis(values, axis, 0)
+    start, end = edges[:-1], edges[1:]
+    first = np.floor(start).astype(int)
+    shared = np.zeros((len(start), values.shape[1]))
+    for step in range(math.ceil(ratio) + 1):
+        cell = first + step
+        common = np.minimum(end, cell + 1) - np.maximum(start, cell)
+        common[(cell < 0) | (cell >= len(values))] = 0.0
+        shared += np.maximum(common, 0.0)[:, None] * values[np.clip(cell, 0, len(values) - 1)]
+    return np.moveaxis(shared / ratio, 0, axis)
 
 
 @lru_cache(maxsize=1)

@@ -89,14 +89,10 @@ class Emission:
         Raises:
             LavaError: If an array is missing or has another number of vents.
         """
-        # older checkpoints do not contain the sequences
-        unknown = np.full(number, np.nan)
-        former = {'phase': unknown, 'downhill': unknown, 'volume': arrays.get('carried')}
         kinds = {'released': np.int32}
         return cls(**{
             name: fitting(
-                f'vents.{name}', arrays.get(name, former.get(name)), (number,),
-                kinds.get(name, np.float64),
+                f'vents.{name}', arrays.get(name), (number,), kinds.get(name, np.float64)
             )
             for name in (item.name for item in fields(cls))
         })

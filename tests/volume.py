@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Comparison of a map with the budget of the lava's volume."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from lava_ros.simulation import Snapshot
+
+#: Maximum difference between a map and the budget, as a fraction of the volume on the map: the
+#: rounding of float32 (docs/MODEL.md).
+MAP_TOLERANCE = 1e-6
+
+#: Rounding of the budget, as a fraction of the emitted volume.
+BUDGET_ROUNDING = 1e-12
+
+
+def volume_errors(snapshot: Snapshot) -> list[str]:
+    """Return where a snapshot and its budget differ, as text."""
+    budget, cell = snapshot.budget, snapshot.terrain.resolution**2
+    maps = {
+        'lava': (snapshot.thickness, budget.flowing + budget.frozen),
+        'solidified lava': (snapshot.frozen, budget.frozen),
+    }
+    errors = [] if budget.is_conserved else [budget.text()]
+    for name, (thickness, expected) in maps.items():
+        found = 0.0
+        if thickness is not None:
+            found = float(np.nansum(thickness, dtype=np.float64)) * cell
+        # False if a volume is not a number
+        rounding = MAP_TOLERANCE * abs(expected) + BUDGET_ROUNDING * budget.emitted
+        if not abs(found - expected) <= rounding:
+            errors.append(f'{found} m3 of {name} on the map, {expected} m3 in the budget')
+    return errors
