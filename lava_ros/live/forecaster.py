@@ -19,14 +19,13 @@ import time
 from typing import Any
 
 import lava_ros
-from lava_ros.errors import LavaError
+from lava_ros.errors import Guard, LavaError
 from lava_ros.forecast.pool import interrupts_withheld
 from lava_ros.live.ensemble_forecasts import (
     EnsembleForecasts,
     ForecastRules,
     ForecastStatus,
 )
-from lava_ros.live.guard import Guard
 from lava_ros.live.session import Fork
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
@@ -181,11 +180,13 @@ class Forecaster:
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
     def age(self, forecast: Forecast | EnsembleForecast | None) -> float:
-        """Return the simulated time since the start of a forecast or ensemble [s], 0 for None."""
-        snapshot = self.worker.latest
-        if forecast is None or snapshot is None:
+        """Return the simulated time since the start of a forecast or ensemble [s], 0 for None.
+
+        It passes with the clock, also while the simulation waits for the end of a time step.
+        """
+        if forecast is None:
             return 0.0
-        return max(0.0, snapshot.time - forecast.time)
+        return max(0.0, self.worker.view.time + self.worker.status.age - forecast.time)
 
     def staleness(self, forecast: Forecast | EnsembleForecast | None) -> str:
         """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
@@ -281,16 +282,16 @@ class Forecaster:
         is_known = isinstance(error, (LavaError, ChildProcessError))
         reason = str(error) if is_known else f'{type(error).__name__}: {error}'
         self._put_status(error=reason)
-        self._end_process()
-        self._cancel(reason)
         rest = min(_RETRY_TIMES[0] * 2.0**self._failures, _RETRY_TIMES[1])
         self._failures += 1
         self._due = self._due_after_change = time.monotonic() + rest
+        self._cancel(reason)
+        self._end_process()
 
     def _end_process(self) -> None:
-        if self._process is not None:
-            self._process.end()
-            self._process = None
+        process, self._process = self._process, None
+        if process is not None:
+            process.end()
 
     def _begin(self) -> None:
         """Fork the simulation and request a forecast from the copy."""

@@ -13,10 +13,9 @@ import threading
 import time
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import Guard, LavaError
 from lava_ros.live.clock import FollowedClock, MAX_LAG
 from lava_ros.live.commands import Command, command, CommandQueue, finish
-from lava_ros.live.guard import Guard
 from lava_ros.live.session import (
     failure_text,
     Fork,

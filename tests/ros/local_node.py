@@ -140,14 +140,14 @@ class LocalNode(Asking, Hearing):
     def run(self, seconds):
         """Advance the clock [s], and wait until the simulation has followed and published it."""
         end, worker = self.now + seconds, self.worker
-        reached = worker.session.time
+        reached = worker._followed
         while self.now < end:
             step = min(STEP, end - self.now)
             reached += step * worker.time_scale
             self.jump(self.now + step)
             self.wait_until(
                 lambda: (
-                    worker.session.time > reached - 1e-6  # noqa: B023
+                    worker._followed > reached - 1e-6  # noqa: B023
                     or worker.status.state is WorkerState.FINISHED
                 )
             )
