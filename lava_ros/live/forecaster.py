@@ -186,7 +186,8 @@ class Forecaster:
         """
         if forecast is None:
             return 0.0
-        return max(0.0, self.worker.view.time + self.worker.status.age - forecast.time)
+        status = self.worker.status
+        return max(0.0, status.time + status.age - forecast.time)
 
     def staleness(self, forecast: Forecast | EnsembleForecast | None) -> str:
         """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
@@ -237,10 +238,10 @@ class Forecaster:
         if self._process is None:
             self._stopping.wait(_WATCH_TIME)
             return
-        rules, view = self.rules(), self.worker.view
+        rules, view, status = self.rules(), self.worker.view, self.worker.status
         self.ensembles.send(
             self._process.request, changes=view.changes, time_scale=rules.time_scale,
-            now=view.time + min(view.step, self.worker.status.age),
+            now=status.time + min(view.step, status.age),
         )
         if self._current_fork is not None and self._renew_share(rules):
             self._process.request('share', share=self.status.share)

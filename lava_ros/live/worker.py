@@ -309,8 +309,9 @@ class SimulationWorker:
             if self.session.time < self._target <= self.session.time + self.session.view.step:
                 self._advance_session(self._target)
             self._give_up(self.session.time)
+        if self._step_target is not None:
+            self._step_target, self._target = None, self.session.time
         self.paused = paused
-        self._step_target = None
 
     @command('reset')
     def reset(self) -> None:
@@ -429,7 +430,8 @@ class SimulationWorker:
     @property
     def _followed(self) -> float:
         """Simulated time up to which nothing remains to be computed [s]."""
-        return self.session.time + min(self._age, self.session.view.step)
+        view = self.session.view
+        return view.time + min(max(0.0, self._target - view.time), view.step)
 
     def _give_up(self, until: float) -> None:
         """Limit the target to a simulated time [s], and count the rest as lost time."""
@@ -477,6 +479,7 @@ class SimulationWorker:
             lost=self._clock.lost,
             jump=self._clock.jump,
             jumps=self._clock.jumps,
+            time=self.session.time,
             age=self._age if is_running else 0.0,
             max_age=self.session.view.step + delay,
             task_duration=self._slice if self._is_moving() else 0.0,

@@ -40,6 +40,7 @@ class WorkerStatus:
         lost: Time of the clock since the start that simulated time has not followed [s].
         jump: Newest jump of the clock [s], negative for a jump back. Jumps are not followed.
         jumps: Number of jumps of the clock since the start.
+        time: Simulated time of the current state [s].
         age: Simulated time from the current state to the time of the clock [s]. It includes the
             wait for the end of a time step, and grows while the thread is busy or has ended.
         max_age: Age above which the state is stale [s]: the time step, and some delay.
@@ -59,6 +60,7 @@ class WorkerStatus:
     lost: float = 0.0
     jump: float = 0.0
     jumps: int = 0
+    time: float = 0.0
     age: float = 0.0
     max_age: float = 0.0
     fault: str = ''
