@@ -130,7 +130,8 @@ class Guard:
 
     def __init__(self, name: str, *expected: type[Exception]) -> None:
         """Initialize without an exception; ``expected`` ones are not logged (``run``)."""
-        self.name, self._expected = name, (LavaError, *expected)
+        self.name = name
+        self._expected: tuple[type[Exception], ...] = LavaError, *expected
         self._newest: tuple[str, float] | None = None
 
     @property

@@ -153,7 +153,8 @@ def test_simulation_values_are_those_of_the_frame():
     values = _values(_simulation(snapshot=_snapshot()))
     assert values == {
         'state': 'running', 'lifecycle': 'active', 'device': 'cpu', 'speed': '2',
-        'mean_speed': '3', 'age_s': '0', 'max_age_s': '0', 'clock_lost_s': '0', 'clock_jumps': '0', 'simulated_time_s': '12.5',
+        'mean_speed': '3', 'age_s': '0', 'max_age_s': '0', 'clock_lost_s': '0',
+        'clock_jumps': '0', 'simulated_time_s': '12.5',
         'frame_stamp_ns': '99', 'particles': '3', 'inundated_area_m2': '2.0',
         'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_held_m3': '10.0',
         'volume_pending_m3': '0.5', 'volume_late_m3': '0.0', 'volume_left_m3': '0.0',
