@@ -1,12 +1,17 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The exception that this package raises for bad input."""
+"""The exception for bad input, and the guard of background threads against unexpected ones."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+import logging
 import reprlib
+import threading
+import time
 from typing import Any
+
+_LOG = logging.getLogger(__name__)
 
 #: Maximum length of a value in a message [characters]; the middle of a longer one is left out.
 MAX_VALUE_LENGTH = 120
@@ -106,3 +111,58 @@ def _cut(text: str, longest: int) -> str:
     # keep the end too: it identifies a path
     half = (longest - 3) // 2
     return f'{text[:half]}...{text[-half:]}'
+
+
+#: Pause of a thread after an unexpected exception, so that one that recurs does not use the CPU
+#: [s].
+PAUSE = 0.1
+
+#: Wall time for which an unexpected exception is reported [s].
+REPORT_TIME = 10.0
+
+
+class Guard:
+    """Runs the work of a background thread, and reports its unexpected exceptions.
+
+    Attributes:
+        name: Name of the thread in reports.
+    """
+
+    def __init__(self, name: str, *expected: type[Exception]) -> None:
+        """Initialize without an exception; ``expected`` ones are not logged (``run``)."""
+        self.name = name
+        self._expected: tuple[type[Exception], ...] = LavaError, *expected
+        self._newest: tuple[str, float] | None = None
+
+    @property
+    def error(self) -> str:
+        """Description of an exception of the last ``REPORT_TIME``, empty without one."""
+        newest = self._newest
+        is_recent = newest is not None and time.monotonic() - newest[1] < REPORT_TIME
+        return newest[0] if newest is not None and is_recent else ''
+
+    def run(
+        self, work: Callable[[], None], on_error: Callable[[Exception], None] | None = None
+    ) -> None:
+        """Run ``work``, and handle an exception by ``on_error`` or, without it, by ``error``.
+
+        An exception that is not expected is also logged with its traceback, once while it recurs.
+        """
+        try:
+            try:
+                work()
+            except Exception as error:
+                if on_error is None:
+                    raise
+                if not isinstance(error, self._expected):
+                    self._log(error)
+                on_error(error)
+        except Exception as error:
+            text = f'{self.name}: {type(error).__name__}: {error}'
+            if text != self.error:
+                self._log(error)
+            self._newest = text, time.monotonic()
+            threading.Event().wait(PAUSE)
+
+    def _log(self, error: Exception) -> None:
+        _LOG.error('%s: %s: %s', self.name, type(error).__name__, error, exc_info=error)

@@ -27,7 +27,7 @@ class KeepsTime:
     """A simulation that only keeps time and volume, at a given speed."""
 
     device, failure, flawed = 'paper', None, False
-    time = slowness = emitted_before = changed_at = 0.0
+    time = step = slowness = emitted_before = changed_at = 0.0
     particle_count = begun = review_count = 0
     accuracy = Accuracy()
     horizon = HORIZON
@@ -59,7 +59,7 @@ class KeepsTime:
         flux = sum(vent.discharge for vent in self.scene.vents)
         return self.emitted_before + flux * (self.time - self.changed_at)
 
-    def advance(self, until, *, wall_limit=None):
+    def advance(self, until, *, limit=None, wall_limit=None, whole_steps=False):
         if self.failure:
             raise self.failure
         time.sleep(self.slowness)

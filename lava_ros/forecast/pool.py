@@ -123,8 +123,9 @@ def _begin(work: Callable[[Any], Any], numbers: Any, lifeline: Connection) -> No
 
 def _end_with(lifeline: Connection) -> None:
     try:
+        # nothing is ever sent
         lifeline.recv()
-    except EOFError:
+    finally:
         os._exit(1)
 
 

@@ -27,6 +27,7 @@ import queue
 import sys
 import threading
 import time
+import traceback
 from typing import Any
 
 from lava_ros.forecast.assimilation import Outline
@@ -171,12 +172,18 @@ def main() -> None:
 
 
 def _read(node: Connection, orders: queue.Queue[Order]) -> None:
+    status = 1
     try:
         while True:
             orders.put(node.recv())
+    except (EOFError, OSError):
+        # the node has closed the connection
+        status = 0
+    except Exception:
+        traceback.print_exc()
     finally:
         # also in the middle of a step
-        os._exit(0)
+        os._exit(status)
 
 
 if __name__ == '__main__':

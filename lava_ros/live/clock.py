@@ -43,6 +43,11 @@ class FollowedClock:
         self._now, self._looked = self._clock(), time.monotonic()
         self.step = 0.0
 
+    @property
+    def unread(self) -> float:
+        """Advance of the clock since the last reading [s], 0 if there was no time yet."""
+        return max(0.0, self._clock() - self._now) if self._now else 0.0
+
     def elapse(self) -> float:
         """Return the advance of the clock since the last reading [s], 0 at a jump."""
         before, looked = self._now, self._looked

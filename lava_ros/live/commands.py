@@ -22,11 +22,14 @@ class Command(NamedTuple):
     """An action for the thread, and the future of its result.
 
     The command replaces a waiting one of the same ``kind``, such as ``vents``, unless it is empty.
+    Commands with an ``item`` and the same action run together if they follow each other: the
+    action receives them in a list, and may finish the futures of some of them itself.
     """
 
-    action: Callable[[], Any]
+    action: Callable[..., Any]
     future: 'Future[Any]'
     kind: str
+    item: Any = None
 
 
 class CommandQueue:
@@ -88,6 +91,16 @@ class CommandQueue:
             if not self._waiting:
                 raise queue.Empty
             return self._waiting.pop(next(iter(self._waiting)))
+
+    def get_more(self, first: Command) -> list[Command]:
+        """Remove and return the oldest commands, as far as they run together with another one."""
+        more: list[Command] = []
+        with self._changed:
+            for place, command in list(self._waiting.items()):
+                if first.item is None or command.item is None or command.action != first.action:
+                    break
+                more.append(self._waiting.pop(place))
+        return more
 
     def close(self, reason: LavaError) -> None:
         """Refuse waiting and later commands for a reason."""

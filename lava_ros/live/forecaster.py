@@ -19,7 +19,7 @@ import time
 from typing import Any
 
 import lava_ros
-from lava_ros.errors import LavaError
+from lava_ros.errors import Guard, LavaError
 from lava_ros.forecast.pool import interrupts_withheld
 from lava_ros.live.ensemble_forecasts import (
     EnsembleForecasts,
@@ -180,17 +180,20 @@ class Forecaster:
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
     def age(self, forecast: Forecast | EnsembleForecast | None) -> float:
-        """Return the simulated time since the start of a forecast or ensemble [s], 0 for None."""
-        snapshot = self.worker.latest
-        if forecast is None or snapshot is None:
+        """Return the simulated time since the start of a forecast or ensemble [s], 0 for None.
+
+        It passes with the clock, also while the simulation waits for the end of a time step.
+        """
+        if forecast is None:
             return 0.0
-        return max(0.0, snapshot.time - forecast.time)
+        status = self.worker.status
+        return max(0.0, status.time + status.age - forecast.time)
 
     def staleness(self, forecast: Forecast | EnsembleForecast | None) -> str:
         """Return the reason why a forecast or ensemble is stale, empty if it is valid."""
         if forecast is None:
             return 'there is none yet'
-        if self.worker.session.changes != forecast.changes:
+        if self.worker.view.changes != forecast.changes:
             return 'the scene or the effects have changed'
         if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
@@ -213,18 +216,16 @@ class Forecaster:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
+        guard = Guard('thread of the forecasts', ChildProcessError)
         while not self._stopping.is_set():
-            self._report_changes()
-            try:
-                self._step()
-            except (LavaError, OSError, ValueError) as error:
-                self._fail(str(error))
-        self._end_process()
+            guard.run(self._step, self._fail)
+        guard.run(self._end_process)
 
     def _step(self) -> None:
         """Begin a forecast that is due, forward outlines, and process one reply."""
+        self._report_changes()
         self._cancel_outdated()
-        is_another = self.worker.session.changes != self._changes
+        is_another = self.worker.view.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self.is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
@@ -237,11 +238,10 @@ class Forecaster:
         if self._process is None:
             self._stopping.wait(_WATCH_TIME)
             return
-        rules = self.rules()
-        session = self.worker.session
+        rules, view, status = self.rules(), self.worker.view, self.worker.status
         self.ensembles.send(
-            self._process.request, changes=session.changes, time_scale=rules.time_scale,
-            now=session.time,
+            self._process.request, changes=view.changes, time_scale=rules.time_scale,
+            now=status.time + min(view.step, status.age),
         )
         if self._current_fork is not None and self._renew_share(rules):
             self._process.request('share', share=self.status.share)
@@ -251,20 +251,21 @@ class Forecaster:
             self._handle_reply(name, **values)
 
     def _report_changes(self) -> None:
-        if self.worker.session.changes != self._reported:
-            self._reported = self.worker.session.changes
+        changes = self.worker.view.changes
+        if changes != self._reported:
+            self._reported = changes
             self.on_change()
 
     def _is_something_new(self) -> bool:
         snapshot = self.worker.latest
         if snapshot is None or self.worker.status.state is WorkerState.FAILED:
             return False
-        state = (self.worker.session.changes, snapshot.time)
+        state = (self.worker.view.changes, snapshot.time)
         has_members = self.rules().members > 0
         return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
 
     def _cancel_outdated(self) -> None:
-        changes = self.worker.session.changes
+        changes = self.worker.view.changes
         is_outdated = not self.is_wanted or changes != self._changes
         if is_outdated and (self._current_fork is not None or self.ensembles.is_busy):
             if self._process is not None:
@@ -278,18 +279,20 @@ class Forecaster:
         self.ensembles.cancel(reason)
         self._put_status(progress=None)
 
-    def _fail(self, reason: str) -> None:
-        self._end_process()
-        self._cancel(reason)
+    def _fail(self, error: Exception) -> None:
+        is_known = isinstance(error, (LavaError, ChildProcessError))
+        reason = str(error) if is_known else f'{type(error).__name__}: {error}'
         self._put_status(error=reason)
         rest = min(_RETRY_TIMES[0] * 2.0**self._failures, _RETRY_TIMES[1])
         self._failures += 1
         self._due = self._due_after_change = time.monotonic() + rest
+        self._cancel(reason)
+        self._end_process()
 
     def _end_process(self) -> None:
-        if self._process is not None:
-            self._process.end()
-            self._process = None
+        process, self._process = self._process, None
+        if process is not None:
+            process.end()
 
     def _begin(self) -> None:
         """Fork the simulation and request a forecast from the copy."""

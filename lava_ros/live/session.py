@@ -4,7 +4,7 @@
 """Session of a simulation: the current scene, which messages change."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import count
 import math
 import threading
@@ -17,6 +17,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.vents import are_alike, schedule
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.measurement import measure_resolution
 from lava_ros.simulation.output.snapshot import ParticleSample
@@ -60,24 +61,51 @@ class Fork(NamedTuple):
     wall_time: float
 
 
-class SimulationSession:
-    """A scene that changes while it is simulated.
-
-    A refused change or request raises LavaError and leaves scene and simulation unchanged.
+@dataclass(frozen=True)
+class SessionView:
+    """The values of a session that other threads read. They are replaced together.
 
     Attributes:
-        simulation: The simulation, None without a terrain or after a failure.
+        time: Simulated time [s], 0 without a simulation.
+        step: Length of the step that is waited for, or of the latest step [s].
+        device: Name of the device, empty without a simulation.
+        accuracy: Resolution of the simulation, None without one.
         scene: Current scene, None without a terrain.
         schedule: Its vents with their discharges over the whole run, including earlier vents.
         origin: Checkpoint from which the simulation was resumed, None if it started at time 0.
-        latest: Newest snapshot, None before the first; it stays after a failure.
         effects: Table of effects (``effect_table``), empty without a simulation.
         resolution: Expected resolution of the flow, None without a simulation.
-        constants: Lava and surroundings of the next start.
         changes: Number of changes that make a forecast invalid: starts, changes of effects, and
             changes of vents or terrain beyond the noise of a sensor (``are_alike``,
             ``ELEVATION_NOISE``).
         starts: Number of simulations started or resumed.
+    """
+
+    time: float = 0.0
+    step: float = 0.0
+    device: str = ''
+    accuracy: Accuracy | None = None
+    scene: Scene | None = None
+    schedule: tuple[Vent, ...] = ()
+    origin: Origin | None = None
+    effects: Mapping[str, str] = field(default_factory=dict)
+    resolution: Resolution | None = None
+    changes: int = 0
+    starts: int = 0
+
+
+class SimulationSession:
+    """A scene that changes while it is simulated.
+
+    A refused change or request raises LavaError and leaves scene and simulation unchanged. The
+    thread that makes the simulation uses the session; other threads read ``view``, ``latest`` and
+    ``measured_resolution``.
+
+    Attributes:
+        simulation: The simulation, None without a terrain or after a failure.
+        view: The published values.
+        latest: Newest snapshot, None before the first; it stays after a failure.
+        constants: Lava and surroundings of the next start.
     """
 
     def __init__(
@@ -93,39 +121,56 @@ class SimulationSession:
         self._numbers, self._latest_number = count(), -1
         self._taking = threading.Lock()
         self.simulation: Simulation | None = None
-        self.scene: Scene | None = None
-        self.schedule: tuple[Vent, ...] = ()
-        self.origin: Origin | None = None
+        self.view = SessionView()
         self.latest: Snapshot | None = None
-        self.effects: Mapping[str, str] = {}
         self._counted: tuple[Scene | None, Effects | None] = None, None
-        self.resolution: Resolution | None = None
         self._measured: tuple[Snapshot | None, Resolution | None] = None, None
         # terrain and events before the first event, for a reset
         self._before_events: tuple[Terrain, tuple[TerrainEvent, ...]] | None = None
-        self.changes = self.starts = 0
 
     @property
     def time(self) -> float:
         """Simulated time [s], 0 without a simulation."""
-        return self.simulation.time if self.simulation is not None else 0.0
+        return self.view.time
 
     @property
-    def device(self) -> str:
-        """Name of the device, empty without a simulation."""
-        # another thread may remove the simulation at any time
-        simulation = self.simulation
-        return simulation.device if simulation is not None else ''
+    def scene(self) -> Scene | None:
+        """Current scene, None without a terrain."""
+        return self.view.scene
+
+    @property
+    def schedule(self) -> tuple[Vent, ...]:
+        """Vents of the scene with their discharges over the whole run."""
+        return self.view.schedule
+
+    @property
+    def origin(self) -> Origin | None:
+        """Checkpoint from which the simulation was resumed."""
+        return self.view.origin
+
+    @property
+    def effects(self) -> Mapping[str, str]:
+        """Table of effects."""
+        return self.view.effects
+
+    @property
+    def changes(self) -> int:
+        """Number of changes that make a forecast invalid."""
+        return self.view.changes
+
+    def _put(self, **values: Any) -> None:
+        """Replace published values."""
+        self.view = replace(self.view, **values)
 
     @property
     def measured_resolution(self) -> Resolution | None:
         """Resolution of the newest snapshot; the expected resolution while its flow is small."""
-        simulation, latest = self.simulation, self.latest
-        if simulation is None or latest is None:
-            return self.resolution
+        view, latest = self.view, self.latest
+        if view.accuracy is None or latest is None:
+            return view.resolution
         if self._measured[0] is not latest:
-            self._measured = latest, measure_resolution(latest, simulation.accuracy)
-        return self._measured[1] or self.resolution
+            self._measured = latest, measure_resolution(latest, view.accuracy)
+        return self._measured[1] or view.resolution
 
     def start(self, scene: Scene) -> None:
         """Start a scene at time 0 in place of the current simulation."""
@@ -143,12 +188,16 @@ class SimulationSession:
         ``before`` contains the vents up to that time if they differ from those of the scene; it
         determines the volume emitted so far.
         """
-        self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
-        self.simulation, self.scene, self.constants = simulation, scene, constants_of(scene)
-        self.origin = origin
+        self.simulation, self.constants = simulation, constants_of(scene)
         self._before_events = None
-        self.starts += 1
-        self._note_change()
+        self._note_change(
+            scene=scene,
+            schedule=schedule(before or scene.vents, scene.vents, simulation.time),
+            origin=origin,
+            device=simulation.device,
+            accuracy=simulation.accuracy,
+            starts=self.view.starts + 1,
+        )
 
     def checkpoint(self) -> Checkpoint:
         """Copy the state to a checkpoint."""
@@ -163,8 +212,18 @@ class SimulationSession:
             raise LavaError(what, 'no simulation', 'one that has started and not failed')
         return self.simulation
 
-    def advance(self, until: float, *, wall_limit: float, max_particles: int) -> float:
+    def advance(
+        self,
+        until: float,
+        *,
+        wall_limit: float,
+        max_particles: int,
+        limit: float | None = None,
+        whole_steps: bool = False,
+    ) -> float:
         """Simulate up to ``until`` [s] for at most ``wall_limit`` [s].
+
+        ``limit`` and ``whole_steps`` are those of ``Simulation.advance``.
 
         Returns:
             The time reached [s].
@@ -173,15 +232,19 @@ class SimulationSession:
             SimulationError: If there are more than ``max_particles``; ``latest`` contains them.
         """
         assert self.simulation is not None
-        before = self.simulation.time
+        before = self.time
         reviews = self.simulation.review_count
-        reached = self.simulation.advance(until, wall_limit=wall_limit)
+        reached = self.simulation.advance(
+            until, limit=limit, wall_limit=wall_limit, whole_steps=whole_steps
+        )
+        self._put(time=reached, step=self.simulation.step)
         self._is_changed |= reached > before
         self._follow_events()
         if self.simulation.review_count != reviews:
             # an effect may have been switched on
             self._note_change(is_noise=True)
-        particles = self.simulation.particle_count
+        # the count is read from the device, and does not change without a step
+        particles = self.simulation.particle_count if reached > before else 0
         if particles > max_particles:
             self.renew_snapshot()
             raise SimulationError(
@@ -195,8 +258,9 @@ class SimulationSession:
         current = self.simulation.scene
         if len(current.events) < len(self.scene.events):
             self._before_events = self._before_events or (self.scene.terrain, self.scene.events)
-            self.scene = replace(self.scene, terrain=current.terrain, events=current.events)
-            self._note_change()
+            self._note_change(
+                scene=replace(self.scene, terrain=current.terrain, events=current.events)
+            )
 
     def set_terrain(self, terrain: Terrain) -> bool:
         """Replace the terrain under the flow; return True if it differs from the current one."""
@@ -207,11 +271,9 @@ class SimulationSession:
         scene = replace(self.scene, terrain=terrain)
         if self.simulation is not None:
             self.simulation.set_terrain(terrain)
-        self.scene = scene
         if self._before_events is not None:
             self._before_events = terrain, self._before_events[1]
-        if self.simulation is not None:
-            self._note_change(is_noise=self._is_like_counted(scene))
+        self._note_change(is_noise=self._is_like_counted(scene), scene=scene)
         return True
 
     def set_vents(self, vents: tuple[Vent, ...]) -> None:
@@ -226,20 +288,22 @@ class SimulationSession:
         if scene.vents == self.scene.vents:
             return
         if self.simulation is None:
-            self.schedule, self.scene = vents, scene
+            self._note_change(scene=scene, schedule=vents)
         elif vents and not self.scene.vents and self._is_without_lava():
             self.start(scene)
         else:
             self.simulation.set_vents(vents)
-            self.schedule = schedule(self.schedule, vents, self.simulation.time)
-            self.scene = scene
-            self._note_change(is_noise=self._is_like_counted(scene))
+            self._note_change(
+                is_noise=self._is_like_counted(scene),
+                scene=scene,
+                schedule=schedule(self.schedule, vents, self.simulation.time),
+            )
 
     def set_constants(self, constants: Mapping[str, Any]) -> None:
         """Replace lava and surroundings at the next start."""
         self.constants = constants
         if self.scene is not None:
-            self.scene = replace(self.scene, **constants)
+            self._put(scene=replace(self.scene, **constants))
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
         """Choose the effects again for ``horizon`` [s], with some forced on or off."""
@@ -260,7 +324,7 @@ class SimulationSession:
     def fail(self) -> None:
         """Drop the simulation after a failure; scene and last snapshot stay."""
         self.simulation = None
-        self.changes += 1
+        self._put(time=0.0, step=0.0, device='', accuracy=None, changes=self.changes + 1)
 
     def renew_snapshot(self) -> bool:
         """Update ``latest``; return True if it changed.
@@ -296,16 +360,23 @@ class SimulationSession:
             if number > self._latest_number:
                 self.latest, self._latest_number = snapshot, number
 
-    def _note_change(self, *, is_noise: bool = False) -> None:
-        """Note a change of the simulation; noise of a sensor is not counted in ``changes``."""
-        assert self.simulation is not None and self.scene is not None
-        effects = self.simulation.effects
-        self.resolution = self.simulation.resolution
-        self.effects = effect_table(effects, self.simulation.decisions())
-        self._is_changed = True
-        if not is_noise or effects != self._counted[1]:
-            self.changes += 1
-            self._counted = self.scene, effects
+    def _note_change(self, *, is_noise: bool = False, **values: Any) -> None:
+        """Publish a change; noise of a sensor is not counted in ``changes``."""
+        simulation = self.simulation
+        if simulation is not None:
+            effects, changes = simulation.effects, self.changes
+            if not is_noise or effects != self._counted[1]:
+                changes += 1
+                self._counted = values.get('scene', self.scene), effects
+            values |= {
+                'time': simulation.time,
+                'step': simulation.step,
+                'resolution': simulation.resolution,
+                'effects': effect_table(effects, simulation.decisions()),
+                'changes': changes,
+            }
+            self._is_changed = True
+        self._put(**values)
 
     def _is_like_counted(self, scene: Scene) -> bool:
         """Return True if a scene differs from the last counted one only by sensor noise."""

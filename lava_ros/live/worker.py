@@ -7,16 +7,29 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 import queue
 import threading
 import time
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import Guard, LavaError
 from lava_ros.live.clock import FollowedClock, MAX_LAG
 from lava_ros.live.commands import Command, command, CommandQueue, finish
-from lava_ros.live.session import failure_text, Fork, Origin, SimulationSession
-from lava_ros.live.worker_status import SpeedMeter, WorkerState, WorkerStatus
+from lava_ros.live.session import (
+    failure_text,
+    Fork,
+    Origin,
+    SessionView,
+    SimulationError,
+    SimulationSession,
+)
+from lava_ros.live.worker_status import (
+    MAX_TASK_DURATION,
+    SpeedMeter,
+    WorkerState,
+    WorkerStatus,
+)
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
@@ -35,6 +48,13 @@ IDLE_WALL_TIME = 0.1
 #: Minimum wall time between two rounds of commands [s].
 ROUND_WALL_TIME = 0.02
 
+#: Wall time after which a round of commands begins no further command before the next slice [s].
+MAX_ROUND_WALL_TIME = 0.1
+
+#: Maximum delay of the state behind the clock, in addition to a time step, at which its maps are
+#: still repeated [s of the clock].
+MAX_DELAY = 5.0
+
 #: Lag at or below which simulated time has reached the clock [s].
 ROUNDING = 1e-3
 
@@ -50,17 +70,21 @@ class SimulationWorker:
     """Runs a simulation that follows a clock, in a separate thread.
 
     Simulated time advances by ``time_scale`` times the steps of the clock, up to ``MAX_LAG`` each.
-    A simulation that cannot keep up lags by at most ``MAX_LAG``; time beyond that is lost.
+    Time steps have their natural length: one begins when it ends at or before the time of the
+    clock. Only changes of vents, terrain and effects, a pause, ``step`` and the end time shorten
+    a step. A simulation that cannot keep up lags by at most ``MAX_LAG`` and a time step; time
+    beyond that is lost.
 
     A ``command`` returns immediately with a future. A refused one sets a LavaError in its future
     and changes nothing. A command that replaces all of its kind (vents, terrain, a parameter)
     cancels the future of a waiting one. Any other exception stops the simulation: the state is
-    FAILED, the last snapshot remains, and ``reset`` starts again.
+    FAILED, the last snapshot remains, and ``reset`` starts again. An exception outside a command
+    and the simulation is reported (``WorkerStatus.fault``), and the thread continues.
 
     ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` returns
     the time to follow [s]. ``constants`` are the lava and its surroundings until a scene defines
     them, ``end_time`` is the simulated end time [s]. ``on_snapshot`` is called when ``latest`` has
-    changed, in any thread. Other threads only read ``session``.
+    changed, in any thread. Other threads only read ``view`` and ``latest``.
     """
 
     make_simulation: Callable[[Scene], 'Simulation']
@@ -85,6 +109,8 @@ class SimulationWorker:
         self.session = SimulationSession(self._make, constants=self.constants)
         self._error = ''
         self._is_stopping = False
+        self._threads_guard = Guard('simulation thread', SimulationError)
+        self._updated = 0.0
         self.commands = CommandQueue()
         self._last_round = 0.0
         # the current task with its begin, and the duration of the last slice
@@ -97,16 +123,30 @@ class SimulationWorker:
         return self.session.latest
 
     @property
+    def view(self) -> SessionView:
+        """The published values of the session."""
+        return self.session.view
+
+    @property
     def status(self) -> WorkerStatus:
-        """The current status of the worker."""
-        task, begun = self._task
-        so_far = time.monotonic() - begun if task else 0.0
-        return replace(
+        """The current status of the worker, also if its thread is busy or has ended."""
+        (task, begun), now = self._task, time.monotonic()
+        so_far = now - begun if task else 0.0
+        status = replace(
             self._status,
             current_task=task,
             task_duration=max(so_far, self._status.task_duration),
             waiting=self.commands.kinds,
+            fault=self._threads_guard.error,
         )
+        is_timed = status.state in (WorkerState.RUNNING, WorkerState.STARTING)
+        if is_timed and now - self._updated > MAX_TASK_DURATION:
+            status = replace(status, age=status.age + self._clock.unread * self.time_scale)
+        has_begun, is_alive = self._thread.ident is not None, self._thread.is_alive()
+        if has_begun and not is_alive and status.state is not WorkerState.STOPPED:
+            error = 'the thread of the simulation has ended'
+            status = replace(status, state=WorkerState.FAILED, error=error)
+        return status
 
     def start(self) -> None:
         """Start the thread."""
@@ -159,7 +199,9 @@ class SimulationWorker:
         """Copy the state for another simulation; the future fails without a simulation."""
         begun = time.monotonic()
         checkpoint = self.session.checkpoint()
-        return Fork(checkpoint, self.session.changes, self.clock(), time.monotonic() - begun)
+        # the state is that of an earlier time of the clock
+        clock = self.clock() - self._age / self.time_scale
+        return Fork(checkpoint, self.session.changes, clock, time.monotonic() - begun)
 
     @command('terrain')
     def set_terrain(self, terrain: Terrain) -> None:
@@ -195,13 +237,44 @@ class SimulationWorker:
         self.commands.put(Command(set_or_wait, future, 'vents'))
         return future
 
-    @command()
-    def add_vent(self, vent: Vent) -> None:
-        """Add a vent; refused before there is a terrain."""
+    def add_vent(self, vent: Vent) -> 'Future[None]':
+        """Add a vent; refused before there is a terrain.
+
+        Vents of commands that follow each other are added together.
+        """
+        future: Future[None] = Future()
+        self.commands.put(Command(self._add_vents, future, '', vent))
+        return future
+
+    def _add_vents(self, commands: list[Command]) -> None:
+        """Add the vents of commands as one change, and refuse those that cannot be added."""
+        scene, good = self.session.scene, []
+        for item in commands:
+            try:
+                if scene is None:
+                    place = item.item.position
+                    raise LavaError('vent', place, 'a terrain before the first single vent')
+                replace(scene, vents=(item.item,))
+            except LavaError as error:
+                finish(item.future, error)
+            else:
+                good.append(item)
+        if good:
+            self._add_together(good)
+
+    def _add_together(self, commands: list[Command]) -> None:
         scene = self.session.scene
-        if scene is None:
-            raise LavaError('vent', vent.position, 'a terrain before the first single vent')
-        self.session.set_vents((*scene.vents, vent))
+        assert scene is not None
+        try:
+            self.session.set_vents((*scene.vents, *(item.item for item in commands)))
+        except LavaError as error:
+            if len(commands) == 1:
+                finish(commands[0].future, error)
+                return
+            # only the sum of some discharges may be refused
+            middle = len(commands) // 2
+            self._add_together(commands[:middle])
+            self._add_together(commands[middle:])
 
     @command('constants')
     def set_constants(self, constants: Mapping[str, Any]) -> None:
@@ -223,19 +296,22 @@ class SimulationWorker:
         def set_attribute() -> None:
             if name == 'time_scale':
                 # keep the lag in seconds of the clock
-                lag = (self._target - self.session.time) / self.time_scale
-                self._target = self.session.time + lag * float(value or 0.0)
+                lag = (self._target - self._followed) / self.time_scale
+                self._target = self._followed + lag * float(value or 0.0)
             setattr(self, name, value)
 
         return self.commands.submit(set_attribute, name)
 
     @command('pause')
     def pause(self, paused: bool) -> None:
-        """Hold simulated time, also in the middle of a step, or let it continue."""
+        """Hold simulated time, or let it continue."""
         if paused and not self.paused:
+            if self.session.time < self._target <= self.session.time + self.session.view.step:
+                self._advance_session(self._target)
             self._give_up(self.session.time)
+        if self._step_target is not None:
+            self._step_target, self._target = None, self.session.time
         self.paused = paused
-        self._step_target = None
 
     @command('reset')
     def reset(self) -> None:
@@ -255,7 +331,7 @@ class SimulationWorker:
 
     def _run(self) -> None:
         while not self._is_stopping:
-            self._run_commands()
+            self._threads_guard.run(self._run_commands)
             if not self._is_stopping:
                 self._guard(self._advance)
                 self._guard(self._update_status)
@@ -268,41 +344,44 @@ class SimulationWorker:
 
     def _run_commands(self) -> None:
         time.sleep(max(0.0, self._last_round + ROUND_WALL_TIME - time.monotonic()))
-        is_behind = self._target > self.session.time
-        wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
+        is_due = self._target > self._followed
+        wait = (0.0 if is_due else IDLE_WALL_TIME) if self._is_moving() else None
         with suppress(queue.Empty):
             first = self.commands.get(wait)
-            self._last_round = time.monotonic()
+            self._last_round = begun = time.monotonic()
             self._execute(first)
             # Later commands wait for the next round, so that simulated time always advances.
             for _ in range(len(self.commands)):
-                if self._is_stopping:
+                if self._is_stopping or time.monotonic() - begun >= MAX_ROUND_WALL_TIME:
                     return
                 self._execute(self.commands.get(0.0))
 
     def _execute(self, command: Command) -> None:
-        future, starts = command.future, self.session.starts
+        commands, starts = [command], self.session.view.starts
+        action = command.action
+        if command.item is not None:
+            commands += self.commands.get_more(command)
+            action = partial(action, commands)
         self._task = command.kind or 'a command', time.monotonic()
         try:
-            result = command.action()
-            if self.session.starts != starts:
+            result, error = action(), None
+            if self.session.view.starts != starts:
                 self._note_start()
-        except Exception as error:
+        except Exception as raised:
+            result, error = None, raised
             if not isinstance(error, LavaError):
                 self._fail(error)
-            finish(future, error)
-        else:
+        for future in (item.future for item in commands):
             # vents that wait for a terrain are not complete yet
-            if self._waiting_vents is None or self._waiting_vents[1] is not future:
-                finish(future, result=result)
+            is_waiting = self._waiting_vents is not None and self._waiting_vents[1] is future
+            if not (future.done() or (is_waiting and error is None)):
+                finish(future, error, result=result)
         self._task = '', 0.0
         self._guard(self._update_status)
 
     def _guard(self, action: Callable[[], None]) -> None:
-        try:
-            action()
-        except Exception as error:
-            self._fail(error)
+        """Run an action of the simulation, which fails with any exception."""
+        self._threads_guard.run(action, self._fail)
 
     def _fail(self, error: Exception) -> None:
         self._error = failure_text(error, self.session.latest)
@@ -318,7 +397,7 @@ class SimulationWorker:
             self._target = self._step_target
         else:
             self._target += self._clock.elapse() * self.time_scale
-            self._give_up(before + MAX_LAG * self.time_scale)
+            self._give_up(before + self.session.view.step + MAX_LAG * self.time_scale)
         if self.end_time is not None:
             self._target = min(self._target, self.end_time)
         self._slice = 0.0
@@ -326,18 +405,33 @@ class SimulationWorker:
             begun = time.monotonic()
             self._task = 'a step', begun
             try:
-                reached = self._advance_session(self._target)
+                self._advance_session(self._target, whole_steps=self._step_target is None)
             finally:
                 self._task, self._slice = ('', 0.0), time.monotonic() - begun
-            self._speed.note(reached)
+            self._speed.note(self._followed)
         if self._step_target is not None and self.session.time >= self._target:
             self._step_target = None
 
-    def _advance_session(self, until: float) -> float:
-        """Simulate a slice, and return the time reached [s]."""
-        return self.session.advance(
-            until, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
+    def _advance_session(self, until: float, *, whole_steps: bool = False) -> None:
+        """Simulate a slice up to a time [s]."""
+        self.session.advance(
+            until,
+            wall_limit=SLICE_WALL_TIME,
+            max_particles=self.max_particles,
+            limit=self.end_time if whole_steps else None,
+            whole_steps=whole_steps,
         )
+
+    @property
+    def _age(self) -> float:
+        """Simulated time from the state to the target [s]."""
+        return max(0.0, self._target - self.session.time)
+
+    @property
+    def _followed(self) -> float:
+        """Simulated time up to which nothing remains to be computed [s]."""
+        view = self.session.view
+        return view.time + min(max(0.0, self._target - view.time), view.step)
 
     def _give_up(self, until: float) -> None:
         """Limit the target to a simulated time [s], and count the rest as lost time."""
@@ -371,22 +465,30 @@ class SimulationWorker:
         # At rest, update the snapshot before the status reports the state.
         is_new = not self._is_moving() and self._is_snapshot_new()
         # Exclude the newest step of the clock from the lag.
-        lag = (self._target - self.session.time) / self.time_scale - self._clock.step
+        lag = (self._target - self._followed) / self.time_scale - self._clock.step
+        is_running, self._updated = state is WorkerState.RUNNING, time.monotonic()
+        delay = (MAX_DELAY + self._clock.step) * self.time_scale
         self._status = WorkerStatus(
             state=state,
             error=self._error,
             speed=self._speed.value,
             mean_speed=self._speed.mean,
-            is_behind=state is WorkerState.RUNNING and lag > ROUNDING,
-            device=self.session.device,
+            is_behind=is_running and lag > ROUNDING,
+            device=self.session.view.device,
             lag=max(0.0, lag),
             lost=self._clock.lost,
             jump=self._clock.jump,
             jumps=self._clock.jumps,
+            time=self.session.time,
+            age=self._age if is_running else 0.0,
+            max_age=self.session.view.step + delay,
             task_duration=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
-            self.on_snapshot()
+            self._report_snapshot()
+
+    def _report_snapshot(self) -> None:
+        self._threads_guard.run(self.on_snapshot)
 
     def _follow_from_here(self) -> None:
         self._clock.start()
@@ -396,7 +498,7 @@ class SimulationWorker:
 
     def _show(self) -> None:
         if self._is_snapshot_new():
-            self.on_snapshot()
+            self._report_snapshot()
 
     def _is_snapshot_new(self) -> bool:
         """Update ``latest`` now; return True if it may have changed."""
@@ -425,7 +527,7 @@ class SimulationWorker:
         except Exception as error:
             self._fail_in_thread(error, simulation)
         else:
-            self.on_snapshot()
+            self._report_snapshot()
 
     @command('failure')
     def _fail_in_thread(self, error: Exception, simulation: 'Simulation | None') -> None:

@@ -35,11 +35,16 @@ class WorkerStatus:
         mean_speed: Simulated time per wall time since the start, without pauses.
         is_behind: Whether simulated time falls behind the clock.
         device: Name of the simulation's device, empty before there is one.
-        lag: Lag of simulated time behind the time of the clock before its newest step [s of the
-            clock].
+        lag: Lag of simulated time behind the time of the clock before its newest step, without
+            the wait for the end of a time step [s of the clock].
         lost: Time of the clock since the start that simulated time has not followed [s].
         jump: Newest jump of the clock [s], negative for a jump back. Jumps are not followed.
         jumps: Number of jumps of the clock since the start.
+        time: Simulated time of the current state [s].
+        age: Simulated time from the current state to the time of the clock [s]. It includes the
+            wait for the end of a time step, and grows while the thread is busy or has ended.
+        max_age: Age above which the state is stale [s]: the time step, and some delay.
+        fault: Unexpected exception of the thread outside the simulation, empty without one.
         current_task: Task of the thread: ``a step`` or the kind of a command; empty in between.
         task_duration: Wall time of the current task so far or, if longer, of the last step [s].
         waiting: Kinds of the waiting commands.
@@ -55,9 +60,18 @@ class WorkerStatus:
     lost: float = 0.0
     jump: float = 0.0
     jumps: int = 0
+    time: float = 0.0
+    age: float = 0.0
+    max_age: float = 0.0
+    fault: str = ''
     current_task: str = ''
     task_duration: float = 0.0
     waiting: tuple[str, ...] = ()
+
+    @property
+    def is_stale(self) -> bool:
+        """True if the state does not follow the clock, so that its maps must not be repeated."""
+        return self.state is WorkerState.FAILED or self.age > self.max_age
 
     @property
     def blocked_by(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.ensemble_forecasts import ForecastStatus
 from lava_ros.live.recorder import Recorder
-from lava_ros.live.session import is_on, SimulationSession
+from lava_ros.live.session import is_on, SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ZERO_CELSIUS
@@ -56,10 +56,17 @@ def simulation_status(
     # the state 'starting' already explains a wait
     warnings += [*clock.values(), worker.blocked_by if state is not WorkerState.STARTING else '']
     warnings.append('running slower than the clock asks for' if worker.is_behind else '')
+    if worker.is_stale and state is WorkerState.RUNNING:
+        warnings.append(
+            f'the state is {worker.age:.4g} s of simulated time old, expected at most '
+            f'{worker.max_age:.4g} s: hazard and masks are not repeated'
+        )
     if state is WorkerState.RUNNING and resolution is not None and resolution.warnings():
         warnings.append(resolution.text())
     if worker.error:
         message = f'{message}: {worker.error}'
+    elif worker.fault:
+        level, message = ERROR, worker.fault
     elif any(warnings):
         is_lost = snapshot is not None and not snapshot.budget.is_conserved
         level = ERROR if is_lost else WARN
@@ -70,6 +77,8 @@ def simulation_status(
         'device': worker.device,
         'speed': f'{worker.speed:.4g}',
         'mean_speed': f'{worker.mean_speed:.4g}',
+        'age_s': f'{worker.age:.4g}',
+        'max_age_s': f'{worker.max_age:.4g}',
         'clock_lost_s': f'{worker.lost:.4g}',
         'clock_jumps': worker.jumps,
     }
@@ -254,16 +263,16 @@ class NodeLog:
         self._logger = logger
         self._logged: dict[str, object] = {'state': WorkerState.WAITING}
 
-    def scene(self, session: SimulationSession, snapshot: Snapshot | None) -> None:
+    def scene(self, view: SessionView, snapshot: Snapshot | None) -> None:
         """Log changes of terrain, vents and effects up to the newest snapshot.
 
-        Changes within the noise of a sensor (``SimulationSession.changes``) are not logged.
+        Changes within the noise of a sensor (``SessionView.changes``) are not logged.
         """
-        scene = session.scene
-        if scene is None or self._logged.get('changes') == session.changes:
+        scene = view.scene
+        if scene is None or self._logged.get('changes') == view.changes:
             return
-        self._logged['changes'] = session.changes
-        terrain, vents, effects = scene.terrain, scene.vents, session.effects
+        self._logged['changes'] = view.changes
+        terrain, vents, effects = scene.terrain, scene.vents, view.effects
         self._log_change('terrain', terrain, _terrain_text(terrain))
         # without the discharge: a live feed changes it continually
         now = snapshot.time if snapshot is not None else 0.0

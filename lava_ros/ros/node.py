@@ -249,7 +249,10 @@ class _PackageLog(logging.Handler):
         self._logger = node.get_logger()
 
     def emit(self, record: logging.LogRecord) -> None:
-        if record.levelno >= logging.WARNING:
+        if record.levelno >= logging.ERROR:
+            # with the traceback
+            self._logger.error(logging.Formatter().format(record))
+        elif record.levelno >= logging.WARNING:
             self._logger.warning(record.getMessage())
         else:
             self._logger.info(record.getMessage())

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 import lava_ros
-from lava_ros.live.session import is_on, Origin, SimulationSession
+from lava_ros.live.session import is_on, Origin, SessionView
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Scene, scene_to_dict, Terrain
@@ -47,17 +47,17 @@ class SceneRecording:
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
 
-    def write(self, session: SimulationSession, snapshot: Snapshot, stamp_ns: int) -> None:
+    def write(self, view: SessionView, snapshot: Snapshot, stamp_ns: int) -> None:
         """Record what has changed since the last call; ``stamp_ns`` is the ROS time [ns]."""
-        scene, recorder = session.scene, self.graph.recorder
+        scene, recorder = view.scene, self.graph.recorder
         is_new = recorder.is_armed
         if scene is None or not (is_new or recorder.is_recording):
             return
         if is_new:
-            self._effects, self._history, self._origin = {}, [], session.origin
-        has_changed = self._note_effects(session.effects, snapshot, stamp_ns)
+            self._effects, self._history, self._origin = {}, [], view.origin
+        has_changed = self._note_effects(view.effects, snapshot, stamp_ns)
         if is_new or has_changed or scene is not self._scene:
-            recorder.describe(self._description(scene, session))
+            recorder.describe(self._description(scene, view))
             self._scene = scene
         if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._messages.forget()
@@ -90,9 +90,9 @@ class SceneRecording:
             self._history.append(entry)
         return bool(changed)
 
-    def _description(self, scene: Scene, session: SimulationSession) -> dict[str, str]:
+    def _description(self, scene: Scene, view: SessionView) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
-        whole = scene_to_dict(replace(scene, vents=session.schedule))
+        whole = scene_to_dict(replace(scene, vents=view.schedule))
         parameters = dict(self.parameters())
         return {
             'scene': yaml.safe_dump(whole, sort_keys=False),
@@ -103,5 +103,5 @@ class SceneRecording:
             **({'onset': onset} if (onset := parameters.get('onset')) else {}),
             'namespace': self.graph.node.get_namespace(),
             'version': lava_ros.__version__,
-            'device': session.device,
+            'device': view.device,
         }

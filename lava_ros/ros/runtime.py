@@ -328,8 +328,9 @@ class NodeRuntime:
 
     def _publish(self, *, repeat: bool = False) -> None:
         """Publish the layers that are due and have changed; at rest, also those not due."""
-        snapshot, scene = self.worker.latest, self.worker.session.scene
-        self._log.scene(self.worker.session, snapshot)
+        snapshot, view = self.worker.latest, self.worker.view
+        scene = view.scene
+        self._log.scene(view, snapshot)
         if snapshot is None or not self.is_active:
             return
         stamp_ns = now_ns(self._node)
@@ -337,7 +338,7 @@ class NodeRuntime:
         if scene is not None:
             # a bag that began before the clock had a time would be decades long
             if stamp_ns:
-                self._recording.write(self.worker.session, snapshot, stamp_ns)
+                self._recording.write(view, snapshot, stamp_ns)
             is_heard = self.inputs.came_from_topic(scene.terrain)
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
@@ -368,14 +369,16 @@ class NodeRuntime:
         if self._begins_bag(stamp_ns):
             self._publish()
         snapshot = self._layers.shown
-        if self.is_active:
+        # a subscriber's deadline then reports maps that do not follow the clock
+        if self.is_active and not worker.is_stale:
             self._layers.publish_heartbeats(stamp_ns)
         self._publish_places()
         is_simulated = self._node.get_clock().ros_time_is_active
         clock = self._clock_watch.look(
             stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
         )
-        resolution = self.worker.session.resolution
+        view = self.worker.view
+        resolution = view.resolution
         self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
         message = DiagnosticArray(
             header=codec.header('', stamp_ns),
@@ -388,7 +391,7 @@ class NodeRuntime:
                     resolution=self.worker.session.measured_resolution,
                     clock=clock,
                 ),
-                diagnostics.effects_status(self.worker.session.effects),
+                diagnostics.effects_status(view.effects),
                 self.inputs.status(),
                 diagnostics.recorder_status(self._checkpoints),
                 *self._forecasts.statuses(),
@@ -399,8 +402,7 @@ class NodeRuntime:
         self._graph.send(self._diagnostics, message, stamp_ns, qos.DIAGNOSTICS)
         self._recorder.flush()
         period = self._settings.checkpoint_period
-        changes = self.worker.session.changes
-        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=changes))
+        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=view.changes))
         self._log.recorder(self._recorder)
 
     def _begins_bag(self, stamp_ns: int) -> bool:

@@ -32,7 +32,7 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
         return f'{text}, but later: {blocked_by}' if blocked_by else text
 
     def reset(_: Any) -> str:
-        if worker.session.scene is None:
+        if worker.view.scene is None:
             raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
         take('reset')
         logger.info('reset: starting again at time 0')

@@ -357,7 +357,7 @@ class InputSubscribers:
         self.command('vents', self.worker.set_vents(vents))
 
     def _on_clicked_point(self, point: PointStamped) -> None:
-        settings, scene = self.settings(), self.worker.session.scene
+        settings, scene = self.settings(), self.worker.view.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
             expected = f'at most {settings.max_vents} (max_vents)'
             raise LavaError('clicked_point', 'one more vent', expected)

@@ -8,7 +8,7 @@ from collections.abc import Generator
 from functools import partial
 import math
 import time as wall_clock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,9 +26,24 @@ _ROUNDING = 1e-3
 _Readback = tuple[np.ndarray, np.ndarray]
 
 
+class Stop(NamedTuple):
+    """The end of a part of a simulation.
+
+    Attributes:
+        time: Simulated time reached [s].
+        step: Length of the next step if ``is_waiting``, otherwise of the latest step without the
+            limits by stops and by single particles [s].
+        is_waiting: True if the next step would end too late and has therefore not begun.
+    """
+
+    time: float
+    step: float
+    is_waiting: bool
+
+
 def advancing_to(
-    solver: Solver, until: float, end: float, deadline: float
-) -> Generator[None, None, float]:
+    solver: Solver, until: float, end: float, deadline: float, max_end: float = math.inf
+) -> Generator[None, None, Stop]:
     """Advance to a time, in parts, or to the step after which no lava is left.
 
     Args:
@@ -36,16 +51,19 @@ def advancing_to(
         until: Simulated time to reach [s].
         end: Simulated time that no step may pass [s].
         deadline: Time of ``time.monotonic`` after which to stop early [s].
+        max_end: Simulated time after which no step may end [s]: a step that would end later is
+            not begun. Not in a batch.
 
     Returns:
-        The simulated time reached [s].
+        The end of this part.
     """
     state = solver.state
-    state.write_target(until, end)
-    batch = at_work()
+    state.write_target(until, end, max_end)
+    batch, is_waiting = at_work(), False
     if batch is None:
-        clock, counts = yield from _advance_alone(solver, until, deadline)
+        clock, counts, is_waiting = yield from _advance_alone(solver, until, deadline)
     else:
+        assert max_end == math.inf
         clock, counts = yield from _advance_in_batch(solver, batch, until, deadline)
     if clock[at.TIME] < until:
         # only the remaining stages of the current step
@@ -56,18 +74,22 @@ def advancing_to(
         clock, counts = state.read_clock()
     # a part that ends with its first stage makes room as well
     solver.make_room(counts)
-    return float(clock[at.TIME])
+    return Stop(float(clock[at.TIME]), float(clock[at.FULL_STEP]), is_waiting)
 
 
 def _advance_alone(
     solver: Solver, until: float, deadline: float
-) -> Generator[None, None, _Readback]:
-    """Advance to a time [s], or a wall time [s]; return clock and counts."""
+) -> Generator[None, None, tuple[np.ndarray, np.ndarray, bool]]:
+    """Advance to a time [s], or a wall time [s].
+
+    Returns:
+        Clock, counts, and True if the next step would end too late.
+    """
     state = solver.state
     clock, counts = state.read_clock()
     # a GPU computes the next stages while the host reads the results of the previous ones
     in_flight: deque[Any] = deque()
-    gain = math.inf
+    gain, is_waiting = math.inf, False
     while clock[at.TIME] < until and wall_clock.monotonic() < deadline:
         is_free = len(in_flight) < _IN_FLIGHT[solver.device.is_cuda]
         # the launches in flight may reach the target within rounding: more of them would idle
@@ -80,7 +102,9 @@ def _advance_alone(
         former = clock[at.TIME]
         clock, counts = in_flight.popleft()()
         gain = clock[at.TIME] - former
-        if solver.note(counts):
+        # stages after the last step idle: the next step would end too late
+        is_waiting = clock[at.TIME] < until and not counts[at.CURRENT]
+        if solver.note(counts) or is_waiting:
             break
         if state.needs_room(counts) or counts[at.NEAR_BORDER]:
             while in_flight:
@@ -88,7 +112,7 @@ def _advance_alone(
             solver.make_room(counts)
     while in_flight:
         clock, counts = in_flight.popleft()()
-    return clock, counts
+    return clock, counts, is_waiting
 
 
 def _advance_in_batch(

@@ -7,6 +7,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
 import math
+import threading
 import time as wall_clock
 
 from lava_ros import validation
@@ -48,9 +49,12 @@ from lava_ros.simulation.step.vents import check_rates
 class Simulation:
     """Lava flowing over a terrain.
 
+    A simulation belongs to the thread that made it: work of a second thread on the device would
+    invalidate a CUDA graph that is being captured.
+
     Attributes:
         accuracy: The resolution, without automatic values.
-        solver: The particles, grids and kernels on the device.
+        step: Length of the step that is waited for (``advance``), or of the latest step [s].
     """
 
     def __init__(
@@ -79,6 +83,9 @@ class Simulation:
             LavaError: The device does not exist, a particle is not on the terrain, or an effect is
                 unknown.
         """
+        self._owner = threading.get_ident()
+        self.step = 0.0
+        self._is_waiting, self._asked = False, -math.inf
         used = device_of(device)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
@@ -86,11 +93,25 @@ class Simulation:
         self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene, forced, horizon=horizon)
         self._review = Review()
         chosen = effects if isinstance(effects, Effects) else self._choose_effects(scene)
-        self.solver = Solver(scene, formulated(chosen, self.accuracy), self.accuracy, used)
+        self._solver = Solver(scene, formulated(chosen, self.accuracy), self.accuracy, used)
         if particles is None:
             particles = particles_of(scene, self.accuracy.spacing)
         self.solver.start_with(particles)
         self._watch(is_due=particles is not None)
+
+    @property
+    def solver(self) -> Solver:
+        """The particles, grids and kernels on the device.
+
+        Raises:
+            RuntimeError: If another thread than the one that made the simulation asks for it.
+        """
+        if threading.get_ident() != self._owner:
+            raise RuntimeError(
+                f'thread {threading.current_thread().name!r} has used a simulation of another '
+                'thread; only the thread that made it may use it'
+            )
+        return self._solver
 
     @property
     def scene(self) -> Scene:
@@ -138,7 +159,12 @@ class Simulation:
         return int(self.solver.state.read_clock()[1][at.STEPS])
 
     def advance(
-        self, until: float, *, limit: float | None = None, wall_limit: float | None = None
+        self,
+        until: float,
+        *,
+        limit: float | None = None,
+        wall_limit: float | None = None,
+        whole_steps: bool = False,
     ) -> float:
         """Simulate up to a time, or to the first end of a time step after it.
 
@@ -148,8 +174,11 @@ class Simulation:
         Args:
             until: Simulated time to reach [s]; a time that has passed changes nothing.
             limit: Time that no step may pass [s]. The last step before it is shortened; when left
-                out, this is ``until``.
+                out, this is ``until``, or with ``whole_steps`` there is none.
             wall_limit: Stop early after about this much wall time [s].
+            whole_steps: Do not begin a step that would end after ``until``. The time reached is
+                then earlier by less than this ``step``. A later change of vents, terrain or
+                effects takes place at ``until``: it shortens the step.
 
         Returns:
             The simulated time reached [s].
@@ -157,12 +186,19 @@ class Simulation:
         Raises:
             LavaError: ``until`` is not a finite number, or ``limit`` is before it.
         """
-        for _ in self.advancing(until, limit=limit, wall_limit=wall_limit):
+        for _ in self.advancing(
+            until, limit=limit, wall_limit=wall_limit, whole_steps=whole_steps
+        ):
             pass
         return self.time
 
     def advancing(
-        self, until: float, *, limit: float | None = None, wall_limit: float | None = None
+        self,
+        until: float,
+        *,
+        limit: float | None = None,
+        wall_limit: float | None = None,
+        whole_steps: bool = False,
     ) -> Generator[None, None, float]:
         """Simulate up to a time, in parts, as ``advance`` does in one go.
 
@@ -175,7 +211,15 @@ class Simulation:
         until = validation.number('until', until, unit='s')
         if limit is not None:
             limit = validation.number('limit', limit, at_least=until, unit='s')
-        end = until if limit is None else limit
+        end, max_end = until if limit is None else limit, math.inf
+        self._asked = -math.inf
+        if whole_steps:
+            end, max_end = math.inf if limit is None else limit, until
+            now = self.time
+            if self._is_waiting and until < min(now + self.step, end):
+                self._asked = until
+                return now
+        self._is_waiting = False
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         while True:
             change = self.scene.events[0].time if self.scene.events else math.inf
@@ -185,7 +229,12 @@ class Simulation:
                 self.solver.rest(stop, last)
             # reviews are at ends of natural steps: they change no step
             due = min(stop, self._review_due)
-            reached = yield from advancing_to(self.solver, due, last, deadline)
+            reached, self.step, self._is_waiting = yield from advancing_to(
+                self.solver, due, last, deadline, max_end
+            )
+            if self._is_waiting:
+                self._asked = until
+                return reached
             if reached >= self._review_due:
                 self.review()
             if change <= reached and change < until:
@@ -269,6 +318,7 @@ class Simulation:
         vents = check_vents(vents, self.scene.terrain, self.scene.lava)
         if vents != self.solver.vents.vents:
             check_rates(vents, self.particle_volume)
+            self._catch_up()
             parting = self.solver.replace_vents(replace(self.scene, vents=vents))
             self._update_effects()
             self.solver.add_particles(parting)
@@ -286,17 +336,25 @@ class Simulation:
         later, scene = terrain, replace(self.scene, terrain=terrain)
         for event in scene.events:
             later = event.ground(later)
+        self._catch_up()
+        self._replace_terrain(scene)
+
+    def _replace_terrain(self, scene: Scene) -> None:
         self.solver.replace_terrain(scene)
         self._update_effects()
         self.solver.sort()
         self.solver.lower_top()
 
+    def _catch_up(self) -> None:
+        """End the step that is waited for early, at the time asked for."""
+        if self._is_waiting:
+            self.advance(max(self._asked, self.time))
+
     def _change_ground(self) -> None:
         """Let the next event of the scene change the ground."""
         event, *later = self.scene.events
         ground = event.ground(self.scene.terrain)
-        self.solver.scene = replace(self.scene, events=tuple(later))
-        self.set_terrain(ground)
+        self._replace_terrain(replace(self.scene, terrain=ground, events=tuple(later)))
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
         """Choose the effects again from now on; solidified lava stays ground.
@@ -309,6 +367,8 @@ class Simulation:
             LavaError: An effect is unknown, or two do not go together; the old ones stay.
         """
         former = self._forced, self._horizon
+        if (dict(forced), horizon) != former:
+            self._catch_up()
         self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
         self._forced = dict(forced)
         try:
@@ -448,4 +508,5 @@ class Simulation:
         """Continue with other effects."""
         effects = formulated(effects, self.accuracy)
         if effects != self.effects:
+            self._is_waiting = False
             self.solver.switch_effects(effects)

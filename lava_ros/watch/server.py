@@ -25,7 +25,7 @@ import viser
 from websockets.asyncio import server as websocket_server
 from websockets.datastructures import Headers
 
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import Guard, LavaError, refusing
 from lava_ros.maps.frames import Frame
 from lava_ros.scene.on_terrain import PlacedPicture
 from lava_ros.watch.frames import Frames, Level
@@ -125,11 +125,11 @@ class Server:
 
     def run(self, ended: Event) -> None:
         """Update the pages until an event, and report when their source fails or is back."""
-        was_bad, due = False, 0.0
+        was_bad, due, guard = False, 0.0, Guard('live view')
         while not ended.wait(due - time.monotonic()):
             # a long update must not delay the next one, or maps are left out
             due = time.monotonic() + TICK
-            self.update()
+            guard.run(self.update)
             level, words = self._frames.status
             if was_bad != (level is Level.ERROR):
                 was_bad = not was_bad

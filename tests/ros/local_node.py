@@ -124,6 +124,11 @@ class LocalNode(Asking, Hearing):
     def worker(self):
         return self.node.runtime.worker
 
+    @property
+    def simulated(self):
+        """Simulated time up to which the simulation follows the clock [s]."""
+        return self.worker._followed
+
     def close(self):
         self.node.close()
         self._executor.shutdown()
@@ -140,14 +145,14 @@ class LocalNode(Asking, Hearing):
     def run(self, seconds):
         """Advance the clock [s], and wait until the simulation has followed and published it."""
         end, worker = self.now + seconds, self.worker
-        reached = worker.session.time
+        reached = self.simulated
         while self.now < end:
             step = min(STEP, end - self.now)
             reached += step * worker.time_scale
             self.jump(self.now + step)
             self.wait_until(
                 lambda: (
-                    worker.session.time > reached - 1e-6  # noqa: B023
+                    self.simulated > reached - 1e-6  # noqa: B023
                     or worker.status.state is WorkerState.FINISHED
                 )
             )

@@ -122,6 +122,12 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
             'running slower than the clock asks for',
         ),
         ({}, LONG, 'a step takes 3.2 s or more; waiting for it: reset, snapshot'),
+        (
+            {},
+            {'age': 70.0, 'max_age': 25.5},
+            'the state is 70 s of simulated time old, expected at most 25.5 s: hazard and masks '
+            'are not repeated',
+        ),
         # a node without a clock is running, but time stands still
         ({}, {'clock': {'clock': '/clock does not', 'lost': 'time'}}, '/clock does not; time'),
     ],
@@ -131,11 +137,24 @@ def test_lost_lava_and_delays_are_warnings(budget, worker, expected):
     assert (status.level, status.message) == (WARN, expected)
 
 
+@pytest.mark.parametrize(
+    ('state', 'fields', 'expected'),
+    [
+        (WorkerState.RUNNING, {'fault': 'simulation thread: OSError: x'}, 'simulation thread: O'),
+        (WorkerState.FAILED, {'error': 'the thread has ended'}, 'failed: the thread has ended'),
+    ],
+)
+def test_exceptions_of_the_simulation_thread_are_errors(state, fields, expected):
+    status = _simulation(state, _snapshot(), **fields)
+    assert (status.level, status.message[: len(expected)]) == (ERROR, expected)
+
+
 def test_simulation_values_are_those_of_the_frame():
     values = _values(_simulation(snapshot=_snapshot()))
     assert values == {
         'state': 'running', 'lifecycle': 'active', 'device': 'cpu', 'speed': '2',
-        'mean_speed': '3', 'clock_lost_s': '0', 'clock_jumps': '0', 'simulated_time_s': '12.5',
+        'mean_speed': '3', 'age_s': '0', 'max_age_s': '0', 'clock_lost_s': '0',
+        'clock_jumps': '0', 'simulated_time_s': '12.5',
         'frame_stamp_ns': '99', 'particles': '3', 'inundated_area_m2': '2.0',
         'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_held_m3': '10.0',
         'volume_pending_m3': '0.5', 'volume_late_m3': '0.0', 'volume_left_m3': '0.0',

@@ -124,7 +124,7 @@ def test_another_bag_begins_where_the_clock_jumps(local, jump):
     assert node.change('deactivate') and node.change('cleanup')
     times = [[frame.time for frame in Recording(name).frames()] for name in ('bag', 'bag_2')]
     assert all(item == sorted(set(item)) for item in times)
-    assert times[0][-1] <= 100.0 <= times[1][0] < times[1][-1] <= 160.0
+    assert 0.0 < times[0][-1] <= 100.0 and times[0][-1] <= times[1][0] < times[1][-1] <= 160.0
     assert BagReader('bag_2').duration_ns > 2.5e9
 
 

@@ -3,6 +3,8 @@
 
 """Services, optional layers, markers and parameters of a running node."""
 
+from dataclasses import replace
+
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData, OccupancyGrid
@@ -14,6 +16,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
+from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros import subscribers
 from ros.graph_publisher import elevation
 
@@ -87,7 +90,7 @@ def test_markers_follow_the_discharge_up_to_the_end_time(local):
     assert node.set(end_time=0.0)['success']
     node.status_now('simulation', lambda status: status['state'] == 'running')
     node.run(0.5)
-    assert node.worker.session.time == pytest.approx(80.0)
+    assert node.simulated == pytest.approx(80.0)
 
 
 def test_layers_are_switched_on_and_off_and_saved(local):
@@ -202,6 +205,26 @@ def test_markers_follow_their_vents_and_clicks_the_parameters(paused):
     paused.publish('kelvin_vents')
     paused.wait_for_log('vents[0].temperature is 1360 Celsius, 273 K above lava.reference_')
     assert '1360 K would be 1086.85 Celsius' in paused.log
+
+
+@pytest.mark.parametrize(
+    ('state', 'age', 'is_repeated'),
+    [
+        (WorkerState.RUNNING, 30.0, True),
+        (WorkerState.RUNNING, 31.0, False),
+        (WorkerState.STARTING, 31.0, False),
+        (WorkerState.FAILED, 0.0, False),
+        (WorkerState.PAUSED, 0.0, True),
+    ],
+)
+def test_heartbeats_stop_while_the_state_is_stale(paused, monkeypatch, state, age, is_repeated):
+    runtime, sent = paused.node.runtime, []
+    status = replace(paused.worker.status, state=state, age=age, max_age=30.0)
+    monkeypatch.setattr(runtime._layers, 'publish_heartbeats', sent.append)
+    with monkeypatch.context() as patch:
+        patch.setattr(type(paused.worker), 'status', status)
+        runtime._publish_diagnostics()
+    assert bool(sent) == is_repeated
 
 
 def test_input_limits_can_be_changed(paused):

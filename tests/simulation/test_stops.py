@@ -164,6 +164,18 @@ def test_observations_do_not_change_the_flow(name, kind, counts, device):
     assert 'freezing' != name or expected['solidified.placed'].any()
 
 
+@pytest.mark.parametrize('name', SCENES)
+def test_whole_steps_are_those_of_one_advance(name, device):
+    simulation, times = begun(name, device), set()
+    for time in stops(320):
+        reached = simulation.advance(time, limit=END, whole_steps=True)
+        assert simulation.time == reached <= time < reached + simulation.step + 1e-6 * END
+        times.add(reached)
+    assert 8 < len(times) < 320 and reached == END
+    found, expected = result_of(simulation), without_stops(name, device)
+    assert [key for key in expected if found[key].tobytes() != expected[key].tobytes()] == []
+
+
 def test_advance_stays_within_its_limit():
     simulation = begun('bare', 'cpu')
     with pytest.raises(LavaError, match='limit'):

@@ -175,6 +175,16 @@ def test_reports_when_the_source_fails_and_is_back(frames, capsys):
     assert capsys.readouterr().err == 'lava watch: words\n' * 2
 
 
+@pytest.mark.parametrize('error', [OSError('odd'), RuntimeError('odd')])
+def test_updates_continue_after_an_exception(frames, monkeypatch, caplog, error):
+    updates, server = [], server_module.Server(frames, 0)
+    monkeypatch.setattr(server, 'update', Mock(side_effect=[error, None, None]))
+    server.run(SimpleNamespace(wait=lambda _: updates.append(1) or len(updates) > 3))
+    assert server.update.call_count == 3
+    (record,) = caplog.records
+    assert record.message == f'live view: {type(error).__name__}: odd' and record.exc_info
+
+
 def test_a_long_update_does_not_delay_the_next_one(frames, monkeypatch):
     waits, duration = [], 0.75 * server_module.TICK
     clock = SimpleNamespace(monotonic=count(0.0, duration).__next__)

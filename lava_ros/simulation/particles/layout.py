@@ -19,6 +19,9 @@ from lava_ros.scene import Terrain
 # Indices into State.clock.
 TIME, STEP, TARGET, FULL_STEP, FORMER_STEP = range(5)
 
+# Indices into State.limit_time.
+LIMIT_TIME, MAX_END = range(2)
+
 # Indices into State.stage: the weights of the current Runge-Kutta stage.
 FORMER, BEFORE_FORMER, VELOCITY, FIRST_VELOCITY = range(4)
 
@@ -69,7 +72,7 @@ ARRAYS = {
     'members': Array('int32'),
     'home': Array('int32'),
     'clock': Array('float64', 5),
-    'limit_time': Array('float64', 1),
+    'limit_time': Array('float64', 2),
     'left': Array('float64', 2),
 }
 

@@ -77,10 +77,11 @@ class State:
             do.
         surface: Only if the gradient uses differences: elevation of the surface [m] and the area
             V/h [m2] of each ordered particle.
-        clock: Simulated time, step, target time, latest full step and, with inertia, the previous
-            step [s], float64.
-        limit_time: Time that no step may pass [s], at or after the target, float64; not in
-            checkpoints.
+        clock: Simulated time, step, target time, latest full step (while stages idle because the
+            next step would end too late: that step) and, with inertia, the previous step [s],
+            float64.
+        limit_time: Time that no step may pass, at or after the target, and time after which no
+            step may end: one that would is not begun [s], float64; not in checkpoints.
         counts: Particles; steps; the limit of the latest step; 1 if the capacity was reached; the
             current stage (0 at the last one); the stages of the step; 1 if the stage is the last;
             the velocity evaluations so far; the current stage including the last (0 past the
@@ -138,6 +139,9 @@ class State:
             self._seen_counts = self.counts.numpy()
         self._time, self._target = (
             self.clock[place : place + 1] for place in (at.TIME, at.TARGET)
+        )
+        self._limit, self._max_end = (
+            self.limit_time[place : place + 1] for place in (at.LIMIT_TIME, at.MAX_END)
         )
         self._readbacks = [Readback((self.clock, self.counts))]
 
@@ -295,14 +299,17 @@ class State:
             rows = wp.array(values, dtype=array.dtype, device=self.device)
             wp.copy(array, rows, count=len(values))
 
-    def write_target(self, time: float, limit: float | None = None) -> None:
-        """Replace the target time of ``clock`` and, if given, ``limit_time`` [s].
+    def write_target(
+        self, time: float, limit: float | None = None, max_end: float = math.inf
+    ) -> None:
+        """Replace the target time of ``clock`` and, if ``limit`` is given, ``limit_time`` [s].
 
         Stages that have been launched already still use the previous values.
         """
         self._target.fill_(time)
         if limit is not None:
-            self.limit_time.fill_(limit)
+            self._limit.fill_(limit)
+            self._max_end.fill_(max_end)
 
     def write_time(self, time: float) -> None:
         """Replace the simulated time [s], between two steps."""

@@ -161,9 +161,10 @@ def choice_function(
     ``order`` is that of super-time-stepping. The last stage advances the clock. One thread calls
     it, when all rates are known.
 
-    Only ``limit_time`` shortens steps, never the target: after the first end of a step at or
-    after the target, stages idle. Idle stages change nothing that a later step depends on, so the
-    steps of a simulation do not depend on where it stops.
+    Only the first ``limit_time`` shortens steps, never the target: after the first end of a step
+    at or after the target, stages idle. They also idle if the step would end after the second
+    ``limit_time``; ``FULL_STEP`` is then the length of that step. Idle stages change nothing that
+    a later step depends on, so the steps of a simulation do not depend on where it stops.
     """
 
     @wp.func
@@ -172,7 +173,8 @@ def choice_function(
         # read everything before writing anything: reads after a write would be repeated one by one
         time = pace.clock[at.TIME]
         target = pace.clock[at.TARGET]
-        end = pace.limit_time[0]
+        end = pace.limit_time[at.LIMIT_TIME]
+        max_end = pace.limit_time[at.MAX_END]
         step = pace.clock[at.STEP]
         j = pace.counts[at.STAGE] + 1
         s = pace.counts[at.STAGES]
@@ -189,8 +191,7 @@ def choice_function(
                 pace.counts[at.CURRENT] = 0
                 pace.stage[at.VELOCITY] = real(0.0)
                 return
-            if wp.static(has_velocity):
-                pace.clock[at.FORMER_STEP] = step
+            former = step
             remaining = end - time
             step = longest_from(time, pace.longest, pace.ends, pace.limits)
             limit = 0
@@ -213,9 +214,7 @@ def choice_function(
             if pace.fixed > wp.float64(0.0):
                 step = pace.fixed
                 limit = 3
-            pace.clock[at.FULL_STEP] = step
-            pace.counts[at.LIMIT] = limit
-            pace.counts[at.STEPS] = steps + 1
+            full = step
             if remaining <= step:
                 step = remaining
             elif remaining < wp.float64(2.0) * step and pace.fixed == wp.float64(0.0):
@@ -223,6 +222,20 @@ def choice_function(
                 step = wp.float64(0.5) * remaining
             if pace.fixed == wp.float64(0.0) and particles < pace.few:
                 step = up_to_one(pace.due, time, step)
+            ending = time + step
+            if wp.abs(end - ending) < wp.float64(1e-9) * step:
+                ending = end
+            if ending > max_end:
+                pace.clock[at.FULL_STEP] = step
+                pace.counts[at.IS_LAST] = 0
+                pace.counts[at.CURRENT] = 0
+                pace.stage[at.VELOCITY] = real(0.0)
+                return
+            if wp.static(has_velocity):
+                pace.clock[at.FORMER_STEP] = former
+            pace.clock[at.FULL_STEP] = full
+            pace.counts[at.LIMIT] = limit
+            pace.counts[at.STEPS] = steps + 1
             pace.clock[at.STEP] = step
             s = 1
             if wp.static(is_staged):

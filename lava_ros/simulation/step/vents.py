@@ -300,7 +300,8 @@ class VentSet:
     def emit_by(self, time: float) -> bool:
         """Return True if a vent releases particles by a time [s]."""
         due = read(self.due)
-        return bool(due.size and due[:, 0].min() <= (1.0 + _ROUNDING) * time)
+        first = due[:, 0].min() if due.size else math.inf
+        return bool(first < math.inf and first <= (1.0 + _ROUNDING) * time)
 
     def emitted(self, time: float) -> float:
         """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""

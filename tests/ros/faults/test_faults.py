@@ -103,19 +103,19 @@ def test_fault_is_reported_and_the_last_maps_remain(running, monkeypatch, fault,
 
 def test_jumps_of_the_clock_are_reported_and_not_followed(running):
     for to, where in ((1e6, 'ahead'), (500.0, 'back')):
-        before = running.worker.session.time
+        before = running.simulated
         running.jump(to)
         status = running.status_now(
             'simulation', lambda item: f'the clock jumped {where}' in item['message']  # noqa: B023
         )
         assert status['level'] == 1
-        assert running.worker.session.time == before
+        assert running.simulated == before
         running.run(1.0)
-        assert running.worker.session.time == pytest.approx(before + running.worker.time_scale)
+        assert running.simulated == pytest.approx(before + running.worker.time_scale)
 
 
 def test_rejects_a_negative_time_of_the_clock(running):
-    now, before = running.now, running.worker.session.time
+    now, before = running.now, running.simulated
     for _ in range(2):
         with pytest.raises(ValueError, match='must not be negative') as caught:
             running.jump(-20.0)
@@ -126,7 +126,7 @@ def test_rejects_a_negative_time_of_the_clock(running):
     assert running.log.count('must not be negative') == 1
     running.now = now
     running.run(1.0)
-    assert running.worker.session.time > before
+    assert running.simulated > before
 
 
 @pytest.fixture
