@@ -348,7 +348,8 @@ def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
         return 'forced' if name in effects else 'never chosen, only forced'
     is_needed = decision.value > decision.effect.threshold
     is_switched_on = not math.isnan(decision.since)
-    if name in effects and not (is_needed or is_switched_on or decision.is_forced):
+    is_fixed = decision.is_forced or bool(decision.formulation)
+    if name in effects and not (is_needed or is_switched_on or is_fixed):
         return f'{decision.reason}, but an effect stays on during a run'
     return decision.reason
 

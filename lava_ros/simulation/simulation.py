@@ -407,7 +407,7 @@ class Simulation:
         found: list[str] = []
         if scales is not None:
             names = self._watched if names is None else names
-            decisions = decide_by(scales, self._forced or {}, names=names)
+            decisions = decide_by(scales, self._forced or {}, self.accuracy, names=names)
             found = self._review.note(decisions, self.effects)
         if found:
             self._review.since |= dict.fromkeys(found, self.time)
