@@ -27,18 +27,21 @@ _Readback = tuple[np.ndarray, np.ndarray]
 
 
 def advancing_to(
-    solver: Solver, until: float, end: float, deadline: float
+    solver: Solver, until: float, end: float | None, deadline: float
 ) -> Generator[None, None, float]:
     """Advance to a time, in parts, or to the step after which no lava is left.
+
+    After the deadline the last step may be incomplete. The next call continues it; with the
+    present time as ``until`` it only completes that step.
 
     Args:
         solver: The solver.
         until: Simulated time to reach [s].
-        end: Simulated time that no step may pass [s].
+        end: Simulated time that no step may pass [s]; None for that of the previous call.
         deadline: Time of ``time.monotonic`` after which to stop early [s].
 
     Returns:
-        The simulated time reached [s].
+        The simulated time reached [s], the last end of a step.
     """
     state = solver.state
     state.write_target(until, end)
@@ -48,9 +51,9 @@ def advancing_to(
     else:
         clock, counts = yield from _advance_in_batch(solver, batch, until, deadline)
     if clock[at.TIME] < until:
-        # only the remaining stages of the current step
+        # no step begins after the current one
         state.write_target(clock[at.TIME])
-    while counts[at.STAGE]:
+    while counts[at.STAGE] and wall_clock.monotonic() < deadline:
         solver.run_stages()
         yield
         clock, counts = state.read_clock()

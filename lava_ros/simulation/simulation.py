@@ -84,6 +84,7 @@ class Simulation:
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
         self._review = Review()
+        self._is_interrupted = False
         chosen = effects if isinstance(effects, Effects) else self._choose_effects(scene)
         self.solver = Solver(scene, formulated(chosen, self.accuracy), self.accuracy, used)
         if particles is None:
@@ -148,7 +149,9 @@ class Simulation:
             until: Simulated time to reach [s]; a time that has passed changes nothing.
             limit: Time that no step may pass [s]. The last step before it is shortened; when left
                 out, this is ``until``.
-            wall_limit: Stop early after about this much wall time [s].
+            wall_limit: Stop early after this wall time [s] and at most one more stage of a step or
+                one review of the effects. A step that is then incomplete is completed by the next
+                call, whatever its ``until``, or before anything else reads or changes the flow.
 
         Returns:
             The simulated time reached [s].
@@ -176,6 +179,7 @@ class Simulation:
             limit = validation.number('limit', limit, at_least=until, unit='s')
         end = until if limit is None else limit
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
+        self._is_interrupted = False
         while True:
             change = self.scene.events[0].time if self.scene.events else math.inf
             stop, last = min(until, change), min(end, change)
@@ -185,15 +189,28 @@ class Simulation:
             # reviews are at ends of natural steps: they change no step
             due = min(stop, self._review_due)
             reached = yield from advancing_to(self.solver, due, last, deadline)
+            if wall_clock.monotonic() >= deadline:
+                self._is_interrupted = True
+                return reached
             if reached >= self._review_due:
                 self.review()
             if change <= reached and change < until:
                 self._change_ground()
-            elif reached >= until or wall_clock.monotonic() >= deadline:
+            elif reached >= until:
                 return reached
+
+    def _complete(self) -> None:
+        """Complete the step and the review at which a wall limit has interrupted ``advance``."""
+        if self._is_interrupted:
+            self._is_interrupted = False
+            for _ in advancing_to(self.solver, self.time, None, math.inf):
+                pass
+            if self.time >= self._review_due:
+                self.review()
 
     def snapshot(self) -> Snapshot:
         """Map the current flow to the terrain's cells."""
+        self._complete()
         self.solver.sort()
         return self.solver.begin_snapshot(beside=False).result()
 
@@ -202,6 +219,7 @@ class Simulation:
 
         A GPU copies the maps to the host while it computes the next steps.
         """
+        self._complete()
         self.solver.order()
         return self.solver.begin_snapshot(beside=True)
 
@@ -216,6 +234,7 @@ class Simulation:
         if batch is None:
             self.look(looks)
             return
+        self._complete()
         self.solver.bin()
         take = partial(self.solver.take_look, looks)
         batch.launch(self.solver.state, partial(self.solver.record_launches, take))
@@ -227,6 +246,7 @@ class Simulation:
         Raises:
             LavaError: If too many particles are in one place.
         """
+        self._complete()
         self.solver.bin()
         self.solver.take_look(looks)
         self.solver.neighbors.refuse_crowds()
@@ -237,10 +257,12 @@ class Simulation:
 
     def budget(self) -> VolumeBudget:
         """Return the budget: volume emitted, by the integral of Q(t), and sums over particles."""
+        self._complete()
         return self.solver.budget()
 
     def sample(self) -> ParticleSample:
         """Read the particles back, with their current thickness and velocity."""
+        self._complete()
         self.solver.sort()
         self.solver.stage.compute_flow()
         return self.solver.read_sample()
@@ -250,6 +272,7 @@ class Simulation:
 
         Nothing is read back and nothing moves: this is the cost of a stage of a time step.
         """
+        self._complete()
         self.solver.neighbors.rebuild(self.solver.state)
         self.solver.stage.compute_flow()
         self.solver.stage.finish_flow()
@@ -268,6 +291,7 @@ class Simulation:
         vents = check_vents(vents, self.scene.terrain, self.scene.lava)
         if vents != self.solver.vents.vents:
             check_rates(vents, self.particle_volume)
+            self._complete()
             parting = self.solver.replace_vents(replace(self.scene, vents=vents))
             self._update_effects()
             self.solver.add_particles(parting)
@@ -285,6 +309,7 @@ class Simulation:
         later, scene = terrain, replace(self.scene, terrain=terrain)
         for event in scene.events:
             later = event.ground(later)
+        self._complete()
         self.solver.replace_terrain(scene)
         self._update_effects()
         self.solver.sort()
@@ -307,6 +332,7 @@ class Simulation:
         Raises:
             LavaError: An effect is unknown, or two do not go together; the old ones stay.
         """
+        self._complete()
         former = self._forced, self._horizon
         self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
         self._forced = dict(forced)
@@ -319,6 +345,7 @@ class Simulation:
 
     def checkpoint(self) -> Checkpoint:
         """Copy everything that is needed to continue from the current time."""
+        self._complete()
         self.solver.settle()
         return Checkpoint(
             time=self.time,
@@ -380,6 +407,7 @@ class Simulation:
 
     def measure_scales(self) -> Scales | None:
         """Measure the scales of the flow as it is now; None without flowing lava."""
+        self._complete()
         self.solver.sort()
         grids, sample = self.solver.draw_maps(), self.solver.read_sample()
         if not len(sample.volume):
@@ -403,6 +431,7 @@ class Simulation:
         Args:
             names: The effects; when left out, those that are off and not forced.
         """
+        self._complete()
         scales = self.measure_scales()
         found: list[str] = []
         if scales is not None:

@@ -316,7 +316,8 @@ class Solver:
     def rest(self, until: float, end: float) -> None:
         """Advance only the clock to a time, if there is no lava before ``end``, both in s."""
         clock, counts = self.state.read_clock()
-        is_still = not at.count_in(counts) and not self.vents.emit_by(end)
+        is_empty = not at.count_in(counts) and not counts[at.STAGE]
+        is_still = is_empty and not self.vents.emit_by(end)
         if is_still and clock[at.TIME] < until:
             self.state.write_time(until)
 
