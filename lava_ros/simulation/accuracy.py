@@ -20,8 +20,11 @@ COVERED = 0.1
 #: Minimum expected thickness of a flow [m].
 MIN_THICKNESS = 1e-6
 
-#: Maximum thickness [m]: lava that is too strong to flow has no thickness of its own.
-MAX_THICKNESS = 1e5
+#: Maximum thickness [m], the greatest relief on Earth.
+MAX_THICKNESS = 1e4
+
+#: Maximum number of particles that the vents may emit per second: more cannot be computed.
+MAX_PARTICLES_PER_SECOND = 1e6
 
 #: Formulations by name, with the effects that each switches on or off. Effects that exclude one
 #: that it switches on are off too.
