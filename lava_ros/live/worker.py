@@ -288,7 +288,7 @@ class SimulationWorker:
             if self.session.starts != starts:
                 self._note_start()
         except Exception as error:
-            if not isinstance(error, LavaError):
+            if not isinstance(error, LavaError) or isinstance(error, MemoryError):
                 self._fail(error)
             finish(future, error)
         else:

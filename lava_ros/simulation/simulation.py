@@ -16,6 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.advance import advancing_to
+from lava_ros.simulation.backend.memory import within_memory
 from lava_ros.simulation.batch import at_work
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -29,7 +30,12 @@ from lava_ros.simulation.output.snapshot import (
     Snapshot,
 )
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
+from lava_ros.simulation.resolution import (
+    naming_the_cause,
+    Resolution,
+    resolution_of,
+    resolved_accuracy,
+)
 from lava_ros.simulation.restart import arrays_of, restore_arrays
 from lava_ros.simulation.selection import (
     decide,
@@ -53,6 +59,7 @@ class Simulation:
         solver: The particles, grids and kernels on the device.
     """
 
+    @within_memory()
     def __init__(
         self,
         scene: Scene,
@@ -76,17 +83,20 @@ class Simulation:
                 of the scene.
 
         Raises:
-            LavaError: The device does not exist, a particle is not on the terrain, or an effect is
-                unknown.
+            LavaError: The device does not exist, a particle is not on the terrain, an effect is
+                unknown or contradicts the formulation, or the spacing or thickness is out of range.
+            OutOfMemoryError: The simulation does not fit into memory; all methods may raise it.
         """
-        used = device_of(device)
-        self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene, horizon=horizon)
+        used, given = device_of(device), accuracy or Accuracy()
+        self.accuracy = resolved_accuracy(given, scene, horizon=horizon)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
         self._review = Review()
         self._is_interrupted = False
         chosen = effects if isinstance(effects, Effects) else self._choose_effects(scene)
-        self.solver = Solver(scene, formulated(chosen, self.accuracy), self.accuracy, used)
+        chosen = formulated(chosen, self.accuracy)
+        with naming_the_cause(scene, given):
+            self.solver = Solver(scene, chosen, self.accuracy, used)
         if particles is None:
             particles = particles_of(scene, self.accuracy.spacing)
         self.solver.start_with(particles)
@@ -149,9 +159,10 @@ class Simulation:
             until: Simulated time to reach [s]; a time that has passed changes nothing.
             limit: Time that no step may pass [s]. The last step before it is shortened; when left
                 out, this is ``until``.
-            wall_limit: Stop early after this wall time [s] and at most one more stage of a step or
-                one review of the effects. A step that is then incomplete is completed by the next
-                call, whatever its ``until``, or before anything else reads or changes the flow.
+            wall_limit: Stop early after this wall time [s] and at most one more launch or review of
+                the effects. A step that is then incomplete is completed by the next call with a
+                later ``until``, which it may pass, or before anything else reads or changes the
+                flow.
 
         Returns:
             The simulated time reached [s].
@@ -179,25 +190,28 @@ class Simulation:
             limit = validation.number('limit', limit, at_least=until, unit='s')
         end = until if limit is None else limit
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
+        if self._is_interrupted and until <= self.time:
+            return self.time
         self._is_interrupted = False
-        while True:
-            change = self.scene.events[0].time if self.scene.events else math.inf
-            stop, last = min(until, change), min(end, change)
-            self.solver.raise_top(until=last)
-            if self.solver.is_bare:
-                self.solver.rest(stop, last)
-            # reviews are at ends of natural steps: they change no step
-            due = min(stop, self._review_due)
-            reached = yield from advancing_to(self.solver, due, last, deadline)
-            if wall_clock.monotonic() >= deadline:
-                self._is_interrupted = True
-                return reached
-            if reached >= self._review_due:
-                self.review()
-            if change <= reached and change < until:
-                self._change_ground()
-            elif reached >= until:
-                return reached
+        with within_memory():
+            while True:
+                change = self.scene.events[0].time if self.scene.events else math.inf
+                stop, last = min(until, change), min(end, change)
+                self.solver.raise_top(until=last)
+                if self.solver.is_bare:
+                    self.solver.rest(stop, last)
+                # reviews are at ends of natural steps: they change no step
+                due = min(stop, self._review_due)
+                reached = yield from advancing_to(self.solver, due, last, deadline)
+                if wall_clock.monotonic() >= deadline:
+                    self._is_interrupted = True
+                    return reached
+                if reached >= self._review_due:
+                    self.review()
+                if change <= reached and change < until:
+                    self._change_ground()
+                elif reached >= until:
+                    return reached
 
     def _complete(self) -> None:
         """Complete the step and the review at which a wall limit has interrupted ``advance``."""
@@ -208,12 +222,14 @@ class Simulation:
             if self.time >= self._review_due:
                 self.review()
 
+    @within_memory()
     def snapshot(self) -> Snapshot:
         """Map the current flow to the terrain's cells."""
         self._complete()
         self.solver.sort()
         return self.solver.begin_snapshot(beside=False).result()
 
+    @within_memory()
     def begin_snapshot(self) -> PendingSnapshot:
         """Start to map the current flow to the terrain's cells.
 
@@ -223,6 +239,7 @@ class Simulation:
         self.solver.order()
         return self.solver.begin_snapshot(beside=True)
 
+    @within_memory()
     def looks(self, threshold: float, most: int) -> Looks:
         """Prepare ``most`` looks at lava of at least ``threshold`` [m] (``looking``)."""
         noted = self.solver.state.arrived if math.isclose(threshold, COVERED) else None
@@ -240,6 +257,7 @@ class Simulation:
         batch.launch(self.solver.state, partial(self.solver.record_launches, take))
         yield
 
+    @within_memory()
     def look(self, looks: Looks) -> None:
         """Add the current flow to looks, without a copy to the host.
 
@@ -255,11 +273,13 @@ class Simulation:
         """Return the results of looks so far, for all cells or the rectangle of wet ones."""
         return looks.seen(self.solver.state, where_wet=where_wet)
 
+    @within_memory()
     def budget(self) -> VolumeBudget:
         """Return the budget: volume emitted, by the integral of Q(t), and sums over particles."""
         self._complete()
         return self.solver.budget()
 
+    @within_memory()
     def sample(self) -> ParticleSample:
         """Read the particles back, with their current thickness and velocity."""
         self._complete()
@@ -267,6 +287,7 @@ class Simulation:
         self.solver.stage.compute_flow()
         return self.solver.read_sample()
 
+    @within_memory()
     def evaluate(self) -> None:
         """Compute thickness and velocity of the particles, including the search for neighbours.
 
@@ -277,6 +298,7 @@ class Simulation:
         self.solver.stage.compute_flow()
         self.solver.stage.finish_flow()
 
+    @within_memory()
     def set_vents(self, vents: Iterable[Vent]) -> None:
         """Replace the vents from now on.
 
@@ -285,8 +307,9 @@ class Simulation:
         closes is emptied at once.
 
         Raises:
-            LavaError: A vent is not on the terrain, its lava solid or its discharge more than the
-                particles can be; the old vents stay.
+            LavaError: A vent is not on the terrain, its lava solid, its discharge more than the
+                particles can be, or the spacing too small for the distances of the vents; the old
+                vents stay.
         """
         vents = check_vents(vents, self.scene.terrain, self.scene.lava)
         if vents != self.solver.vents.vents:
@@ -297,14 +320,15 @@ class Simulation:
             self.solver.add_particles(parting)
             self.solver.state.launches.forget()
 
+    @within_memory()
     def set_terrain(self, terrain: Terrain) -> None:
         """Replace the ground under the flow; lava outside the new one has left.
 
         A terrain is the ground without lava: what has frozen stays on top of it.
 
         Raises:
-            LavaError: A vent or a barrier to come does not lie on the new terrain; the old one
-                stays.
+            LavaError: A vent or a barrier to come does not lie on the new terrain, or the spacing
+                is too small for it; the old one stays.
         """
         later, scene = terrain, replace(self.scene, terrain=terrain)
         for event in scene.events:
@@ -322,6 +346,7 @@ class Simulation:
         self.solver.scene = replace(self.scene, events=tuple(later))
         self.set_terrain(ground)
 
+    @within_memory()
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
         """Choose the effects anew from now on; what has frozen stays ground.
 
@@ -343,6 +368,7 @@ class Simulation:
             self._forced, self._horizon = former
             raise
 
+    @within_memory()
     def checkpoint(self) -> Checkpoint:
         """Copy everything that is needed to continue from the current time."""
         self._complete()
@@ -363,6 +389,7 @@ class Simulation:
         )
 
     @classmethod
+    @within_memory()
     def resume(cls, checkpoint: Checkpoint, *, device: str | None = None) -> 'Simulation':
         """Return a simulation that continues from a checkpoint, on the same device to the bit.
 
@@ -405,6 +432,7 @@ class Simulation:
             for item in decisions
         )
 
+    @within_memory()
     def measure_scales(self) -> Scales | None:
         """Measure the scales of the flow as it is now; None without flowing lava."""
         self._complete()
