@@ -84,7 +84,7 @@ class Simulation:
 
         Raises:
             LavaError: The device does not exist, a particle is not on the terrain, an effect is
-                unknown or contradicts the formulation, or the spacing or thickness is out of range.
+                unknown or contradicts the formulation, or spacing or thickness is out of range.
             OutOfMemoryError: The simulation does not fit into memory; all methods may raise it.
         """
         used, given = device_of(device), accuracy or Accuracy()
@@ -159,9 +159,9 @@ class Simulation:
             until: Simulated time to reach [s]; a time that has passed changes nothing.
             limit: Time that no step may pass [s]. The last step before it is shortened; when left
                 out, this is ``until``.
-            wall_limit: Stop early after this wall time [s] and at most one more launch or review of
-                the effects. A step that is then incomplete is completed by the next call with a
-                later ``until``, which it may pass, or before anything else reads or changes the
+            wall_limit: Stop early after this wall time [s] and at most one more launch or review
+                of the effects. A step that is then incomplete is completed by the next call with
+                a later ``until``, which it may pass, or before anything else reads or changes the
                 flow.
 
         Returns:
