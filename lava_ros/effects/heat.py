@@ -128,7 +128,7 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
         width = real(0.0)
         part = step
         begun = age
-        stages = int(2)
+        stages = 2
         if step <= real(0.0):
             stages = 0
         if wp.static(needs_age):  # noqa: SIM102, the static test decides what is compiled

@@ -74,7 +74,7 @@ def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
         falls = source < rate * temperature
         result = temperature
         remaining = step
-        pieces = int(0)
+        pieces = 0
         while remaining > real(0.0) and pieces < 3:
             pieces += 1
             end = real(0.0)

@@ -98,9 +98,10 @@ def find_called(
     if scales is None:
         return ()
     time = simulation.time - start
+    decisions = decide_by(scales, forced, simulation.accuracy, names=watched)
     return tuple(
         CalledEffect(item.name, item.value, item.effect.threshold, member, time)
-        for item in called_for(decide_by(scales, forced, names=watched), simulation.effects)
+        for item in called_for(decisions, simulation.effects)
     )
 
 

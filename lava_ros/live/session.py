@@ -18,6 +18,7 @@ from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.memory import NO_MEMORY
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.measurement import measure_resolution
 from lava_ros.simulation.output.snapshot import ParticleSample
@@ -419,24 +420,21 @@ def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
         return 'forced' if name in effects else 'never chosen, only forced'
     is_needed = decision.value > decision.effect.threshold
     is_switched_on = not math.isnan(decision.since)
-    if name in effects and not (is_needed or is_switched_on or decision.is_forced):
+    is_fixed = decision.is_forced or bool(decision.formulation)
+    if name in effects and not (is_needed or is_switched_on or is_fixed):
         return f'{decision.reason}, but an effect stays on during a run'
     return decision.reason
-
-
-#: Part of Warp's message if a device has no memory left.
-_NO_MEMORY = 'Failed to allocate'
 
 
 def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
     """Describe why the simulation has failed, and the remedy if one is known."""
     if isinstance(error, SimulationError):
         return str(error)
-    if isinstance(error, MemoryError) or _NO_MEMORY in str(error):
+    if isinstance(error, MemoryError) or NO_MEMORY in str(error):
         held = ''
         if latest is not None:
             rows, columns = latest.terrain.shape
             held = f' with {latest.particle_count} particles on {columns} x {rows} cells'
-        reason = str(error) or type(error).__name__
+        reason = str(error.__cause__ or error) or type(error).__name__
         return f'out of memory{held}: {reason}; a larger spacing or a coarser terrain needs less'
     return f'{type(error).__name__}: {error}'

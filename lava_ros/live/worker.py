@@ -369,7 +369,7 @@ class SimulationWorker:
                 self._note_start()
         except Exception as raised:
             result, error = None, raised
-            if not isinstance(error, LavaError):
+            if not isinstance(error, LavaError) or isinstance(error, MemoryError):
                 self._fail(error)
         for future in (item.future for item in commands):
             # vents that wait for a terrain are not complete yet

@@ -20,10 +20,18 @@ COVERED = 0.1
 #: Minimum expected thickness of a flow [m].
 MIN_THICKNESS = 1e-6
 
-#: Maximum thickness [m]: lava that is too strong to flow has no thickness of its own.
-MAX_THICKNESS = 1e5
+#: Maximum thickness [m], the greatest relief on Earth.
+MAX_THICKNESS = 1e4
 
-FORMULATIONS = ('corrected', 'as-published')
+#: Maximum number of particles that the vents may emit per second: more cannot be computed.
+MAX_PARTICLES_PER_SECOND = 1e6
+
+#: Formulations by name, with the effects that each switches on or off. Effects that exclude one
+#: that it switches on are off too.
+FORMULATIONS: dict[str, dict[str, bool]] = {
+    'corrected': {},
+    'as-published': {'green': True, 'steep': False},
+}
 
 INTEGRATORS = ('rkl2', 'rkl1', 'euler')
 
@@ -77,7 +85,7 @@ class Accuracy:
     gradient: str = choice('energy', "Form of the surface's gradient", GRADIENTS)
     formulation: str = choice(
         'corrected', 'Equations of the velocity; as-published: 3.36 to 3.44 as they are printed, '
-        'for comparison only', FORMULATIONS,
+        'for comparison only', tuple(FORMULATIONS),
     )
     deterministic: bool = flag(
         False, 'Make runs on a GPU bitwise identical; on the CPU they always are'

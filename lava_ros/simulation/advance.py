@@ -42,20 +42,23 @@ class Stop(NamedTuple):
 
 
 def advancing_to(
-    solver: Solver, until: float, end: float, deadline: float, max_end: float = math.inf
+    solver: Solver, until: float, end: float | None, deadline: float, max_end: float = math.inf
 ) -> Generator[None, None, Stop]:
     """Advance to a time, in parts, or to the step after which no lava is left.
+
+    After the deadline the last step may be incomplete. The next call continues it; with the
+    present time as ``until`` it only completes that step.
 
     Args:
         solver: The solver.
         until: Simulated time to reach [s].
-        end: Simulated time that no step may pass [s].
+        end: Simulated time that no step may pass [s]; None for that of the previous call.
         deadline: Time of ``time.monotonic`` after which to stop early [s].
         max_end: Simulated time after which no step may end [s]: a step that would end later is
             not begun. Not in a batch.
 
     Returns:
-        The end of this part.
+        The end of this part; its time is the last end of a step.
     """
     state = solver.state
     state.write_target(until, end, max_end)
@@ -66,9 +69,9 @@ def advancing_to(
         assert max_end == math.inf
         clock, counts = yield from _advance_in_batch(solver, batch, until, deadline)
     if clock[at.TIME] < until:
-        # only the remaining stages of the current step
+        # no step begins after the current one
         state.write_target(clock[at.TIME])
-    while counts[at.STAGE]:
+    while counts[at.STAGE] and wall_clock.monotonic() < deadline:
         solver.run_stages()
         yield
         clock, counts = state.read_clock()

@@ -77,7 +77,7 @@ PRESETS: dict[str, Preset] = {
             fixed_step=0.01,
             formulation='as-published',
         ),
-        "The paper's printed formulas and settings: for comparison only.",
+        "The paper's printed formulas of the velocity, and settings: for comparison only.",
         {'radius': 0.04, 'profile': 2.6, 'scatter': 1.7},
     ),
 }

@@ -3,17 +3,21 @@
 
 """Choice of the particle spacing by the width of the flow (course.py)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 import math
 
-from lava_ros.effects import considered
+from lava_ros.effects import considered, EFFECTS, Effects
+from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import (
     Accuracy,
     COVERED,
     expected_thickness,
-    MAX_THICKNESS,
+    FORMULATIONS,
+    MAX_PARTICLES_PER_SECOND,
+    MIN_THICKNESS,
 )
 from lava_ros.simulation.setup.course import course_of
 
@@ -26,6 +30,10 @@ ACROSS = 16.0
 #: Maximum spacing over the thickness of the flow at a refinement of 1: the edges of any flow are a
 #: few thicknesses wide.
 EDGES = 1.5
+
+#: Minimum spacing over the thickness of the flow at a refinement of 1: lateral stress smooths the
+#: flow over 0.63 thicknesses (docs/MODEL.md).
+MIN_SPACING = 1.0 / 16.0
 
 #: Minimum number of particles across a resolved flow.
 MIN_ACROSS = 9.0
@@ -40,6 +48,9 @@ CELL_ERROR = 0.7
 #: Maximum Reynolds number rho u h / mu of laminar flow in a channel (Chow 1959, Open-Channel
 #: Hydraulics).
 LAMINAR = 500.0
+
+#: Maximum thickness of a thin layer over the longer side of the terrain.
+THIN = 0.5
 
 #: Minimum area of a flow that has left its vent, in squares of the minimum resolved width.
 _EXTENDED = 2.0
@@ -59,9 +70,11 @@ class Resolution:
         across: Number of particles across the flow; NaN without a discharge.
         cell: Size of the terrain's cells [m].
         limit: Origin of the spacing: ``flow``, the width; ``edges``, the thickness;
-            ``particles``, their maximum number; ``given``, the user; ``cells``, those of the
+            ``particles``, their maximum number or rate; ``stress``, which smooths the flow over
+            most of its thickness; ``given``, the user; ``cells``, those of the
             terrain, without a discharge; or ``measured``, a running simulation.
         reynolds: Expected Reynolds number (course.py); NaN without a discharge, or measured.
+        extent: Longer side of the terrain [m]; infinite if measured.
     """
 
     spacing: float
@@ -71,6 +84,7 @@ class Resolution:
     cell: float
     limit: str
     reynolds: float = math.nan
+    extent: float = math.inf
 
     @property
     def particle_error(self) -> float:
@@ -103,6 +117,12 @@ class Resolution:
             found.append(
                 f'lava about {self.thickness:.2g} m thick is expected, and only lava of '
                 f'{threshold:g} m or more counts as inundation'
+            )
+        if self.thickness > THIN * self.extent and not math.isnan(self.width):
+            found.append(
+                f'lava about {self.thickness:.2g} m thick is expected on a terrain of '
+                f'{self.extent:.2g} m, and the model is for lava that is thin compared with its '
+                'extent: check effusion rate, viscosity and yield strength'
             )
         if self.reynolds > LAMINAR:
             found.append(
@@ -142,6 +162,19 @@ def is_extended(area: float, distance: float) -> bool:
     return area >= _EXTENDED * (MIN_ACROSS * distance) ** 2
 
 
+def estimated_effects(
+    scene: Scene, accuracy: Accuracy, forced: Mapping[str, bool] | None
+) -> Effects:
+    """Return the effects that estimates of a flow include (``effects.considered``).
+
+    ``forced`` are the effects that a user has switched on or off, by name; the formulation
+    switches others.
+    """
+    implied = FORMULATIONS[accuracy.formulation]
+    switched = {name: implied[name] for name in implied if name in EFFECTS}
+    return considered(scene, {**(forced or {}), **switched})
+
+
 def resolution_of(
     scene: Scene,
     accuracy: Accuracy,
@@ -154,37 +187,50 @@ def resolution_of(
     ``forced`` are the effects that a user has switched on or off, by name.
     Lava emitted after the ``horizon`` [s] does not count.
     """
-    course = course_of(scene, considered(scene, forced or {}), horizon=horizon)
+    course = course_of(
+        scene, estimated_effects(scene, accuracy, forced), horizon=horizon
+    )
     width, reynolds = (
         (math.nan, math.nan) if course is None else (course.width, course.reynolds)
     )
     thickness, flows = accuracy.thickness, scene.emplaced_flows
     emplaced = sum(flow.volume for flow in flows)
+    emitted = emplaced + sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
     if thickness is None and course is None and flows:
         thickness = emplaced / sum(flow.area for flow in flows)
     if thickness is None:
         thickness = expected_thickness(scene) if course is None else course.thickness
-        thickness = min(thickness, MAX_THICKNESS)
+        if course is not None:
+            # fluid lava is no thicker than a hemisphere of its volume, however stiff it is
+            thickness = min(thickness, (1.5 * emitted / math.pi) ** (1.0 / 3.0))
+            thickness = max(thickness, MIN_THICKNESS)
     cell = scene.terrain.resolution
-    emitted = emplaced + sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
     # lava that has hardly left its vent is a disc, not a flow as wide as the path allows
     width = min(width, 2.0 * math.sqrt(emitted / (math.pi * thickness)))
+    extent = cell * max(scene.terrain.shape)
+
+    def known(spacing: float, limit: str) -> Resolution:
+        across = width / spacing
+        return Resolution(spacing, thickness, width, across, cell, limit, reynolds, extent)
+
     if accuracy.spacing is not None:
-        spacing = accuracy.spacing
-        return Resolution(spacing, thickness, width, width / spacing, cell, 'given', reynolds)
+        return known(accuracy.spacing, 'given')
     if math.isnan(width) and not flows:
-        spacing = scene.terrain.resolution / accuracy.refinement
-        return Resolution(spacing, thickness, width, width, cell, 'cells')
+        return known(cell / accuracy.refinement, 'cells')
     # emplaced lava has a known thickness but no known width
     by_width, by_edges = width / ACROSS if course else math.inf, EDGES * thickness
     wanted = min(by_width, by_edges) / accuracy.refinement
     most = MOST_PARTICLES * accuracy.refinement**2
-    least = math.sqrt(emitted / (thickness * most))
+    # rounding of the spacing must not exceed the maximum, by which vents are refused
+    fastest = 1.02 * sum(vent.peak for vent in scene.vents) / MAX_PARTICLES_PER_SECOND
+    by_number = math.sqrt(max(emitted / most, fastest) / thickness)
+    by_stress = MIN_SPACING * thickness / accuracy.refinement
+    least = max(by_number, by_stress)
     limit = 'flow' if by_width <= by_edges else 'edges'
-    limit = limit if wanted >= least else 'particles'
+    if wanted < least:
+        limit = 'particles' if by_number >= by_stress else 'stress'
     # round, so that a rotated scene has the same spacing
-    spacing = float(f'{max(wanted, least):.3g}')
-    return Resolution(spacing, thickness, width, width / spacing, cell, limit, reynolds)
+    return known(float(f'{max(wanted, least):.3g}'), limit)
 
 
 def resolved_accuracy(
@@ -197,8 +243,35 @@ def resolved_accuracy(
     """Return the accuracy with spacing and thickness filled in from the scales of a scene.
 
     ``forced`` are the effects that a user has switched on or off, by name.
+
+    Raises:
+        LavaError: If they are out of range; it names what has led to them.
     """
     if accuracy.spacing is not None and accuracy.thickness is not None:
         return accuracy
     found = resolution_of(scene, accuracy, forced, horizon=horizon)
-    return replace(accuracy, spacing=found.spacing, thickness=found.thickness)
+    with naming_the_cause(scene, accuracy):
+        return replace(accuracy, spacing=found.spacing, thickness=found.thickness)
+
+
+@contextmanager
+def naming_the_cause(scene: Scene, given: Accuracy) -> Iterator[None]:
+    """Refuse the vent or lava that has led to a refused spacing or thickness, unless it was given.
+
+    Raises:
+        LavaError: In place of that of an automatic ``accuracy.spacing`` or ``accuracy.thickness``.
+    """
+    try:
+        yield
+    except LavaError as error:
+        name = error.field.removeprefix('accuracy.')
+        if name not in ('spacing', 'thickness') or getattr(given, name) is not None:
+            raise
+        field, value = 'lava.viscosity', scene.lava.viscosity
+        peaks = [vent.peak for vent in scene.vents]
+        if peaks:
+            value = max(peaks)
+            field = f'vents[{peaks.index(value)}].discharge'
+        expected = f'one for which the automatic {name} of {error.value:.3g} m is '
+        expected += f'{error.expected}; or give `{name}`'
+        raise LavaError(field, value, expected) from error

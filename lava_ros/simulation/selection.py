@@ -18,15 +18,21 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import compatible, considered, EFFECTS, Effects, excluded_by, existing
+from lava_ros.effects import compatible, EFFECTS, Effects, excluded_by, existing
 from lava_ros.effects.column import normal_thickness
 from lava_ros.effects.effect import Effect
 from lava_ros.effects.heat import heat_loss
 from lava_ros.effects.laws import Rheology
 from lava_ros.effects.scales import Columns, Scales
+from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
-from lava_ros.simulation.accuracy import Accuracy, expected_thickness
-from lava_ros.simulation.resolution import ACROSS, is_extended, resolution_of
+from lava_ros.simulation.accuracy import Accuracy, expected_thickness, FORMULATIONS
+from lava_ros.simulation.resolution import (
+    ACROSS,
+    estimated_effects,
+    is_extended,
+    resolution_of,
+)
 from lava_ros.simulation.resolution import HORIZON as HORIZON
 from lava_ros.simulation.setup.course import course_of
 
@@ -48,6 +54,7 @@ class Decision:
         is_on: True if the effect is on.
         is_forced: True if a user has forced the decision.
         rival: Effect that excludes this one though its number is above the threshold; or empty.
+        formulation: Formulation that switches the effect on or off; or empty.
         measured: Largest number that the reviews of a run have measured; NaN before the first.
         since: Simulated time at which a run has switched it on [s]; NaN unless it was off at
             first.
@@ -59,6 +66,7 @@ class Decision:
     is_on: bool
     is_forced: bool = False
     rival: str = ''
+    formulation: str = ''
     measured: float = math.nan
     since: float = math.nan
 
@@ -81,6 +89,8 @@ class Decision:
     @property
     def reason(self) -> str:
         """Reason for the decision, in a few words."""
+        if self.formulation:
+            return f'the formulation {self.formulation} {_relation(self.name, self.is_on)}'
         if self.is_forced:
             return 'forced'
         if math.isnan(self.value):
@@ -113,7 +123,7 @@ def expected_scales(
     terrain counts as a column, of the thickness of the accuracy or that of a flow of 1 m3/s.
     """
     accuracy = accuracy or Accuracy()
-    effects = considered(scene, forced or {})
+    effects = estimated_effects(scene, accuracy, forced)
     resolution = resolution_of(scene, accuracy, forced, horizon=horizon)
     course = course_of(scene, effects, horizon=horizon)
     columns = _still_columns(scene, accuracy, effects) if course is None else course.columns
@@ -246,23 +256,60 @@ def decide(
         horizon: Time span to consider [s].
 
     Raises:
-        LavaError: If an override is not the name of an effect.
+        LavaError: If an override is not the name of an effect, or contradicts the formulation.
     """
     forced = validation.keys('effects', overrides or {}, allowed=EFFECTS)
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    return decide_by(expected_scales(scene, forced, accuracy=accuracy, horizon=horizon), forced)
+    scales = expected_scales(scene, forced, accuracy=accuracy, horizon=horizon)
+    return decide_by(scales, forced, accuracy or Accuracy())
+
+
+def implied_effects(accuracy: Accuracy, forced: Mapping[str, bool]) -> dict[str, bool]:
+    """Return the effects that the formulation switches on or off, by name.
+
+    Args:
+        accuracy: The resolution.
+        forced: Effects that a user switches on or off, by name.
+
+    Raises:
+        LavaError: If a forced effect contradicts the formulation.
+    """
+    chosen = FORMULATIONS[accuracy.formulation]
+    implied = {name: is_on for name, is_on in chosen.items() if name in EFFECTS}
+    for used in [name for name, is_on in implied.items() if is_on]:
+        implied |= {name: False for name in EFFECTS if excluded_by(name, used)}
+    for name, is_on in implied.items():
+        if forced.get(name, is_on) != is_on:
+            expected = f'{str(is_on).lower()} with accuracy.formulation {accuracy.formulation}, '
+            expected += f'which {_relation(name, is_on)}'
+            raise LavaError(f'effects.{name}', forced[name], expected)
+    return implied
+
+
+def _relation(name: str, is_on: bool) -> str:
+    """Return what a formulation has to do with an effect, as a verb and its object."""
+    return f'{"uses" if is_on else "has no"} {name}'
 
 
 def decide_by(
-    scales: Scales, forced: Mapping[str, bool], *, names: Iterable[str] = EFFECTS
+    scales: Scales,
+    forced: Mapping[str, bool],
+    accuracy: Accuracy,
+    *,
+    names: Iterable[str] = EFFECTS,
 ) -> tuple[Decision, ...]:
     """Decide about effects by the scales of a flow.
 
     Args:
         scales: The scales.
         forced: Effects to switch on or off regardless of the flow, by name.
+        accuracy: The resolution, whose formulation may switch effects on or off.
         names: The effects to decide about.
+
+    Raises:
+        LavaError: If a forced effect contradicts the formulation.
     """
+    implied = implied_effects(accuracy, forced)
     decisions: dict[str, Decision] = {}
     there, names = existing(scales.scene), set(names)
     for name, effect in EFFECTS.items():
@@ -274,8 +321,11 @@ def decide_by(
             elif name in there:
                 own = effect.number(_including(scales, name))
                 value = scales.columns.quantile(own, effect.fraction)
-            is_on = bool(forced.get(name, value > effect.threshold))
-            decisions[name] = Decision(name, effect, value, is_on, name in forced)
+            is_on = implied.get(name, bool(forced.get(name, value > effect.threshold)))
+            formulation = accuracy.formulation if name in implied else ''
+            decisions[name] = Decision(
+                name, effect, value, is_on, name in forced, formulation=formulation
+            )
     _settle(decisions)
     return tuple(decisions.values())
 
@@ -328,7 +378,7 @@ def _settle(decisions: dict[str, Decision]) -> None:
     """
     on = [item for item in decisions.values() if item.is_on]
     kept: list[Decision] = []
-    for item in sorted(on, key=lambda item: not item.is_forced):
+    for item in sorted(on, key=lambda item: not (item.is_forced or item.formulation)):
         rivals = [
             other.name
             for other in kept

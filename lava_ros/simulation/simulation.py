@@ -11,12 +11,13 @@ import threading
 import time as wall_clock
 
 from lava_ros import validation
-from lava_ros.effects import considered, Effects, excluded_by
+from lava_ros.effects import Effects, excluded_by
 from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.advance import advancing_to
+from lava_ros.simulation.backend.memory import within_memory
 from lava_ros.simulation.batch import at_work
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -30,7 +31,13 @@ from lava_ros.simulation.output.snapshot import (
     Snapshot,
 )
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
+from lava_ros.simulation.resolution import (
+    estimated_effects,
+    naming_the_cause,
+    Resolution,
+    resolution_of,
+    resolved_accuracy,
+)
 from lava_ros.simulation.restart import arrays_of, restore_arrays
 from lava_ros.simulation.selection import (
     decide,
@@ -57,6 +64,7 @@ class Simulation:
         step: Length of the step that is waited for (``advance``), or of the latest step [s].
     """
 
+    @within_memory()
     def __init__(
         self,
         scene: Scene,
@@ -80,20 +88,24 @@ class Simulation:
                 of the scene.
 
         Raises:
-            LavaError: The device does not exist, a particle is not on the terrain, or an effect is
-                unknown.
+            LavaError: The device does not exist, a particle is not on the terrain, an effect is
+                unknown or contradicts the formulation, or spacing or thickness is out of range.
+            OutOfMemoryError: The simulation does not fit into memory; all methods may raise it.
         """
         self._owner = threading.get_ident()
         self.step = 0.0
         self._is_waiting, self._asked = False, -math.inf
-        used = device_of(device)
+        used, given = device_of(device), accuracy or Accuracy()
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
         forced = asdict(effects) if isinstance(effects, Effects) else self._forced
-        self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene, forced, horizon=horizon)
+        self.accuracy = resolved_accuracy(given, scene, forced, horizon=horizon)
         self._review = Review()
+        self._is_interrupted = False
         chosen = effects if isinstance(effects, Effects) else self._choose_effects(scene)
-        self._solver = Solver(scene, formulated(chosen, self.accuracy), self.accuracy, used)
+        chosen = formulated(chosen, self.accuracy)
+        with naming_the_cause(scene, given):
+            self._solver = Solver(scene, chosen, self.accuracy, used)
         if particles is None:
             particles = particles_of(scene, self.accuracy.spacing)
         self.solver.start_with(particles)
@@ -175,7 +187,10 @@ class Simulation:
             until: Simulated time to reach [s]; a time that has passed changes nothing.
             limit: Time that no step may pass [s]. The last step before it is shortened; when left
                 out, this is ``until``, or with ``whole_steps`` there is none.
-            wall_limit: Stop early after about this much wall time [s].
+            wall_limit: Stop early after this wall time [s] and at most one more launch or review
+                of the effects. A step that is then incomplete is completed by the next call with
+                a later ``until``, which it may pass, or before anything else reads or changes the
+                flow.
             whole_steps: Do not begin a step that would end after ``until``. The time reached is
                 then earlier by less than this ``step``. A later change of vents, terrain or
                 effects takes place at ``until``: it shortens the step.
@@ -221,40 +236,61 @@ class Simulation:
                 return now
         self._is_waiting = False
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
-        while True:
-            change = self.scene.events[0].time if self.scene.events else math.inf
-            stop, last = min(until, change), min(end, change)
-            self.solver.raise_top(until=last)
-            if self.solver.is_bare:
-                self.solver.rest(stop, last)
-            # reviews are at ends of natural steps: they change no step
-            due = min(stop, self._review_due)
-            reached, self.step, self._is_waiting = yield from advancing_to(
-                self.solver, due, last, deadline, max_end
-            )
-            if self._is_waiting:
-                self._asked = until
-                return reached
-            if reached >= self._review_due:
-                self.review()
-            if change <= reached and change < until:
-                self._change_ground()
-            elif reached >= until or wall_clock.monotonic() >= deadline:
-                return reached
+        if self._is_interrupted and until <= self.time:
+            return self.time
+        self._is_interrupted = False
+        with within_memory():
+            while True:
+                change = self.scene.events[0].time if self.scene.events else math.inf
+                stop, last = min(until, change), min(end, change)
+                self.solver.raise_top(until=last)
+                if self.solver.is_bare:
+                    self.solver.rest(stop, last)
+                # reviews are at ends of natural steps: they change no step
+                due = min(stop, self._review_due)
+                reached, self.step, self._is_waiting = yield from advancing_to(
+                    self.solver, due, last, deadline, max_end
+                )
+                if self._is_waiting:
+                    self._asked = until
+                    return reached
+                if wall_clock.monotonic() >= deadline:
+                    self._is_interrupted = True
+                    return reached
+                if reached >= self._review_due:
+                    self.review()
+                if change <= reached and change < until:
+                    self._change_ground()
+                elif reached >= until:
+                    return reached
 
+    def _complete(self) -> None:
+        """Complete the step and the review at which a wall limit has interrupted ``advance``."""
+        if self._is_interrupted:
+            self._is_interrupted = False
+            for _ in advancing_to(self.solver, self.time, None, math.inf):
+                pass
+            if self.time >= self._review_due:
+                self.review()
+
+    @within_memory()
     def snapshot(self) -> Snapshot:
         """Map the current flow to the terrain's cells."""
+        self._complete()
         self.solver.sort()
         return self.solver.begin_snapshot(beside=False).result()
 
+    @within_memory()
     def begin_snapshot(self) -> PendingSnapshot:
         """Start to map the current flow to the terrain's cells.
 
         A GPU copies the maps to the host while it computes the next steps.
         """
+        self._complete()
         self.solver.order()
         return self.solver.begin_snapshot(beside=True)
 
+    @within_memory()
     def looks(self, threshold: float, most: int) -> Looks:
         """Prepare ``most`` looks at lava of at least ``threshold`` [m] (``looking``)."""
         noted = self.solver.state.arrived if math.isclose(threshold, COVERED) else None
@@ -266,17 +302,20 @@ class Simulation:
         if batch is None:
             self.look(looks)
             return
+        self._complete()
         self.solver.bin()
         take = partial(self.solver.take_look, looks)
         batch.launch(self.solver.state, partial(self.solver.record_launches, take))
         yield
 
+    @within_memory()
     def look(self, looks: Looks) -> None:
         """Add the current flow to looks, without a copy to the host.
 
         Raises:
             LavaError: If too many particles are in one place.
         """
+        self._complete()
         self.solver.bin()
         self.solver.take_look(looks)
         self.solver.neighbors.refuse_crowds()
@@ -285,25 +324,32 @@ class Simulation:
         """Return the results of looks so far, for all cells or the rectangle of wet ones."""
         return looks.seen(self.solver.state, where_wet=where_wet)
 
+    @within_memory()
     def budget(self) -> VolumeBudget:
         """Return the budget: volume emitted, by the integral of Q(t), and sums over particles."""
+        self._complete()
         return self.solver.budget()
 
+    @within_memory()
     def sample(self) -> ParticleSample:
         """Read the particles back, with their current thickness and velocity."""
+        self._complete()
         self.solver.sort()
         self.solver.stage.compute_flow()
         return self.solver.read_sample()
 
+    @within_memory()
     def evaluate(self) -> None:
         """Compute thickness and velocity of the particles, including the search for neighbours.
 
         Nothing is read back and nothing moves: this is the cost of a stage of a time step.
         """
+        self._complete()
         self.solver.neighbors.rebuild(self.solver.state)
         self.solver.stage.compute_flow()
         self.solver.stage.finish_flow()
 
+    @within_memory()
     def set_vents(self, vents: Iterable[Vent]) -> None:
         """Replace the vents from now on.
 
@@ -312,8 +358,9 @@ class Simulation:
         closes is emptied at once.
 
         Raises:
-            LavaError: A vent is not on the terrain, its lava solid or its discharge more than the
-                particles can be; the old vents stay.
+            LavaError: A vent is not on the terrain, its lava solid, its discharge more than the
+                particles can be, or the spacing too small for the distances of the vents; the old
+                vents stay.
         """
         vents = check_vents(vents, self.scene.terrain, self.scene.lava)
         if vents != self.solver.vents.vents:
@@ -324,14 +371,15 @@ class Simulation:
             self.solver.add_particles(parting)
             self.solver.state.launches.forget()
 
+    @within_memory()
     def set_terrain(self, terrain: Terrain) -> None:
         """Replace the ground under the flow; lava outside the new one has left.
 
         A terrain is the ground without lava: solidified lava stays on top of it.
 
         Raises:
-            LavaError: A vent or a barrier to come does not lie on the new terrain; the old one
-                stays.
+            LavaError: A vent or a barrier to come does not lie on the new terrain, or the spacing
+                is too small for it; the old one stays.
         """
         later, scene = terrain, replace(self.scene, terrain=terrain)
         for event in scene.events:
@@ -340,13 +388,15 @@ class Simulation:
         self._replace_terrain(scene)
 
     def _replace_terrain(self, scene: Scene) -> None:
+        """Put the terrain of another scene under the flow."""
         self.solver.replace_terrain(scene)
         self._update_effects()
         self.solver.sort()
         self.solver.lower_top()
 
     def _catch_up(self) -> None:
-        """End the step that is waited for early, at the time asked for."""
+        """Complete the step, or end one that is waited for early, at the time asked for."""
+        self._complete()
         if self._is_waiting:
             self.advance(max(self._asked, self.time))
 
@@ -356,6 +406,7 @@ class Simulation:
         ground = event.ground(self.scene.terrain)
         self._replace_terrain(replace(self.scene, terrain=ground, events=tuple(later)))
 
+    @within_memory()
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
         """Choose the effects again from now on; solidified lava stays ground.
 
@@ -366,6 +417,7 @@ class Simulation:
         Raises:
             LavaError: An effect is unknown, or two do not go together; the old ones stay.
         """
+        self._complete()
         former = self._forced, self._horizon
         if (dict(forced), horizon) != former:
             self._catch_up()
@@ -377,8 +429,10 @@ class Simulation:
             self._forced, self._horizon = former
             raise
 
+    @within_memory()
     def checkpoint(self) -> Checkpoint:
         """Copy everything that is needed to continue from the current time."""
+        self._complete()
         self.solver.order()
         return Checkpoint(
             time=self.time,
@@ -396,6 +450,7 @@ class Simulation:
         )
 
     @classmethod
+    @within_memory()
     def resume(cls, checkpoint: Checkpoint, *, device: str | None = None) -> 'Simulation':
         """Return a simulation that continues from a checkpoint, on the same device to the bit.
 
@@ -439,14 +494,16 @@ class Simulation:
             for item in decisions
         )
 
+    @within_memory()
     def measure_scales(self) -> Scales | None:
         """Measure the scales of the flow as it is now; None without flowing lava."""
+        self._complete()
         self.solver.sort()
         grids, sample = self.solver.draw_maps(), self.solver.read_sample()
         if not len(sample.volume):
             return None
         duration = max(self._horizon, self.time)
-        effects = considered(self.scene, self._all_forced)
+        effects = estimated_effects(self.scene, self.accuracy, self._all_forced)
         return measured_scales(self.scene, effects, self.accuracy, sample, grids, duration)
 
     @property
@@ -470,11 +527,12 @@ class Simulation:
         Args:
             names: The effects; when left out, those that are off and not forced.
         """
+        self._complete()
         scales = self.measure_scales()
         found: list[str] = []
         if scales is not None:
             names = self._watched if names is None else names
-            decisions = decide_by(scales, self._forced or {}, names=names)
+            decisions = decide_by(scales, self._forced or {}, self.accuracy, names=names)
             found = self._review.note(decisions, self.effects)
         if found:
             self._review.since |= dict.fromkeys(found, self.time)

@@ -177,7 +177,7 @@ class Solver:
         self.terrain = self.raised or StaggeredTerrain.shared(
             terrain, accuracy.precision, self.device
         )
-        self.neighbors = NeighborGrid(self.terrain, self.radius, accuracy.ratio, self.device)
+        self.neighbors = self._grid_over(self.terrain)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
         # grids for solidified lava, and for the arrival
         more = (self.raised is not None) + 1
@@ -186,6 +186,10 @@ class Solver:
         )
         self._keep_arrival(terrain)
         self._build_stage()
+
+    def _grid_over(self, terrain: StaggeredTerrain) -> NeighborGrid:
+        """Return a neighbour grid for a terrain, which covers nothing yet."""
+        return NeighborGrid(terrain, self.radius, self.accuracy.ratio, self.device)
 
     def _build_stage(self) -> None:
         """Collect the kernels of the effects for the state, the terrain and the grids."""
@@ -217,10 +221,16 @@ class Solver:
         self.state.arrived = recorded
 
     def replace_terrain(self, scene: Scene) -> None:
-        """Put the terrain of another scene under the particles; those outside it have left."""
+        """Put the terrain of another scene under the particles; those outside it have left.
+
+        Raises:
+            LavaError: If the spacing is too small for the terrain; the old one stays.
+        """
         self.settle()
         rows = self.state.read_particles()
         rows[:, :2] += centre_of(self.scene.terrain) - centre_of(scene.terrain)
+        ground = StaggeredTerrain.shared(scene.terrain, self.accuracy.precision, self.device)
+        self._grid_over(ground).window(np.concatenate([rows[:, :2], corners_of(scene)]))
         now = self.time
         before = self.vents.emission(now)
         self.volume_before += self.vents.emitted(now)
@@ -235,7 +245,12 @@ class Solver:
 
         Returns:
             The particles that empty the conduits of closing vents, for ``add_particles``.
+
+        Raises:
+            LavaError: If the spacing is too small for the distances of the vents; the old ones
+                stay.
         """
+        self.neighbors.window(corners_of(scene))
         self.settle()
         now, former = self.time, self.vents
         matches = match_vents(former.vents, scene.vents, least=self.accuracy.spacing or 0.0)
@@ -339,7 +354,8 @@ class Solver:
     def rest(self, until: float, end: float) -> None:
         """Advance only the clock to a time, if there is no lava before ``end``, both in s."""
         clock, counts = self.state.read_clock()
-        is_still = not at.count_in(counts) and not self.vents.emit_by(end)
+        is_empty = not at.count_in(counts) and not counts[at.STAGE]
+        is_still = is_empty and not self.vents.emit_by(end)
         if is_still and clock[at.TIME] < until:
             self.state.write_time(until)
 
@@ -364,9 +380,8 @@ class Solver:
         """Fit the neighbour grid to the lava and the vents."""
         self.settle()
         self.state.write_count(at.NEAR_BORDER, 0)
-        ends = [end for vent in self.scene.vents for end in (vent.position, vent.end) if end]
-        places = np.reshape(ends, (-1, 2)) - centre_of(self.scene.terrain)
-        self.neighbors.fit(np.concatenate([self.state.read_particles()[:, :2], places]))
+        rows = self.state.read_particles()
+        self.neighbors.fit(np.concatenate([rows[:, :2], corners_of(self.scene)]))
         self.state.launches.forget()
 
     def settle(self) -> None:
@@ -438,3 +453,15 @@ class Solver:
         self._reader.before_writing()
         numbers = read(self._diagnostics.take(self.state, self.vents, self.raised))
         return moment_of(numbers, self.state, self.vents, self.volume_before).budget
+
+
+def corners_of(scene: Scene) -> np.ndarray:
+    """Return corners of boxes around the vents, from the terrain's centre [m], [count, 2]."""
+    corners = [
+        np.add(end, side * vent.radius)
+        for vent in scene.vents
+        for end in (vent.position, vent.end)
+        if end is not None
+        for side in (-1.0, 1.0)
+    ]
+    return np.reshape(corners, (-1, 2)) - centre_of(scene.terrain)

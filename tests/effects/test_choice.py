@@ -39,7 +39,8 @@ def scales(lava, rest, **columns):
     scene = Scene(Terrain(np.zeros((4, 4)), 10.0), (vent,), lava)
     return Scales(
         scene=scene, rheology=rheology_of(lava), columns=Columns(**values),
-        vent_temperature=HOT, rest_temperature=rest, fall=10.0, kernel_radius=5.0, spacing=2.0, duration=3600.0, is_extended=True,
+        vent_temperature=HOT, rest_temperature=rest, fall=10.0, kernel_radius=5.0,
+        spacing=2.0, duration=3600.0, is_extended=True,
     )
 
 

@@ -158,6 +158,36 @@ def vents_on(draw: Any, terrain: Terrain, lava: Lava, limit: int = 3) -> tuple[V
 
 
 @st.composite
+def extreme_scenes(draw: Any) -> tuple[Scene, Accuracy, float]:
+    """Draw a scene of any size and rate, its resolution, and a horizon [s]."""
+    side, cell = draw(st.sampled_from((2, 3, 40))), draw(powers(1e-3, 1e4))
+    slope = draw(st.sampled_from((0.0, 1e-3, 0.1, 5.0)))
+    z = np.clip(slope * cell * np.mgrid[0:side, 0:side][1], 0.0, 9e4)
+    inside = st.floats(0.01, 0.99).map(lambda part: part * side * cell)
+
+    def rates() -> Any:
+        peak = draw(powers(1e-12, 1e7))
+        return draw(st.sampled_from((peak, ((0.0, peak), (draw(powers(1e-3, 1e3)), 0.0)))))
+
+    radii = powers(1e-2, 1e2).map(lambda cells: min(cells * cell, 1e5))
+    vents = tuple(
+        Vent((draw(inside), draw(inside)), rates(), radius=draw(radii))
+        for _ in range(draw(st.sampled_from((1, 2, 20))))
+    )
+    lava = Lava(
+        viscosity=draw(powers(1e-3, 1e15)), density=draw(powers(10.0, 1e5)), arrhenius=0.0,
+        yield_strength=draw(st.sampled_from((0.0, 1e3, 1e7))),
+    )
+    accuracy = preset_accuracy(draw(st.sampled_from(('draft', 'standard', 'fine'))))
+    accuracy = replace(
+        accuracy, spacing=draw(st.none() | powers(1e-5, 1e5)),
+        thickness=draw(st.none() | powers(1e-6, 3e3)),
+    )
+    scene = Scene(Terrain(z, cell), vents, lava, gravity=draw(powers(0.1, 30.0)))
+    return scene, accuracy, draw(powers(1.0, 1e9))
+
+
+@st.composite
 def any_effects(draw: Any) -> Effects:
     """Draw effects that are compatible."""
     # at most one of each group

@@ -3,12 +3,16 @@
 
 """Random valid scenes keep the invariants of every flow."""
 
+from dataclasses import replace
 import time
 
 from hypothesis import note, settings
 
-from fuzz.scenes import MAX_PARTICLES, Trial, trials
+from fuzz.limits import bounded
+from fuzz.scenes import extreme_scenes, MAX_PARTICLES, Trial, trials
 from hard.invariants import Watch
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
 from lava_ros.simulation import Simulation
 
 #: Maximum wall time of a scene, in a test run and in a night [s].
@@ -66,3 +70,30 @@ def test_random_scenes_keep_the_invariants(in_part, device, trial):
     # a scene takes up to 0.4 s
     tried = settings(max_examples=10) if is_ci else settings()
     in_part(keeps_the_invariants, tried, scene=trials(all_effects=not is_ci))
+
+
+def test_extreme_scenes_run_or_are_refused(in_part):
+    """No error of Warp reaches the user, from whichever method."""
+
+    def runs_or_is_refused(case):
+        note(repr(case))
+        scene, accuracy, horizon = case
+        try:
+            with bounded():
+                simulation = Simulation(
+                    scene, effects=Effects(), accuracy=accuracy, device='cpu', horizon=horizon
+                )
+                simulation.advance(horizon, wall_limit=0.05)
+                simulation.snapshot()
+                first, *_ = scene.vents
+                simulation.set_vents([replace(first, discharge=1.0)])
+                simulation.advance(simulation.time + 1.0, wall_limit=0.05)
+                lower = replace(scene.terrain, elevation=0.9 * scene.terrain.elevation)
+                simulation.set_terrain(lower)
+                simulation = Simulation.resume(simulation.checkpoint(), device='cpu')
+                simulation.advance(simulation.time + 1.0, wall_limit=0.05)
+        except LavaError as error:
+            assert error.field
+
+    tried = settings(max_examples=10) if settings().derandomize else settings()
+    in_part(runs_or_is_refused, tried, case=extreme_scenes())

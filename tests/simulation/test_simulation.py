@@ -116,7 +116,11 @@ def test_wall_limit_stops_before_the_target():
     simulation = eruption()
     assert simulation.advance(3600.0, wall_limit=0.01) < 3600.0
     reached = simulation.time
-    assert simulation.advance(reached - 1.0) == reached
+    for passed in (reached - 1.0, reached):
+        assert simulation.advance(passed) == reached == simulation.time
+    # completes the step
+    simulation.snapshot()
+    reached = simulation.time
     assert simulation.advance(reached + 10.0) == reached + 10.0
 
 

@@ -6,6 +6,7 @@
 from dataclasses import replace
 from functools import lru_cache
 from itertools import cycle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +15,13 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast.forecast_run import SampledRun
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
+from lava_ros.simulation import advance, Simulation
+from lava_ros.simulation import simulation as simulation_module
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import Batch
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.solver import Solver
 
 END = 400.0
 
@@ -202,3 +205,60 @@ def test_highest_source_of_a_later_vent_does_not_depend_on_stops(device):
         tops.append((time, float(simulation.solver.state.top.numpy()[0]), float(frozen[15, 17])))
     assert frozen[15, 17] > 0.1
     assert {top for _, top, _ in tops} == {0.0}, tops
+
+
+@pytest.mark.parametrize('name', [
+    pytest.param(name, marks=() if name in ('bare', 'merging') else pytest.mark.nightly)
+    for name in SCENES
+])
+def test_wall_limit_interrupts_a_step_without_changing_the_flow(name, monkeypatch):
+    """Each launch takes a second, and each limit of two or three seconds ends within a step."""
+    now, run_stages = [0.0], Solver.run_stages
+    clock = SimpleNamespace(monotonic=lambda: now[0])
+    for module in (advance, simulation_module):
+        monkeypatch.setattr(module, 'wall_clock', clock)
+
+    def launch(solver):
+        now[0] += 1.0
+        run_stages(solver)
+
+    monkeypatch.setattr(Solver, 'run_stages', launch)
+    simulation, readings = begun(name, 'cpu'), cycle(READINGS)
+    interrupted = 0
+    for number, limit in enumerate(cycle((2.0, 3.0))):
+        before = now[0]
+        reached = simulation.advance(END, wall_limit=limit)
+        assert now[0] - before <= limit
+        if reached >= END:
+            break
+        interrupted += simulation.solver.state.read_clock()[1][at.STAGE] > 0
+        if number % 20 == 0:
+            read = READINGS[next(readings)](simulation)
+            assert not simulation.solver.state.read_clock()[1][at.STAGE]
+            simulation = read if isinstance(read, Simulation) else simulation
+    assert (interrupted > 0) == (name != 'inertia')
+    expected = without_stops(name, 'cpu')
+    for key, values in result_of(simulation).items():
+        np.testing.assert_array_equal(values, expected[key], key)
+
+
+def test_wall_limit_leaves_a_review_to_whatever_comes_next(monkeypatch):
+    now = [0.0]
+    clock = SimpleNamespace(monotonic=lambda: now[0])
+    for module in (advance, simulation_module):
+        monkeypatch.setattr(module, 'wall_clock', clock)
+    simulation = Simulation(Scene(hill(), VENTS, LAVA), device='cpu', horizon=END)
+    due = simulation._review_due
+    to_review = advance.advancing_to
+
+    def slow(*arguments):
+        reached = yield from to_review(*arguments)
+        now[0] += 1.0
+        return reached
+
+    monkeypatch.setattr(simulation_module, 'advancing_to', slow)
+    assert simulation.advance(END, wall_limit=0.5) >= due
+    assert simulation.review_count == 0
+    simulation.snapshot()
+    assert simulation.review_count == 1
+    assert simulation._review_due > simulation.time

@@ -3,15 +3,38 @@
 
 """Allocation of many arrays at once, recovery from a failed allocation, and readback."""
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
 import warp as wp
 
+from lava_ros.errors import LavaError
+
+#: Part of Warp's message if a device has no memory left.
+NO_MEMORY = 'Failed to allocate'
+
 #: Alignment of arrays in units of this type: a Warp array has at most 2^31 items of any type.
 _PIECE = wp.mat44d
+
+
+class OutOfMemoryError(LavaError, MemoryError):
+    """The simulation does not fit into memory; a change that fails so may be incomplete."""
+
+
+@contextmanager
+def within_memory() -> Iterator[None]:
+    """Raise ``OutOfMemoryError`` where Warp or numpy cannot allocate an array."""
+    try:
+        yield
+    except (RuntimeError, MemoryError) as error:
+        is_full = isinstance(error, MemoryError) or NO_MEMORY in str(error)
+        if isinstance(error, LavaError) or not is_full:
+            raise
+        expected = f'room for the simulation ({error}); a larger spacing or a coarser terrain '
+        expected += 'needs less'
+        raise OutOfMemoryError('memory', 'used up', expected) from error
 
 
 def zeros(items: Mapping[str, tuple[Any, int]], device: Any, *, spare: int = 0) -> dict[str, Any]:

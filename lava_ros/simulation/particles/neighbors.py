@@ -49,6 +49,13 @@ _OUTWARD = np.array(((-1,), (1,)))
 #: Column and row limits that are never crossed.
 _NEVER_BELOW, _NEVER_ABOVE = -(2**31), 2**31 - 1
 
+#: Maximum number of cells of a window: they take 0.5 GB, and each stage visits all of them.
+MAX_CELLS = 2**26
+
+#: Maximum distance of particles from the terrain's centre, in spacings: float32 resolves 1/16 of a
+#: spacing there.
+MAX_DISTANCE = 2**20
+
 #: Maximum number of particles in a cell; evenly spread lava has one. It bounds the cost of sums
 #: over neighbours relative to that of evenly spread lava.
 MAX_PARTICLES_PER_CELL = 2**15
@@ -168,7 +175,7 @@ class NeighborGrid:
     ) -> None:
         """Divide the terrain into cells for a kernel radius [m] and its ratio to the spacing."""
         self._terrain = terrain
-        self._radius = radius
+        self._radius, self._spacing = radius, radius / ratio
         rows, columns = cells_to_radius(ratio)
         self._device = device
         ground = terrain.exact_ground
@@ -195,8 +202,23 @@ class NeighborGrid:
         This discards the assignment to cells and replaces them in the motion arguments: launches
         recorded with the previous arguments must be discarded, too. Places are relative to the
         terrain's centre [m], shape [count, 2].
+
+        Raises:
+            LavaError: If the spacing is too small for these places.
+        """
+        self._cover(self.window(places))
+
+    def window(self, places: np.ndarray) -> np.ndarray:
+        """Return the first columns and rows around some places, and the ends, int [2, 2].
+
+        Raises:
+            LavaError: If the spacing is too small for these places.
         """
         cells = self.cells
+        farthest = -min(cells.x0, cells.y0)
+        if farthest > MAX_DISTANCE * self._spacing:
+            reason = f'closer particles coincide by rounding {farthest:.3g} m from the centre'
+            raise self._refusal(farthest / MAX_DISTANCE, reason)
         ends = np.stack((np.zeros(2, dtype=int), self._all))
         if self._all.prod() > WHOLE:
             places = places[np.isfinite(places).all(axis=1)]
@@ -204,24 +226,48 @@ class NeighborGrid:
             origin = np.array((cells.x0, cells.y0))
             ends = np.floor((bounds - origin) * self._per_metre).astype(int)
             ends += ((0,), (1,)) + _OUTWARD * self._margin
-        self._cover(ends)
+        ends = self._clipped(ends)
+        self._check_size(ends)
+        return ends
+
+    def _clipped(self, ends: np.ndarray) -> np.ndarray:
+        """Return columns and rows within the terrain, at least one of each."""
+        first = np.clip(ends[0], 0, self._all - 1)
+        return np.stack((first, np.clip(ends[1], first + 1, self._all)))
+
+    def _check_size(self, ends: np.ndarray) -> None:
+        """Check the number of cells from the first columns and rows up to the ends."""
+        count = int((ends[1] - ends[0]).prod())
+        if count > MAX_CELLS:
+            reason = f'the neighbour grid around vents and lava would have {count} cells, '
+            reason += f'more than {MAX_CELLS}'
+            raise self._refusal(self._spacing * math.sqrt(count / MAX_CELLS), reason)
+
+    def _refusal(self, least: float, reason: str) -> LavaError:
+        expected = f'at least {least:.3g} m, because {reason}'
+        return LavaError('accuracy.spacing', float(f'{self._spacing:.4g}'), expected)
 
     def widen(self, sides: int) -> None:
-        """Extend some sides (``State.counts[NEAR_BORDER]``); otherwise as ``fit``."""
+        """Extend some sides (``State.counts[NEAR_BORDER]``); otherwise as ``fit``.
+
+        Raises:
+            LavaError: If the spacing is too small for the extent of the lava.
+        """
         cells = self.cells
         first = np.array((cells.first_column, cells.first_row))
         length = np.array((cells.columns, cells.rows))
         is_near = sides >> np.arange(4).reshape(2, 2) & 1
         piece = np.maximum(self._piece, (GROWTH * length).astype(int))
-        self._cover(np.stack((first, first + length)) + _OUTWARD * is_near * piece)
+        ends = self._clipped(np.stack((first, first + length)) + _OUTWARD * is_near * piece)
+        self._check_size(ends)
+        self._cover(ends)
 
     def _cover(self, ends: np.ndarray) -> None:
         """Cover the columns and rows from the first ones up to the ends, int [2, 2]."""
         # a new struct: launches with the previous one may be repeated
         cells = cell_frame(self._terrain.height.dtype)()
         cells.assign(self.cells)
-        first = np.clip(ends[0], 0, self._all - 1)
-        last = np.clip(ends[1], first + 1, self._all)
+        first, last = ends
         cells.first_column, cells.first_row = first.tolist()
         cells.columns, cells.rows = (last - first).tolist()
         near = np.ceil(NEAR * self._radius * self._per_metre).astype(int)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Defaults for values that a user omits, and effects that a formulation implies."""
+"""Defaults for values that a user omits, and effects of a formulation."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,9 +12,10 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.selection import implied_effects
 
 _LOG = logging.getLogger(__name__)
 
@@ -56,14 +57,10 @@ def _start_warp() -> None:
 
 
 def formulated(effects: Effects, accuracy: Accuracy) -> Effects:
-    """Return the effects that the formulation implies: as-published uses a Green's function.
+    """Return effects with those that the formulation switches on or off.
 
     Raises:
-        LavaError: If inertia is selected with the as-published formulation.
+        LavaError: If an effect is on that the formulation excludes, unless it is on by default.
     """
-    if accuracy.formulation != 'as-published':
-        return effects
-    if 'inertia' in effects:
-        expected = 'false with accuracy.formulation as-published, which has no inertia'
-        raise LavaError('effects.inertia', True, expected)
-    return replace(effects, green=True, steep=False)
+    asked = {name: True for name in effects if not EFFECTS[name].is_default}
+    return replace(effects, **implied_effects(accuracy, asked))

@@ -16,7 +16,7 @@ import warp as wp
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain, Vent
 from lava_ros.scene.vents import distances, extents
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy, MAX_PARTICLES_PER_SECOND
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.particles.layout import centre_of, fitting
 from lava_ros.simulation.step.outlets import (
@@ -29,11 +29,12 @@ from lava_ros.simulation.step.outlets import (
 )
 from lava_ros.simulation.step.vent_ground import is_open, permitted_places
 
-#: Maximum number of particles that the vents may emit per second: more cannot be computed.
-MAX_PARTICLES_PER_SECOND = 1e6
-
 #: Maximum number of particles of all vents in a step, and minimum of that for each vent.
 _MAX_PARTICLES_PER_STEP, _MIN_PARTICLE_LIMIT = 2**18, 64
+
+#: Number of groups of particles after which a new vent's sequence begins again: an int32 counts
+#: the particles.
+_MAX_GROUPS = 2**24
 
 #: Fraction of a particle that rounding may delay.
 _ROUNDING = 1e-6
@@ -77,7 +78,8 @@ class Emission:
             volume: Volume that other vents have emitted [m3].
             particle_volume: Volume of a particle [m3].
         """
-        whole = DISC_GROUP * math.ceil(volume / (DISC_GROUP * particle_volume))
+        groups = math.ceil(volume / (DISC_GROUP * particle_volume))
+        whole = DISC_GROUP * (groups % _MAX_GROUPS)
         unknown = np.full(number, np.nan)
         released = np.full(number, whole, dtype=np.int32)
         return cls(released * particle_volume, released, unknown, unknown)
@@ -158,11 +160,13 @@ class VentSet:
         self._is_filled = conduits > _ROUNDING * particle_volume
         table: np.ndarray = np.zeros(len(self.vents), dtype=Outlet.numpy_dtype())
         self._centre = centre_of(terrain)
+        # such a disc covers the terrain; of a wider one hardly any place would be on it
+        widest = terrain.resolution * math.hypot(*terrain.shape)
         starts, times, fluxes, volumes = [0], [], [], []
         for row, vent, emitted in zip(table, vents, before.volume.tolist(), strict=True):
             end = vent.position if vent.end is None else vent.end
             row['start'], row['end'] = vent.position - self._centre, end - self._centre
-            row['radius'] = max(vent.radius, spacing)
+            row['radius'] = min(max(vent.radius, spacing), widest)
             row['length'] = math.dist(vent.position, end)
             row['temperature'], row['velocity'] = vent.temperature, vent.velocity
             begins = [max(time, since) for time, _ in vent.series]
@@ -172,7 +176,9 @@ class VentSet:
             starts.append(len(times))
         table['phase'], table['downhill'] = self._before.phase, self._before.downhill
         radii, lengths = table['radius'], table['length']
-        self._areas = (math.pi * radii**2 + 2.0 * radii * lengths).tolist()
+        # lava comes out on cells with data only
+        ground = float(terrain.has_data.sum()) * terrain.resolution**2
+        self._areas = np.minimum(math.pi * radii**2 + 2.0 * radii * lengths, ground).tolist()
         self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
         self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
         self.outlets = Outlets()

@@ -11,6 +11,7 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.live.session import failure_text
 from lava_ros.scene import Lava, Vent
+from lava_ros.simulation.backend.memory import OutOfMemoryError
 from lava_ros.simulation.particles.layout import SPARE
 from solver import incline, simulated
 
@@ -73,7 +74,7 @@ def test_new_simulation_runs_after_a_failed_allocation(device):
                 blocks.append(wp.empty(TOO_MANY, dtype=wp.vec4, device=device))
         blocks.clear()
     else:
-        with scarce(simulation), pytest.raises(RuntimeError, match='Failed to allocate'):
+        with scarce(simulation), pytest.raises(OutOfMemoryError, match='Failed to allocate'):
             flow(device)
     again = flow(device)
     assert again.checkpoint().to_bytes() == simulation.checkpoint().to_bytes()

@@ -51,6 +51,10 @@ from lava_ros.simulation.particles.terrain import fall_function, terrain_functio
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
 
+#: Maximum number of sweeps, which is reached if the expected thickness is 22 kernel radii; beyond
+#: it they reduce the error less.
+MAX_SWEEPS = 1024
+
 #: Threads per block, and blocks for which a GPU processor must have registers: a sweep waits for
 #: memory, and more threads hide the latency.
 _MANY_THREADS = 256, 6
@@ -214,11 +218,12 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
 
     The neighbours' sum over the drag d / h is 28 h^2 / (d l^2) for Wendland C2: the integral of
     F is 28 / l^2. The smallest eigenvalue of the preconditioned matrix is one over one plus that.
-    The number of Chebyshev sweeps reduces the error by ``REDUCTION``.
+    The number of Chebyshev sweeps, at most ``MAX_SWEEPS``, reduces the error by ``REDUCTION``.
     """
     stress_over_drag = 28.0 * thickness**2 / (LATERAL_DRAG * radius**2)
     condition = LARGEST_EIGENVALUE * (1.0 + stress_over_drag)
-    sweeps = max(2, math.ceil(0.5 * math.sqrt(condition) * math.log(2.0 / REDUCTION)))
+    sweeps = math.ceil(0.5 * math.sqrt(condition) * math.log(2.0 / REDUCTION))
+    sweeps = min(max(2, sweeps), MAX_SWEEPS)
     smallest = LARGEST_EIGENVALUE / condition
     centre = 0.5 * (LARGEST_EIGENVALUE + smallest)
     half = 0.5 * (LARGEST_EIGENVALUE - smallest)

@@ -10,8 +10,8 @@ spacing. Where lava has thinned again, a particle splits into halves, which are 
 line to the nearest neighbour, down to the volume that vents emit.
 
 Volume is conserved bitwise: particles merge only where the sum of their volumes has no rounding,
-as for equal volumes, and halving has none. The sums of V x, V T, V times emission time and, with inertia,
-V u are conserved to rounding.
+as for equal volumes, and halving has none. The sums of V x, V T, V times emission time and, with
+inertia, V u are conserved to rounding.
 """
 
 from functools import lru_cache
