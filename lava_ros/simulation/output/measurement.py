@@ -57,7 +57,7 @@ def measured_scales(
         return float(np.nanmax(heights) - np.nanmin(heights))
 
     own = np.maximum(sample.thickness[some], MIN_MEASURED)
-    columns = Columns.on_demand(
+    columns: Columns = Columns.on_demand(
         volume=sample.volume[some],
         thickness=own,
         normal_thickness=lambda: normal_thickness(own, columns.ground_slope, effects),
