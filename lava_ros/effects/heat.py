@@ -12,8 +12,9 @@ evaluated at the age ((sqrt(t0) + sqrt(t1)) / 2)^2, the midpoint in sqrt(t), whi
 1 / sqrt(t) exactly, even from an age of 0. A new crust first loses the heat of a bare surface, and
 then as 1 / sqrt(t): a step longer than the age is divided into ``PIECES``, even in sqrt(t).
 
-The device computes it in float64: in float32 a step that cools lava by less than 6e-5 K would
-change nothing.
+The functions return changes of the temperature: in float32 a step that cools lava by less than
+6e-5 K would change nothing if it were added to the temperature itself. The state carries the
+rounding error of the sum to the next step (``State.temperature_remainder``).
 """
 
 from collections.abc import Callable
@@ -75,8 +76,8 @@ def heat_of(scene: Scene, effects: Effects, real: Any) -> Any:
 
 
 @lru_cache
-def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
-    """Return the function for the temperature after a step, None if it is constant.
+def warming_function(wp: Any, real: Any, effects: Effects) -> Any:
+    """Return the function for the change of temperature in a step [K], None if there is none.
 
     Its arguments: the constants, the column with its drop and speed during the step, its
     temperature [K] and age [s] at the start of the step, and the step [s].
@@ -94,16 +95,16 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
 
     @wp.func
     def relaxation(temperature: real, rate: real, source: real, step: real) -> real:
-        """Solve T' = -rate T + source, both constant."""
+        """Return the change of T by T' = -rate T + source, both constant."""
         x = rate * step
+        pace = source - rate * temperature
         if x < real(1.0e-2):
             # (1 - exp(-x)) / x to 1e-10, without an exponential
             mean = real(1.0) - x / real(2.0) * (
                 real(1.0) - x / real(3.0) * (real(1.0) - x / real(4.0))
             )
-            return temperature + step * mean * (source - rate * temperature)
-        equilibrium = source / rate
-        return equilibrium + (temperature - equilibrium) * wp.exp(-x)
+            return step * mean * pace
+        return pace / rate * (real(1.0) - wp.exp(-x))
 
     @wp.func
     def plain(
@@ -120,15 +121,15 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
         return wp.max(real(0.25) * root * root, real(1.0e-9))
 
     @wp.func
-    def temperature_after(
+    def warming(
         constants: constants_type, column: column_struct, temperature: real, age: real, step: real
     ) -> real:
-        after = temperature
+        total = real(0.0)
         root = real(0.0)
         width = real(0.0)
         part = step
         begun = age
-        stages = 2
+        stages = wp.int32(2)
         if step <= real(0.0):
             stages = 0
         if wp.static(needs_age):  # noqa: SIM102, the static test decides what is compiled
@@ -140,7 +141,7 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
         for stage in range(stages):
             span = part
             if stage % 2 == 0:
-                column.temperature = after
+                column.temperature = temperature + total
                 if width > real(0.0):
                     # the difference of the squares of root + width and root
                     begun = root * root
@@ -149,14 +150,14 @@ def temperature_function(wp: Any, real: Any, effects: Effects) -> Any:
                 span = real(0.5) * part
             column.age = mean_age(begun, span)
             terms = balance(constants, column)
-            reached = relaxed(constants, after, terms[0], terms[1], span)
+            change = relaxed(constants, temperature + total, terms[0], terms[1], span)
             if stage % 2 == 0:
-                column.temperature = reached
+                column.temperature += change
             else:
-                after = reached
-        return after
+                total += change
+        return total
 
-    return temperature_after
+    return warming
 
 
 def _sum(wp: Any, real: Any, first: Any, second: Any) -> Any:
@@ -175,14 +176,15 @@ def host_temperature(scene: Scene, effects: Effects) -> Callable[..., float]:
     Its arguments are keywords: ``temperature`` [K] and ``age`` [s] at the start of the step, the
     attributes of the column that the terms of effects read (``column.ATTRIBUTES``), ``step`` [s].
     """
-    after, values = temperature_function(HOST, float, effects), heat_of(scene, effects, float)
+    warming, values = warming_function(HOST, float, effects), heat_of(scene, effects, float)
 
     def temperature_after(
         *, temperature: float, age: float, step: float, **column: float
     ) -> float:
-        if after is None:
+        if warming is None:
             return temperature
-        return float(after(values, SimpleNamespace(**column), temperature, age, step))
+        change = warming(values, SimpleNamespace(**column), temperature, age, step)
+        return float(temperature + change)
 
     return temperature_after
 

@@ -62,7 +62,10 @@ EFFECT = Effect(
 
 @lru_cache
 def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
-    """Return the device function for the temperature after a step at constant s and f."""
+    """Return the device function for the change of temperature in a step at constant s and f.
+
+    ``relaxation`` is that of lava without latent heat.
+    """
 
     @wp.func
     def relaxed(
@@ -73,8 +76,9 @@ def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
         slower = real(1.0) + real(constants.latent) / (liquidus - solidus)
         falls = source < rate * temperature
         result = temperature
+        total = real(0.0)
         remaining = step
-        pieces = 0
+        pieces = wp.int32(0)
         while remaining > real(0.0) and pieces < 3:
             pieces += 1
             end = real(0.0)
@@ -92,23 +96,25 @@ def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
                 elif result < liquidus:
                     end = liquidus
                     factor = slower
-            reached = relaxation(result, rate / factor, source / factor, remaining)
-            passed = reached > end
+            change = relaxation(result, rate / factor, source / factor, remaining)
+            room = end - result
+            passed = change > room
             if falls:
-                passed = reached < end
+                passed = change < room
             if passed:
                 # fraction of the time until the end of the piece
-                share = (result - end) / (result - reached)
+                share = room / change
                 x = rate * remaining / factor
                 if x > real(1.0e-6):
                     equilibrium = source / rate
                     share = wp.log((result - equilibrium) / (end - equilibrium)) / x
                 remaining *= wp.clamp(real(1.0) - share, real(0.0), real(1.0))
                 result = end
+                total = end - temperature
             else:
-                result = reached
+                total += change
                 remaining = real(0.0)
-        return result
+        return total
 
     return relaxed
 

@@ -47,7 +47,7 @@ class _Host:
     """Python implementation of the parts of Warp that laws use."""
 
     exp, log, sqrt, pow = math.exp, math.log, math.sqrt, math.pow
-    min, max, float64 = min, max, float
+    min, max, float64, int32 = min, max, float, int
     types = SimpleNamespace(
         vector=lambda length, real: lambda *items: _Vector(items or (0.0,) * length)
     )

@@ -46,7 +46,7 @@ def column(name, *, longest_step, precision='float64', device='cpu'):
     lava = Lava(**{
         'viscosity': 1e15, 'arrhenius': 0.0, 'emissivity': 0.0, 'convection': 0.0, **constants
     })
-    around = {'wind_speed': 10.0} if 'wind' in effects else {}
+    around = {'wind_speed': 0.5} if 'wind' in effects else {}
     # a single column has a thickness of 0.0275 m per cubic metre
     return simulated(
         incline(slope, 6, 6, 10.0, origin=(-30.0, -30.0)), lava,

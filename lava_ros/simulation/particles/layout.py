@@ -176,7 +176,7 @@ def arguments_type(real: Any) -> Any:
         'cells': cell_frame(real),
         'constants': flow_constants_of(real),
         'law': law_type(real),
-        'heat': heat_type(wp.float64),
+        'heat': heat_type(real),
     }
     for name, array in (ARRAYS | _MORE_ARRAYS).items():
         types[name] = wp.array(dtype=kinds[array.dtype])

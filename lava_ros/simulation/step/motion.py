@@ -15,7 +15,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
-from lava_ros.effects.heat import temperature_function
+from lava_ros.effects.heat import warming_function
 from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
@@ -95,8 +95,8 @@ def motion_function(
     gradient_at, _, height_at, *_ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    temperature_after = temperature_function(wp, wp.float64, effects)
-    heats, column_struct = temperature_after is not None, column_type(wp.float64)
+    warming, column_struct = warming_function(wp, real, effects), column_type(real)
+    heats = warming is not None
     has_temperature_remainder = heats and real is wp.float32
     cosine_squared = effects.function('cosine_squared', real)
     note = note_function(real, False)
@@ -150,22 +150,20 @@ def motion_function(
             m.temperature_remainder[i] = m.ordered_temperature_remainder[i]
         if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
             if m.counts[at.IS_LAST] == 1:
-                step = m.clock[at.STEP]
+                step = real(m.clock[at.STEP])
                 column = column_struct()
-                column.thickness = wp.float64(f[0])
+                column.thickness = f[0]
                 column.normal_thickness = column.thickness
                 ground = vec2()
                 if wp.static(cosine_squared is not None or (falls and not has_velocity)):
                     ground = gradient_at(m.ground, p[0], p[1])
                 if wp.static(cosine_squared is not None):
-                    column.normal_thickness *= wp.float64(wp.sqrt(cosine_squared(ground)))
-                exact = wp.float64(temperature)
-                if wp.static(has_temperature_remainder):
-                    exact += wp.float64(m.ordered_temperature_remainder[i])
-                age = wp.float64(0.0)
+                    column.normal_thickness *= wp.sqrt(cosine_squared(ground))
+                age = real(0.0)
                 if wp.static(has_age):
                     # the clock is at the end of the step
-                    age = age_at(m.clock[at.TIME] - step, m.ordered_emission_time[i])
+                    begun = m.clock[at.TIME] - m.clock[at.STEP]
+                    age = real(age_at(begun, m.ordered_emission_time[i]))
                 drop = real(0.0)
                 if wp.static(falls):
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
@@ -174,15 +172,19 @@ def motion_function(
                         drop += wp.dot(ground, vec2(dx, dy))
                         drop += height_at(m.ground, x, y)
                         drop -= height_at(m.ground, x + dx, y + dy)
-                column.drop = wp.float64(drop) / step
+                column.drop = drop / step
                 if wp.static(has_speed):
-                    column.speed = wp.float64(wp.sqrt(dx * dx + dy * dy)) / step
-                exact = temperature_after(m.heat, column, exact, age, step)
-                temperature = real(exact)
+                    column.speed = wp.sqrt(dx * dx + dy * dy) / step
+                change = warming(m.heat, column, temperature, age, step)
                 if wp.static(has_temperature_remainder):
-                    m.temperature_remainder[i] = real(exact - wp.float64(temperature))
+                    change += m.ordered_temperature_remainder[i]
+                    former = temperature
+                    temperature = former + change
+                    m.temperature_remainder[i] = change - (temperature - former)
+                else:
+                    temperature += change
         if wp.static(freezes):  # noqa: SIM102, the static test decides
-            if m.counts[at.IS_LAST] == 1 and wp.float64(temperature) < m.heat.solidus:
+            if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1
         if wp.static(real is wp.float32):
             rest = load_pair(m.ordered_remainder, i)

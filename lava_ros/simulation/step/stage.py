@@ -56,7 +56,7 @@ class Stage:
         self.constants = _flow_constants(scene, accuracy, self._radius, state.real)
         neighbors.set_constants(
             law=law_of(scene.lava, state.real),
-            heat=heat_of(scene, state.effects, wp.float64),
+            heat=heat_of(scene, state.effects, state.real),
             constants=self.constants,
         )
         gradient = accuracy.gradient if state.has_surface else 'energy'

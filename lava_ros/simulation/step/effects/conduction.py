@@ -59,8 +59,7 @@ def _kernels(
     slope = smoothing_kernel(kernel_name, real).slope
     _, _, cells_around, range_in = cell_functions(real)
     load, _ = access(real, 4)
-    warmed = effects.function('warmed', wp, wp.float64, heat_type(wp.float64))
-    has_temperature_remainder = bool(effects.having('terms')) and real is wp.float32
+    warmed = effects.function('warmed', wp, real, heat_type(real))
 
     @quick_kernel
     def wait(thread: int, m: arguments_type(real), rate: wp.float64):
@@ -122,15 +121,10 @@ def _kernels(
                         rise += weight * (m.warmth[j] - own)
             rise *= step * factor
             now = m.particle[i]
-            before = wp.float64(own)
-            if wp.static(has_temperature_remainder):
-                before += wp.float64(m.temperature_remainder[i])
-            after = before + wp.float64(rise)
             if wp.static(warmed is not None):
-                after = warmed(m.heat, before, wp.float64(rise))
-            if wp.static(has_temperature_remainder):
-                m.temperature_remainder[i] = real(after - wp.float64(real(after)))
-            m.particle[i] = vec4(now[0], now[1], now[2], real(after))
+                m.particle[i] = vec4(now[0], now[1], now[2], warmed(m.heat, own, rise))
+            else:
+                m.particle[i] = vec4(now[0], now[1], now[2], own + rise)
 
     @quick_kernel
     def keep(thread: int, m: arguments_type(real)):
