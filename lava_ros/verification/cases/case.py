@@ -187,15 +187,19 @@ class Trial:
         particles: Particles | None = None, **knobs: Any,
     ) -> None:
         """Compile the kernels, create the simulation; ``knobs`` replace fields of ``accuracy``."""
-        simulation = partial(
-            Simulation, scene, effects=effects, accuracy=replace(accuracy, **knobs), device=device
+        make = partial(
+            Simulation, effects=effects, accuracy=replace(accuracy, **knobs), device=device
         )
         # the kernels depend on the effects and the accuracy, not on the scene
         few = particles and _chosen(particles, slice(2))
-        simulation(particles=few).advance(1e-3)
-        self.simulation = simulation(particles=particles)
+        make(scene, particles=few).advance(1e-3)
+        self.simulation = self.start(partial(make, particles=particles), scene)
         self._wall_time = 0.0
         self._measurements: list[Measurement] = []
+
+    def start(self, make: Callable[[Scene], Simulation], scene: Scene) -> Simulation:
+        """Return the simulation of a scene that ``make`` makes."""
+        return make(scene)
 
     def advance(self, until: float) -> None:
         """Simulate up to a time [s] and add to the wall time."""
