@@ -115,6 +115,8 @@ def _advance_alone(
             solver.make_room(counts)
     while in_flight:
         clock, counts = in_flight.popleft()()
+        # also after a slice that is shorter than a launch
+        is_waiting = clock[at.TIME] < until and not counts[at.CURRENT]
     return clock, counts, is_waiting
 
 

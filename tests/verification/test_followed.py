@@ -137,8 +137,8 @@ TICKS = {
     'slope_fixed_area': 0.1, 'ritter': 0.02, 'stoker': 0.02,
 }
 
-#: One case of heat, of a vent and a slope, of solidification, and of inertia.
-EVERY_RUN = ('radiating_sheet', 'slope_flux', 'freezing_lens', 'inertial_sheet')
+#: Cases of heat, of a vent on a slope, of solidification, and of inertia with short and long stages.
+EVERY_RUN = ('radiating_sheet', 'slope_flux', 'freezing_lens', 'inertial_sheet', 'ritter')
 
 
 @pytest.mark.parametrize('time_scale', [1.0, 10.0])
