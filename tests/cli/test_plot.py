@@ -84,7 +84,7 @@ def test_plot_describes_and_scores_an_ensemble(ensemble, tmp_path, outline, undr
     assert output['maps'][1:] == [
         'Early arrival (1 run in 10)', 'Median arrival (1 run in 2)', 'Late arrival (9 runs in 10)'
     ]
-    assert 'radiation' in output['notes']['processes included']
+    assert 'latent heat' in output['notes']['processes included']
     assert output['notes']['runs'].startswith('4; a probability of 50 % is known to 25 percentage')
     assert output['notes']['elevation'] == 'a slope of tests, maps in cells of 5 m'
     assert output['notes']['uncertain'] == 'position' and output['scores'] == {}
