@@ -150,8 +150,11 @@ EVERY_RUN = ('radiating_sheet', 'slope_flux', 'freezing_lens', 'inertial_sheet',
 )
 def test_case_that_follows_a_clock_is_within_its_bounds(name, time_scale, device, monkeypatch):
     drive = Drive(TICKS[name], time_scale)
-    check_bounds(name, drive.run(name, device, monkeypatch))
+    run = drive.run(name, device, monkeypatch)
+    check_bounds(name, run)
     assert drive.launches <= 3 * evaluations(name, device)
+    # never ahead of the clock
+    assert run.simulated_time <= drive.ticks * drive.tick * time_scale
 
 
 def repeat(drive, worker, scene):
