@@ -69,10 +69,10 @@ def settle(worker, seconds):
 
 
 def counters(worker):
-    """Return time on the clock, evaluations and simulated time at the same moment."""
-    fork = worker.fork().result()
-    evaluations = int(fork.checkpoint.arrays['state.counts'][int(EVALUATIONS)])
-    return np.array([fork.clock, evaluations, fork.checkpoint.time])
+    """Return time on the clock, evaluations and simulated time at about the same moment."""
+    checkpoint, now = worker.fork().result().checkpoint, time.monotonic()
+    evaluations = int(checkpoint.arrays['state.counts'][int(EVALUATIONS)])
+    return np.array([now, evaluations, checkpoint.time])
 
 
 def measure(checkpoint, device, time_scale, periods):

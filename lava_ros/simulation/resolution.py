@@ -201,7 +201,7 @@ def resolution_of(
     if thickness is None:
         thickness = expected_thickness(scene) if course is None else course.thickness
         if course is not None:
-            # fluid lava is no thicker than a hemisphere of its volume, however stiff it is
+            # fluid lava is at most as thick as a hemisphere of its volume, however stiff it is
             thickness = min(thickness, (1.5 * emitted / math.pi) ** (1.0 / 3.0))
             thickness = max(thickness, MIN_THICKNESS)
     cell = scene.terrain.resolution

@@ -388,7 +388,7 @@ class Simulation:
         self._replace_terrain(scene)
 
     def _replace_terrain(self, scene: Scene) -> None:
-        """Put the terrain of another scene under the flow."""
+        """Replace the terrain by that of another scene, and choose the effects again."""
         self.solver.replace_terrain(scene)
         self._update_effects()
         self.solver.sort()

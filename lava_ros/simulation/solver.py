@@ -221,7 +221,7 @@ class Solver:
         self.state.arrived = recorded
 
     def replace_terrain(self, scene: Scene) -> None:
-        """Put the terrain of another scene under the particles; those outside it have left.
+        """Replace the terrain by that of another scene; particles outside it have left.
 
         Raises:
             LavaError: If the spacing is too small for the terrain; the old one stays.

@@ -27,8 +27,8 @@ def _after_hours(*limits: float) -> dict[str, Limits]:
 #: pond: particles still change places in the deep, except with the balanced gradient of the
 #:     reference, where the error of the thin edge remains.
 #: radiating_sheet, latent_heat: the thickness. ground, crust, steep_sheet: their laws, whatever
-#:     the spacing. The law of crust has 1.9 % after an hour. Steps of ten minutes with one midpoint
-#:     in the first hid that by chance (0.1 %); steps of a minute had 1.8 %.
+#:     the spacing. The law of crust has 1.9 % after an hour. Steps of ten minutes with a midpoint
+#:     in the first step hid that by chance (0.1 %); steps of a minute had 1.8 %.
 #: dam_break: the front is 5, 7 and 10 spacings from the dam; passed: one column of particles more
 #:     or less is 2, 1.5 and 1.1 %.
 #: slope_fixed_area: also the terms that the solution neglects. slope_flux, look_ahead: whole rows

@@ -69,7 +69,7 @@ def test_every_effect_that_transports_heat_has_a_balance():
 
 @balances
 def test_heat_balance_has_its_order_in_time(name):
-    """It is the second, but for a new crust, whose flux is that of a bare surface at first."""
+    """The order is 2, except under a new crust, which first loses the heat of a bare surface."""
     steps = np.array([3600.0, 1800.0, 900.0, 450.0])
     ends = []
     for step in (*steps, 28.125):

@@ -87,7 +87,7 @@ def test_worker_takes_the_steps_of_one_advance(device, scale, tick):
     expected = simulation_of(SCENE, device)
     expected.advance(driven.session.time, limit=FAR)
     assert found == flow_of(expected)
-    # about one idle stage more for each step tells the length of the next one
+    # about one idle stage for each step computes the length of the next step
     _, steps, evaluations = found[0]
     assert steps > 3 and len(launches) <= 3 * evaluations
 

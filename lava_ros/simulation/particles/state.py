@@ -143,6 +143,7 @@ class State:
         self._limit, self._max_end = (
             self.limit_time[place : place + 1] for place in (at.LIMIT_TIME, at.MAX_END)
         )
+        self._limits = math.nan, math.nan
         self._readbacks = [Readback((self.clock, self.counts))]
 
     @property
@@ -307,9 +308,11 @@ class State:
         Stages that have been launched already still use the previous values.
         """
         self._target.fill_(time)
-        if limit is not None:
+        # a fill is a launch, and members of an ensemble have the same limits for all their parts
+        if limit is not None and (limit, max_end) != self._limits:
             self._limit.fill_(limit)
             self._max_end.fill_(max_end)
+            self._limits = limit, max_end
 
     def write_time(self, time: float) -> None:
         """Replace the simulated time [s], between two steps."""
