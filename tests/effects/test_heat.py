@@ -11,9 +11,9 @@ import pytest
 
 from deleted_effects import DELETED
 from effects.columns import AIR, HOT, HOUR, precisions
-from lava_ros.effects import EFFECTS, load
+from lava_ros.effects import considered, EFFECTS, load
 from lava_ros.effects.heat import host_temperature
-from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles
 from solver import incline, only, simulated
 
@@ -35,7 +35,7 @@ BALANCES = {
 }
 
 balances = pytest.mark.parametrize(
-    'name', [pytest.param(name) for name in BALANCES if not set(BALANCES[name][0]) & set(DELETED)]
+    'name', [name for name in BALANCES if not set(BALANCES[name][0]) & set(DELETED)]
 )
 
 
@@ -92,9 +92,7 @@ def test_short_steps_lose_as_much_heat_as_one(device, name, age, precision):
     span, tick = 4.0, 0.02
     falls = {}
     for steps in (1, round(span / tick)):
-        simulation = column(
-            name, longest_step=2e4, precision=precision, device=device
-        )
+        simulation = column(name, longest_step=2e4, precision=precision, device=device)
         simulation.advance(age)
         before = temperature(simulation)
         for number in range(1, steps + 1):
@@ -132,8 +130,6 @@ def test_effect_switched_on_in_a_run_counts_ages_from_then(device):
 
 def test_lava_of_a_vent_is_emitted_at_the_end_of_a_step(device):
     """Two particles of a vent that opens after weeks have the times of their emission."""
-    from lava_ros.scene import Vent
-
     opens = 4e6
     vent = Vent((0.0, 0.0), ((0.0, 0.0), (opens, 1.0)), radius=2.0)
     simulation = simulated(
@@ -156,8 +152,6 @@ def test_column_of_a_scene_without_heat_keeps_its_temperature():
 
 
 def test_considered_effects_leave_out_those_forced_off():
-    from lava_ros.effects import considered
-
     scene = SimpleNamespace(lava=Lava(emissivity=0.9), wind_speed=0.0)
     assert {'cooling', 'arrhenius'} <= set(considered(scene))
     assert not {'cooling', 'arrhenius'} & set(
