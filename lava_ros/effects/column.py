@@ -11,7 +11,7 @@ thick across the flow. Heat leaves through its surface and its base, which are 1
 large as the column's area on the map, so rho c d dT/dt = -q with the heat flux q per area of the
 surface. The stress at the base of a sheet is rho g d sin b. Without ``steep`` d is h.
 
-Particles, cells and estimates use the same columns: on the device a Warp struct, on the host a
+Particles and estimates use the same columns: on the device a Warp struct, on the host a
 namespace with the same attributes.
 """
 

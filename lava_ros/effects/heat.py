@@ -83,8 +83,9 @@ def warming_function(wp: Any, real: Any, effects: Effects) -> Any:
     temperature [K] and age [s] at the start of the step, and the step [s].
     """
     constants_type, column_struct = heat_type(real), column_type(real)
-    modules, needs_age = effects.having('terms'), effects.any('needs_age')
+    modules = effects.having('terms')
     names = drop_superseded(modules)
+    needs_age = any(EFFECTS[name].needs_age for name in names)
     if not names:
         return None
     balance, *others = (
@@ -148,7 +149,8 @@ def warming_function(wp: Any, real: Any, effects: Effects) -> Any:
                     part = width * (root + root + width)
                     root += width
                 span = real(0.5) * part
-            column.age = mean_age(begun, span)
+            if wp.static(needs_age):
+                column.age = mean_age(begun, span)
             terms = balance(constants, column)
             change = relaxed(constants, temperature + total, terms[0], terms[1], span)
             if stage % 2 == 0:
