@@ -3,7 +3,7 @@
 
 """Session of a simulation: the current scene, which messages change."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import count
 import math
@@ -299,6 +299,35 @@ class SimulationSession:
                 scene=scene,
                 schedule=schedule(self.schedule, vents, self.simulation.time),
             )
+
+    def add_vents(self, vents: Sequence[Vent]) -> dict[int, LavaError]:
+        """Add vents as one change; return the errors of those that are refused, by number."""
+        scene, errors, good = self.scene, {}, []
+        for number, vent in enumerate(vents):
+            try:
+                if scene is None:
+                    expected = 'a terrain before the first single vent'
+                    raise LavaError('vent', vent.position, expected)
+                replace(scene, vents=(vent,))
+            except LavaError as error:
+                errors[number] = error
+            else:
+                good.append(number)
+        return errors | self._add_together(vents, good)
+
+    def _add_together(self, vents: Sequence[Vent], numbers: list[int]) -> dict[int, LavaError]:
+        if not numbers or self.scene is None:
+            return {}
+        try:
+            self.set_vents((*self.scene.vents, *(vents[number] for number in numbers)))
+        except LavaError as error:
+            if len(numbers) == 1:
+                return {numbers[0]: error}
+            # perhaps only the sum of some discharges is refused
+            middle = len(numbers) // 2
+            former = self._add_together(vents, numbers[:middle])
+            return former | self._add_together(vents, numbers[middle:])
+        return {}
 
     def set_constants(self, constants: Mapping[str, Any]) -> None:
         """Replace lava and surroundings at the next start."""

@@ -248,33 +248,9 @@ class SimulationWorker:
 
     def _add_vents(self, commands: list[Command]) -> None:
         """Add the vents of commands as one change, and refuse those that cannot be added."""
-        scene, good = self.session.scene, []
-        for item in commands:
-            try:
-                if scene is None:
-                    place = item.item.position
-                    raise LavaError('vent', place, 'a terrain before the first single vent')
-                replace(scene, vents=(item.item,))
-            except LavaError as error:
-                finish(item.future, error)
-            else:
-                good.append(item)
-        if good:
-            self._add_together(good)
-
-    def _add_together(self, commands: list[Command]) -> None:
-        scene = self.session.scene
-        assert scene is not None
-        try:
-            self.session.set_vents((*scene.vents, *(item.item for item in commands)))
-        except LavaError as error:
-            if len(commands) == 1:
-                finish(commands[0].future, error)
-                return
-            # only the sum of some discharges may be refused
-            middle = len(commands) // 2
-            self._add_together(commands[:middle])
-            self._add_together(commands[middle:])
+        errors = self.session.add_vents([item.item for item in commands])
+        for number, error in errors.items():
+            finish(commands[number].future, error)
 
     @command('constants')
     def set_constants(self, constants: Mapping[str, Any]) -> None:
