@@ -49,8 +49,8 @@ for line in (ROOT / 'constraints.txt').read_text().splitlines():
 
 
 @pytest.fixture(scope='module')
-def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """Return the data files that setup.py passes to setuptools."""
+def passed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Return the arguments that setup.py passes to setuptools."""
     passed: dict[str, Any] = {}
     stand_in = SimpleNamespace(setup=passed.update, Distribution=object, apply_configuration=None)
     with pytest.MonkeyPatch.context() as patch:
@@ -61,12 +61,52 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
         (place / 'setup.py').symlink_to(ROOT / 'setup.py')
         patch.chdir(place)
         runpy.run_path('setup.py')
+    return passed
+
+
+@pytest.fixture(scope='module')
+def installed(passed: dict[str, Any]) -> dict[str, list[str]]:
+    """Return the data files that setup.py passes to setuptools."""
     return dict(passed['data_files'])
 
 
-def test_installed_package_comes_before_a_clone() -> None:
+def test_installed_package_comes_before_a_clone(passed: dict[str, Any]) -> None:
     # the default finder would come after a folder `lava_ros`, such as a clone
-    assert TOOLS['distutils']['editable_wheel']['mode'] == 'compat'
+    assert passed['options']['editable_wheel'] == {'mode': 'compat'}
+
+
+#: Prints the attributes that colcon reads and cannot evaluate. It evaluates all others of the
+#: distribution and of its metadata (colcon-python-setup-py 0.2.9, `get_setup_information`).
+NOT_LITERAL = """
+import ast
+import setuptools
+from distutils.core import run_setup
+
+dist = run_setup('setup.py', script_args=('--dry-run',), stop_after='config')
+skipped = {
+    'cmdclass', 'distclass', 'ext_modules', 'metadata', 'license_files', 'provides_extras',
+    *dist.display_option_names,
+}
+assert dist.metadata.name == 'lava_ros' and dist.entry_points, 'pyproject.toml is not read'
+for owner in (dist, dist.metadata):
+    for key, value in vars(owner).items():
+        if not (key.startswith('_') or callable(value) or key in skipped):
+            try:
+                ast.literal_eval(repr(value))
+            except (SyntaxError, ValueError):
+                print(type(owner).__name__, key, repr(value))
+"""
+
+
+@pytest.mark.parametrize('has_pyproject', [True, False])
+def test_colcon_can_evaluate_the_metadata(has_pyproject: bool, tmp_path: Path) -> None:
+    # `colcon build --symlink-install` runs a link to setup.py in a folder without pyproject.toml
+    (tmp_path / 'setup.py').symlink_to(ROOT / 'setup.py')
+    done = subprocess.run(
+        [sys.executable, '-c', NOT_LITERAL], cwd=ROOT if has_pyproject else tmp_path,
+        capture_output=True, text=True, check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, ''), done.stderr
 
 
 def test_name_version_and_contact_agree() -> None:
