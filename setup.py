@@ -44,7 +44,7 @@ def files_in(folder: str) -> list[str]:
 setup(
     distclass=LavaDistribution,
     # A path, not a finder: in the folder that holds a clone called lava_ros the clone itself would
-    # be found first. In pyproject.toml this option makes setuptools, and so colcon, print warnings.
+    # be found first. In pyproject.toml this option would make setuptools print a warning.
     options={'editable_wheel': {'mode': 'compat'}},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
