@@ -34,7 +34,7 @@ DISTRIBUTIONS = {
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
 
 #: Modules of ROS: package.xml names them, and the extra `ros` brings them all.
-ROS_MODULES = {'rclpy', 'rcl_interfaces', 'ament_index_python'}
+ROS_MODULES = {'rclpy', 'rcl_interfaces'}
 
 
 def _canonical(name: str) -> str:
@@ -46,6 +46,23 @@ PINS: dict[str, list[Requirement]] = {}
 for line in (ROOT / 'constraints.txt').read_text().splitlines():
     if line and not line.startswith('#'):
         PINS.setdefault(_canonical(Requirement(line).name), []).append(Requirement(line))
+
+
+#: Lines of constraints-jazzy.txt.
+JAZZY = [
+    Requirement(line) for line in (ROOT / 'constraints-jazzy.txt').read_text().splitlines()
+    if not line.startswith('#')
+]
+
+
+def _imported_packages() -> set[str]:
+    imports = {name.split('.')[0] for names in imported_names().values() for name in names}
+    return imports - {*sys.stdlib_module_names, 'lava_ros'}
+
+
+def _ros_packages(imports: set[str]) -> set[str]:
+    of_ros = {name for name in imports if name.endswith(('_msgs', '_srvs', '_interfaces'))}
+    return of_ros | ROS_MODULES & imports
 
 
 @pytest.fixture(scope='module')
@@ -192,15 +209,34 @@ def test_image_contains_the_package(installed: dict[str, list[str]], tmp_path: P
 
 
 def test_imported_packages_are_declared() -> None:
-    imports = {name.split('.')[0] for names in imported_names().values() for name in names}
-    imports -= {*sys.stdlib_module_names, 'lava_ros'}
-    of_ros = {name for name in imports if name.endswith(('_msgs', '_srvs', '_interfaces'))}
-    of_ros |= ROS_MODULES & imports
-    declared = {item.text for item in MANIFEST.findall('exec_depend')}
-    assert of_ros - {'grid_map_msgs'} <= declared
+    imports = _imported_packages()
     requirements = [*PROJECT['dependencies'], *EXTRAS['all']]
-    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in imports - of_ros}
+    others = imports - _ros_packages(imports)
+    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in others}
     assert needed <= {_canonical(Requirement(item).name) for item in requirements}
+
+
+def test_package_xml_names_what_a_computer_without_screen_needs() -> None:
+    launched = {'launch', 'launch_ros', 'ros2launch'}
+    declared = {str(item.text) for item in MANIFEST.findall('exec_depend')}
+    keys = {name for name in declared if name.startswith('python3-')}
+    assert declared - keys == _ros_packages(_imported_packages()) - {'grid_map_msgs'} | launched
+    # pip installs the packages of extras
+    modules = {key.removeprefix('python3-') for key in keys}
+    distributions = {DISTRIBUTIONS.get(name, name) for name in modules}
+    assert distributions < {Requirement(item).name for item in PROJECT['dependencies']}
+    # pip must not replace those of apt
+    assert {requirement.name for requirement in JAZZY} == distributions
+
+
+def test_installation_with_apt_names_all_requirements() -> None:
+    ranges = {item.name: item for item in map(Requirement, PROJECT['dependencies'])}
+    for pin in JAZZY:
+        (version,) = (bound.version for bound in pin.specifier)
+        assert ranges[pin.name].specifier.contains(version), pin
+    page = (ROOT / 'docs/install.md').read_text(encoding='utf-8')
+    (line,) = re.findall('(?m)^pip install .*colcon-common-extensions (.*)$', page)
+    assert set(line.split()) == set(ranges)
 
 
 def test_requirements_are_bounded_and_pinned() -> None:
