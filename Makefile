@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test coverage docs look hard hard-published safeguards nightly audit soak lint types clean
+.PHONY: help setup demo test colcon coverage docs look hard hard-published safeguards nightly audit soak lint types clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -25,6 +25,11 @@ demo: $(STAMP)  ## Simulate a flow on a mountain, live in ROS 2 (ARGS='--forecas
 
 test: $(STAMP)  ## Run all tests except those marked nightly, three at a time (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest --numprocesses 3 --dist loadfile $(ARGS)
+
+colcon: $(STAMP)  ## Build the package with colcon in an empty workspace, and run its node from there
+	$(PYTHON) -m venv build/colcon
+	build/colcon/bin/python -m pip install --quiet --disable-pip-version-check 'colcon-common-extensions==0.3.0'
+	PYTHONPATH=$(CURDIR)/tests:$$(echo $(CURDIR)/build/colcon/lib/python3.*/site-packages):$$PYTHONPATH $(VENV)/bin/python tests/install/colcon_workspace.py
 
 hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minutes on 2 cores (ARGS='--scene cliff')
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run $(ARGS)

@@ -18,13 +18,18 @@ ROOT = Path(__file__).resolve().parent
 
 
 class LavaDistribution(Distribution):
-    """Distribution that finds pyproject.toml, and installs data files in every mode."""
+    """Distribution that colcon can read, and that installs data files in every mode."""
 
     def parse_config_files(self, *args: object, **options: object) -> None:
-        """Read the metadata in the folder of this file, also if colcon runs a link to it."""
+        """Read the metadata in the folder of this file, also if colcon runs a link to it.
+
+        colcon evaluates the attributes of the distribution and of its metadata as Python literals.
+        """
         super().parse_config_files(*args, **options)
         if not Path('pyproject.toml').exists():
             apply_configuration(self, ROOT / 'pyproject.toml')
+        for item in (self, self.metadata):
+            item.python_requires = str(self.python_requires)
 
     def has_data(self) -> bool:
         """Return True if there are data files; editable installs call this method."""
@@ -38,6 +43,9 @@ def files_in(folder: str) -> list[str]:
 
 setup(
     distclass=LavaDistribution,
+    # A path, not a finder: in the folder that holds a clone called lava_ros the clone itself would
+    # be found first. In pyproject.toml this option would make setuptools print a warning.
+    options={'editable_wheel': {'mode': 'compat'}},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -11,6 +11,7 @@ comment before the block marks what cannot run here:
     <!-- not run: REASON -->                     the whole block, for one of REASONS
     <!-- not run: REASON: beginning; other -->   the lines of a shell block that begin like that
     <!-- run: together -->                       its lines are programs that run at the same time
+    <!-- run: in one shell -->                   its lines install a clone (nightly)
 
 A document that changes the package changes a copy, in which its other blocks then run:
 
@@ -41,6 +42,8 @@ import yaml
 
 from command_line import lava
 from eruption import write_case
+from install.installed_node import copy_checkout
+import lava_ros
 from lava_ros.cli.parser import parse_command_line
 from lava_ros.ros.parameters import LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import scene_from_yaml
@@ -173,11 +176,13 @@ def _is_quick(block: Block) -> bool:
     return block.document == 'README.md' or block.language == 'yaml'
 
 
-def _running(language: str) -> Any:
+def _running(language: str, *, installs: bool = False) -> Any:
     """Return a parameter for each block of a language that runs in the unchanged package."""
     running = [
         pytest.param(item, marks=() if _is_quick(item) else pytest.mark.nightly)
-        for item in STANDING if item.language == language and _is_run(item)
+        for item in STANDING
+        if item.language == language and _is_run(item)
+        and ('run: in one shell' in item.remarks) == installs
     ]
     return pytest.mark.parametrize('block', running, ids=str)
 
@@ -256,6 +261,26 @@ def test_shell_blocks_succeed(block: Block, shop: Path, monkeypatch: pytest.Monk
             )
             status, output = done.returncode, [done.stdout, done.stderr]
         assert status == 0, '\n'.join([f'{block}: {command}', *output])
+
+
+@_running('sh', installs=True)
+def test_installation_succeeds(block: Block, tmp_path: Path) -> None:
+    """Run the lines in one shell, which does not know the checkout or its environment."""
+    script = '\n'.join(_commands(block))
+    (place,) = re.findall('(?m)^git clone URL (.*)$', block.text)
+    copy_checkout(tmp_path / place)
+    programs = tmp_path / '.bin'
+    programs.mkdir()
+    (programs / 'python3').symlink_to(Path(sys.executable).resolve())
+    environment = {
+        'HOME': str(tmp_path), 'PATH': f'{programs}{os.pathsep}{os.defpath}', 'LANG': 'C.UTF-8',
+    }
+    done = subprocess.run(
+        ['bash', '-ec', script], cwd=tmp_path, env=environment, capture_output=True, text=True,
+        timeout=1000.0, check=False,
+    )
+    assert done.returncode == 0, f'{block}\n{done.stdout}\n{done.stderr}'
+    assert f'lava_ros {lava_ros.__version__}' in done.stdout
 
 
 def _run_together(commands: list[str], folder: Path, environment: dict[str, str]) -> None:

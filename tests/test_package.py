@@ -34,7 +34,7 @@ DISTRIBUTIONS = {
 MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
 
 #: Modules of ROS: package.xml names them, and the extra `ros` brings them all.
-ROS_MODULES = {'rclpy', 'rcl_interfaces', 'ament_index_python'}
+ROS_MODULES = {'rclpy', 'rcl_interfaces'}
 
 
 def _canonical(name: str) -> str:
@@ -48,9 +48,26 @@ for line in (ROOT / 'constraints.txt').read_text().splitlines():
         PINS.setdefault(_canonical(Requirement(line).name), []).append(Requirement(line))
 
 
+#: Lines of constraints-jazzy.txt.
+JAZZY = [
+    Requirement(line) for line in (ROOT / 'constraints-jazzy.txt').read_text().splitlines()
+    if not line.startswith('#')
+]
+
+
+def _imported_packages() -> set[str]:
+    imports = {name.split('.')[0] for names in imported_names().values() for name in names}
+    return imports - {*sys.stdlib_module_names, 'lava_ros'}
+
+
+def _ros_packages(imports: set[str]) -> set[str]:
+    of_ros = {name for name in imports if name.endswith(('_msgs', '_srvs', '_interfaces'))}
+    return of_ros | ROS_MODULES & imports
+
+
 @pytest.fixture(scope='module')
-def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """Return the data files that setup.py passes to setuptools."""
+def passed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Return the arguments that setup.py passes to setuptools."""
     passed: dict[str, Any] = {}
     stand_in = SimpleNamespace(setup=passed.update, Distribution=object, apply_configuration=None)
     with pytest.MonkeyPatch.context() as patch:
@@ -61,12 +78,52 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
         (place / 'setup.py').symlink_to(ROOT / 'setup.py')
         patch.chdir(place)
         runpy.run_path('setup.py')
+    return passed
+
+
+@pytest.fixture(scope='module')
+def installed(passed: dict[str, Any]) -> dict[str, list[str]]:
+    """Return the data files that setup.py passes to setuptools."""
     return dict(passed['data_files'])
 
 
-def test_installed_package_comes_before_a_clone() -> None:
+def test_installed_package_comes_before_a_clone(passed: dict[str, Any]) -> None:
     # the default finder would come after a folder `lava_ros`, such as a clone
-    assert TOOLS['distutils']['editable_wheel']['mode'] == 'compat'
+    assert passed['options']['editable_wheel'] == {'mode': 'compat'}
+
+
+#: Prints the attributes that colcon reads and cannot evaluate. It evaluates all others of the
+#: distribution and of its metadata (colcon-python-setup-py 0.2.9, `get_setup_information`).
+NOT_LITERAL = """
+import ast
+import setuptools
+from distutils.core import run_setup
+
+dist = run_setup('setup.py', script_args=('--dry-run',), stop_after='config')
+skipped = {
+    'cmdclass', 'distclass', 'ext_modules', 'metadata', 'license_files', 'provides_extras',
+    *dist.display_option_names,
+}
+assert dist.metadata.name == 'lava_ros' and dist.entry_points, 'pyproject.toml is not read'
+for owner in (dist, dist.metadata):
+    for key, value in vars(owner).items():
+        if not (key.startswith('_') or callable(value) or key in skipped):
+            try:
+                ast.literal_eval(repr(value))
+            except (SyntaxError, ValueError):
+                print(type(owner).__name__, key, repr(value))
+"""
+
+
+@pytest.mark.parametrize('has_pyproject', [True, False])
+def test_colcon_can_evaluate_the_metadata(has_pyproject: bool, tmp_path: Path) -> None:
+    # `colcon build --symlink-install` runs a link to setup.py in a folder without pyproject.toml
+    (tmp_path / 'setup.py').symlink_to(ROOT / 'setup.py')
+    done = subprocess.run(
+        [sys.executable, '-c', NOT_LITERAL], cwd=ROOT if has_pyproject else tmp_path,
+        capture_output=True, text=True, check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, ''), done.stderr
 
 
 def test_name_version_and_contact_agree() -> None:
@@ -152,15 +209,34 @@ def test_image_contains_the_package(installed: dict[str, list[str]], tmp_path: P
 
 
 def test_imported_packages_are_declared() -> None:
-    imports = {name.split('.')[0] for names in imported_names().values() for name in names}
-    imports -= {*sys.stdlib_module_names, 'lava_ros'}
-    of_ros = {name for name in imports if name.endswith(('_msgs', '_srvs', '_interfaces'))}
-    of_ros |= ROS_MODULES & imports
-    declared = {item.text for item in MANIFEST.findall('exec_depend')}
-    assert of_ros - {'grid_map_msgs'} <= declared
+    imports = _imported_packages()
     requirements = [*PROJECT['dependencies'], *EXTRAS['all']]
-    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in imports - of_ros}
+    others = imports - _ros_packages(imports)
+    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in others}
     assert needed <= {_canonical(Requirement(item).name) for item in requirements}
+
+
+def test_package_xml_names_what_a_computer_without_screen_needs() -> None:
+    launched = {'launch', 'launch_ros', 'ros2launch'}
+    declared = {str(item.text) for item in MANIFEST.findall('exec_depend')}
+    keys = {name for name in declared if name.startswith('python3-')}
+    assert declared - keys == _ros_packages(_imported_packages()) - {'grid_map_msgs'} | launched
+    # pip installs the packages of extras
+    modules = {key.removeprefix('python3-') for key in keys}
+    distributions = {DISTRIBUTIONS.get(name, name) for name in modules}
+    assert distributions < {Requirement(item).name for item in PROJECT['dependencies']}
+    # pip must not replace those of apt
+    assert {requirement.name for requirement in JAZZY} == distributions
+
+
+def test_installation_with_apt_names_all_requirements() -> None:
+    ranges = {item.name: item for item in map(Requirement, PROJECT['dependencies'])}
+    for pin in JAZZY:
+        (version,) = (bound.version for bound in pin.specifier)
+        assert ranges[pin.name].specifier.contains(version), pin
+    page = (ROOT / 'docs/install.md').read_text(encoding='utf-8')
+    (line,) = re.findall('(?m)^pip install .*colcon-common-extensions (.*)$', page)
+    assert set(line.split()) == set(ranges)
 
 
 def test_requirements_are_bounded_and_pinned() -> None:

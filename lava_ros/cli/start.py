@@ -8,7 +8,9 @@ import atexit
 import gc
 from importlib import import_module
 import os
+from pathlib import Path
 import signal
+import sys
 from types import FrameType
 
 #: New objects between two collections of garbage. Imported modules are some 500,000 that stay:
@@ -17,6 +19,9 @@ _NEW_OBJECTS = 10_000
 
 #: Exit status after Ctrl+C, as in shells.
 INTERRUPTED = 128 + signal.SIGINT
+
+#: Exit status if a required package is missing, as for other errors of usage.
+USAGE_ERROR = 2
 
 
 def lava() -> int:
@@ -42,7 +47,15 @@ def _run(module: str) -> int:
     gc.set_threshold(_NEW_OBJECTS)
     # otherwise the end of the process searches all objects for garbage, for half a second
     atexit.register(gc.freeze)
-    return int(import_module(module).main())
+    try:
+        return int(import_module(module).main())
+    except ModuleNotFoundError as error:
+        package = str(error.name)
+        if package.startswith('lava_ros'):
+            raise
+        print(f'{Path(sys.argv[0]).name}: the Python package {package} is not installed for '
+              f'{sys.executable}; docs/install.md describes the installation', file=sys.stderr)
+        return USAGE_ERROR
 
 
 def _leave(number: int, _: FrameType | None) -> None:

@@ -64,6 +64,46 @@ def test_signal_ignored_by_nohup_stays_ignored() -> None:
     assert done.stdout.startswith('interrupted\nlava_ros ')
 
 
+#: Starts a program as its script does, without a package.
+WITHOUT = """
+import sys
+sys.modules[{package!r}] = None
+sys.argv = {argv!r}
+from {start} import {function}
+sys.exit({function}())
+"""
+
+
+@pytest.mark.parametrize(('words', 'package'), [
+    (['lava_node'], 'warp'),
+    (['lava_node'], 'rclpy'),
+    (['lava_node'], 'yaml'),
+    (['lava_node'], 'nav_msgs'),
+    (['lava', 'info', 'none'], 'mcap'),
+    (['lava', 'demo'], 'numpy'),
+])
+def test_program_names_a_missing_package_in_one_sentence(words: list[str], package: str) -> None:
+    start, function = PROGRAMS[words[0]]
+    code = WITHOUT.format(package=package, argv=words, start=start, function=function)
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+    )
+    (sentence,) = done.stderr.splitlines()
+    assert sentence.startswith(f'{words[0]}: the Python package {package}')
+    assert f'is not installed for {sys.executable}; docs/install.md' in sentence
+    assert (done.stdout, done.returncode) == ('', 2)
+
+
+def test_program_raises_for_a_missing_module_of_its_own() -> None:
+    code = WITHOUT.format(
+        package='lava_ros.cli.main', argv=['lava'], start='lava_ros.cli.start', function='lava'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=False
+    )
+    assert 'Traceback' in done.stderr and done.returncode == 1
+
+
 #: Leaves an object that only a search for garbage finds.
 GARBAGE = """
 import sys

@@ -6,6 +6,7 @@
 Run by ``make nightly``; takes a minute or two, most of it for pip.
 """
 
+from contextlib import suppress
 import json
 import os
 from pathlib import Path
@@ -22,7 +23,8 @@ from ros_domain import own_domain
 ROOT = Path(__file__).parents[2]
 ASIDE = ('.git', '.venv', 'build', 'install', 'log', '*.egg-info', '__pycache__', 'bags')
 
-#: Maximum time until the first map: the solver is compiled, on a busy machine [s].
+#: Maximum time until the first map, and from SIGINT to the end: the solver is compiled, on a busy
+#: machine [s].
 PATIENCE = 300.0
 
 TERRAIN = """
@@ -31,11 +33,24 @@ _, x = np.mgrid[0:20, 0:30]
 np.savez('slope.npz', elevation=(300.0 - x).astype(np.float32), resolution=10.0)
 """
 
+#: Parameters of the node.
+PARAMETERS = (
+    'terrain_file:=slope.npz', 'device:=cpu', 'record:=true', 'bag_directory:=bag',
+)
+
+#: Arguments of ``lava_node`` with these parameters.
+ARGUMENTS = ['--ros-args', *(word for text in PARAMETERS for word in ('-p', text))]
+
+
+def copy_checkout(folder):
+    """Copy the files of the checkout without built files, as a clone has them."""
+    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*ASIDE))
+
 
 def install(folder):
     """Make an environment with the package and its ROS requirements; return its programs."""
     source, home = folder / 'source', folder / 'venv'
-    shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(*ASIDE))
+    copy_checkout(source)
     venv.create(home, with_pip=True)
     options = ['--quiet', '--disable-pip-version-check', '--constraint', 'constraints.txt']
     pip = [str(home / 'bin' / 'python'), '-m', 'pip', 'install', *options]
@@ -44,36 +59,46 @@ def install(folder):
     return home / 'bin'
 
 
-def check(programs, folder):
-    """Run the node in a folder: it must publish, record, and end on SIGINT with status 0."""
-    environment = {key: text for key, text in os.environ.items() if key != 'PYTHONPATH'}
-    environment['ROS_DOMAIN_ID'] = str(own_domain())
-    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    python = str(programs / 'python')
+def outside():
+    """Return the variables of a shell that does not know the checkout, in a ROS domain."""
+    path = filter(None, os.environ.get('PYTHONPATH', '').split(os.pathsep))
+    others = [item for item in path if not Path(item).resolve().is_relative_to(ROOT)]
+    return os.environ | {
+        'PYTHONPATH': os.pathsep.join(others), 'ROS_DOMAIN_ID': str(own_domain()),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+    }
+
+
+def check(command, python, folder, environment):
+    """Run a node in a folder: it must publish, record, and end on Ctrl+C with status 0.
+
+    ``command`` starts the node, by itself or as its child, with ``PARAMETERS``.
+    """
+    folder.mkdir()
     subprocess.run([python, '-c', TERRAIN], cwd=folder, check=True)
-    words = ('terrain_file:=slope.npz', 'device:=cpu', 'record:=true', 'bag_directory:=bag')
-    parameters = [word for text in words for word in ('-p', text)]
-    node = subprocess.Popen(
-        [str(programs / 'lava_node'), '--ros-args', *parameters], cwd=folder, env=environment
-    )
+    node = subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True)
     listener = subprocess.Popen(
         [python, str(ROOT / 'tests/ros/graph_listener.py'), 'height'], cwd=folder, env=environment,
         stdout=subprocess.PIPE, text=True,
     )
     timer = threading.Timer(PATIENCE, listener.kill)
     timer.start()
+    threading.Thread(target=lambda: (node.wait(), listener.kill()), daemon=True).start()
     try:
-        # the timer ends a listener that takes too long
+        # a listener that takes too long is ended, and so is that of a node that has ended
         maps = (item for item in map(json.loads, listener.stdout) if item['topic'] == 'height')
         assert next(maps)['shape'] == [20, 30]
-        node.send_signal(signal.SIGINT)
-        assert node.wait(30.0) == 0
+        # a terminal sends Ctrl+C to all processes of a command
+        os.killpg(node.pid, signal.SIGINT)
+        assert node.wait(PATIENCE) == 0
         assert (folder / 'bag' / 'metadata.yaml').exists()
     finally:
         timer.cancel()
-        for process in (listener, node):
-            process.kill()
-            process.wait()
+        listener.kill()
+        listener.wait()
+        with suppress(ProcessLookupError):
+            os.killpg(node.pid, signal.SIGKILL)
+        node.wait()
 
 
 def main():
@@ -81,8 +106,8 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         programs = install(folder)
-        (folder / 'elsewhere').mkdir()
-        check(programs, folder / 'elsewhere')
+        command = [str(programs / 'lava_node'), *ARGUMENTS]
+        check(command, str(programs / 'python'), folder / 'elsewhere', outside())
     print('installed, published, recorded and ended on SIGINT')
 
 
