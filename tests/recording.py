@@ -4,6 +4,7 @@
 """Bags of a synthetic flow, recorded as the node records."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from mcap.reader import make_reader
 from mcap.writer import Writer
 import numpy as np
+from rclpy.serialization import deserialize_message
 import yaml
 
-from lava_ros.bag import BagWriter, LATCHED
+from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.files.resources import share_path
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ZERO_CELSIUS
@@ -189,3 +191,45 @@ def silenced(bag: Path, path: Path, topic: str, *, late: bool = False) -> Path:
                 writer.add_message(channels[channel.id], stamp, message.data, stamp)
         writer.finish()
     return path
+
+
+def merged(directory: Path, bags: Mapping[str, Path]) -> Path:
+    """Write the bags of nodes, by their full names, as rosbag2 records a graph with all of them.
+
+    The topics are in the namespaces of the nodes, except for the diagnostics. The bag has no
+    description.
+    """
+    rows = []
+    for name, bag in bags.items():
+        reader, space = BagReader(bag), name.rpartition('/')[0]
+        for item in reader.messages():
+            topic, data = f'{space}{item.topic}', item.data
+            if item.topic == '/diagnostics':
+                topic, message = item.topic, deserialize_message(data, DiagnosticArray)
+                for status in message.status:
+                    status.name = status.name.replace('lava', name.strip('/'), 1)
+                data = codec.serialise(message)
+            rows.append((item.stamp_ns, topic, reader.topics[item.topic], data))
+    with closing(BagWriter(directory, custom_data={})) as writer:
+        for stamp, topic, kind, data in sorted(rows, key=lambda row: row[0]):
+            writer.write(topic, kind.message_type, data, stamp, qos=kind.qos, schema=kind.schema)
+    return directory
+
+
+def changed(
+    bag: Path, directory: Path, change: Callable[[str, Any], Any],
+    custom_data: Mapping[str, str] | None = None,
+) -> Path:
+    """Copy a bag with each message replaced by ``change(topic, message)``."""
+    reader = BagReader(bag)
+    data = reader.custom_data if custom_data is None else custom_data
+    with closing(BagWriter(directory, custom_data=data)) as writer:
+        for item in reader.messages():
+            kind = reader.topics[item.topic].message_type
+            message = deserialize_message(item.data, codec.message_class(kind))
+            message = change(item.topic, message)
+            writer.write(
+                item.topic, codec.type_name(type(message)), codec.serialise(message),
+                item.stamp_ns, qos=LATCHED,
+            )
+    return directory

@@ -4,6 +4,7 @@
 """Decoding of messages to objects and arrays, and the simulated times of a bag."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 import math
@@ -181,12 +182,14 @@ DIAGNOSTICS = '/diagnostics'
 class Moment:
     """The diagnostics of one frame: ROS time [ns], simulated time [s], and texts by name.
 
-    An example of a name in ``values`` is ``volume_held_m3``.
+    An example of a name in ``values`` is ``volume_held_m3``. ``node`` is the full name of the node
+    of the simulation, empty if it is unknown.
     """
 
     stamp_ns: int
     time: float
     values: Mapping[str, str]
+    node: str = ''
 
     def number(self, name: str) -> float:
         """Return a value as a number, NaN if it is missing or not a number."""
@@ -212,65 +215,78 @@ def stamp_of(message: BagMessage) -> int:
 
 
 class Timeline:
-    """The diagnostics of a bag over time, which relate simulated times to stamps.
+    """The diagnostics of a simulation over time, which relate simulated times to stamps.
 
     Attributes:
         moments: The newest diagnostics of each frame, in the order of stamps.
+        last_run: Moments since simulated time last went back.
+        nodes: Full names of the nodes whose simulations the diagnostics describe, in order.
     """
 
-    def __init__(self, bag: BagReader, decoder: Decoder) -> None:
-        """Read the diagnostics of a bag, if there are any."""
-        known: dict[int, Moment] = {}
-        self._logged: dict[int, int] = {}
-        for message in bag.messages([DIAGNOSTICS]):
-            for moment in decoder.decode(message, _moments):
-                known[moment.stamp_ns] = moment
-                self._logged[moment.stamp_ns] = message.stamp_ns
-        self.moments = tuple(known[stamp] for stamp in sorted(known))
+    def __init__(self, bag: BagReader, decoder: Decoder, topic: str = DIAGNOSTICS) -> None:
+        """Read the diagnostics of a bag on a topic, if there are any."""
+        self._arrange([
+            (moment, message.stamp_ns)
+            for message in bag.messages([topic])
+            for moment in decoder.decode(message, _moments)
+        ])
 
-    @property
-    def last_run(self) -> tuple[Moment, ...]:
-        """Moments since simulated time last went back."""
+    def of(self, node: str) -> 'Timeline':
+        """Return the timeline of one of the nodes."""
+        result = copy(self)
+        result._arrange([item for item in self._found if item[0].node == node])
+        return result
+
+    def _arrange(self, found: list[tuple[Moment, int]]) -> None:
+        """Sort moments, each with the log time of its message [ns]."""
+        self._found = found
+        newest = {moment.stamp_ns: (moment, log_time) for moment, log_time in found}
+        ordered = [newest[stamp] for stamp in sorted(newest)]
+        self.moments = tuple(moment for moment, _ in ordered)
+        self._log_times = [log_time for _, log_time in ordered]
+        self.nodes = sorted({moment.node for moment, _ in found})
         pairs = enumerate(pairwise(self.moments), start=1)
         starts = [index for index, (before, after) in pairs if after.time < before.time]
-        return self.moments[max(starts, default=0) :]
+        self.last_run = self.moments[max(starts, default=0) :]
+        # A float64 cannot represent nanoseconds since 1970 exactly.
+        first = self.moments[0].stamp_ns if self.moments else 0
+        self._since_first = np.array([item.stamp_ns - first for item in self.moments], float)
+        self._times = np.array([item.time for item in self.moments], float)
 
     def log_time_at(self, time: float | None) -> int | None:
         """Return the log time of the diagnostics [ns] of the newest frame up to a simulated time.
 
         ``time`` [s] is None for the newest of all frames; None is returned without any.
         """
-        newest_first = reversed(self.moments)
-        stamps = (m.stamp_ns for m in newest_first if time is None or m.time <= time)
-        return next((self._logged[stamp] for stamp in stamps), None)
+        upto = np.flatnonzero(self._times <= (math.inf if time is None else time))
+        return self._log_times[upto[-1]] if upto.size else None
 
     def time_at(self, stamp_ns: int) -> float | None:
         """Return the simulated time at a stamp [s], None if it is unknown."""
         moments = self.moments
         if not moments or not moments[0].stamp_ns <= stamp_ns <= moments[-1].stamp_ns:
             return None
-        # A float64 cannot represent nanoseconds since 1970 exactly.
-        since_first = [moment.stamp_ns - moments[0].stamp_ns for moment in moments]
-        times = [moment.time for moment in moments]
-        return float(np.interp(stamp_ns - moments[0].stamp_ns, since_first, times))
+        return float(np.interp(stamp_ns - moments[0].stamp_ns, self._since_first, self._times))
+
+    @property
+    def last_time(self) -> float:
+        """The largest simulated time [s]; infinity without any."""
+        return float(self._times.max()) if self._times.size else math.inf
 
     @property
     def span(self) -> str:
         """Range of simulated times as a text for errors."""
-        times = [moment.time for moment in self.moments]
-        if not times:
+        if not self.moments:
             return 'absent: the bag does not contain simulated times'
-        return f'{min(times):g} to {max(times):g} s'
+        return f'{self._times.min():g} to {self._times.max():g} s'
 
 
-def last_moment(bag: BagReader, decoder: Decoder) -> Moment | None:
-    """Return the newest moment of a bag, None without diagnostics; fast for a single node."""
-    for message in bag.newest([DIAGNOSTICS], (bag.end_ns or 0) + 1):
+def newest_moments(bag: BagReader, decoder: Decoder, topic: str = DIAGNOSTICS) -> list[Moment]:
+    """Return the moments of the newest message of diagnostics in a bag."""
+    for message in bag.newest([topic], (bag.end_ns or 0) + 1):
         found: list[Moment] = decoder.decode(message, _moments)
-        if found:
-            return found[0]
-    moments = Timeline(bag, decoder).moments
-    return moments[-1] if moments else None
+        return found
+    return []
 
 
 def _moments(message: Any) -> list[Moment]:
@@ -300,5 +316,8 @@ def moment_of(status: Any) -> Moment | None:
     except (KeyError, ValueError):
         # not the status of a simulation
         return None
+    # a node puts its name before that of each status
+    node, colon, _ = str(status.name).partition(':')
+    name = f'/{node.strip("/")}' if colon else ''
     is_usable = abs(time) <= MAX_TIME and 0 <= stamp < 2**63
-    return Moment(stamp, time, values) if is_usable else None
+    return Moment(stamp, time, values, name) if is_usable else None

@@ -15,8 +15,9 @@ def described(custom_data: Mapping[str, str]) -> dict[str, Any]:
     """Parse the node's description of a recording; a missing or malformed part is None.
 
     ``scene`` is the result of scene_to_dict, ``parameters`` those of the node, ``effects`` the
-    effects (texts that begin with ``on`` or ``off``) and the times of their changes, and
-    ``resumed_from`` the bag and time of the checkpoint from which the run was resumed.
+    effects (texts that begin with ``on`` or ``off``) and the times of their changes,
+    ``resumed_from`` the bag and time of the checkpoint from which the run was resumed, and
+    ``topics`` the full names of the node's topics by the names in the layer files and in ROS.md.
     """
     found: dict[str, Any] = {}
     for name, (parse, is_valid) in _KNOWN.items():
@@ -54,10 +55,15 @@ def _are_changes(value: object) -> bool:
     )
 
 
+def _are_names(value: object) -> bool:
+    return isinstance(value, dict) and all(isinstance(item, str) for item in value.values())
+
+
 #: Parser of each text of the description, and check of its result, by name.
 _KNOWN: dict[str, tuple[Callable[[str, str], Any], Callable[[object], bool]]] = {
     'scene': (parse_yaml, _has),
     'parameters': (parse_yaml, _has),
     'effects': (parse_json, _are_changes),
+    'topics': (parse_json, _are_names),
     'resumed_from': (parse_json, lambda value: _has(value, bag=str, time=int | float)),
 }

@@ -10,11 +10,14 @@ messages are then read block by block (a chunk, or a run of messages outside of 
 memory is bounded by the blocks that overlap in time.
 """
 
-from collections import deque
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
+from array import array
+from bisect import bisect_left
+from collections import Counter, deque
+from collections.abc import Collection, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 import heapq
+from itertools import accumulate
 import mmap
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -22,8 +25,9 @@ from typing import BinaryIO, NamedTuple
 from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Channel, McapRecord, Message, Metadata, Schema
+from mcap.records import Channel, Message, Metadata, Schema
 from mcap.summary import Summary
+import numpy as np
 
 from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import records
@@ -34,7 +38,8 @@ from lava_ros.files import open_input
 # Length at which a run of messages outside of chunks ends its block [bytes].
 _RUN_SIZE = 4 * 1024 * 1024
 
-#: Maximum size of the messages of blocks that overlap in time, uncompressed [bytes].
+#: Maximum size of the messages of blocks that overlap in time, uncompressed, with their headers
+#: and the index by time [bytes].
 MAX_HELD = 2 * records.MAX_CHUNK_SIZE
 
 
@@ -109,27 +114,31 @@ class McapFile:
         wanted = frozenset(channel_ids)
         waiting = deque(
             block
-            for block in sorted(self.blocks)
+            for block in sorted(self.blocks, key=lambda item: item[:3])
             if block.end_ns >= start_ns and block.may_hold(wanted)
         )
-        loaded: list[tuple[int, int, int, Message]] = []
-        held = 0
+        # blocks in memory by the log time of their next message, position and number
+        due: list[tuple[int, int, int, _Messages]] = []
+        held = number = 0
         with self._opened() as stream:
-            while waiting or loaded:
-                while waiting and (not loaded or waiting[0].start_ns <= loaded[0][0]):
+            while waiting or due:
+                while waiting and (not due or waiting[0].start_ns <= due[0][0]):
                     block = waiting.popleft()
-                    for index, message in enumerate(self._read(stream, block, wanted)):
-                        if message.log_time >= start_ns:
-                            item = (message.log_time, block.offset, index, message)
-                            heapq.heappush(loaded, item)
-                            held += len(message.data)
+                    loaded = self._load(stream, block, wanted, start_ns)
+                    held += loaded.size
                     if held > MAX_HELD:
                         expected = f'at most {MAX_HELD} bytes of messages of one time, not {held}'
                         raise LavaError('bag', str(self.path), expected)
-                if loaded:
-                    message = heapq.heappop(loaded)[3]
-                    held -= len(message.data)
-                    yield message
+                    number += 1
+                    if (time := loaded.next_time) is not None:
+                        heapq.heappush(due, (time, block.offset, number, loaded))
+                if due:
+                    _, offset, order, loaded = heapq.heappop(due)
+                    yield loaded.take()
+                    if (time := loaded.next_time) is not None:
+                        heapq.heappush(due, (time, offset, order, loaded))
+                    else:
+                        held -= loaded.size
 
     def newest(self, channel_ids: Collection[int], before_ns: int) -> dict[int, Message]:
         """Return the newest message of each channel that was logged before ``before_ns`` [ns].
@@ -151,30 +160,91 @@ class McapFile:
                     break
                 if block.start_ns >= before_ns or not block.may_hold(open_ids):
                     continue
-                for message in self._read(stream, block, open_ids):
-                    if message.log_time >= before_ns:
-                        continue
-                    best = found.get(message.channel_id)
-                    if best is None or message.log_time >= best.log_time:
-                        found[message.channel_id] = message
+                with self._reading(block):
+                    data = self._records(stream, block)
+                    newer: dict[int, records.Head] = {}
+                    for head in _heads(data, open_ids):
+                        channel_id, time = head.channel_id, head.log_time
+                        best = newer.get(channel_id) or found.get(channel_id)
+                        if time < before_ns and (best is None or time >= best.log_time):
+                            newer[channel_id] = head
+                for channel_id, head in newer.items():
+                    found[channel_id] = records.message_at(data, head.start)
         return found
 
     def _opened(self) -> BinaryIO:
         with refusing('bag', str(self.path), 'a readable file', OSError):
             return open_input(self.path)
 
-    def _read(
-        self, stream: BinaryIO, block: Block, channel_ids: frozenset[int]
-    ) -> Iterator[Message]:
+    def _reading(self, block: Block) -> AbstractContextManager[None]:
         expected = f'a readable file; {block.length} bytes at byte {block.offset} are not readable'
-        with refusing('bag', str(self.path), expected, OSError, *records.DAMAGE):
-            records.check_size(block.length, records.MAX_RECORD_SIZE)
-            stream.seek(block.offset)
-            data = stream.read(block.length)
-            found = list(records.parse(data))
-        for item in found:
-            if isinstance(item, Message) and item.channel_id in channel_ids:
-                yield item
+        return refusing('bag', str(self.path), expected, OSError, *records.DAMAGE)
+
+    def _records(self, stream: BinaryIO, block: Block) -> bytes:
+        records.check_size(block.length, records.MAX_RECORD_SIZE)
+        stream.seek(block.offset)
+        return records.contents(stream.read(block.length))
+
+    def _load(
+        self, stream: BinaryIO, block: Block, channel_ids: frozenset[int], start_ns: int
+    ) -> '_Messages':
+        """Read the messages of a block since a log time [ns]."""
+        result = _Messages()
+        with self._reading(block):
+            data = self._records(stream, block)
+            for head in _heads(data, channel_ids):
+                if head.log_time >= start_ns:
+                    result.add(head, data)
+        result.sort()
+        return result
+
+
+class _Messages:
+    """Messages of a block, as the bytes of their records, to be taken in the order of log time.
+
+    Objects of tiny messages would take many times the memory of their bytes.
+    """
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._times, self._positions = array('Q'), array('Q')
+        self._next = 0
+
+    @property
+    def size(self) -> int:
+        """Size of the records and of their index [bytes]."""
+        return len(self._data) + 2 * self._times.itemsize * len(self._times)
+
+    @property
+    def next_time(self) -> int | None:
+        """Log time of the next message [ns], None after the last one."""
+        return self._times[self._next] if self._next < len(self._times) else None
+
+    def add(self, head: records.Head, data: bytes) -> None:
+        """Add a message of ``data``."""
+        self._times.append(head.log_time)
+        self._positions.append(len(self._data))
+        self._data += memoryview(data)[head.start : head.end]
+
+    def sort(self) -> None:
+        """Sort the messages by log time; those of one time remain in the order of the file."""
+        times = np.asarray(self._times)
+        if (times[1:] < times[:-1]).any():
+            order = np.argsort(times, kind='stable')
+            self._positions = array('Q', np.asarray(self._positions)[order].tobytes())
+            self._times = array('Q', times[order].tobytes())
+
+    def take(self) -> Message:
+        """Return the next message."""
+        self._next += 1
+        return records.message_at(self._data, self._positions[self._next - 1])
+
+
+def _heads(data: bytes, channel_ids: frozenset[int]) -> Iterator[records.Head]:
+    """Yield the messages of some channels among records."""
+    for item in records.parse(data):
+        if isinstance(item, records.Head) and item.channel_id in channel_ids:
+            yield item
 
 
 def has_begun(path: Path) -> bool:
@@ -244,7 +314,7 @@ def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | N
             return None
         for index in sorted(summary.metadata_indexes, key=lambda item: item.offset):
             records.check_size(index.length, records.MAX_RECORD_SIZE)
-            _add(result, records.parse(data[index.offset : index.offset + index.length]), 0, 0)
+            _add(result, data[index.offset : index.offset + index.length], 0)
     except records.DAMAGE:
         return None
     assert summary.statistics is not None
@@ -281,7 +351,8 @@ def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
         start = chunk.chunk_start_offset
         if data[start] != Opcode.CHUNK:
             return False
-        deque(records.parse(data[start : start + chunk.chunk_length]), maxlen=0)
+        inside = records.contents(data[start : start + chunk.chunk_length])
+        deque(records.parse(inside), maxlen=0)
     return data[: len(MAGIC)] == MAGIC
 
 
@@ -310,13 +381,12 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
         elif opcode in records.PARSED:
             try:
                 records.check_size(end - start, records.MAX_RECORD_SIZE)
-                found = list(records.parse(data[offset:end]))
-                _add(result, found, offset, end - offset, joins=opcode == Opcode.MESSAGE)
+                _add(result, data[offset:end], offset, joins=opcode == Opcode.MESSAGE)
             except UnsupportedCompressionError as error:
                 damage.append((offset, end, f'a chunk ({error})'))
             except records.DAMAGE:
                 damage.append((offset, end, f'a {Opcode(opcode).name.lower()} record'))
-    result.damage = [_sentence(result, *item) for item in damage]
+    result.damage = list(_sentences(result, damage))
     if is_finished and not records.has_index(data):
         result.damage.append(f'the index at the end of {path} is damaged; the file is read anyway')
     lost = sum(result.counts.pop(key) for key in set(result.counts) - set(result.channels))
@@ -326,48 +396,59 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
     return result
 
 
-def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
-    first = contents.start_ns or 0
-    before = [block.end_ns for block in contents.blocks if block.offset < start]
-    after = [block.start_ns for block in contents.blocks if block.offset >= end]
-    times = [
-        *([f'after {(max(before) - first) / 1e9:.3f} s'] if before else []),
-        *([f'before {(min(after) - first) / 1e9:.3f} s'] if after else []),
-    ]
-    where = f' ({" and ".join(times)} of its messages)' if times else ''
-    return f'{what} is damaged: bytes {start} to {end} of {contents.path}{where}'
+def _sentences(contents: McapFile, damage: list[tuple[int, int, str]]) -> Iterator[str]:
+    """Describe damaged parts, each with the times of the messages before and after it."""
+    blocks = contents.blocks
+    offsets = [block.offset for block in blocks]
+    newest = list(accumulate((block.end_ns for block in blocks), max))
+    oldest = list(accumulate((block.start_ns for block in reversed(blocks)), min))[::-1]
+    first = oldest[0] if oldest else 0
+    for start, end, what in damage:
+        before, after = bisect_left(offsets, start), bisect_left(offsets, end)
+        times = [
+            *([f'after {(newest[before - 1] - first) / 1e9:.3f} s'] if before else []),
+            *([f'before {(oldest[after] - first) / 1e9:.3f} s'] if after < len(blocks) else []),
+        ]
+        where = f' ({" and ".join(times)} of its messages)' if times else ''
+        yield f'{what} is damaged: bytes {start} to {end} of {contents.path}{where}'
 
 
-def _add(
-    contents: McapFile, found: Iterable[McapRecord], offset: int, length: int, *,
-    joins: bool = False,
-) -> None:
-    """Add the contents of records, and a block if messages are among them.
+def _add(contents: McapFile, data: bytes, offset: int, *, joins: bool = False) -> None:
+    """Add the contents of a record, of a chunk those inside, and a block if it has messages.
 
-    If ``joins``, the block is merged with a preceding adjacent block. Chunks are not merged,
-    because they are read one at a time.
+    Nothing is added of a damaged record. If ``joins``, the block is merged with a preceding
+    adjacent block. Chunks are not merged, because they are read one at a time.
     """
-    times: list[int] = []
-    channel_ids: set[int] = set()
-    for record in found:
-        if isinstance(record, Schema):
-            contents.schemas[record.id] = record
-        elif isinstance(record, Channel):
-            contents.channels[record.id] = record
-        elif isinstance(record, Metadata):
-            if not bag_metadata.is_whole(record.name, record.metadata):
+    length = len(data)
+    first, last = 2**64, -1
+    counts: Counter[int] = Counter()
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    metadata: dict[str, dict[str, str]] = {}
+    for item in records.parse(records.contents(data)):
+        if isinstance(item, records.Head):
+            first, last = min(first, item.log_time), max(last, item.log_time)
+            counts[item.channel_id] += 1
+        elif isinstance(item, Schema):
+            schemas[item.id] = item
+        elif isinstance(item, Channel):
+            channels[item.id] = item
+        elif isinstance(item, Metadata):
+            if not bag_metadata.is_whole(item.name, item.metadata):
                 raise McapError('its checksum does not fit')
-            contents.metadata[record.name] = record.metadata
-        elif isinstance(record, Message):
-            times.append(record.log_time)
-            channel_ids.add(record.channel_id)
-            contents.counts[record.channel_id] = contents.counts.get(record.channel_id, 0) + 1
-    if not times:
+            metadata[item.name] = item.metadata
+    contents.schemas.update(schemas)
+    contents.channels.update(channels)
+    contents.metadata.update(metadata)
+    for key, count in counts.items():
+        contents.counts[key] = contents.counts.get(key, 0) + count
+    if not counts:
         return
-    last = contents.blocks[-1] if contents.blocks else None
-    if joins and last and last.offset + last.length == offset and last.length < _RUN_SIZE:
+    channel_ids = frozenset(counts)
+    block = contents.blocks[-1] if contents.blocks else None
+    if joins and block and block.offset + block.length == offset and block.length < _RUN_SIZE:
         contents.blocks.pop()
-        times += [last.start_ns, last.end_ns]
-        channel_ids |= last.channels or set()
-        offset, length = last.offset, last.length + length
-    contents.blocks.append(Block(min(times), max(times), offset, length, frozenset(channel_ids)))
+        first, last = min(first, block.start_ns), max(last, block.end_ns)
+        channel_ids |= block.channels or frozenset()
+        offset, length = block.offset, block.length + length
+    contents.blocks.append(Block(first, last, offset, length, channel_ids))

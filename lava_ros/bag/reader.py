@@ -43,8 +43,9 @@ class BagReader:
         topics: Topics by name.
         custom_data: Description of the recording: free text by name.
         recovered: Whether a file was not finished. Everything before its end is read.
-        damage: A sentence for each damaged part that is left out, or for messages in
-            metadata.yaml that are missing. The sentences are also logged.
+        damage: A sentence for each damaged part that is left out, for messages in metadata.yaml
+            that are missing, and for each part that a caller could not use
+            (``report_damage``). The sentences are also logged.
         start_ns, end_ns: Log time of the first and last message [ns], None without messages.
         size: Total size of the files [bytes].
     """
@@ -93,6 +94,11 @@ class BagReader:
             if item.rest:
                 message = '%s was cut off: its last %d bytes, an incomplete record, are ignored'
                 _LOG.info(message, item.path, item.rest)
+
+    def report_damage(self, text: str) -> None:
+        """Add a sentence about a part that is left out to ``damage``, and log it."""
+        self.damage += (text,)
+        _LOG.warning('%s', text)
 
     @property
     def duration_ns(self) -> int:

@@ -11,12 +11,13 @@ from io import BytesIO
 import mmap
 import re
 import struct
+from typing import NamedTuple
 import zlib
 
 import lz4.frame
 from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
-from mcap.records import Chunk, Footer, McapRecord
+from mcap.records import Chunk, Footer, McapRecord, Message
 from mcap.stream_reader import StreamReader
 import zstandard
 
@@ -53,8 +54,8 @@ DAMAGE = (
 # Content of the record that ends the file, with a checksum at its end.
 _FOOTER = struct.Struct('<QQI')
 
-# Size of a message before its data: channel, sequence, log and publish time.
-_MESSAGE_SIZE = struct.calcsize('<HIQQ')
+#: A message before its data: channel, sequence, log and publish time.
+MESSAGE = struct.Struct('<HIQQ')
 
 # Layout of the records of the data section: number of bytes before the variable-length items,
 # format of the length before each of these items, number of bytes after them.
@@ -122,7 +123,7 @@ def fits(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> bool:
         return False
     if opcode == Opcode.MESSAGE:
         # a message has no item to check; in a file with chunks it is probably a damaged index
-        return int(length) >= _MESSAGE_SIZE and not has_chunks
+        return int(length) >= MESSAGE.size and not has_chunks
     if opcode not in _LAYOUTS:
         return False
     before, kinds, after = _LAYOUTS[opcode]
@@ -179,21 +180,67 @@ def check_size(size: int, maximum: int) -> None:
         raise McapError(f'{size} bytes at once, more than {maximum}')
 
 
-def parse(data: bytes) -> Iterator[McapRecord]:
-    """Parse complete records; of a chunk, the records inside it.
+class Head(NamedTuple):
+    """A message among records: IDs and times [ns], and the position of its record [bytes]."""
+
+    channel_id: int
+    sequence: int
+    log_time: int
+    publish_time: int
+    start: int
+    end: int
+
+
+def contents(data: bytes) -> bytes:
+    """Return the records inside a chunk; records that are not a chunk are returned unchanged.
 
     Raises:
         UnsupportedCompressionError: If the compression of a chunk is neither lz4 nor zstd.
-        DAMAGE: If a record is damaged, or a chunk is too large or differs from its header.
+        DAMAGE: If a chunk is damaged or too large, or differs from its header.
     """
-    for record in _records(data):
-        if isinstance(record, Chunk):
-            yield from (item for item in _records(unpacked(record)) if not isinstance(item, Chunk))
-        else:
-            yield record
+    if data[:1] != bytes([Opcode.CHUNK]):
+        return data
+    (chunk,) = _parsed(data)
+    return unpacked(chunk)
 
 
-def _records(data: bytes) -> Iterator[McapRecord]:
+def parse(data: bytes) -> Iterator[Head | McapRecord]:
+    """Yield the position of each message, and the definitions and metadata among records.
+
+    Messages are not copied: a chunk may contain a hundred times more bytes than its file.
+
+    Raises:
+        DAMAGE: If a record is damaged.
+    """
+    position = 0
+    while position < len(data):
+        opcode, length = FRAME.unpack_from(data, position)
+        start, end = position + FRAME.size, position + FRAME.size + length
+        if end > len(data):
+            raise McapError(f'a record of {length} bytes in {len(data) - start}')
+        if opcode == Opcode.MESSAGE:
+            if length < MESSAGE.size:
+                raise McapError(f'a message of {length} bytes')
+            channel_id, sequence, log_time, publish_time = MESSAGE.unpack_from(data, start)
+            yield Head(channel_id, sequence, log_time, publish_time, position, end)
+        elif opcode in PARSED and opcode != Opcode.CHUNK:
+            yield from _parsed(data[position:end])
+        position = end
+
+
+def message_at(data: bytes | bytearray, position: int) -> Message:
+    """Copy the message whose record begins at a position [bytes]."""
+    start = position + FRAME.size
+    (_, length), fields = FRAME.unpack_from(data, position), MESSAGE.unpack_from(data, start)
+    channel_id, sequence, log_time, publish_time = fields
+    content = bytes(data[start + MESSAGE.size : start + length])
+    return Message(
+        channel_id=channel_id, sequence=sequence, log_time=log_time, publish_time=publish_time,
+        data=content,
+    )
+
+
+def _parsed(data: bytes) -> Iterator[McapRecord]:
     # the reader expects the end of a file
     end = FRAME.pack(Opcode.FOOTER, _FOOTER.size) + bytes(_FOOTER.size) + MAGIC
     limit = len(data) + len(end)
@@ -202,7 +249,7 @@ def _records(data: bytes) -> Iterator[McapRecord]:
 
 
 def unpacked(chunk: Chunk) -> bytes:
-    """Return the uncompressed records of a chunk; errors as in ``parse``."""
+    """Return the uncompressed records of a chunk; errors as in ``contents``."""
     size = chunk.uncompressed_size
     data: bytes = chunk.data
     check_size(size, MAX_CHUNK_SIZE)

@@ -10,7 +10,7 @@ from lava_ros.cli.options import argument, command, seconds_of, SOURCES
 
 
 @command(
-    'bag',
+    'bag', '--node',
     argument('-o --output', 'FILE', 'animation to write: .gif, .mp4', required=True),
     argument('--layer', None, 'layer to show', 'thickness', choices=SOURCES),
     argument('--seconds', 'TIME', 'duration of the animation', '10s'),
@@ -29,6 +29,7 @@ def animate(args: argparse.Namespace) -> int:
         frames = animate_bag(
             args.bag,
             args.output,
+            node=args.node,
             source=args.layer,
             seconds=seconds_of('--seconds', args.seconds),
             fps=args.fps,

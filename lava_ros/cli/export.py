@@ -11,7 +11,7 @@ from lava_ros.cli.options import argument, command, formats, MAPS, seconds_of
 
 
 @command(
-    'bag', '--threshold', '--epsg',
+    'bag', '--node', '--threshold', '--epsg',
     argument('-o --output', 'DIR', 'folder to write to: new or empty', required=True),
     argument(
         '--at', 'TIME', 'write the newest maps up to this simulated time: 2h, 90min; arrival and '
@@ -48,6 +48,7 @@ def export(args: argparse.Namespace) -> int:
         exported = export_bag(
             args.bag,
             args.output,
+            node=args.node,
             maps=args.maps,
             formats=args.formats,
             time=at,

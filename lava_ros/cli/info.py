@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _READ = ('scene', 'effects', 'resumed_from')
 
 
-@command('bag', '--json')
+@command('bag', '--node', '--json')
 def info(args: argparse.Namespace) -> int:
     """Print what a bag contains.
 
@@ -33,7 +33,7 @@ def info(args: argparse.Namespace) -> int:
 
     bag = BagReader(args.bag)
     refused: list[LavaError] = []
-    data = _as_dict(bag, refused.append)
+    data = _as_dict(bag, args.node, refused.append)
     if args.json is None:
         print('\n'.join(_lines(bag, data, refused)))
     else:
@@ -41,7 +41,9 @@ def info(args: argparse.Namespace) -> int:
     return 0
 
 
-def _as_dict(bag: BagReader, on_refused: Callable[[LavaError], object]) -> dict[str, Any]:
+def _as_dict(
+    bag: BagReader, node: str | None, on_refused: Callable[[LavaError], object]
+) -> dict[str, Any]:
     from lava_ros.bag.checkpoints import checkpoints_of
     from lava_ros.bag.description import described
 
@@ -69,32 +71,37 @@ def _as_dict(bag: BagReader, on_refused: Callable[[LavaError], object]) -> dict[
             }
             for topic in bag.topics.values()
         ],
-        'simulation': _simulation(bag),
+        **_simulation(bag, node),
         'checkpoints': [item._asdict() for item in checkpoints_of(bag.path, on_refused)],
         **{name: known[name] for name in _READ},
         'custom_data': bag.custom_data,
     }
 
 
-def _simulation(bag: BagReader) -> dict[str, Any] | None:
-    """Return simulated time [s], volumes [m3] and warnings of the last diagnostics."""
-    from lava_ros.bag.decoding import Decoder, last_moment
+def _simulation(bag: BagReader, node: str | None) -> dict[str, Any]:
+    """Return the nodes, and simulated time [s], volumes [m3] and warnings of the only one."""
+    from lava_ros.bag.decoding import Decoder
+    from lava_ros.bag.recorded_node import last_moments
     from lava_ros.simulation.output.budget import VolumeBudget
 
     try:
-        moment = last_moment(bag, Decoder(bag))
+        moments = last_moments(bag, Decoder(bag), node)
     except LavaError:
+        if node is not None:
+            raise
         # only decoding needs this library
-        return None
-    if moment is None:
-        return None
-    names = [name for name in moment.values if name.startswith('volume_')]
-    budget = VolumeBudget.from_texts(moment.values)
-    return {
-        'time': moment.time,
-        **{name: moment.number(name) for name in names},
-        'warnings': budget.warnings() if budget is not None else [],
-    }
+        moments = []
+    found: dict[str, Any] = {'nodes': [item.node for item in moments], 'simulation': None}
+    if len(moments) == 1:
+        moment = moments[0]
+        names = [name for name in moment.values if name.startswith('volume_')]
+        budget = VolumeBudget.from_texts(moment.values)
+        found['simulation'] = {
+            'time': moment.time,
+            **{name: moment.number(name) for name in names},
+            'warnings': budget.warnings() if budget is not None else [],
+        }
+    return found
 
 
 def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> list[str]:
@@ -115,6 +122,9 @@ def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> li
     lines.append(f'messages   {bag.message_count}')
     if (resumed := data['resumed_from']) is not None:
         lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
+    if data['nodes']:
+        several = '; --node shows one of them' if len(data['nodes']) > 1 else ''
+        lines.append(f'nodes      {", ".join(data["nodes"])}{several}')
     if (simulation := data['simulation']) is not None:
         lines.append(f'simulated  {simulation["time"]:.3f} s')
         budget = VolumeBudget.from_texts(simulation)

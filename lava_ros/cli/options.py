@@ -100,6 +100,10 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--material', 'NAME', 'lava by name; replaces the lava of the case'),
     argument(
+        '--node', 'NAME', 'node whose simulation to read, in a bag with several: its full name, '
+        'such as /etna/lava, or its namespace (default: the only one)',
+    ),
+    argument(
         '--nodata', 'VALUE', 'value of cells without data that the terrain does not declare; '
         'none: all such cells are ground',
     ),

@@ -16,6 +16,7 @@ from lava_ros.files import file_to_write, write_output
         'places', 'FILE', 'named points, lines and areas, such as huts, roads and villages: '
         '.geojson, .gpkg, or .csv with x,y or lon,lat and name', nargs='+',
     ),
+    '--node',
     argument('--time', 'TIME', 'use the bag up to this simulated time: 2h, 90min (default: all)'),
     argument('-o --output', 'FILE', 'table to write: .csv'),
     '--json',
@@ -33,7 +34,7 @@ def places(args: argparse.Namespace) -> int:
     if args.output is not None:
         file_to_write('--output', args.output, ('.csv',))
     time = None if args.time is None else seconds_of('--time', args.time, may_be_zero=True)
-    table = table_of(args.bag, args.places, field='places', time=time)
+    table = table_of(args.bag, args.places, field='places', node=args.node, time=time)
     if args.output is not None:
         write_output('--output', args.output, table.as_csv())
     write_json(table.as_dict(), args.json)

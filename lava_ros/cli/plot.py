@@ -15,7 +15,7 @@ DRAWN = (*SOURCES, 'arrival', 'inundation_probability', 'arrival_time_p10', 'arr
 
 
 @command(
-    RUNS,
+    RUNS, '--node',
     argument(
         '--layers', 'MAP',
         f'maps to draw: {", ".join(DRAWN)}; of an ensemble, arrival is that of half its '
@@ -44,6 +44,7 @@ def plot(args: argparse.Namespace) -> int:
     drawn = draw_runs(
         args.bag,
         args.output,
+        node=args.node,
         layers=args.layers,
         time=None if args.time is None else seconds_of('--time', args.time, may_be_zero=True),
         title=args.title,

@@ -12,7 +12,7 @@ from lava_ros.errors import LavaError
 
 
 @command(
-    RUNS,
+    RUNS, '--node',
     argument('-o --output', 'FILE', 'page to write: .html', required=True),
     *PAGE,
 )
@@ -28,7 +28,9 @@ def report(args: argparse.Namespace) -> int:
     from lava_ros.pages.runs import is_ensemble
 
     if len(args.bag) > 1 or is_ensemble(args.bag[0]):
-        size = write_comparison(args.bag, args.output, **page_options(args))
+        size = write_comparison(
+            args.bag, args.output, node=args.node, **page_options(args)
+        )
     elif given := [
         name for names, _ in PAGE
         if (name := names[0]) != '--overlay' and getattr(args, name[2:])
@@ -38,7 +40,8 @@ def report(args: argparse.Namespace) -> int:
     else:
         with Progress(has_lines=False) as progress:
             size = write_report(
-                args.bag[0], args.output, overlays=args.overlay, progress=progress.show
+                args.bag[0], args.output, node=args.node, overlays=args.overlay,
+                progress=progress.show,
             )
     print(f'report of {size / 1e3:.0f} kB written to {args.output}')
     return 0

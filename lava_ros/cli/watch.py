@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         'bag', None, 'bag directory, .mcap file, or folder of an ensemble (default: the running '
         'node)', nargs='?',
     ),
+    '--node',
     argument('--namespace', 'NS', "namespace of the node's topics: /etna", ''),
     argument('--port', None, 'port of the server; 0 takes a free one', 5006),
     argument(
@@ -61,6 +62,8 @@ def watch(args: argparse.Namespace) -> int:
 
 def _frames(args: argparse.Namespace) -> Frames:
     if args.bag is None:
+        if args.node is not None:
+            raise LavaError('--node', args.node, 'a bag; --namespace chooses a running node')
         require_ros()
         from lava_ros.clients.live_frames import LiveFrames
 
@@ -71,4 +74,5 @@ def _frames(args: argparse.Namespace) -> Frames:
     from lava_ros.pages.runs import is_ensemble
     from lava_ros.watch.frames import BagFrames, ensemble_frames
 
-    return (ensemble_frames if is_ensemble(args.bag) else BagFrames)(args.bag)
+    make = ensemble_frames if is_ensemble(args.bag) else BagFrames
+    return make(args.bag, node=args.node)

@@ -38,6 +38,7 @@ def animate_bag(
     path: str | Path,
     output: str | Path,
     *,
+    node: str | None = None,
     source: str = 'thickness',
     seconds: float = 10.0,
     fps: float = 12.0,
@@ -49,6 +50,7 @@ def animate_bag(
     Args:
         path: The bag.
         output: The .gif or .mp4.
+        node: Full name or namespace of the node whose maps to draw; None for the only one.
         source: Layer to draw: ``thickness``, ``temperature`` or ``hazard``.
         seconds: Duration of the animation [s] without the hold time of the last picture.
         fps: Pictures per second [1/s].
@@ -72,7 +74,7 @@ def animate_bag(
     if not is_gif and shutil.which('ffmpeg') is None:
         expected = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
         raise LavaError('format', '.mp4', expected)
-    recording = Recording(path)
+    recording = Recording(path, node=node)
     last, start = _peak_frame(recording, source)
     moments = np.linspace(start, last.time or 0.0, max(2, round(seconds * fps)))
     # video codecs require even sides

@@ -61,6 +61,7 @@ def export_bag(
     path: str | Path,
     directory: str | Path,
     *,
+    node: str | None = None,
     maps: Collection[str] = MAPS,
     formats: Collection[str] = ('tif',),
     time: float | None = None,
@@ -77,6 +78,7 @@ def export_bag(
     Args:
         path: The bag.
         directory: Folder of the files, which is created if it does not exist. It must be empty.
+        node: Full name or namespace of the node whose maps to write; None for the only one.
         maps: Maps to write, of ``MAPS``.
         formats: File formats, of ``FORMATS``. Only GeoTIFF can contain several frames.
         time: Simulated time [s] of the newest frame to read; None for the end of the bag.
@@ -101,7 +103,7 @@ def export_bag(
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     require('rasterio', 'GeoTIFF', str(directory))
     target = Path(directory)
-    recording = Recording(path)
+    recording = Recording(path, node=node)
     placement = placement_of(recording.scene, epsg=epsg, offset=offset)
     run = recording.timeline.last_run
     if time is not None and not (run and run[0].time <= time <= run[-1].time):

@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 import math
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,9 @@ from lava_ros.bag.decoding import (
     places_in,
     read_grid,
     stamp_of,
-    Timeline,
 )
 from lava_ros.bag.reader import BagMessage
+from lava_ros.bag.recorded_node import find_node
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml
@@ -152,6 +152,7 @@ class Recording:
     Attributes:
         bag: The bag.
         decoder: Decoder of its messages.
+        node: The node whose maps these are.
         timeline: Simulated times of its messages.
         layers: Layers with maps in the bag, by topic name.
         terrain, terrain_info, vents: Topic names of the ground, its metadata and the vents;
@@ -159,14 +160,21 @@ class Recording:
         scene: The scene in the bag, in the form of ``scene_to_dict``.
     """
 
-    def __init__(self, path: str | Path, *, more: Sequence[Layer] = ()) -> None:
-        """Open a bag and find its layers: those that it describes, and ``more``.
+    def __init__(
+        self, path: str | Path, *, node: str | None = None, more: Sequence[Layer] = ()
+    ) -> None:
+        """Open a bag and find the layers of a node: those that it describes, and ``more``.
+
+        ``node`` is the full name or the namespace of the node; None for the only one. A topic of a
+        layer with messages of another type is reported as damage of the bag.
 
         Raises:
-            LavaError: If the bag cannot be read, or has no maps or no terrain.
+            LavaError: If the bag cannot be read, has several nodes and none is named, or has no
+                maps or no terrain.
         """
         self.bag = bag = BagReader(path)
         self.decoder = Decoder(bag)
+        self._left_out: set[str] = set()
         described = _yaml(bag, 'msg_config')
         # the layers at the time of recording, or defaults for bags of other programs
         if described is None:
@@ -178,14 +186,22 @@ class Recording:
             item for item in layers
             if item.message == IMAGE or (item.range is not None and item.margin == 0.0)
         ]
-        named = {_topic(bag, item.topic, item.message): item for item in (*maps, *more)}
-        self.layers = {name: item for name, item in named.items() if name}
+        self.node, self.timeline = find_node(
+            bag, self.decoder, _namespaces(bag, [*maps, *more]), node=node
+        )
+        self.layers: dict[str, Layer] = {}
+        for layer in (*maps, *more):
+            name = self.node.topic(layer.topic)
+            kind = _type(bag, name)
+            if kind == layer.message:
+                self.layers[name] = layer
+            elif kind and layer in maps:
+                self._leave_out(name, f'the bag has {kind}, the layer is a {layer.message}')
         if not self.layers:
             raise LavaError('bag', str(path), 'a bag with the layers of a simulation')
-        self.timeline = Timeline(bag, self.decoder)
-        self.terrain = _required(bag, 'terrain', IMAGE)
-        self.terrain_info = _required(bag, 'terrain_info', 'nav_msgs/msg/MapMetaData')
-        self.vents = _topic(bag, 'vents', 'sensor_msgs/msg/PointCloud2')
+        self.terrain = self._required('terrain', IMAGE)
+        self.terrain_info = self._required('terrain_info', 'nav_msgs/msg/MapMetaData')
+        self.vents = self._topic('vents', 'sensor_msgs/msg/PointCloud2')
         scene = _yaml(bag, 'scene')
         self.scene: Mapping[str, Any] = scene if isinstance(scene, Mapping) else {}
         if not isinstance(self.scene.get('terrain', {}), Mapping):
@@ -201,7 +217,7 @@ class Recording:
     @property
     def places(self) -> dict[str, tuple[float, float]]:
         """Map positions [m] of the places whose arrivals the bag has, by name."""
-        topic = _topic(self.bag, 'place_arrivals', 'diagnostic_msgs/msg/DiagnosticArray')
+        topic = self._topic('place_arrivals', 'diagnostic_msgs/msg/DiagnosticArray')
         found = self.bag.newest([topic], (self.bag.end_ns or 0) + 1) if topic else ()
         return next((self.decoder.decode(item, places_in) for item in found), {})
 
@@ -212,8 +228,7 @@ class Recording:
             LavaError: If the bag is damaged, or has no terrain or no map at that time.
         """
         end = self.timeline.log_time_at(time)
-        last = max((item.time for item in self.timeline.moments), default=math.inf)
-        if time is not None and (end is None or time > last):
+        if time is not None and (end is None or time > self.timeline.last_time):
             raise LavaError('time', time, self.timeline.span)
         assembly = _Assembly(self)
         end = (self.bag.end_ns or 0) if end is None else end
@@ -265,6 +280,47 @@ class Recording:
             return 0.0
         return (frame.time - run[0].time) / (run[-1].time - run[0].time)
 
+    def _topic(self, name: str, message_type: str) -> str | None:
+        """Return the full name of a topic of the node, None without messages of that type."""
+        topic = self.node.topic(name)
+        return topic if _type(self.bag, topic) == message_type else None
+
+    def _required(self, name: str, message_type: str) -> str:
+        topic = self._topic(name, message_type)
+        if topic is None:
+            expected = f'a bag with messages on the topic {self.node.topic(name)} ({message_type})'
+            raise LavaError('bag', str(self.bag.path), expected)
+        return topic
+
+    @cached_property
+    def _grounds(self) -> tuple[set[tuple[int, ...]], set[_Place]]:
+        """Shapes and positions of all terrains in the bag."""
+        shapes, places = set(), set()
+        for message in self.bag.messages((self.terrain, self.terrain_info)):
+            if message.topic == self.terrain:
+                shapes.add(_image(self.decoder, message).shape)
+            else:
+                places.add(_place(self.decoder, message))
+        return shapes, places
+
+    def _check_ground(self, name: str, shape: tuple[int, ...], place: _Place | None) -> None:
+        """Report a map that is not on the present terrain, unless it is on another of the bag."""
+        shapes, places = self._grounds
+        if shape not in shapes:
+            rows, columns = shape
+            self._leave_out(name, f'a map of {columns} x {rows} cells is on no terrain of the bag')
+        elif place is not None and place not in places:
+            self._leave_out(
+                name, f'a map at ({place[1]:g}, {place[2]:g}) in cells of {place[0]:g} m is on no '
+                'terrain of the bag',
+            )
+
+    def _leave_out(self, topic: str, reason: str) -> None:
+        """Report the first map of a topic that is left out."""
+        if topic not in self._left_out:
+            self._left_out.add(topic)
+            self.bag.report_damage(f'maps on {topic} are left out: {reason}')
+
     def _due(self, assembly: '_Assembly') -> Iterator[Frame]:
         if not assembly.missing_input():
             frame = assembly.frame()
@@ -307,8 +363,14 @@ class _Assembly:
             # a grid and an image of one source have the same content
             if layer.source not in layers:
                 shown, where = self._get(name, partial(_map, layer))
-                if shown.values.shape == terrain.shape and where in (place, None):
+                if layer.min_cells and shown is not None:
+                    shown, where = _without_border(shown, where, terrain, place)
+                if shown is None:
+                    recording._leave_out(name, 'a map has infinite values')
+                elif shown.values.shape == terrain.shape and where in (place, None):
                     layers[layer.source] = shown
+                else:
+                    recording._check_ground(name, shown.values.shape, where)
         arrived = layers.pop(ARRIVED, None)
         has_vents = recording.vents in self.newest
         stamp = max(stamp_of(self.newest[name]) for name in self._layer_names())
@@ -343,20 +405,25 @@ def _yaml(bag: BagReader, name: str) -> Any:
     return parse_yaml(f'custom_data {name} of {bag.path}', bag.custom_data.get(name, ''))
 
 
-def _topic(bag: BagReader, name: str, message_type: str) -> str | None:
-    """Return the full name of a topic with messages by its relative name, in any namespace."""
+def _type(bag: BagReader, name: str) -> str:
+    """Return the type of a topic, empty without messages."""
+    topic = bag.topics.get(name)
     # rosbag2 also lists topics without messages
-    shown = [item for item in bag.topics.values() if item.count != 0]
-    names = (item.name for item in shown if item.message_type == message_type)
-    return next((item for item in names if item.endswith(f'/{name}')), None)
+    return topic.message_type if topic is not None and topic.count else ''
 
 
-def _required(bag: BagReader, name: str, message_type: str) -> str:
-    topic = _topic(bag, name, message_type)
-    if topic is None:
-        expected = f'a bag with messages on the topic {name} ({message_type})'
-        raise LavaError('bag', str(bag.path), expected)
-    return topic
+def _namespaces(bag: BagReader, layers: Sequence[Layer]) -> list[str]:
+    """Return the namespaces with a layer and a terrain; without a terrain, those with a layer."""
+    found = {
+        name.removesuffix(f'/{layer.topic}') or '/'
+        for name in bag.topics
+        for layer in layers
+        if name.endswith(f'/{layer.topic}') and _type(bag, name) == layer.message
+    }
+    with_ground = {
+        name for name in found if _type(bag, f'{name.rstrip("/")}/terrain') == IMAGE
+    }
+    return sorted(with_ground or found)
 
 
 def _image(decoder: Decoder, item: BagMessage) -> np.ndarray:
@@ -372,12 +439,34 @@ def _place(decoder: Decoder, item: BagMessage) -> _Place:
     return decoder.decode(item, read)
 
 
-def _map(layer: Layer, decoder: Decoder, message: BagMessage) -> tuple[LayerFrame, _Place | None]:
-    """Return a map and the position of its grid, None for an image."""
+def _map(
+    layer: Layer, decoder: Decoder, message: BagMessage
+) -> tuple[LayerFrame | None, _Place | None]:
+    """Return a map, None with infinite values, and the position of its grid, None for an image."""
     if layer.message == IMAGE:
-        return image_frame(layer, _image(decoder, message)), None
+        pixels = _image(decoder, message)
+        return None if np.isinf(pixels).any() else image_frame(layer, pixels), None
     grid = read_grid(decoder, message)
     return grid_frame(layer, grid.cells), (grid.resolution, *grid.origin)
+
+
+def _without_border(
+    shown: LayerFrame, where: _Place | None, terrain: Terrain, place: _Place
+) -> tuple[LayerFrame, _Place | None]:
+    """Cut a map with further cells around it (``min_cells``) down to the terrain."""
+    sides = [max(0, shown.layer.min_cells - count) for count in terrain.shape]
+    below, left = (added // 2 for added in sides)
+    whole = tuple(np.add(terrain.shape, sides))
+    resolution, x, y = place
+    corner = resolution, x - left * resolution, y - below * resolution
+    # the node extends the grid with its resolution in float64
+    if where is None or shown.values.shape != whole or not np.allclose(
+        where, corner, rtol=0.0, atol=1e-3 * resolution
+    ):
+        return shown, where
+    rows, columns = terrain.shape
+    values = shown.values[below : below + rows, left : left + columns]
+    return replace(shown, values=values), place
 
 
 def image_frame(layer: Layer, pixels: np.ndarray) -> LayerFrame:

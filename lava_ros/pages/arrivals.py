@@ -23,7 +23,8 @@ from lava_ros.simulation.output.inundation import inundated_cells
 
 
 def table_of(
-    path: str | Path, files: Sequence[str | Path], *, field: str, time: float | None = None
+    path: str | Path, files: Sequence[str | Path], *, field: str, node: str | None = None,
+    time: float | None = None,
 ) -> ArrivalTable:
     """Return the arrival of lava at the points, lines and areas of files.
 
@@ -31,12 +32,13 @@ def table_of(
         path: A bag or the folder of an ensemble.
         files: Files for ``features.load_features``.
         field: Name of the files in errors.
+        node: Full name or namespace of a node of the bag; None for the only one.
         time: Simulated time [s] up to which a bag is read; None for all of it.
 
     Raises:
         LavaError: If a file or the run cannot be read, or the run has no arrival times.
     """
-    run = read_run(path, wanted=('arrival',))
+    run = read_run(path, node=node, wanted=('arrival',))
     if run.ensemble is not None and time is not None:
         raise LavaError('--time', time, f'no --time for {path}, an ensemble')
     features = [item for file in files for item in read_features(field, file, run.terrain)]

@@ -30,6 +30,7 @@ def draw_runs(
     paths: Sequence[str | Path],
     output: str | Path,
     *,
+    node: str | None = None,
     layers: Sequence[str] = (),
     time: float | None = None,
     title: str | None = None,
@@ -46,9 +47,10 @@ def draw_runs(
 ) -> dict[str, Any]:
     """Draw bags and ensembles on one page.
 
-    Texts and files are the options of `lava plot`. ``time`` is a simulated time [s], None for the
-    last one; without ``layers``, the default maps are drawn. ``extent`` is west, south, east and
-    north in the coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without
+    Texts and files are the options of `lava plot`. ``node`` is the full name or the namespace of a
+    node of the bags, None for the only one. ``time`` is a simulated time [s], None for the last
+    one; without ``layers``, the default maps are drawn. ``extent`` is west, south, east and north
+    in the coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without
     ``onset``, the common onset of the runs is used; ``zone`` is the time zone of local times, None
     for that of this machine.
 
@@ -59,7 +61,7 @@ def draw_runs(
         LavaError: If a run or a file cannot be read, the runs cannot be compared, or the picture
             cannot be written.
     """
-    runs = [read_run(path, time=time, wanted=layers) for path in paths]
+    runs = [read_run(path, node=node, time=time, wanted=layers) for path in paths]
     if len({run.name for run in runs}) < len(runs):
         runs = [
             replace(run, name=f'{Path(path).resolve().parent.name}/{run.name}')

@@ -98,24 +98,29 @@ def is_ensemble(path: str | Path) -> bool:
     return (Path(path) / MANIFEST).is_file()
 
 
-def read_run(path: str | Path, *, time: float | None = None, wanted: Collection[str] = ()) -> Run:
+def read_run(
+    path: str | Path, *, node: str | None = None, time: float | None = None,
+    wanted: Collection[str] = (),
+) -> Run:
     """Read a bag's directory, an .mcap file, or the output of ``lava ensemble``.
 
-    ``time`` is the simulated time of a bag's maps [s], None for the last ones. The map of arrival
-    times is slow and is only computed if it is ``wanted``.
+    ``node`` is the full name or the namespace of a node of a bag, None for the only one. ``time``
+    is the simulated time of a bag's maps [s], None for the last ones. The map of arrival times is
+    slow and is only computed if it is ``wanted``.
 
     Raises:
-        LavaError: If the run cannot be read, or is an ensemble and ``time`` is set.
+        LavaError: If the run cannot be read, or is an ensemble and ``node`` or ``time`` is set.
     """
     if not is_ensemble(path):
-        return _bag(Path(path), time, wanted)
-    if time is not None:
-        raise LavaError('--time', time, f'no --time for {path}, an ensemble')
+        return _bag(Path(path), node, time, wanted)
+    for name, value in (('--node', node), ('--time', time)):
+        if value is not None:
+            raise LavaError(name, value, f'no {name} for {path}, an ensemble')
     return _ensemble(Path(path))
 
 
-def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
-    recording = Recording(path)
+def _bag(path: Path, node: str | None, time: float | None, wanted: Collection[str]) -> Run:
+    recording = Recording(path, node=node)
     frame = recording.frame_at(time)
     scene = _scene(frame)
     if scene is not None:

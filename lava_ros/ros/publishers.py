@@ -91,6 +91,7 @@ class NodeGraph:
         self.frame_id = frame_id
         self.recorder = Recorder()
         self._made: dict[Any, str] = {}
+        self._topics: dict[str, str] = {}
 
     def header(self, stamp_ns: int) -> Header:
         """Make the header of a message."""
@@ -102,6 +103,11 @@ class NodeGraph:
         made = (item.topic_name for item, kind in self._made.items() if kind == 'publisher')
         shared = self.node.resolve_topic_name('/diagnostics')
         return Counter(topic for topic in made if topic != shared)
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Full names of the topics that were published or subscribed to, by the given names."""
+        return dict(self._topics)
 
     def other_publishers(self, topic: str) -> list[str]:
         """Return the full name of the node of each publisher of a topic that is not made here.
@@ -119,6 +125,8 @@ class NodeGraph:
     def create(self, kind: str, *args: Any, **options: Any) -> Any:
         """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""
         made = getattr(self.node, f'create_{kind}')(*args, **options)
+        if kind in ('publisher', 'subscription'):
+            self._topics[args[1].lstrip('/')] = made.topic_name
         self._made[made] = kind
         return made
 
@@ -130,6 +138,7 @@ class NodeGraph:
         """Destroy all entities, newest first."""
         while self._made:
             self.drop(next(reversed(self._made)))
+        self._topics.clear()
 
     def send(
         self, publisher: Publisher, message: Any, recorded_ns: int | None, profile: QosProfile

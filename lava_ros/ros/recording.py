@@ -27,8 +27,9 @@ class SceneRecording:
     """Opens an armed bag, describes it, and writes terrain and vents when they have changed.
 
     Terrain and vents are also repeated (``REPEAT_PERIOD_NS``), but take at most half of the bag.
-    The description is updated when the scene changes. It lists in JSON the effects at the start
-    and each later switch, and the checkpoint from which the simulation was resumed, if any.
+    The description is updated when the scene changes. It names the node, the version, and in JSON
+    the topics by their names before remapping. It lists the effects at the start and each later
+    switch, and the checkpoint from which the simulation was resumed, if any.
 
     ``configs`` contains the texts of the layer files by the names of their parameters;
     ``parameters`` returns all parameters of the node by name.
@@ -101,7 +102,9 @@ class SceneRecording:
             **resumed,
             **self.configs,
             **({'onset': onset} if (onset := parameters.get('onset')) else {}),
+            'node': self.graph.node.get_fully_qualified_name(),
             'namespace': self.graph.node.get_namespace(),
+            'topics': json.dumps(self.graph.topics),
             'version': lava_ros.__version__,
             'device': view.device,
         }

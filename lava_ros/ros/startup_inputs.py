@@ -22,6 +22,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.bag.decoding import DIAGNOSTICS, moment_of
 from lava_ros.bag.description import described
+from lava_ros.bag.recorded_node import described_node
 from lava_ros.errors import LavaError
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.session import Origin
@@ -107,7 +108,9 @@ def _restarted(node: Node) -> StartupInputs | None:
         try:
             reader = BagReader(bag)
             # other nodes may record into the same folder
-            if node.resolve_topic_name('terrain') in reader.topics:
+            stated, name = described_node(reader.custom_data), node.get_fully_qualified_name()
+            terrain = node.resolve_topic_name('terrain')
+            if terrain in reader.topics if stated is None else stated.name == name:
                 return replace(
                     _resumed(node, str(bag)),
                     is_restart=True,
@@ -121,8 +124,10 @@ def _restarted(node: Node) -> StartupInputs | None:
 
 def _reached(bag: BagReader) -> float:
     """Return the simulated time [s] of the newest diagnostics in a bag, 0 without any."""
-    for item in bag.newest({DIAGNOSTICS}, (bag.end_ns or 0) + 1):
-        message = codec.decode(item.data, DiagnosticArray, DIAGNOSTICS, max_bytes=len(item.data))
+    stated = described_node(bag.custom_data)
+    topic = DIAGNOSTICS if stated is None else stated.diagnostics
+    for item in bag.newest({topic}, (bag.end_ns or 0) + 1):
+        message = codec.decode(item.data, DiagnosticArray, topic, max_bytes=len(item.data))
         for moment in filter(None, map(moment_of, message.status)):
             return moment.time
     return 0.0

@@ -123,13 +123,13 @@ def watched_layers() -> list[Layer]:
     return [item for file in files for item in load_layers(file) if item.name in LAYERS]
 
 
-def ensemble_frames(path: str | Path) -> Frames:
+def ensemble_frames(path: str | Path, *, node: str | None = None) -> Frames:
     """Return the maps in the folder of a finished ensemble as a single frame.
 
     Raises:
-        LavaError: If the path is not such a folder.
+        LavaError: If the path is not such a folder, or ``node`` is set.
     """
-    run = read_run(path)
+    run = read_run(path, node=node)
     layers = {}
     for name, panel in run.panels.items():
         source = ENSEMBLE_MAPS[name][0]
@@ -143,15 +143,17 @@ def ensemble_frames(path: str | Path) -> Frames:
 class BagFrames(Frames):
     """The frames of a bag, which may still be recording."""
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, node: str | None = None) -> None:
         """Open a bag.
+
+        ``node`` is the full name or the namespace of a node of the bag; None for the only one.
 
         Raises:
             LavaError: If the path is not a readable bag.
         """
         super().__init__()
         BagReader(path)
-        self._path = Path(path)
+        self._path, self._node = Path(path), node
         self._recording: Recording | None = None
         self._moments: Sequence[Moment] = ()
         self._sizes: list[int] = []
@@ -168,7 +170,7 @@ class BagFrames(Frames):
                 return
             self._sizes = sizes
             forecasts = [item for item in watched_layers() if item.is_forecast]
-            self._recording = Recording(self._path, more=forecasts)
+            self._recording = Recording(self._path, node=self._node, more=forecasts)
             self._moments = self._recording.timeline.last_run
             self.times = [item.time for item in self._moments] or [None]
             self.places = self._recording.places

@@ -188,6 +188,53 @@ def test_decompression_bombs_do_not_exceed_the_memory_limit(
     assert peak < 6 * 2**22
 
 
+def write_tiny(path: Path, payload: int, *, chunks: int = 2, size: int = 2**21) -> int:
+    """Write compressed chunks of messages of one time; return their number."""
+    with path.open('wb') as stream:
+        writer = Writer(stream, chunk_size=size, compression=CompressionType.ZSTD)
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/Empty', 'ros2msg', b'')
+        channel = writer.register_channel('/a', 'cdr', schema)
+        count = chunks * size // (31 + payload)
+        for _ in range(count):
+            writer.add_message(channel, 1, bytes(payload), 1)
+        writer.finish()
+    return count
+
+
+@pytest.mark.parametrize('is_cut', [False, True])
+@pytest.mark.parametrize('payload', [0, 4, 100])
+def test_memory_is_a_small_multiple_of_the_unpacked_size(
+    tmp_path: Path, payload: int, is_cut: bool
+) -> None:
+    """An object for each tiny message would take a hundred times its bytes."""
+    path = tmp_path / 'tiny.mcap'
+    count = write_tiny(path, payload)
+    if is_cut:
+        path.write_bytes(path.read_bytes()[:-50])
+    tracemalloc.start()
+    try:
+        reader = BagReader(path)
+        found = sum(1 for _ in reader.messages())
+        assert reader.newest(['/a'], 2)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found == reader.message_count == count
+    assert peak < 4 * 2**22
+
+
+@pytest.mark.parametrize('payload', [0, 4, 100])
+def test_limit_of_memory_counts_whole_messages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, payload: int
+) -> None:
+    monkeypatch.setattr('lava_ros.bag.mcap_file.MAX_HELD', 2**22 - 2**16)
+    path = tmp_path / 'tiny.mcap'
+    write_tiny(path, payload)
+    with pytest.raises(LavaError, match='at most 4128768 bytes of messages of one time'):
+        list(BagReader(path).messages())
+
+
 @pytest.mark.parametrize(('name', 'data', 'message'), [
     ('gone', None, 'a bag directory or an .mcap file that exists'),
     ('bag/a', b'', 'this one has none'),

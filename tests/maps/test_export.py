@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 import re
 import sys
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +15,10 @@ import pytest
 import rasterio
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.warp import transform
+from std_msgs.msg import String
 
+from command_line import lava
+from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.cli.main import main
 from lava_ros.errors import LavaError
 from lava_ros.files.vectors import WRITTEN
@@ -26,9 +30,10 @@ from lava_ros.maps.gis import coordinate_system
 from lava_ros.maps.layers import HAZARD_CLASSES
 from lava_ros.maps.plot import MAX_ISOCHRONES
 from lava_ros.maps.raster_layers import NODATA, RASTER_LAYERS, write_style
+from lava_ros.ros import codec, outputs
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import load_features
-from recording import record, silenced, TERRAIN, VENT
+from recording import changed, GRIDS, RAW_CONFIG, record, SECOND, silenced, START, TERRAIN, VENT
 
 
 @pytest.fixture(scope='module')
@@ -172,7 +177,7 @@ def test_failed_export_leaves_no_folder(grids, tmp_path):
     with pytest.raises(LavaError, match='a folder that is new or empty'):
         export_bag(grids, tmp_path)
     without = silenced(grids, tmp_path / 'without.mcap', '/terrain')
-    with pytest.raises(LavaError, match='messages on the topic terrain'):
+    with pytest.raises(LavaError, match='messages on the topic /terrain '):
         export_bag(without, tmp_path / 'maps')
     assert not (tmp_path / 'maps').exists()
     late = silenced(grids, tmp_path / 'late.mcap', '/terrain', late=True)
@@ -389,3 +394,83 @@ def test_dates_of_isochrones_keep_their_zone(ending, tmp_path):
         text = (tmp_path / 'out/isochrones.geojson').read_text()
         found = re.findall('"date_utc": "(.*?)"', text)
     assert found == [f'2021-09-19T14:{minutes:02}:00Z' for minutes in (5, 10, 15)]
+
+
+def with_hazard_text(topic: str, message: Any) -> Any:
+    return String(data='lava') if topic == '/hazard' else message
+
+
+def with_fewer_rows(topic: str, message: Any) -> Any:
+    if topic == '/hazard':
+        message.info.height -= 1
+        message.data = message.data[: message.info.width * message.info.height]
+    return message
+
+
+def with_other_corner(topic: str, message: Any) -> Any:
+    if topic == '/hazard':
+        message.info.origin.position.x += 5.0
+    return message
+
+
+def with_infinite_values(topic: str, message: Any) -> Any:
+    if topic == '/height':
+        pixels = np.frombuffer(message.data, np.float32).copy()
+        pixels[700] = np.inf
+        message.data = pixels.tobytes()
+    return message
+
+
+@pytest.mark.parametrize(('change', 'topic', 'words'), [
+    (with_hazard_text, '/hazard', 'the bag has std_msgs/msg/String, the layer is a nav_msgs/msg/'),
+    (with_fewer_rows, '/hazard', 'a map of 40 x 29 cells is on no terrain'),
+    (with_other_corner, '/hazard', r'a map at (-45, 20) in cells of 5 m is on no terrain'),
+    (with_infinite_values, '/height', 'a map has infinite values'),
+])
+def test_layer_that_cannot_be_used_is_named(tmp_path, change, topic, words):
+    source = record(tmp_path / 'source', config=RAW_CONFIG)
+    sound = {item.name for item in export_bag(source, tmp_path / 'sound').files}
+    path = changed(source, tmp_path / 'bag', change)
+    for options, expected in (((), 1), (('--incomplete',), 0)):
+        out = tmp_path / f'out{expected}'
+        status, _, error = lava('export', path, '-o', out, *options)
+        assert status == expected
+        assert error.count(f'maps on {topic} are left out: {words}') == 1
+        # the others are exported
+        left = {item.name for item in out.glob('*.tif')}
+        gone = {'/hazard': {'hazard.tif'}, '/height': {'thickness.tif'}}[topic]
+        assert gone == (sound - left) & {'hazard.tif', 'thickness.tif'}
+        assert 'temperature.tif' in left
+
+
+def test_layer_of_an_earlier_terrain_is_left_out_without_damage(tmp_path):
+    """The terrain changes; until the next maps, those in the bag are of the earlier terrain."""
+    before = record(tmp_path / 'before', (200.0,), config=RAW_CONFIG)
+    terrain = Terrain(TERRAIN.elevation[:20], 5.0, (0.0, 0.0))
+    header = codec.header('map', START + SECOND // 4)
+    source = BagReader(before)
+    with BagWriter(tmp_path / 'bag', custom_data=source.custom_data) as writer:
+        for item in source.messages():
+            kind = source.topics[item.topic]
+            writer.write(
+                item.topic, kind.message_type, item.data, item.stamp_ns, qos=kind.qos
+            )
+        for name, message in outputs.terrain_messages(terrain, header).items():
+            writer.write(
+                f'/{name}', codec.type_name(type(message)), codec.serialise(message),
+                START + SECOND // 4, qos=LATCHED,
+            )
+    recording = Recording(tmp_path / 'bag')
+    frame = recording.frame_at()
+    assert frame.elevation.shape == (20, 40) and not frame.layers
+    assert not recording.bag.damage
+
+
+def test_cells_around_the_terrain_are_cut_off(tmp_path):
+    config = GRIDS.replace('range: [0.0, 10.0]', 'range: [0.0, 10.0], min_cells: 45')
+    wide = Recording(record(tmp_path / 'wide', config=config))
+    plain = Recording(record(tmp_path / 'plain', config=GRIDS))
+    for frame, expected in zip(wide.frames(), plain.frames(), strict=True):
+        thickness, known = (item.layers['thickness'].values for item in (frame, expected))
+        np.testing.assert_array_equal(thickness, known)
+    assert not wide.bag.damage

@@ -441,7 +441,7 @@ def test_an_ensemble_is_one_frame(visit, frames, monkeypatch):
     values = frame.layers[PROBABILITY].values
     panels = {PROBABILITY: Panel(frame, 'probability', values, '')}
     run = SimpleNamespace(panels=panels, title='3 runs', summary='all', facts={'runs': '3'})
-    monkeypatch.setattr('lava_ros.watch.frames.read_run', lambda path: run)
+    monkeypatch.setattr('lava_ros.watch.frames.read_run', lambda path, node: run)
     visitor = visit(ensemble_frames('folder'))
     visitor.wait(lambda: '<td>runs</td><td>3</td>' in visitor.page.facts.content)
     assert '<b>3 runs</b><br>all' in visitor.page.title.content

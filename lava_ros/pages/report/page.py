@@ -35,26 +35,33 @@ def write_report(
     path: str | Path,
     output: str | Path,
     *,
+    node: str | None = None,
     overlays: Sequence[str] = (),
     progress: Progress = silent,
 ) -> int:
     """Write a self-contained HTML page about a bag, and return its size [bytes].
 
+    ``node`` is the full name or the namespace of a node of the bag; None for the only one.
+
     Raises:
         LavaError: If the bag or an overlay cannot be read, or the page cannot be written.
     """
     output = file_to_write('output', output, ('.html', '.htm'))
-    places = _tables([path], overlays)
-    data = page(Recording(path), progress, places=places).encode()
+    places = _tables([path], overlays, node)
+    data = page(Recording(path, node=node), progress, places=places).encode()
     write_output('output', output, data)
     return len(data)
 
 
-def _tables(paths: Sequence[str | Path], overlays: Sequence[str]) -> dict[str, ArrivalTable]:
+def _tables(
+    paths: Sequence[str | Path], overlays: Sequence[str], node: str | None
+) -> dict[str, ArrivalTable]:
     """Return the arrival of lava at the places of files, by the paths of the runs."""
     if not overlays:
         return {}
-    return {str(path): table_of(path, overlays, field='--overlay') for path in paths}
+    return {
+        str(path): table_of(path, overlays, field='--overlay', node=node) for path in paths
+    }
 
 
 def page(
@@ -166,5 +173,7 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
             warnings=[_NOTICE],
             facts=facts,
             shows=', '.join(drawn['maps']),
-            places=sections.place_tables(_tables(paths, options.get('overlays', ()))),
+            places=sections.place_tables(
+                _tables(paths, options.get('overlays', ()), options.get('node'))
+            ),
         )

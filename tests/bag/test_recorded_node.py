@@ -1,0 +1,200 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node of a bag: recordings of several nodes, by this package and by rosbag2."""
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+
+from command_line import done, parser_of, refused
+from lava_ros.bag import BagReader, BagWriter
+from lava_ros.cli.parser import COMMANDS
+from lava_ros.errors import LavaError
+from lava_ros.maps.export import export_bag
+from lava_ros.maps.frames import Recording
+from lava_ros.pages.arrivals import table_of
+from lava_ros.pages.runs import read_run
+from lava_ros.watch.frames import BagFrames
+from recording import changed, GRIDS, merged, record
+
+#: Simulated times of two nodes whose maps have the same stamps [s].
+TIMES = {'/etna/lava': (200.0, 400.0, 600.0), '/stromboli/lava': (1000.0, 1100.0, 1200.0)}
+
+#: Commands that read the maps of one node, with their arguments and the file that they write.
+NODE_COMMANDS: dict[str, tuple[str, ...]] = {
+    'info': (), 'report': ('-o', 'out.html'), 'plot': ('-o', 'out.png'), 'places': ('huts.csv',),
+    'animate': ('-o', 'out.gif', '--seconds', '0.5'), 'export': ('-o', 'out'),
+    'watch': ('--port', '0'),
+}
+
+
+@pytest.fixture(scope='module')
+def single(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return the bag of each node."""
+    folder = tmp_path_factory.mktemp('single')
+    return {
+        name: record(folder / name.split('/')[1], times, config=GRIDS)
+        for name, times in TIMES.items()
+    }
+
+
+@pytest.fixture(scope='module')
+def both(single: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of both nodes without a description."""
+    return merged(tmp_path_factory.mktemp('both') / 'bag', single)
+
+
+@pytest.mark.parametrize('name', TIMES)
+@pytest.mark.parametrize('by', [str, lambda name: name.rpartition('/')[0]])
+def test_frames_are_those_of_the_named_node(
+    both: Path, single: dict[str, Path], name: str, by: Callable[[str], str]
+) -> None:
+    recording, own = Recording(both, node=by(name)), Recording(single[name])
+    assert (recording.node.name, recording.node.namespace) == (name, name.rpartition('/')[0])
+    frames = list(recording.frames())
+    assert [frame.time for frame in frames] == list(TIMES[name])
+    for frame, expected in zip(frames, own.frames(), strict=True):
+        assert frame.layers.keys() == expected.layers.keys()
+        for source, layer in expected.layers.items():
+            np.testing.assert_array_equal(frame.layers[source].values, layer.values)
+    assert recording.frame_at().time == TIMES[name][-1]
+
+
+def test_every_command_that_reads_maps_of_a_bag_has_the_option() -> None:
+    having = {
+        name for name in COMMANDS
+        if {'bag', 'node'} <= {action.dest for action in parser_of(name)._actions}
+    }
+    assert having == set(NODE_COMMANDS)
+
+
+@pytest.mark.parametrize('command', NODE_COMMANDS)
+def test_command_reads_the_named_node(
+    both: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    server = Mock()
+    monkeypatch.setattr('lava_ros.watch.server.Server', server)
+    monkeypatch.setattr('signal.signal', lambda *_: None)
+    (tmp_path / 'huts.csv').write_text('name,x,y\nhut,-47.5,95\n')
+    arguments = NODE_COMMANDS[command]
+    names = '/etna/lava, /stromboli/lava'
+    # the page shows the error, because a bag may still be recording
+    if command != 'watch':
+        if command == 'info':
+            out = done(command, both)
+            assert f'{names}; --node' in out and 'simulated ' not in out
+        else:
+            error = refused(command, both, *arguments)
+            assert f'expected a bag of one node, or --node with one of {names}' in error
+        error = refused(command, both, *arguments, '--node', '/vesuvius')
+        assert error.startswith(f"lava {command}: --node is '/vesuvius'") and names in error
+    out = done(command, both, *arguments, '--node', '/stromboli/lava')
+    if command == 'watch':
+        frames = server.call_args.args[0]
+        frames.poll()
+        assert frames.times == list(TIMES['/stromboli/lava'])
+    if command == 'info':
+        assert 'simulated  1200.000 s' in out
+
+
+@pytest.mark.parametrize('read', [
+    lambda path, folder: Recording(path),
+    lambda path, folder: export_bag(path, folder / 'out'),
+    lambda path, folder: read_run(path),
+    lambda path, folder: table_of(path, [], field='places'),
+])
+def test_readers_ask_which_of_several_nodes(
+    both: Path, tmp_path: Path, read: Callable[[Path, Path], Any]
+) -> None:
+    with pytest.raises(LavaError, match='--node with one of /etna/lava, /stromboli/lava'):
+        read(both, tmp_path)
+    assert not (tmp_path / 'out').exists()
+
+
+def test_watched_bag_of_several_nodes_names_them(both: Path) -> None:
+    frames = BagFrames(both)
+    frames.poll()
+    assert '--node with one of /etna/lava, /stromboli/lava' in frames.status.words
+
+
+def test_two_nodes_of_one_namespace_are_told_apart(
+    single: dict[str, Path], tmp_path: Path
+) -> None:
+    bags = {'/lava': single['/etna/lava'], '/lava2': single['/stromboli/lava']}
+    path = merged(tmp_path / 'bag', bags)
+    with pytest.raises(LavaError, match='--node with one of /lava, /lava2'):
+        Recording(path)
+    last = [Recording(path, node=name).timeline.moments[-1].time for name in bags]
+    assert last == [600.0, 1200.0]
+
+
+def test_times_are_those_of_the_only_node_with_maps(
+    single: dict[str, Path], tmp_path: Path
+) -> None:
+    path = merged(tmp_path / 'bag', single)
+    reader = BagReader(path)
+    with BagWriter(tmp_path / 'one', custom_data={}) as writer:
+        for item in reader.messages():
+            kind = reader.topics[item.topic]
+            if not item.topic.startswith('/stromboli'):
+                writer.write(
+                    item.topic, kind.message_type, item.data, item.stamp_ns, qos=kind.qos
+                )
+    recording = Recording(tmp_path / 'one')
+    assert recording.node.name == '/etna/lava'
+    assert [frame.time for frame in recording.frames()] == list(TIMES['/etna/lava'])
+
+
+#: Topics of the maps that ``record`` writes, and of what the readers use with them.
+TOPICS = ('height', 'temperature', 'hazard', 'terrain', 'terrain_info', 'vents', 'diagnostics')
+
+
+@pytest.mark.parametrize('name', [*TOPICS, 'all'])
+def test_described_topics_are_read_wherever_they_are(
+    single: dict[str, Path], tmp_path: Path, name: str
+) -> None:
+    """Maps of a remapped topic are exported; a topic of that name of another node is not."""
+    own = BagReader(single['/etna/lava'])
+    moved = TOPICS if name == 'all' else (name,)
+    topics = {topic: f'/a/b{index}' if topic in moved else f'/{topic}'
+              for index, topic in enumerate(TOPICS)}
+    data = {**own.custom_data, 'node': '/lava', 'topics': json.dumps(topics)}
+    with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
+        for item in own.messages():
+            kind = own.topics[item.topic]
+            writer.write(
+                topics[item.topic[1:]], kind.message_type, item.data, item.stamp_ns, qos=kind.qos
+            )
+    recording, expected = Recording(tmp_path / 'bag'), Recording(own.path)
+    assert [frame.time for frame in recording.frames()] == list(TIMES['/etna/lava'])
+    frame, known = recording.frame_at(), expected.frame_at()
+    np.testing.assert_array_equal(frame.vents, known.vents)
+    for source, layer in known.layers.items():
+        np.testing.assert_array_equal(frame.layers[source].values, layer.values)
+    files = [item.name for item in export_bag(tmp_path / 'bag', tmp_path / 'moved').files]
+    assert files == [item.name for item in export_bag(own.path, tmp_path / 'plain').files]
+
+
+@pytest.mark.parametrize('text', ['', '[]', '{', '{"height": 3}'])
+def test_bag_with_a_malformed_description_is_read_by_its_namespace(
+    single: dict[str, Path], tmp_path: Path, text: str
+) -> None:
+    own = BagReader(single['/etna/lava'])
+    data = {**own.custom_data, 'node': '/lava', 'topics': text}
+    path = changed(own.path, tmp_path / 'bag', lambda _, message: message, data)
+    assert Recording(path).frame_at().time == 600.0
+
+
+def test_bags_of_earlier_versions_are_read() -> None:
+    path = Path(__file__).parents[2] / 'bags' / 'sample'
+    assert 'topics' not in BagReader(path).custom_data
+    frames = list(Recording(path).frames())
+    assert len(frames) == 20 and frames[-1].time == 43200.0
+    assert frames[-1].layers.keys() == {'thickness', 'temperature', 'hazard'}
