@@ -47,6 +47,9 @@ RIVALS_PERIOD = 1.0
 #: Time after which an unchanged error of a topic is logged again [s].
 LOG_INTERVAL = 60.0
 
+#: Wall time without vents after which the log warns [s]: discovery of a publisher takes a second.
+VENT_PATIENCE = 3.0
+
 #: Number of publications that the subscriptions of a topic remember.
 MAX_PUBLICATIONS = 64
 
@@ -247,6 +250,7 @@ class InputSubscribers:
         self._pairing = inputs.TerrainPairing()
         self._clicks = 0
         self._has_vents = self._is_told = False
+        self._vents_due = math.inf
         terrains: dict[str, tuple[Any, Callable[[Any], None]]] = {
             'terrain': (Image, self._on_terrain),
             'terrain_info': (MapMetaData, self._on_terrain_info),
@@ -312,7 +316,9 @@ class InputSubscribers:
         self._has_vents = bool(scene.vents) or has_lava or self.log.has_accepted('vents')
         if self._has_vents:
             return ''
-        if not self._is_told:
+        now = time.monotonic()
+        self._vents_due = min(self._vents_due, now + VENT_PATIENCE)
+        if now >= self._vents_due and not self._is_told:
             self._is_told = True
             self._logger.warning('no vent yet: waiting for a message on vents')
         return 'no vent yet'

@@ -160,6 +160,11 @@ CASES = {
 }
 
 
+def publication(number):
+    """Return what a subscription tells of a publication: its source timestamp and number."""
+    return {'source_timestamp': number, 'publication_sequence_number': number}
+
+
 class Asking(ABC):
     """Calls services of nodes; the default ``node`` is /lava."""
 

@@ -23,7 +23,7 @@ from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros import codec, runtime
 from lava_ros.ros.node import LavaNode
 from ros.graph_listener import line_of
-from ros.graph_publisher import Asking, CASES
+from ros.graph_publisher import Asking, CASES, publication
 from ros.hearing import Hearing
 from ros_domain import own_domain
 from waiting import PATIENCE
@@ -188,9 +188,7 @@ class LocalNode(Asking, Hearing):
     def deliver(self, topic, message):
         """Pass a message to each subscription of the node to a topic (full name), as ROS does."""
         self._sequence += 1
-        info = {
-            'source_timestamp': time.time_ns(), 'publication_sequence_number': self._sequence,
-        }
+        info = publication(self._sequence)
         for taker in [item for item in self.node.subscriptions if item.topic_name == topic]:
             if taker.raw:
                 data = message if isinstance(message, bytes) else serialize_message(message)

@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy
 
 from lava_ros.ros import subscribers
 from lava_ros.ros.subscribers import RepeatFilter
-from ros.graph_publisher import CASES, Publisher
+from ros.graph_publisher import CASES, publication, Publisher
 from ros_domain import own_domain
 
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
@@ -148,8 +148,7 @@ def test_newest_publication_holds_for_each_order_of_delivery():
     for order in deliveries(4):
         repeats, held = RepeatFilter(), []
         for way, number in order:
-            info = {'source_timestamp': number, 'publication_sequence_number': number}
-            if not repeats.is_repeat(way, info):
+            if not repeats.is_repeat(way, publication(number)):
                 held.append(number)
         assert held[-1] == 4, order
         # complete deliveries: each publication counts once
@@ -157,7 +156,8 @@ def test_newest_publication_holds_for_each_order_of_delivery():
             assert held == [1, 2, 3, 4], order
 
 
-def test_node_warns_until_the_first_vents(local):
+def test_node_warns_until_the_first_vents(local, monkeypatch):
+    monkeypatch.setattr(subscribers, 'VENT_PATIENCE', 0.0)
     node = local()
     assert node.change('configure') and node.change('activate'), node.log
     node.status_now('simulation', lambda item: 'waiting for terrain' in item['message'])
@@ -167,6 +167,7 @@ def test_node_warns_until_the_first_vents(local):
     node.status_now('simulation', lambda item: item['state'] == 'running')
     node.run(1.0)
     text = 'no vent yet: waiting for a message on vents'
+    node.wait_for_log(text)
     assert node.log.count(text) == 1, node.log
     node.publish('vents')
     status = node.status_now('inputs', lambda item: item['message'] != 'no vent yet')
