@@ -248,7 +248,7 @@ class InputSubscribers:
         self._logger = self.graph.node.get_logger()
         self._heard: WeakValueDictionary[int, Terrain] = WeakValueDictionary()
         self._pairing = inputs.TerrainPairing()
-        self._clicks = 0
+        self._clicks, self._begun_ns = 0, now_ns(self.graph.node)
         self._has_vents = self._is_told = False
         self._vents_due = math.inf
         terrains: dict[str, tuple[Any, Callable[[Any], None]]] = {
@@ -452,6 +452,12 @@ class InputSubscribers:
         if not 0 < stamp_ns <= moment_ns + CLOCK_TOLERANCE * 1e9:
             expected = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
             raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
+        if stamp_ns < self._begun_ns <= moment_ns:
+            # latched by its publisher, and from before all forecasts of this node
+            expected = f'a time after the start of the node, {1e-9 * self._begun_ns:.3f} s'
+            error = LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
+            self.refuse(_OUTLINE, error)
+            return
         assert self.observe is not None
         self.command(_OUTLINE, self.observe(mask, 1e-9 * stamp_ns))
         recorder = self.graph.recorder

@@ -203,6 +203,7 @@ def test_layer_without_the_package_is_an_error(absent):
 
 def subscribed(**changes):
     entities, worker = Mock(), Mock()
+    entities.node.get_clock().now().nanoseconds = 1
     worker.set_terrain.return_value = Future()
     InputSubscribers(entities, worker, settings=lambda: Settings(**changes), steady=Clock())
     made = [call.args[1:] for call in entities.create.call_args_list]

@@ -13,9 +13,9 @@ from itertools import combinations, product
 import pytest
 from rclpy.qos import DurabilityPolicy
 
-from lava_ros.ros import subscribers
+from lava_ros.ros import codec, subscribers
 from lava_ros.ros.subscribers import RepeatFilter
-from ros.graph_publisher import CASES, publication, Publisher
+from ros.graph_publisher import CASES, outline, publication, Publisher
 from ros_domain import own_domain
 
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
@@ -124,6 +124,16 @@ def test_clicks_from_before_the_start_open_no_vent(local, taken):
         for _ in range(IDLE):
             node.spin()
         assert taken['clicked_point'] == 0
+
+
+def test_latched_outline_from_before_the_start_is_a_warning(local):
+    node = start(local)
+    message = outline()
+    message.header.stamp = codec.time_message(round((node.now - 1.0) * 1e9))
+    node.deliver('/observed_outline', message)
+    status = node.status_now('inputs', lambda item: item['rejected'] == '1')
+    assert status['level'] == 1
+    assert 'after the start of the node' in status['last_error']
 
 
 def deliveries(count):
