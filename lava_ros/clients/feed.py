@@ -17,7 +17,7 @@ from lava_ros.scene import Scene
 
 
 class SceneFeed(Node):
-    """Publishes terrain, latched, and the vents when they change or a subscriber joins.
+    """Publishes terrain and vents, latched, when they change.
 
     Effusion rates and terrain events follow the simulated time on ``/diagnostics``. Inputs that
     the node refuses are logged here too, for a user of the feed who does not see the node's log.
@@ -33,9 +33,8 @@ class SceneFeed(Node):
         self._frame_id = frame_id
         self._time = 0.0
         self._sent: list[tuple[float, ...]] | None = None
-        self._readers = 0
         self._refusal = ''
-        latched, commands = qos.ros_profile(qos.LATCHED), qos.ros_profile(qos.COMMANDS)
+        latched = qos.ros_profile(qos.LATCHED)
         # a latched publisher has to stay
         self._terrain = {
             'terrain': self.create_publisher(Image, 'terrain', latched),
@@ -47,8 +46,7 @@ class SceneFeed(Node):
         self._publish_terrain()
         self.create_timer(0.2, self._follow_events)
         if has_vents:
-            # not latched, because the node subscribes volatile: published again to new subscribers
-            self._vents = self.create_publisher(PointCloud2, 'vents', commands)
+            self._vents = self.create_publisher(PointCloud2, 'vents', latched)
             self.create_timer(0.2, self._publish_vents)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -84,8 +82,6 @@ class SceneFeed(Node):
 
     def _publish_vents(self) -> None:
         terrain, rows = self._scene.terrain, outputs.vent_rows(self._scene.vents, self._time)
-        readers = self._vents.get_subscription_count()
-        if rows != self._sent or readers > self._readers:
+        if rows != self._sent:
             self._vents.publish(outputs.vents_message(rows, terrain, self._header()))
             self._sent = rows
-        self._readers = readers

@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+from itertools import product
 import math
 import os
 import time
@@ -114,13 +115,19 @@ class LiveFrames(Watcher, Frames):
             for item in watched_layers()
         ]
         subscribed += [
-            (Image, 'terrain', self._on_terrain),
-            (MapMetaData, 'terrain_info', self._on_terrain_info),
             (MarkerArray, 'vents_markers', self._on_vents),
             (DiagnosticArray, 'place_arrivals', self._on_places),
         ]
         for kind, topic, read in subscribed:
             self._node.create_subscription(kind, topic, partial(self._read, topic, read), latched)
+        inputs: list[tuple[Any, str, Any]] = [
+            (Image, 'terrain', self._on_terrain),
+            (MapMetaData, 'terrain_info', self._on_terrain_info),
+        ]
+        # as the node subscribes to them; a message that comes twice is the same terrain
+        for (kind, topic, read), profile in product(inputs, qos.state_inputs(1)):
+            received = partial(self._read, topic, read)
+            self._node.create_subscription(kind, topic, received, qos.ros_profile(profile))
         self._node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )

@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+import re
 from socket import gethostname
 from types import MappingProxyType
 from typing import Any, TYPE_CHECKING
@@ -20,6 +21,7 @@ from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.scene import suspicious_temperatures, Terrain
+from lava_ros.scene.vents import are_in_place
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
@@ -261,7 +263,7 @@ class NodeLog:
     def __init__(self, logger: Any) -> None:
         """Initialize with an empty history."""
         self._logger = logger
-        self._logged: dict[str, object] = {'state': WorkerState.WAITING}
+        self._logged: dict[str, Any] = {'state': WorkerState.WAITING}
 
     def scene(self, view: SessionView, snapshot: Snapshot | None) -> None:
         """Log changes of terrain, vents and effects up to the newest snapshot.
@@ -274,14 +276,15 @@ class NodeLog:
         self._logged['changes'] = view.changes
         terrain, vents, effects = scene.terrain, scene.vents, view.effects
         self._log_change('terrain', terrain, _terrain_text(terrain))
-        # without the discharge: a live feed changes it continually
+        # without discharge and small shifts: a live feed changes them with each message
+        known = self._logged.get('vents')
+        places = known if known is not None and are_in_place(vents, known) else vents
         now = snapshot.time if snapshot is not None else 0.0
         discharge = sum(vent.discharge_at(now) for vent in vents)
-        places = [(vent.position, vent.end, vent.radius) for vent in vents]
         self._log_change('vents', places, f'vents: {len(vents)}, {discharge:g} m3/s')
         # the topics use Celsius
         doubts = suspicious_temperatures(scene, is_celsius=True)[:3]
-        self._log_change('doubts', doubts, '; '.join(doubts), 'warning')
+        self._log_change('doubts', [*map(_wording, doubts)], '; '.join(doubts), 'warning')
         names = [name for name, text in effects.items() if is_on(text)]
         self._log_change('effects', names, f'effects: {", ".join(names) or "none"}')
 
@@ -305,7 +308,8 @@ class NodeLog:
         self._log_change('state', state, text, 'error' if failed else 'info')
         if resolution is not None:
             severity = 'warning' if resolution.warnings() else 'info'
-            self._log_change('resolution', resolution.text(), resolution.text(), severity)
+            wording = resolution.spacing, [*map(_wording, resolution.warnings())]
+            self._log_change('resolution', wording, resolution.text(), severity)
         # the text contains a duration, so only the kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
             self._log_change(kind, kind in clock, clock.get(kind, ''), 'warning')
@@ -337,6 +341,11 @@ class NodeLog:
             self._logger.warning(text)
         elif text:
             self._logger.info(text)
+
+
+def _wording(text: str) -> str:
+    """Return a text without its numbers, which a live feed changes with each message."""
+    return re.sub(r'\d[\d.]*(e[+-]\d+)?', '', text)
 
 
 def _terrain_text(terrain: Terrain) -> str:

@@ -255,10 +255,6 @@ class Settings:
         (VENT_TEMPERATURE_RANGE[0] - ZERO_CELSIUS, VENT_TEMPERATURE_RANGE[1] - ZERO_CELSIUS),
     )
     default_radius: float = _parameter(10.0, 'Radius of a vent opened by a click [m]', (0.01, 1e4))
-    terrain_subscribe_transient_local: bool = _fixed(
-        True,
-        'Subscribe to terrain as a latched topic; false to receive from a volatile publisher',
-    )
     terrain_scale: float = _parameter(1.0, 'Height of a unit of a terrain image [m]', (1e-6, 1e6))
     terrain_offset: float = _parameter(0.0, 'Height added to terrain images [m]', (-1e6, 1e6))
     terrain_allow_holes: bool = _parameter(

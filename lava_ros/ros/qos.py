@@ -22,6 +22,16 @@ COMMANDS = QosProfile()
 
 DIAGNOSTICS = QosProfile()
 
+
+def state_inputs(depth: int) -> tuple[QosProfile, ...]:
+    """Return the profiles of the two subscriptions to an input that is state, not an event.
+
+    A transient_local subscription does not receive from volatile publishers, and a volatile one
+    does not receive what a latched publisher sent before.
+    """
+    return QosProfile(depth=depth, durability='transient_local'), QosProfile(depth=depth)
+
+
 #: Messages of which only the newest counts.
 NEWEST = QosProfile(depth=1)
 

@@ -3,8 +3,8 @@
 
 """Subscriptions to the input topics, and the rate limits of services."""
 
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -46,6 +46,12 @@ RIVALS_PERIOD = 1.0
 
 #: Time after which an unchanged error of a topic is logged again [s].
 LOG_INTERVAL = 60.0
+
+#: Wall time without vents after which the log warns [s]: discovery of a publisher takes a second.
+VENT_PATIENCE = 3.0
+
+#: Number of publications that the subscriptions of a topic remember.
+MAX_PUBLICATIONS = 64
 
 _OUTLINE = 'observed_outline'
 
@@ -162,6 +168,11 @@ class InputLog:
         if number >= self._newest.get(topic, (0, False))[0]:
             self._newest[topic] = number, is_bad
 
+    def has_accepted(self, topic: str) -> bool:
+        """Return True if the newest message of a topic is valid."""
+        with self._lock:
+            return not self._newest.get(topic, (0, True))[1]
+
     def status(self, warning: str = '') -> DiagnosticStatus:
         """Return ERROR if a topic's newest message was refused, WARN if an earlier one was.
 
@@ -182,6 +193,35 @@ class InputLog:
                 **{f'rejected.{topic}': count for topic, count in self._rejected.items()},
             }
         return diagnostics.status('inputs', level, message, values)
+
+
+class RepeatFilter:
+    """Recognises a publication that two subscriptions to a topic deliver.
+
+    A publication has a source timestamp and a sequence number, which are the same at each
+    subscription. rclpy does not give its publisher. Each subscription delivers the publications of
+    a publisher in order, but one may begin earlier, skip some, or be late.
+    """
+
+    def __init__(self) -> None:
+        """Initialize without publications."""
+        self._taken: deque[tuple[int, int]] = deque(maxlen=MAX_PUBLICATIONS)
+        self._durability = ''
+
+    def is_repeat(self, durability: str, info: Mapping[str, Any]) -> bool:
+        """Return True if a message, received with ``info``, is not to be taken again.
+
+        ``durability`` identifies the subscription. A known publication counts again if the same
+        subscription has delivered an older one in between, which replaced it: the other
+        subscription began after the older one.
+        """
+        publication = info['source_timestamp'], info['publication_sequence_number']
+        if publication in self._taken:
+            if durability != self._durability or publication == self._taken[-1]:
+                return True
+        self._taken.append(publication)
+        self._durability = durability
+        return False
 
 
 @dataclass(eq=False)
@@ -208,7 +248,9 @@ class InputSubscribers:
         self._logger = self.graph.node.get_logger()
         self._heard: WeakValueDictionary[int, Terrain] = WeakValueDictionary()
         self._pairing = inputs.TerrainPairing()
-        self._clicks = 0
+        self._clicks, self._begun_ns = 0, now_ns(self.graph.node)
+        self._has_vents = self._is_told = False
+        self._vents_due = math.inf
         terrains: dict[str, tuple[Any, Callable[[Any], None]]] = {
             'terrain': (Image, self._on_terrain),
             'terrain_info': (MapMetaData, self._on_terrain_info),
@@ -222,26 +264,39 @@ class InputSubscribers:
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
         self._replaced, self._rivals, self._looked = (list(terrains), ['vents']), '', -math.inf
-        commands: dict[str, tuple[Any, Callable[[Any], None]]] = {
-            'vents': (PointCloud2, self._on_vents),
-        }
-        if self.settings().clicked_point_enabled:
-            commands['clicked_point'] = PointStamped, self._on_clicked_point
+        for topic, (kind, callback) in terrains.items():
+            self._subscribe(topic, kind, callback, qos.state_inputs(1))
+        commands = qos.state_inputs(qos.COMMANDS.depth)
+        self._subscribe('vents', PointCloud2, self._on_vents, commands)
         if self.observe is not None:
-            commands[_OUTLINE] = OccupancyGrid, self._on_outline
-        # a transient-local subscription does not receive from a volatile publisher
-        is_latched = self.settings().terrain_subscribe_transient_local
-        ground = qos.LATCHED if is_latched else QosProfile(depth=1)
-        for topics, profile in ((terrains, ground), (commands, qos.COMMANDS)):
-            for topic, (kind, callback) in topics.items():
-                guarded = partial(self._take, topic, kind, callback)
-                self.graph.create(
-                    'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
-                )
+            self._subscribe(_OUTLINE, OccupancyGrid, self._on_outline, commands)
+        if self.settings().clicked_point_enabled:
+            # an event: a click from before the start must not open a vent
+            click = self._on_clicked_point
+            self._subscribe('clicked_point', PointStamped, click, (qos.COMMANDS,))
         self.graph.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
 
+    def _subscribe(
+        self,
+        topic: str,
+        kind: Any,
+        callback: Callable[[Any], None],
+        profiles: Sequence[QosProfile],
+    ) -> None:
+        """Subscribe with each profile, and take each publication once."""
+        repeats = RepeatFilter()
+        for profile in profiles:
+            is_repeat = partial(repeats.is_repeat, profile.durability)
+            guarded = partial(self._take, topic, kind, callback, is_repeat)
+            self.graph.create(
+                'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
+            )
+
     def status(self) -> DiagnosticStatus:
-        """Return the status of the inputs; warn of nodes that publish what they must not."""
+        """Return the status of the inputs; warn of nodes that publish what they must not.
+
+        It also warns until the first vents.
+        """
         now = time.monotonic()
         if now - self._looked >= RIVALS_PERIOD:
             known, given = self._rivals, map(self._find_rivals, self._replaced)
@@ -249,7 +304,24 @@ class InputSubscribers:
             self._looked = now
             if self._rivals not in ('', known):
                 self._logger.warning(self._rivals)
-        return self.log.status(self._rivals)
+        return self.log.status('; '.join(filter(None, (self._find_missing(), self._rivals))))
+
+    def _find_missing(self) -> str:
+        """Return a warning if there has been no vent and no message on ``vents`` so far."""
+        scene, latest = self.worker.view.scene, self.worker.latest
+        # without a scene the status of the simulation is 'waiting for terrain'
+        if self._has_vents or scene is None:
+            return ''
+        has_lava = latest is not None and latest.budget.emitted > 0.0
+        self._has_vents = bool(scene.vents) or has_lava or self.log.has_accepted('vents')
+        if self._has_vents:
+            return ''
+        now = time.monotonic()
+        self._vents_due = min(self._vents_due, now + VENT_PATIENCE)
+        if now >= self._vents_due and not self._is_told:
+            self._is_told = True
+            self._logger.warning('no vent yet: waiting for a message on vents')
+        return 'no vent yet'
 
     def _find_rivals(self, topics: Sequence[str]) -> str:
         """Return a warning if ``topics``, of which each message counts alone, have two sources."""
@@ -315,9 +387,17 @@ class InputSubscribers:
         if self.log.reject(topic, error, number):
             self._logger.error(f'{topic} refused: {error}')
 
-    def _take(self, topic: str, kind: Any, callback: Callable[[Any], None], data: bytes) -> None:
+    def _take(
+        self,
+        topic: str,
+        kind: Any,
+        callback: Callable[[Any], None],
+        is_repeat: Callable[[Mapping[str, Any]], bool],
+        data: bytes,
+        info: Mapping[str, Any],
+    ) -> None:
         """Deserialise a message and pass it to ``callback``; report all errors."""
-        if self.is_echo(topic, data):
+        if is_repeat(info) or self.is_echo(topic, data):
             return
         try:
             callback(decode(data, kind, topic, max_bytes=self.settings().max_input_bytes))
@@ -372,6 +452,12 @@ class InputSubscribers:
         if not 0 < stamp_ns <= moment_ns + CLOCK_TOLERANCE * 1e9:
             expected = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
             raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
+        if stamp_ns < self._begun_ns <= moment_ns:
+            # latched by its publisher, and from before all forecasts of this node
+            expected = f'a time after the start of the node, {1e-9 * self._begun_ns:.3f} s'
+            error = LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
+            self.refuse(_OUTLINE, error)
+            return
         assert self.observe is not None
         self.command(_OUTLINE, self.observe(mask, 1e-9 * stamp_ns))
         recorder = self.graph.recorder

@@ -363,16 +363,29 @@ def are_alike(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
 
     Each vent is then within the size of its match, and the discharges differ by at most 5 %.
     """
-    if len(vents) != len(others):
-        return False
-    matches = match_vents(others, vents)
-    return all(
-        match is not None
-        and _is_alike(others[match], vent)
-        and next(distances([vent], [others[match]]))[0] <= extents([others[match]])[0]
-        and _has_discharge_of(vent, others[match])
-        for vent, match in zip(vents, matches, strict=True)
+    matches = _matches_in_place(vents, others)
+    return matches is not None and all(
+        _is_alike(other, vent) and _has_discharge_of(vent, other)
+        for vent, other in zip(vents, matches, strict=True)
     )
+
+
+def are_in_place(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
+    """Return True if there are as many vents as other vents, each within the size of its match."""
+    return _matches_in_place(vents, others) is not None
+
+
+def _matches_in_place(vents: Sequence[Vent], others: Sequence[Vent]) -> list[Vent] | None:
+    """Return the match of each vent among other vents, None if one is elsewhere."""
+    if len(vents) != len(others):
+        return None
+    matches = match_vents(others, vents)
+    found = [others[match] for match in matches if match is not None]
+    is_complete = len(found) == len(vents) and all(
+        next(distances([vent], [other]))[0] <= extents([other])[0]
+        for vent, other in zip(vents, found, strict=True)
+    )
+    return found if is_complete else None
 
 
 def _is_alike(one: Vent, other: Vent) -> bool:

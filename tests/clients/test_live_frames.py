@@ -40,9 +40,11 @@ class Received(LiveFrames):
 
     def deliver(self, topic, message):
         name = topic if topic.startswith('/') else f'/etna/{topic}'
-        (taker,) = [item for item in self._node.subscriptions if item.topic_name == name]
-        assert isinstance(message, taker.msg_type)
-        taker.callback(message)
+        takers = [item for item in self._node.subscriptions if item.topic_name == name]
+        assert takers
+        for taker in takers:
+            assert isinstance(message, taker.msg_type)
+            taker.callback(message)
 
     def deliver_ground(self):
         messages = outputs.terrain_messages(TERRAIN, codec.header('map', START))
@@ -207,6 +209,20 @@ class FakeNode(Watcher):
         self.received.append(request.data)
         response.message = 'pausing'
         return response
+
+
+@pytest.mark.parametrize('durability', ['transient_local', 'volatile'])
+def test_terrain_is_received_from_latched_and_volatile_publishers(live, durability):
+    node = FakeNode()
+    profile = qos.ros_profile(replace(qos.LATCHED, durability=durability))
+    ground = outputs.terrain_messages(TERRAIN, codec.header('map', START))
+    for topic, message in ground.items():
+        publisher = node._node.create_publisher(type(message), topic, profile)
+        wait_until(publisher.get_subscription_count)
+        publisher.publish(message)
+    wait_until(lambda: live.poll() or (live._info is not None and live._elevation is not None))
+    np.testing.assert_array_equal(live._elevation, TERRAIN.elevation.astype(np.float32))
+    node.close()
 
 
 def test_commands_reach_the_node_over_the_middleware(live):

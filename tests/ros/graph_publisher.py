@@ -160,6 +160,11 @@ CASES = {
 }
 
 
+def publication(number):
+    """Return what a subscription tells of a publication: its source timestamp and number."""
+    return {'source_timestamp': number, 'publication_sequence_number': number}
+
+
 class Asking(ABC):
     """Calls services of nodes; the default ``node`` is /lava."""
 
@@ -230,16 +235,21 @@ class Asking(ABC):
 
 
 class Publisher(Asking):
-    """Publishes the messages of a test to nodes in a graph, and calls their services."""
+    """Publishes the messages of a test to nodes in a graph, and calls their services.
 
-    def __init__(self, domain):
+    With ``durability`` each topic has this one, and a history of one message.
+    """
+
+    def __init__(self, domain, durability=None):
+        self.durability = durability
         self._context = Context()
         self._context.init(args=[], domain_id=domain)
         self.node = Node('test_publisher', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        given = None if durability is None else QoSProfile(depth=1, durability=durability)
         self.publishers = {
-            topic: self.node.create_publisher(kind, topic, qos)
+            topic: self.node.create_publisher(kind, topic, given or qos)
             for topic, (kind, qos) in TYPES.items()
         }
         self._clients = {}

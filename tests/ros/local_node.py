@@ -23,7 +23,7 @@ from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros import codec, runtime
 from lava_ros.ros.node import LavaNode
 from ros.graph_listener import line_of
-from ros.graph_publisher import Asking, CASES
+from ros.graph_publisher import Asking, CASES, publication
 from ros.hearing import Hearing
 from ros_domain import own_domain
 from waiting import PATIENCE
@@ -97,7 +97,7 @@ class LocalNode(Asking, Hearing):
         patch.setattr(clock, 'PATIENCE', float('inf'))
         patch.chdir(directory)
         self.directory, self.seen, self.now = Path(directory), [], 0.0
-        self._log, self._sent = _Log(), deque()
+        self._log, self._sent, self._sequence = _Log(), deque(), 0
         values = {**COARSE, 'use_sim_time': True, 'autostart': False, **parameters}
         context = Context()
         context.init(args=[], domain_id=own_domain(domain))
@@ -186,9 +186,15 @@ class LocalNode(Asking, Hearing):
         self.wait_until(lambda: text in self.log[after:], timeout)
 
     def deliver(self, topic, message):
-        """Pass a message to the node as if received on a topic (full name)."""
-        (taker,) = [item for item in self.node.subscriptions if item.topic_name == topic]
-        taker.callback(serialize_message(message) if taker.raw else message)
+        """Pass a message to each subscription of the node to a topic (full name), as ROS does."""
+        self._sequence += 1
+        info = publication(self._sequence)
+        for taker in [item for item in self.node.subscriptions if item.topic_name == topic]:
+            if taker.raw:
+                data = message if isinstance(message, bytes) else serialize_message(message)
+                taker.callback(data, info)
+            else:
+                taker.callback(message)
 
     def publish(self, *cases):
         """Pass messages to the node by their names in ``CASES``, stamped with its clock."""

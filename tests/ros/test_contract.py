@@ -73,19 +73,24 @@ def full_name(name):
 
 
 def endpoints(node, name):
-    """Return type, reliability and durability of a node's endpoints on a topic of the graph."""
-    return {
-        kind: {
-            'type': info.topic_type, 'reliability': info.qos_profile.reliability.name,
-            'durability': info.qos_profile.durability.name,
-        }
-        for kind, infos in (
-            ('publishers', node.get_publishers_info_by_topic(name)),
-            ('subscriptions', node.get_subscriptions_info_by_topic(name)),
-        )
-        for info in infos
-        if info.node_name == 'lava'
-    }
+    """Return type, reliability and durability of a node's endpoints on a topic of the graph.
+
+    Two subscriptions to a topic have the durability ``TRANSIENT_LOCAL AND VOLATILE``.
+    """
+    found = {}
+    for kind, infos in (
+        ('publishers', node.get_publishers_info_by_topic(name)),
+        ('subscriptions', node.get_subscriptions_info_by_topic(name)),
+    ):
+        own = [info for info in infos if info.node_name == 'lava']
+        if own:
+            (message,) = {info.topic_type for info in own}
+            (reliability,) = {info.qos_profile.reliability.name for info in own}
+            durability = ' AND '.join(sorted(info.qos_profile.durability.name for info in own))
+            found[kind] = {
+                'type': message, 'reliability': reliability, 'durability': durability,
+            }
+    return found
 
 
 def parameters_of(node):

@@ -27,6 +27,7 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.subscribers import InputSubscribers
 from lava_ros.scene import Terrain
 from maps.test_layers import EASTWARD as SNAPSHOT
+from ros.graph_publisher import publication
 
 #: A terrain of 3 rows and 4 columns with a different elevation in each cell.
 TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), 2.0, origin=(100.0, -50.0))
@@ -202,6 +203,7 @@ def test_layer_without_the_package_is_an_error(absent):
 
 def subscribed(**changes):
     entities, worker = Mock(), Mock()
+    entities.node.get_clock().now().nanoseconds = 1
     worker.set_terrain.return_value = Future()
     InputSubscribers(entities, worker, settings=lambda: Settings(**changes), steady=Clock())
     made = [call.args[1:] for call in entities.create.call_args_list]
@@ -221,12 +223,12 @@ def test_grid_map_becomes_the_terrain(monkeypatch):
     assert kind is GridMap
     assert profile == topics['terrain'][2]
     monkeypatch.setattr('lava_ros.ros.subscribers.decode', lambda *_, **__: moved(1, 2))
-    take(b'')
+    take(b'', publication(1))
     (terrain,) = set_terrain.call_args.args
     np.testing.assert_array_equal(terrain.elevation, TERRAIN.elevation)
     refused = spoilt(layers=['height'])
     monkeypatch.setattr('lava_ros.ros.subscribers.decode', lambda *_, **__: refused)
-    take(b'')
+    take(b'', publication(2))
     set_terrain.assert_called_once()
     (((message_start,), _),) = error.call_args_list
     assert message_start.startswith('terrain_grid refused: terrain_grid.layers is')

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A monitoring system that publishes the vents five times a second, over DDS."""
+"""Monitoring systems that publish the vents several times a second."""
 
+import random
 import threading
 
 import numpy as np
@@ -13,7 +14,8 @@ from lava_ros.ros.codec import float_image, header
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
-from ros.graph_publisher import cloud, info
+from ros.conftest import start_flow
+from ros.graph_publisher import cloud, info, vents
 from waiting import wait_until
 
 #: End of the run in simulated time [s], and simulated time per time of the clock [s/s].
@@ -44,6 +46,26 @@ def undisturbed(terrain: Terrain) -> Simulation:
     return simulation
 
 
+def test_vents_that_vary_with_each_message_do_not_fill_the_log(local):
+    node = start_flow(local)
+    node.run(1.0)
+    start, chance = len(node.log), random.Random(0)
+    for _ in range(20):
+        # 1360 Celsius is probably meant in kelvin, which is a warning
+        node.deliver('/vents', vents(
+            discharge=chance.uniform(10.0, 30.0), temperature=chance.uniform(1350.0, 1370.0),
+            x=chance.uniform(58.0, 62.0), radius=chance.uniform(11.0, 13.0),
+        ))
+        node.run(0.5)
+    # a warning of the temperature, and nothing about the vents and the resolution
+    texts = 'vents: ', 'vents[0].temperature', ' particles across '
+    assert [node.log.count(text, start) for text in texts] == [0, 1, 0], node.log[start:]
+    # a vent elsewhere is a change
+    node.deliver('/vents', vents(x=120.0))
+    node.run(0.5)
+    node.wait_for_log('vents: 1, 20 m3/s', after=start)
+
+
 @pytest.mark.nightly
 def test_stream_of_vents_does_not_change_the_flow(graph):
     # at 4 m a shift of the vents by 1 m changes 2 % of the cells; at 8 m, 3 %
@@ -61,8 +83,8 @@ def test_stream_of_vents_does_not_change_the_flow(graph):
     ):
         wait_until(publisher.publishers[topic].get_subscription_count)
         publisher.publishers[topic].publish(message)
-    vents = publisher.publishers['vents']
-    wait_until(vents.get_subscription_count)
+    sender = publisher.publishers['vents']
+    wait_until(sender.get_subscription_count)
     sent, is_finished = 0, threading.Event()
 
     def stream() -> None:
@@ -71,7 +93,7 @@ def test_stream_of_vents_does_not_change_the_flow(graph):
             # a small shift and increase each time, like a tracker
             noise = 1e-3 * (sent % 2)
             changed = {name: np.add(COLUMNS[name], noise) for name in ('x', 'discharge')}
-            vents.publish(cloud(COLUMNS | changed))
+            sender.publish(cloud(COLUMNS | changed))
             sent += 1
 
     thread = threading.Thread(target=stream)
