@@ -216,9 +216,9 @@ class RepeatFilter:
         subscription began after the older one.
         """
         publication = info['source_timestamp'], info['publication_sequence_number']
-        if publication in self._taken:
-            if durability != self._durability or publication == self._taken[-1]:
-                return True
+        is_other = durability != self._durability
+        if publication in self._taken and (is_other or publication == self._taken[-1]):
+            return True
         self._taken.append(publication)
         self._durability = durability
         return False

@@ -130,7 +130,8 @@ def test_another_bag_begins_where_the_clock_jumps(local, jump):
     times = [[frame.time for frame in Recording(name).frames()] for name in ('bag', 'bag_2')]
     assert all(item == sorted(set(item)) for item in times)
     assert 0.0 < times[0][-1] <= 100.0 and times[0][-1] <= times[1][0] < times[1][-1] <= 160.0
-    assert BagReader('bag_2').duration_ns > 2.5e9
+    # the last tick of the clock, of half a second, may come after the last message
+    assert BagReader('bag_2').duration_ns >= 2.5e9
 
 
 def test_bag_begins_at_the_first_time_of_the_clock(local):
