@@ -30,6 +30,7 @@ class NodeServices:
     def __init__(self):
         self.now = 1e6
         entities, self.worker = Mock(), Mock()
+        entities.node.get_clock.return_value = Clock()
         for command in ('reset', 'step'):
             getattr(self.worker, command).side_effect = lambda *_: Future()
         self.worker.status = SimpleNamespace(state=WorkerState.PAUSED, blocked_by='')
