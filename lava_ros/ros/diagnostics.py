@@ -265,8 +265,8 @@ class NodeLog:
         self._logger = logger
         self._logged: dict[str, Any] = {'state': WorkerState.WAITING}
 
-    def scene(self, view: SessionView, snapshot: Snapshot | None) -> None:
-        """Log changes of terrain, vents and effects up to the newest snapshot.
+    def scene(self, view: SessionView) -> None:
+        """Log changes of terrain, vents and effects.
 
         Changes within the noise of a sensor (``SessionView.changes``) are not logged.
         """
@@ -279,8 +279,7 @@ class NodeLog:
         # without discharge and small shifts: a live feed changes them with each message
         known = self._logged.get('vents')
         places = known if known is not None and are_in_place(vents, known) else vents
-        now = snapshot.time if snapshot is not None else 0.0
-        discharge = sum(vent.discharge_at(now) for vent in vents)
+        discharge = sum(vent.discharge_at(view.time) for vent in vents)
         self._log_change('vents', places, f'vents: {len(vents)}, {discharge:g} m3/s')
         # the topics use Celsius
         doubts = suspicious_temperatures(scene, is_celsius=True)[:3]

@@ -330,7 +330,7 @@ class NodeRuntime:
         """Publish the layers that are due and have changed; at rest, also those not due."""
         snapshot, view = self.worker.latest, self.worker.view
         scene = view.scene
-        self._log.scene(view, snapshot)
+        self._log.scene(view)
         if snapshot is None or not self.is_active:
             return
         stamp_ns = now_ns(self._node)
