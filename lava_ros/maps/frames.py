@@ -454,9 +454,9 @@ def _without_border(
     shown: LayerFrame, where: _Place | None, terrain: Terrain, place: _Place
 ) -> tuple[LayerFrame, _Place | None]:
     """Cut a map with further cells around it (``min_cells``) down to the terrain."""
-    sides = [max(0, shown.layer.min_cells - count) for count in terrain.shape]
-    below, left = (added // 2 for added in sides)
-    whole = tuple(np.add(terrain.shape, sides))
+    border = shown.layer.border(terrain.shape)
+    (below, _), (left, _) = border
+    whole = tuple(np.add(terrain.shape, np.sum(border, axis=1)))
     resolution, x, y = place
     corner = resolution, x - left * resolution, y - below * resolution
     # the node extends the grid with its resolution in float64

@@ -152,6 +152,11 @@ class Layer:
     qos: QosProfile = LATCHED
     hazard: HazardLimits = HazardLimits()
 
+    def border(self, shape: tuple[int, ...]) -> list[tuple[int, int]]:
+        """Return the cells before and after each axis of a grid that ``min_cells`` adds to it."""
+        added = [max(0, self.min_cells - count) for count in shape]
+        return [(count // 2, count - count // 2) for count in added]
+
     @property
     def is_mask(self) -> bool:
         """True if the layer marks cells to avoid now instead of showing a quantity."""

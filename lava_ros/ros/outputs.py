@@ -47,9 +47,9 @@ def layer_message(
     if layer.message == OCCUPANCY_GRID:
         info = codec.map_metadata(snapshot.terrain, header.stamp)
         values = layer.grid_values(snapshot)
-        added = [max(0, layer.min_cells - count) for count in values.shape]
-        if any(added):
-            values = _extend(values, added, info)
+        border = layer.border(values.shape)
+        if np.any(border):
+            values = _extend(values, border, info)
         return codec.occupancy_grid(values, info, header)
     if layer.message == IMAGE:
         return codec.float_image(layer.raw_values(snapshot), header)
@@ -74,16 +74,15 @@ def particle_message(sample: ParticleSample, snapshot: Snapshot, header: Header)
     return codec.point_cloud(columns, header)
 
 
-def _extend(values: np.ndarray, added: Sequence[int], info: MapMetaData) -> np.ndarray:
-    """Surround a grid by ``added`` rows and columns of -1 in total, and update ``info``."""
-    before = [count // 2 for count in added]
+def _extend(
+    values: np.ndarray, border: Sequence[tuple[int, int]], info: MapMetaData
+) -> np.ndarray:
+    """Surround a grid by rows and columns of -1 (``Layer.border``), and update ``info``."""
+    (below, _), (left, _) = border
     origin = info.origin.position
-    origin.y, origin.x = (
-        start - info.resolution * count
-        for start, count in zip((origin.y, origin.x), before, strict=True)
-    )
-    sides = [(first, count - first) for first, count in zip(before, added, strict=True)]
-    result = np.pad(values, sides, constant_values=-1)
+    origin.y -= info.resolution * below
+    origin.x -= info.resolution * left
+    result = np.pad(values, border, constant_values=-1)
     info.height, info.width = result.shape
     return result
 
