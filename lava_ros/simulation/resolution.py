@@ -187,9 +187,7 @@ def resolution_of(
     ``forced`` are the effects that a user has switched on or off, by name.
     Lava emitted after the ``horizon`` [s] does not count.
     """
-    course = course_of(
-        scene, estimated_effects(scene, accuracy, forced), horizon=horizon
-    )
+    course = course_of(scene, estimated_effects(scene, accuracy, forced), horizon=horizon)
     width, reynolds = (
         (math.nan, math.nan) if course is None else (course.width, course.reynolds)
     )

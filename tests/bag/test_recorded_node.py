@@ -152,7 +152,7 @@ def test_times_are_those_of_the_only_node_with_maps(
     assert [frame.time for frame in recording.frames()] == list(TIMES['/etna/lava'])
 
 
-#: Topics of the maps that ``record`` writes, and of what the readers use with them.
+#: Topics that ``record`` writes and readers use: maps, terrain, vents and diagnostics.
 TOPICS = ('height', 'temperature', 'hazard', 'terrain', 'terrain_info', 'vents', 'diagnostics')
 
 

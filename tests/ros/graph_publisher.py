@@ -161,7 +161,7 @@ CASES = {
 
 
 def publication(number):
-    """Return what a subscription tells of a publication: its source timestamp and number."""
+    """Return the message info of a publication: source timestamp and sequence number."""
     return {'source_timestamp': number, 'publication_sequence_number': number}
 
 

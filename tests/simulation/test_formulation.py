@@ -80,7 +80,7 @@ ROUTES = {
     'choice': lambda scene: effects_for(scene, accuracy=PRINTED),
     'ensemble': lambda scene: make_plan(scene, horizon=60.0, accuracy=PRINTED).effects,
     'start': lambda scene: begun(scene).effects,
-    'start with effects': lambda scene: Simulation(
+    'given effects': lambda scene: Simulation(
         scene, effects=Effects(), accuracy=PRINTED, device='cpu'
     ).effects,
     'vents': lambda scene: with_vents(scene).effects,

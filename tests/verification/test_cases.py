@@ -80,13 +80,13 @@ ORDERS = {
     ('cooling_front', 'profile'): 0.7,
 }
 
-LONGEST = ('cooling_front', 'stoker')
+NIGHTLY_CASES = ('cooling_front', 'stoker')
 
 
 @pytest.mark.parametrize(
     ('name', 'quantity'),
     [
-        pytest.param(*key, marks=pytest.mark.nightly if key[0] in LONGEST else ())
+        pytest.param(*key, marks=pytest.mark.nightly if key[0] in NIGHTLY_CASES else ())
         for key in ORDERS if key[0] in CASES
     ],
 )
