@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write tables of docs/VALIDATION.md and docs/PERFORMANCE.md from the CSV files in this folder.
+"""Write tables of pages in docs/ from the CSV files in this folder.
 
 python docs/benchmarks/tables.py
 
@@ -183,6 +183,24 @@ def members() -> Iterator[Line]:
         yield f'{count:,}', *line
 
 
+def kernel_radii() -> Iterator[Line]:
+    """Yield the errors and CPU times of rules for the kernel radius, by refinement."""
+    rows = lines_of('kernel_radius.csv')
+    found = {(row['rule'], row['refinement']): row for row in rows}
+    rules = list(dict.fromkeys(row['rule'] for row in rows))
+    yield ('refinement', *rules)
+    for refinement in dict.fromkeys(row['refinement'] for row in rows):
+        line = []
+        for rule in rules:
+            row = found[rule, refinement]
+            errors = ', '.join(
+                f'{100.0 * float(row[name]):.2g}'
+                for name in ('particle_error', 'map_error', 'whole_error', 'noise')
+            )
+            line.append(f'{errors} %; {float(row["cpu_s"]):.2g} s')
+        yield refinement, *line
+
+
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
@@ -190,6 +208,7 @@ PAGES: Mapping[str, Tables] = {
         'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
         'dates': dates, 'changes': changes, 'commands': commands,
     },
+    'MODEL.md': {'kernel_radii': kernel_radii},
     'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
 
