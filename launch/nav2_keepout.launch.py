@@ -5,9 +5,9 @@
 
 ros2 launch lava_ros nav2_keepout.launch.py scene:=etna.yaml time_scale:=60.0 mask_margin:=25.0
 
-This file includes lava.launch.py with all its arguments. The node publishes the keepout and the
-speed mask, and a costmap_filter_info_server of Nav2 is started for each mask of msg_config. Start
-Nav2 itself as usual, with the second part of params/nav2_filters.yaml in its parameters.
+This file includes lava.launch.py with all its arguments. The node publishes the keepout masks and
+the speed mask, and a costmap_filter_info_server of Nav2 is started for each mask of msg_config.
+Start Nav2 itself as usual, with the second part of params/nav2_filters.yaml in its parameters.
 """
 
 from pathlib import Path
@@ -29,6 +29,7 @@ LAVA = runpy.run_path(str(Path(__file__).with_name('lava.launch.py')))
 # Servers, and the layers of their masks.
 SERVERS = {
     'keepout_filter_info_server': 'keepout_mask',
+    'padded_keepout_filter_info_server': 'padded_keepout_mask',
     'speed_filter_info_server': 'speed_mask',
 }
 
@@ -84,7 +85,7 @@ def _start(context):
     masks = {server: topics[layer] for server, layer in SERVERS.items() if layer in topics}
     if not masks:
         name = LaunchConfiguration('msg_config').perform(context)
-        expected = f'a file with a layer {" or ".join(SERVERS.values())}'
+        expected = f'a file with one of the layers {", ".join(SERVERS.values())}'
         raise RuntimeError(f'msg_config is {name!r}, expected {expected}')
     common = {
         'namespace': LaunchConfiguration('namespace'),

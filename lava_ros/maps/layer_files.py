@@ -57,7 +57,7 @@ MAX_RANGE_END = 1e12
 MAX_MARGIN = 1000.0
 
 #: Minimum and maximum heartbeat of a layer [s].
-MIN_HEARTBEAT, MAX_HEARTBEAT = 1.0, 3600.0
+MIN_HEARTBEAT, MAX_HEARTBEAT = 0.1, 3600.0
 
 #: Maximum number of classes of a layer.
 MAX_CLASSES = 20

@@ -151,8 +151,9 @@ _hours = partial(_parameter, read=lambda hours: 3600.0 * hours)
 class Settings:
     """Checked values of the parameters: one field for each, in SI units.
 
-    A field is None if the parameter is 0 or empty for automatic or absent. A list of strings is a
-    tuple. ``constants`` are the constants of lava and surroundings (``scene.constants_of``).
+    A field is None if the parameter is 0, empty or negative for automatic or absent. A list of
+    strings is a tuple. ``constants`` are the constants of lava and surroundings
+    (``scene.constants_of``).
     """
 
     device: str | None = _optional(
@@ -167,12 +168,12 @@ class Settings:
     layers_off: tuple[str, ...] = _fixed(
         [''], 'Layers of msg_config not to publish even if enabled there'
     )
-    mask_margin: float | None = _optional(
-        0.0,
+    mask_margin: float | None = _fixed(
+        -1.0,
         'Clearance of the robot [m]: the margin of keepout masks (layers with step); '
-        '0: the margin in msg_config',
-        (0.0, MAX_MARGIN),
-        read_only=True,
+        'negative: the margin in msg_config',
+        (-1.0, MAX_MARGIN),
+        read=lambda margin: margin if margin >= 0.0 else None,
     )
     frame_id: str = _fixed('map', 'Frame of every message in and out (ENU)')
     time_scale: float = _parameter(

@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-import time
 from typing import Any, Generic, TypeVar
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.timer import Timer
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
@@ -74,7 +75,7 @@ def published_layers(
     if margin is None:
         return enabled
     if not any(layer.is_keepout for layer in enabled):
-        expected = '0 unless msg_config has a keepout mask (a layer with step)'
+        expected = '-1 unless msg_config has a keepout mask (a layer with step)'
         raise LavaError('mask_margin', margin, expected)
     return [replace(layer, margin=margin) if layer.is_keepout else layer for layer in enabled]
 
@@ -155,8 +156,9 @@ class NodeGraph:
 class _Output(Generic[Shown]):
     """A layer, its publisher and its last message.
 
-    ``published`` is the newest state that the layer shows, with the stamp ``stamp_ns`` [ns]. The
-    last message has the stamp ``sent_ns`` [ns] and was sent at the steady time ``sent_at`` [s].
+    ``published`` is the newest state that the layer shows, with the stamp ``stamp_ns`` [ns], and
+    ``message`` its message, None if nothing needs it. The last message that was sent has the
+    stamp ``sent_ns`` [ns]. ``heartbeat`` is the timer of a layer with a heartbeat.
     """
 
     layer: Layer
@@ -164,13 +166,16 @@ class _Output(Generic[Shown]):
     is_due: bool = True
     published: Shown | None = None
     stamp_ns: int = 0
-    cells: object = None
+    message: Any = None
     sent_ns: int = 0
-    sent_at: float = 0.0
+    heartbeat: Timer | None = None
 
 
 class LayerPublishers(Generic[Shown]):
     """The publishers of layers, and the ``get_map`` services of layers that are grids.
+
+    A layer with a heartbeat sends its newest map again when it has sent nothing for that time. The
+    map keeps its stamp.
 
     ``shown`` is the state published last, stamped ``shown_stamp_ns`` [ns]; ``rates`` are the
     rates of the layers [Hz].
@@ -180,15 +185,25 @@ class LayerPublishers(Generic[Shown]):
         self,
         graph: NodeGraph,
         layers: Sequence[Layer],
-        clock: Callable[[], float] = time.monotonic,
+        heartbeat_time: Callable[[], int | None] = lambda: None,
     ) -> None:
-        """Create a publisher for each layer; ``clock`` returns steady time [s]."""
-        self._graph, self._clock = graph, clock
+        """Create a publisher for each layer, and a steady timer for each heartbeat.
+
+        ``heartbeat_time`` returns the ROS time [ns] at which a heartbeat is recorded, None while
+        the maps must not be repeated.
+        """
+        self._graph, self._heartbeat_time = graph, heartbeat_time
         self._outputs: list[_Output[Shown]] = []
+        # the heartbeat must not stop with a simulated clock
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
         for layer in layers:
             kind, profile = outputs.message_class(layer), qos.ros_profile(layer.offered_qos)
             publisher = graph.create('publisher', kind, layer.topic, profile)
-            self._outputs.append(_Output(layer, publisher))
+            output: _Output[Shown] = _Output(layer, publisher)
+            if layer.heartbeat:
+                repeat = partial(self._repeat, output)
+                output.heartbeat = graph.create('timer', layer.heartbeat, repeat, clock=steady)
+            self._outputs.append(output)
             if layer.message == OCCUPANCY_GRID:
                 get = partial(self._get_map, layer)
                 graph.create('service', GetMap, f'~/{layer.topic}/get_map', get)
@@ -224,21 +239,16 @@ class LayerPublishers(Generic[Shown]):
                     self.shown, self.shown_stamp_ns = snapshot, stamp_ns
                 self._publish(output, snapshot, recorded_ns or stamp_ns, repeat)
 
-    def publish_heartbeats(self, recorded_ns: int) -> None:
-        """Publish the newest map of each layer that has sent no message during its heartbeat.
-
-        The map keeps its stamp. A map that is not in the bag yet is recorded at the ROS time
-        ``recorded_ns`` [ns].
-        """
-        now = self._clock()
-        for output in self._outputs:
-            heartbeat = output.layer.heartbeat
-            if not heartbeat or output.published is None:
-                continue
-            if now - output.sent_at >= heartbeat:
-                message = self._message(output.layer, output.published, output.stamp_ns)
-                is_recorded = output.layer.record and output.stamp_ns != output.sent_ns
-                self._send(output, message, recorded_ns if is_recorded else None)
+    def _repeat(self, output: _Output[Shown]) -> None:
+        """Send the newest map again; record it if it is not in the bag yet."""
+        recorded_ns = self._heartbeat_time()
+        if output.published is None or recorded_ns is None:
+            return
+        message = output.message
+        if message is None:
+            message = self._message(output.layer, output.published, output.stamp_ns)
+        is_recorded = output.layer.record and output.stamp_ns != output.sent_ns
+        self._send(output, message, recorded_ns if is_recorded else None)
 
     def _publish(
         self, output: _Output[Shown], snapshot: Shown, recorded_ns: int, repeat: bool
@@ -249,21 +259,26 @@ class LayerPublishers(Generic[Shown]):
         is_latched = layer.qos.durability == 'transient_local'
         # A latched topic may have subscribers later.
         if not (is_recorded or is_latched or output.publisher.get_subscription_count()):
+            output.message = None
             return
         message = self._message(layer, snapshot, output.stamp_ns)
+        known = output.message
+        if layer.is_mask or layer.heartbeat:
+            output.message = message
         if layer.is_mask and is_latched:
             # Nav2 recomputes its costmaps, and warns, for each mask that it receives.
-            known, output.cells = output.cells, message.data
             is_same_ground = before is not None and before.terrain is snapshot.terrain
-            if is_same_ground and known == output.cells and not repeat:
+            if is_same_ground and known.data == message.data and not repeat:
                 return
         self._send(output, message, recorded_ns if is_recorded else None)
+        if output.heartbeat is not None:
+            output.heartbeat.reset()
 
     def _send(self, output: _Output[Shown], message: Any, recorded_ns: int | None) -> None:
         """Publish a message, and record it at a ROS time [ns] unless that is None."""
         # layer.qos is without the deadline, which a replay cannot meet
         self._graph.send(output.publisher, message, recorded_ns, output.layer.qos)
-        output.sent_ns, output.sent_at = output.stamp_ns, self._clock()
+        output.sent_ns = output.stamp_ns
 
     def _get_map(self, layer: Layer, _: Any, response: Any) -> Any:
         # Without a map the response is empty: GetMap has no field for an error.

@@ -110,7 +110,7 @@ class NodeRuntime:
         self._checkpoints = CheckpointRecording(self._recorder, self.worker.checkpoint)
         self._saved_bytes = 0
         self._layers = LayerPublishers[Snapshot](
-            graph, [layer for layer in layers if not layer.is_forecast]
+            graph, [layer for layer in layers if not layer.is_forecast], self._heartbeat_time
         )
         self._forecasts = ForecastTopics(
             graph,
@@ -128,7 +128,7 @@ class NodeRuntime:
         self._diagnostics = graph.create(
             'publisher', DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
         )
-        # The heartbeat must not stop with a simulated clock.
+        # The diagnostics must not stop with a simulated clock.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         graph.create('timer', HEARTBEAT, self._publish_diagnostics, clock=steady)
         self.inputs = InputSubscribers(
@@ -357,6 +357,12 @@ class NodeRuntime:
                 snapshot, *self._forecasts.valid, stamp_ns=stamp_ns, repeat=repeat
             )
 
+    def _heartbeat_time(self) -> int | None:
+        """Return the ROS time [ns] of a heartbeat, None while maps must not be repeated."""
+        # a subscriber's deadline then reports maps that do not follow the clock
+        is_current = self.is_active and not self.worker.status.is_stale
+        return now_ns(self._node) if is_current else None
+
     def _is_at_rest(self) -> bool:
         return self.worker.status.state is not WorkerState.RUNNING
 
@@ -369,9 +375,6 @@ class NodeRuntime:
         if self._begins_bag(stamp_ns):
             self._publish()
         snapshot = self._layers.shown
-        # a subscriber's deadline then reports maps that do not follow the clock
-        if self.is_active and not worker.is_stale:
-            self._layers.publish_heartbeats(stamp_ns)
         self._publish_places()
         is_simulated = self._node.get_clock().ros_time_is_active
         clock = self._clock_watch.look(

@@ -76,7 +76,7 @@ def test_launch_arguments_are_up_to_date():
     (MASKS, {'missing': 'nav2_map_server'}, 'nav2_map_server'),
     (MASKS, {'missing': 'nav2_lifecycle_manager'}, 'nav2_lifecycle_manager'),
     # no mask would be published, although the servers announce it
-    (MASKS, {'msg_config': 'default.yaml'}, 'a file with a layer keepout_mask or speed_mask'),
+    (MASKS, {'msg_config': 'default.yaml'}, 'one of the layers keepout_mask, padded_keep'),
 ])
 def test_wrong_arguments_and_missing_packages_start_nothing(monkeypatch, paths, arguments, words):
     started = []
@@ -146,7 +146,7 @@ def test_mask_topics_are_in_the_namespace_of_the_node(monkeypatch, pushed, names
     processes, _ = start(monkeypatch, KEEPOUT, namespace=namespace, **given)
     assert {process.namespace for process in processes} == {namespace}
     by_name = {process.name: process for process in processes}
-    for word in ('keepout', 'speed'):
+    for word in ('keepout', 'padded_keepout', 'speed'):
         topic = by_name[f'{word}_filter_info_server'].parameters['mask_topic']
         assert topic == f'{space}/{word}_mask'
 
@@ -170,31 +170,38 @@ def test_keepout_starts_node_info_servers_and_manager(monkeypatch):
 
 def test_only_masks_that_are_published_are_announced(monkeypatch):
     processes, _ = start(monkeypatch, KEEPOUT, msg_config='nav2_keepout.yaml')
-    _, server, manager = processes
-    assert server.name == 'keepout_filter_info_server'
-    assert manager.parameters['node_names'] == [server.name]
+    _, *servers, manager = processes
+    names = [server.name for server in servers]
+    assert names == ['keepout_filter_info_server', 'padded_keepout_filter_info_server']
+    assert manager.parameters['node_names'] == names
 
 
-@pytest.mark.parametrize('word', ['keepout', 'speed'])
-def test_filters_use_masks_that_are_published(word):
+@pytest.mark.parametrize(('word', 'costmaps_with_it'), [
+    ('keepout', ['local']), ('padded_keepout', ['global']), ('speed', ['global']),
+])
+def test_filters_use_masks_that_are_published(word, costmaps_with_it):
     info = FILTERS[f'/**/{word}_filter_info_server']['ros__parameters']
     assert set(info) == {'type', 'filter_info_topic', 'mask_topic', 'base', 'multiplier'}
-    assert info['type'] == {'keepout': 0, 'speed': 1}[word]
+    kind = word.removeprefix('padded_')
+    assert info['type'] == {'keepout': 0, 'speed': 1}[kind]
     assert (info['base'], info['multiplier']) == (0.0, 1.0)
     published = {
         f'/{layer.topic}': layer for layer in load_layers(ROOT / 'msg_configs/nav2_speed.yaml')
     }
     layer = published[info['mask_topic']]
     assert (layer.qos.reliability, layer.qos.durability) == ('reliable', 'transient_local')
-    costmaps = [FILTERS[f'{name}_costmap'][f'{name}_costmap']['ros__parameters']
-                for name in ('global', 'local')]
-    users = [costmap for costmap in costmaps if f'{word}_filter' in costmap['filters']]
-    assert users
-    for costmap in users:
-        filter_ = costmap[f'{word}_filter']
-        assert filter_['plugin'] == f'nav2_costmap_2d::{word.capitalize()}Filter'
-        assert filter_['filter_info_topic'] == info['filter_info_topic']
-    for costmap in costmaps:
+    costmaps = {
+        name: FILTERS[f'{name}_costmap'][f'{name}_costmap']['ros__parameters']
+        for name in ('global', 'local')
+    }
+    users = []
+    for name, costmap in costmaps.items():
+        for filter_ in (costmap[item] for item in costmap['filters']):
+            if filter_['filter_info_topic'] == info['filter_info_topic']:
+                assert filter_['plugin'] == f'nav2_costmap_2d::{kind.capitalize()}Filter'
+                users.append(name)
+    assert users == costmaps_with_it
+    for costmap in costmaps.values():
         layers = [item for item in costmap.values() if isinstance(item, dict)]
         # a static layer would replace the robot's own map
         assert 'nav2_costmap_2d::StaticLayer' not in [item['plugin'] for item in layers]

@@ -244,7 +244,7 @@ def test_rejects_an_unknown_or_contradictory_switch(on, off, sentence):
         'min_cells',
         'only a grid',
     ),
-    ({'heartbeat': 0.5}, 'heartbeat', '0 s for none, or 1 to 3600 s'),
+    ({'heartbeat': 0.05}, 'heartbeat', '0 s for none, or 0.1 to 3600 s'),
     ({**MASK, 'source': 'arrival', 'heartbeat': 5.0}, 'heartbeat', 'never repeated'),
     ({**MASK, 'message': 'sensor_msgs/Image'}, 'step', 'absent'),
     ({'message': 'sensor_msgs/Image', 'range': None, 'margin': 1.0}, 'margin', 'absent'),

@@ -218,13 +218,18 @@ def test_markers_follow_their_vents_and_clicks_the_parameters(paused):
     ],
 )
 def test_heartbeats_stop_while_the_state_is_stale(paused, monkeypatch, state, age, is_repeated):
-    runtime, sent = paused.node.runtime, []
+    output = next(
+        item for item in paused.node.runtime._layers._outputs if item.layer.name == 'hazard'
+    )
+    paused.hear()
+    count = len(paused.seen)
     status = replace(paused.worker.status, state=state, age=age, max_age=30.0)
-    monkeypatch.setattr(runtime._layers, 'publish_heartbeats', sent.append)
     with monkeypatch.context() as patch:
         patch.setattr(type(paused.worker), 'status', status)
-        runtime._publish_diagnostics()
-    assert bool(sent) == is_repeated
+        output.heartbeat.callback()
+    paused.hear()
+    repeated = [item['topic'] for item in paused.seen[count:]]
+    assert repeated == ['hazard'] * is_repeated
 
 
 def test_input_limits_can_be_changed(paused):
