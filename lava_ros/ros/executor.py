@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files.resources import share_path
+from lava_ros.ros import middleware
 
 #: Maximum domain ID for which there are UDP ports.
 MAX_DOMAIN = 232
@@ -38,14 +38,10 @@ _TRAILING = re.compile(r"Couldn't parse trailing .*?(-[\w-]+)")
 _PLACE = re.compile(r', at \S+:\d+')
 
 
-#: Environment variables that name a file of profiles for Fast DDS: that of Jazzy, and a newer one.
-_PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
-
-
 def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
     """Initialise rclpy without its signal handlers, and with params/fast_dds.xml for Fast DDS.
 
-    Profiles that the environment names take precedence. Other middleware ignores them.
+    Profiles that the user has chosen take precedence.
 
     Args:
         args: ROS arguments, beginning with ``--ros-args``; None: those of the process.
@@ -60,8 +56,7 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
         number = int(domain) if domain.isdecimal() else domain
         # Fast DDS terminates the process if a domain has no port
         validation.whole('ROS_DOMAIN_ID', number, at_least=0, at_most=MAX_DOMAIN)
-    if not any(name in os.environ for name in _PROFILES):
-        os.environ[_PROFILES[0]] = str(share_path('params/fast_dds.xml'))
+    middleware.set_profiles()
     # rcl also logs an error that it raises
     set_logger_level('rcl', LoggingSeverity.FATAL)
     try:

@@ -23,7 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import node_parameters, parameters
+from lava_ros.ros import middleware, node_parameters, parameters
 from lava_ros.ros.executor import spin, start_ros
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.runtime import NodeRuntime
@@ -271,7 +271,7 @@ def main(args: list[str] | None = None) -> int:
     # By default, Fast DDS sends in the publishing thread, which then blocks for seconds while data
     # is resent to a subscriber that has stopped reading. Set this before rclpy.init; other
     # middleware ignores it.
-    os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')
+    os.environ.setdefault(middleware.PUBLICATION_MODE, 'ASYNCHRONOUS')
     words = sys.argv[1:] if args is None else args
     try:
         start_ros(args)
@@ -294,6 +294,11 @@ def main(args: list[str] | None = None) -> int:
         print(f'lava_node cannot start: {node.refusal}', file=sys.stderr)
         ended, status = node.close(), 1 if node.has_failed else USAGE_ERROR
     else:
+        text, is_found = middleware.described()
+        if is_found:
+            node.get_logger().info(text)
+        else:
+            node.get_logger().warning(text)
         ended, status = _run(node, lambda: bool(stopping))
     node.destroy_node()
     rclpy.shutdown()

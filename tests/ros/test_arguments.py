@@ -3,7 +3,6 @@
 
 """Mistakes in ROS arguments give one sentence and the exit status of a usage error."""
 
-import os
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -151,19 +150,6 @@ def test_other_commands_reject_ros_arguments(command):
     assert (status, out) == (2, '')
     assert err.splitlines()[-1].startswith(('lava: ', f'lava {command}: '))
     assert 'Traceback' not in err
-
-
-@pytest.mark.parametrize(
-    'own', ['', 'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE']
-)
-def test_profiles_of_the_user_for_fast_dds_take_precedence(monkeypatch, own):
-    given = {own: 'mine.xml'} if own else {}
-    monkeypatch.setattr(os, 'environ', dict(given))
-    context = Context()
-    start_ros([], context=context, domain_id=own_domain())
-    context.shutdown()
-    shipped = str(ROOT / 'params/fast_dds.xml')
-    assert os.environ == (given or {'FASTRTPS_DEFAULT_PROFILES_FILE': shipped})
 
 
 @pytest.mark.parametrize('domain', ['one', '-1', '1.5', '233', '9999'])
