@@ -6,6 +6,7 @@
 The tools are those of the shell, or of the folder ROS_TOOLS after sourcing its env.sh.
 """
 
+import json
 import os
 from pathlib import Path
 import shutil
@@ -17,6 +18,7 @@ import time
 import pytest
 import yaml
 
+from lava_ros.maps.layer_files import load_layers
 from ros.conftest import Graph
 
 ROOT = Path(__file__).parents[2]
@@ -44,8 +46,15 @@ ROBOT = {
     'inflation_layer': {'plugin': 'nav2_costmap_2d::InflationLayer', 'inflation_radius': 1.0},
 }
 
-#: A costmap that moves with the robot; sides in metres.
-WINDOW = {'rolling_window': True, 'width': 150, 'height': 140}
+#: A costmap that moves with the robot, of fewer cells than the mask has; sides in metres.
+WINDOW = {'rolling_window': True, 'width': 120, 'height': 110}
+
+#: Speed of a moving robot [m/s], and its small window; sides in metres.
+SPEED = 1.0
+SMALL_WINDOW = {
+    'rolling_window': True, 'width': 3, 'height': 3, 'resolution': 0.05, 'update_frequency': 5.0,
+    'publish_frequency': 10.0, 'robot_base_frame': 'moving_robot', 'plugins': ['inflation_layer'],
+}
 
 
 def _environment():
@@ -116,6 +125,17 @@ class Tools:
             if 'Node not found' not in ended.stderr or time.monotonic() > end:
                 break
         assert ended.returncode == 0, ended.stdout + ended.stderr
+        return ended.stdout
+
+    def python(self, *words):
+        """Return the output of a script of the Python of ROS, whatever its exit status is."""
+        folder = os.environ.get('ROS_TOOLS')
+        program = f'{folder}/venv/bin/python' if folder else 'python3'
+        ended = subprocess.run(
+            [program, *map(str, words)], cwd=self.graph.directory, env=self.environment,
+            capture_output=True, text=True, check=False,
+        )
+        assert ended.stdout, ended.stderr
         return ended.stdout
 
     def wait_for_ends(self, topic, publishers, subscriptions):
@@ -192,8 +212,8 @@ def test_command_line_reads_and_sets_the_node(tools):
 def test_rosbag2_recording_can_be_played_and_plotted(tools):
     bag = f'bag{tools.prefix.replace("/", "_")}'
     recorder = tools.start('bag', 'record', '-a', '-s', 'mcap', '-o', bag)
-    # subscriptions of the node and the recorder
-    tools.wait_for_ends(f'{tools.prefix}/terrain', publishers=1, subscriptions=2)
+    # two subscriptions of the node, and the recorder's
+    tools.wait_for_ends(f'{tools.prefix}/terrain', publishers=1, subscriptions=3)
     # two maps received since it started
     since = tools.listener.hear()
     tools.listener.wait(
@@ -206,18 +226,12 @@ def test_rosbag2_recording_can_be_played_and_plotted(tools):
     assert plot.wait_for_end(PATIENCE) == 0, plot.log
 
 
-def _costmaps():
+def _costmap(name, **values):
+    """Return the parameters of a shipped costmap, ``global_costmap`` or ``local_costmap``."""
     shipped = yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding='utf-8'))
-    whole, local = (
-        {**shipped[name][name]['ros__parameters'], **ROBOT}
-        for name in ('global_costmap', 'local_costmap')
-    )
-    whole['plugins'] = [name for name in whole['plugins'] if name in ROBOT]
-    return {
-        'static': {**whole, 'rolling_window': False},
-        'rolling': {**whole, **WINDOW},
-        'local': {**local, **WINDOW, 'plugins': ['inflation_layer']},
-    }
+    result = {**shipped[name][name]['ros__parameters'], **ROBOT}
+    known = [item for item in result.get('plugins', ['inflation_layer']) if item in ROBOT]
+    return {**result, 'plugins': known, **values}
 
 
 def _place(tools, x, y):
@@ -226,9 +240,8 @@ def _place(tools, x, y):
     return tools.start('run', 'tf2_ros', 'static_transform_publisher', *words)
 
 
-def _start_costmaps(tools):
-    """Start and activate the costmaps, and return their comparison with mask and map."""
-    costmaps = _costmaps()
+def _start_costmaps(tools, **costmaps):
+    """Start and activate costmaps with these parameters by name, and return their topics."""
     for name, values in costmaps.items():
         path = tools.graph.directory / f'{name}.yaml'
         path.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}), encoding='utf-8')
@@ -237,11 +250,11 @@ def _start_costmaps(tools):
         tools.start('run', *words, '--params-file', str(path))
     managed = [f'{tools.prefix}/{name}/{name}' for name in costmaps]
     tools.start(
-        'run', 'nav2_lifecycle_manager', 'lifecycle_manager', '--ros-args', '-r', '__node:=costs',
+        'run', 'nav2_lifecycle_manager', 'lifecycle_manager', '--ros-args',
+        '-r', f'__node:={"_".join(costmaps)}_manager',
         '-p', 'autostart:=true', '-p', 'bond_timeout:=0.0', '-p', f'node_names:={managed}',
     )
-    topics = [f'{tools.prefix}/{name}/costmap' for name in costmaps]
-    return tools.graph.comparison(f'{tools.prefix}/keepout_mask', *topics)
+    return [f'{tools.prefix}/{name}/costmap' for name in costmaps]
 
 
 def _wait_for_agreement(comparison, *, after=0):
@@ -268,7 +281,13 @@ def test_nav2_costmaps_have_the_mask_and_the_wall(tools):
     limit = tools.start('topic', 'echo', '--once', '/speed_limit', 'nav2_msgs/msg/SpeedLimit')
     assert any('/speed_limit' in tools.ros2('topic', 'list').split() for _ in range(20))
     away = _place(tools, '100', '100')
-    comparison = _start_costmaps(tools)
+    topics = _start_costmaps(
+        tools,
+        static=_costmap('global_costmap', rolling_window=False),
+        rolling=_costmap('global_costmap', **WINDOW),
+        local=_costmap('local_costmap', **WINDOW),
+    )
+    comparison = tools.graph.comparison(f'{tools.prefix}/keepout_mask', *topics)
     # the limit is published once per change: both ends must exist before the robot is near lava
     tools.wait_for_ends('/speed_limit', publishers=2, subscriptions=1)
     tools.end(away)
@@ -287,12 +306,32 @@ def test_nav2_costmaps_have_the_mask_and_the_wall(tools):
     _wait_for_agreement(comparison)
 
 
+def test_window_has_the_mask_under_a_moving_robot(tools):
+    """The mask under the robot is lethal in every costmap, as late as its heartbeat may be.
+
+    The robot does not move on before the costmap and the mask have arrived.
+    """
+    if not tools.has_nav2:
+        pytest.skip('Nav2 is not there')
+    tools.ros2('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: true}')
+    (topic,) = _start_costmaps(tools, small=_costmap('local_costmap', **SMALL_WINDOW))
+    (mask,) = [
+        layer for layer in load_layers(ROOT / 'msg_configs/nav2_speed.yaml')
+        if layer.name == 'keepout_mask'
+    ]
+    words = ('--speed', SPEED, '--heartbeat', mask.heartbeat)
+    words += ('--steps', f'{tools.prefix}/{mask.topic}', topic)
+    driven = tools.python(ROOT / 'docs/benchmarks/rolling_window.py', *words)
+    counts = json.loads(driven)
+    assert 0 < counts['whole'] == counts['costmaps'], driven
+
+
 def test_paused_node_repeats_its_mask(tools):
     mask = f'{tools.prefix}/keepout_mask'
     tools.ros2('service', 'call', f'{tools.node}/pause', 'std_srvs/srv/SetBool', '{data: true}')
     output = tools.ros2('topic', 'info', '-v', mask)
-    assert 'Deadline: 10000000000 nanoseconds' in output
-    assert 'Liveliness lease duration: 10000000000 nanoseconds' in output
+    assert 'Deadline: 1000000000 nanoseconds' in output
+    assert 'Liveliness lease duration: 1000000000 nanoseconds' in output
     tools.listener.hear()
     received = []
     for _ in range(3):
