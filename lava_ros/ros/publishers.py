@@ -47,8 +47,8 @@ def published_layers(
     forecasts, None without forecasts.
 
     Raises:
-        LavaError: If a file or the name of a layer is not valid, two layers have the same topic,
-            the package of a message is missing, or there is a ``mask_margin`` but no mask.
+        LavaError: If a file or the name of a layer is not valid, the package of a message is
+            missing, or there is a ``mask_margin`` but no mask.
     """
     known: list[Layer] = []
     for path, is_forecast, expected in (
@@ -59,11 +59,6 @@ def published_layers(
             if layer.is_forecast is not is_forecast:
                 raise LavaError(f'layers.{layer.name}.source', layer.source, expected)
             known.append(layer)
-    topics = [layer.topic for layer in known]
-    for layer in known:
-        if topics.count(layer.topic) > 1:
-            expected = 'a topic that msg_config and forecast_config do not share'
-            raise LavaError(f'layers.{layer.name}.topic', layer.topic, expected)
     layers = switched(known, on=settings.layers_on, off=settings.layers_off)
     has_ensembles = settings.ensemble_members > 0
     enabled = [
@@ -93,6 +88,8 @@ class NodeGraph:
         self.recorder = Recorder()
         self._made: dict[Any, str] = {}
         self._topics: dict[str, str] = {}
+        # what determines a topic that only one entity may have, by the full name of the topic
+        self._fields: dict[str, str] = {}
 
     def header(self, stamp_ns: int) -> Header:
         """Make the header of a message."""
@@ -123,13 +120,45 @@ class NodeGraph:
         found.subtract({self.node.get_fully_qualified_name(): self.published[name]})
         return list(found.elements())
 
-    def create(self, kind: str, *args: Any, **options: Any) -> Any:
-        """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer."""
-        made = getattr(self.node, f'create_{kind}')(*args, **options)
-        if kind in ('publisher', 'subscription'):
-            self._topics[args[1].lstrip('/')] = made.topic_name
+    def create(self, kind: str, *args: Any, field: str = '', **options: Any) -> Any:
+        """Call ``Node.create_<kind>``, for example for a publisher, subscription or timer.
+
+        ``field`` is the field of the user's input that determines the topic of a publisher. No
+        other publisher or subscription may have this topic.
+
+        Raises:
+            LavaError: If the topic is that of a ``field``, or of another name after remapping.
+        """
+        if kind not in ('publisher', 'subscription'):
+            made = getattr(self.node, f'create_{kind}')(*args, **options)
+        else:
+            name, topic = args[1].lstrip('/'), self.node.resolve_topic_name(args[1])
+            self._check_topic(name, topic, field)
+            try:
+                made = getattr(self.node, f'create_{kind}')(*args, **options)
+            except RuntimeError as error:
+                # Fast DDS: a process has one type of messages on a topic
+                expected = 'a topic on which this process has no messages of another type'
+                raise LavaError(field or name, topic, expected) from error
+            self._topics[name] = topic
+            if field:
+                self._fields[topic] = field
         self._made[made] = kind
         return made
+
+    def _check_topic(self, name: str, topic: str, field: str) -> None:
+        users = {full: given for given, full in self._topics.items()}
+        # rclpy's own, for parameters and the clock
+        users |= {
+            item.topic_name: item.topic_name
+            for item in (*self.node.publishers, *self.node.subscriptions)
+            if item not in self._made
+        }
+        user, owner = users.get(topic), self._fields.get(topic)
+        if user is not None and (field or owner or user != name):
+            other = user if field or not owner else name
+            expected = f'a topic of its own, also after remapping; that of {other} is the same'
+            raise LavaError(field or owner or name, topic, expected)
 
     def drop(self, made: Any) -> None:
         """Destroy one entity."""
@@ -140,6 +169,7 @@ class NodeGraph:
         while self._made:
             self.drop(next(reversed(self._made)))
         self._topics.clear()
+        self._fields.clear()
 
     def send(
         self, publisher: Publisher, message: Any, recorded_ns: int | None, profile: QosProfile
@@ -198,7 +228,8 @@ class LayerPublishers(Generic[Shown]):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         for layer in layers:
             kind, profile = outputs.message_class(layer), qos.ros_profile(layer.offered_qos)
-            publisher = graph.create('publisher', kind, layer.topic, profile)
+            field = f'layers.{layer.name}.topic'
+            publisher = graph.create('publisher', kind, layer.topic, profile, field=field)
             output: _Output[Shown] = _Output(layer, publisher)
             if layer.heartbeat:
                 repeat = partial(self._repeat, output)

@@ -48,7 +48,7 @@ class _Published:
         self.layers = [layer for layer in load_layers(CONFIGS / file) if layer.enabled]
         self.publishers = LayerPublishers(graph, self.layers, lambda: self.heartbeat_ns)
 
-    def _create(self, kind, *arguments, clock=None):
+    def _create(self, kind, *arguments, clock=None, field=''):
         if kind == 'timer':
             assert clock.clock_type is ClockType.STEADY_TIME
             self.timers.append(_Timer(self, *arguments))
