@@ -26,6 +26,7 @@ from lava_ros.errors import LavaError
 from lava_ros.ros import middleware, node_parameters, parameters
 from lava_ros.ros.executor import spin, start_ros
 from lava_ros.ros.publishers import NodeGraph
+from lava_ros.ros.rclpy_internals import guard_change_state
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.services import create_services
 from lava_ros.ros.startup_inputs import (
@@ -75,7 +76,7 @@ class LavaNode(LifecycleNode):
         self.refusal = ''
         self.has_failed = self._is_starting = False
         self._typed = typed
-        self._answer_all_requests()
+        guard_change_state(self, self._refuse_transition)
         declared = node_parameters.declare(self, parameters.LIFECYCLE)
         self._is_autostarting = bool(declared['autostart'])
         node_parameters.fix(self, parameters.LIFECYCLE, fixed=True)
@@ -178,22 +179,11 @@ class LavaNode(LifecycleNode):
     on_shutdown = partialmethod(_transition, 'shut down', 'shut down', _close)
     on_error = partialmethod(_transition, 'clean up after an error', 'cleaned up', _close)
 
-    def _answer_all_requests(self) -> None:
-        """Reply to a request for a transition that the state lacks; rclpy would not reply."""
-        change = self._service_change_state
-        change_state = change.callback
-
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                return change_state(request, response)
-            except RuntimeError:
-                which = request.transition.label or f'of id {request.transition.id}'
-                _, state = self._state_machine.current_state
-                self.get_logger().error(f'no transition {which} from {state}')
-                response.success = False
-                return response
-
-        change.callback = answer
+    def _refuse_transition(self, request: Any, state: str, response: Any) -> Any:
+        which = request.transition.label or f'of id {request.transition.id}'
+        self.get_logger().error(f'no transition {which} from {state}')
+        response.success = False
+        return response
 
     def _declare_parameters(self, startup: StartupInputs) -> parameters.Settings:
         constants = constants_of(startup.scene)

@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import read_yaml
 from lava_ros.ros.parameters import ParameterSpec, TYPES
+from lava_ros.ros.rclpy_internals import parameter_overrides, set_read_only
 from lava_ros.scene import Vent
 
 #: Values that stand for an empty list of strings: ROS leaves a parameter unset that is an empty
@@ -34,10 +35,10 @@ def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
     Raises:
         LavaError: If a value that was given at the start has another type or is out of range.
     """
+    given = parameter_overrides(node)
     for spec in specs:
         if not node.has_parameter(spec.name):
-            given = node._parameter_overrides.get(spec.name)
-            value = None if given is None else given.value
+            value = given.get(spec.name)
             try:
                 node.declare_parameter(
                     spec.name,
@@ -96,16 +97,15 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
     Raises:
         LavaError: If such a parameter is in ``typed_names``, those of the command line.
     """
-    known = list(node._parameters)
+    known, given = list(node.get_parameters_by_prefix('')), parameter_overrides(node)
     result = []
-    for name in sorted(set(node._parameter_overrides) - set(known)):
+    for name in sorted(set(given) - set(known)):
         close = get_close_matches(name, known, 3)
         text = f'; similar names: {", ".join(close)}' if close else ''
         if name.split('.')[0] in ('vent', 'vents', *(item.name for item in fields(Vent))):
             text += '; vents come by the scene file (scene), the topic vents or clicks'
         if name in typed_names:
-            value = node._parameter_overrides[name].value
-            raise LavaError(f'-p {name}', value, f'a parameter that this node has{text}')
+            raise LavaError(f'-p {name}', given[name], f'a parameter that this node has{text}')
         result.append(f'this node has no parameter {name!r}: its value has no effect{text}')
     return result
 
@@ -150,8 +150,7 @@ def fix(node: Node, specs: Iterable[ParameterSpec], *, fixed: bool) -> None:
     """Make the read-only parameters of a node fixed or settable."""
     for spec in specs:
         if spec.read_only and node.has_parameter(spec.name):
-            # changes the descriptor in place, because rclpy does not replace a read-only one
-            node.describe_parameter(spec.name).read_only = fixed
+            set_read_only(node, spec.name, fixed)
 
 
 def put(node: Node, values: Mapping[str, Any]) -> None:
