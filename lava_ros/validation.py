@@ -25,7 +25,7 @@ def number(
 ) -> float:
     """Return ``value`` as a finite float inside the given limits.
 
-    Text that represents a number is valid: YAML 1.1 parses ``1e4`` as text.
+    Text that represents a number is valid: the cells of tables are text.
 
     Raises:
         LavaError: If the value is not a finite number or is outside the limits.

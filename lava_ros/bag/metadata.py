@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 import zlib
 
-import yaml
-
 from lava_ros.bag.qos import QosProfile
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files.yaml import parse_yaml, read_yaml
+from lava_ros.files.yaml import dump_yaml, parse_yaml, read_yaml
 from lava_ros.validation import whole
 
 FILE_NAME = 'metadata.yaml'
@@ -119,8 +117,7 @@ def to_record(data: Mapping[str, Any]) -> dict[str, str]:
 def to_text(data: Mapping[str, Any]) -> str:
     """Convert metadata to YAML."""
     # lines are not folded, so that every YAML reader gets long values unchanged
-    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)
-    return text
+    return dump_yaml(data, allow_unicode=True, width=2**31)
 
 
 def is_whole(name: str, record: Mapping[str, str]) -> bool:

@@ -7,11 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
-import yaml
-
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files.yaml import parse_yaml
+from lava_ros.files.yaml import dump_yaml, parse_yaml
 
 #: rosbag2's value for a duration without limit [ns].
 INFINITE_NS = 2**63 - 1
@@ -79,8 +77,7 @@ LATCHED = QosProfile(depth=1, durability='transient_local')
 
 def profiles_to_yaml(profiles: Iterable[QosProfile]) -> str:
     """Convert profiles to the YAML list of a channel's ``offered_qos_profiles``."""
-    text: str = yaml.safe_dump([item.to_dict() for item in profiles], sort_keys=False)
-    return text.strip()
+    return dump_yaml([item.to_dict() for item in profiles]).strip()
 
 
 def profiles_from_yaml(text: str) -> tuple[QosProfile, ...]:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parsers of untrusted YAML and JSON into plain data of bounded size."""
+"""YAML and JSON of untrusted origin as plain data of bounded size, and YAML from plain data."""
 
 from functools import partial
 import json
@@ -46,6 +46,8 @@ def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML fil
 def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | None = None) -> Any:
     """Parse YAML into plain data; dates stay text, and errors show ``value`` instead of the text.
 
+    Floats are those of YAML 1.2, for example ``1e3``.
+
     Raises:
         LavaError: If the text is not YAML or exceeds a limit; or if it has a Python tag, a value
             that does not fit its tag, a value that contains itself, or a value that YAML 1.1 reads
@@ -63,6 +65,16 @@ def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | No
         parts = (getattr(error, 'context', None), getattr(error, 'problem', None))
         reason = one_line(', '.join(filter(None, parts)) or str(error), MAX_VALUE_LENGTH)
         raise LavaError(field, value, f'{expected} ({reason}{where})') from error
+
+
+def dump_yaml(data: Any, **options: Any) -> str:
+    """Convert plain data to YAML that ``parse_yaml`` reads as the same data.
+
+    Text is quoted where YAML 1.1 or 1.2 would read it as another type. ``options`` are further
+    arguments of ``yaml.dump``.
+    """
+    text: str = yaml.dump(data, Dumper=_Dumper, sort_keys=False, **options)
+    return text
 
 
 def parse_json(field: str, text: str | bytes) -> Any:
@@ -83,6 +95,10 @@ def _integer(text: str) -> int:
     # raises ValueError for NaN and Infinity
     return int(text)
 
+
+#: Floats of the core schema of YAML 1.2. PyYAML needs a point, and a sign of the exponent: for it
+#: 1e3 and 1.0e9 are text, and so is -.5. Whole numbers are not of this form.
+_FLOAT = re.compile(r'[-+]?(\.[0-9]+|[0-9]+\.[0-9]*|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?\Z')
 
 #: Integers that are not decimal in YAML 1.1: 010 is 8, 0x1F is 31.
 _OTHER_BASE = re.compile(r'([-+]?)0([0-9_]+|[bx].*)')
@@ -184,3 +200,11 @@ class _Loader(yaml.SafeLoader):
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             wrong = f'a value that is not of type {kind}'
             raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark) from error
+
+
+class _Dumper(yaml.SafeDumper):
+    """The safe dumper, which also quotes text that the loader would read as a number."""
+
+
+for _kind in (_Loader, _Dumper):
+    _kind.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+.0123456789'))

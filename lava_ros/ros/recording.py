@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import json
 from typing import Any
 
-import yaml
-
 import lava_ros
+from lava_ros.files.yaml import dump_yaml
 from lava_ros.live.session import is_on, Origin, SessionView
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.publishers import NodeGraph
@@ -96,8 +95,8 @@ class SceneRecording:
         whole = scene_to_dict(replace(scene, vents=view.schedule))
         parameters = dict(self.parameters())
         return {
-            'scene': yaml.safe_dump(whole, sort_keys=False),
-            'parameters': yaml.safe_dump(parameters, sort_keys=False),
+            'scene': dump_yaml(whole),
+            'parameters': dump_yaml(parameters),
             'effects': json.dumps(self._history),
             **resumed,
             **self.configs,

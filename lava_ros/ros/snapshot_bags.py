@@ -11,12 +11,12 @@ import shutil
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-import yaml
 
 import lava_ros
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
 from lava_ros.errors import refusing
 from lava_ros.files.resources import share_path
+from lava_ros.files.yaml import dump_yaml
 from lava_ros.forecast.members import Plan
 from lava_ros.maps.forecast import EnsembleForecast, HazardMaps
 from lava_ros.maps.layer_files import load_layers
@@ -37,7 +37,7 @@ _FRAME = 'map'
 class _Bag(BagWriter):
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
         described = {
-            'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
+            'scene': dump_yaml(scene_to_dict(scene)),
             'namespace': namespace or '/',
             **data,
         }

@@ -6,6 +6,7 @@
 from collections.abc import Callable
 import errno
 from io import BytesIO, TextIOWrapper
+import math
 import os
 from pathlib import Path
 import re
@@ -26,7 +27,7 @@ from lava_ros.files import file_to_write, open_input, replacing, write_output
 from lava_ros.files import resources as share
 from lava_ros.files import yaml as yaml_files
 from lava_ros.files.resources import share_path
-from lava_ros.files.yaml import parse_yaml, read_yaml
+from lava_ros.files.yaml import dump_yaml, parse_yaml, read_yaml
 from lava_ros.hindcast.calibration import read_samples
 from lava_ros.hindcast.case import load_case
 from lava_ros.scene.effusion_rates import read_effusion_rates
@@ -354,6 +355,40 @@ def test_reads_quoted_text_decimals_and_dates_as_written(text, value):
     assert parse_yaml('scene', f'a: {text}') == {'a': value}
 
 
+@pytest.mark.parametrize(('text', 'value'), [
+    ('1e3', 1000.0), ('1.0e9', 1e9), ('1E+3', 1000.0), ('-1e-3', -0.001), ('+1.5e2', 150.0),
+    ('.5', 0.5), ('-.5', -0.5), ('.5e1', 5.0), ('5.', 5.0), ('5.e1', 50.0), ('0e0', 0.0),
+    ('010e1', 100.0), ('-0.0', -0.0), ('.inf', math.inf), ('-.INF', -math.inf), ('1', 1),
+    ('+12', 12), ('1_000.5', 1000.5),
+    # no numbers of YAML 1.2, or text in this package
+    ('0o17', '0o17'), ('08', '08'), ('e3', 'e3'), ('1e', '1e'), ('1e3.5', '1e3.5'), ('.', '.'),
+    ('1.2.3', '1.2.3'), ('1e+', '1e+'), ('--1.0', '--1.0'), ('1 000', '1 000'), ('1e3 m', '1e3 m'),
+    ('"1e3"', '1e3'), ("'.5'", '.5'), ('!!str 1.0e9', '1.0e9'),
+])
+def test_reads_floats_of_yaml_1_2(text, value):
+    for whole, expected in (
+        (f'a: {text}', {'a': value}), (f'- [{text}]', [[value]]), (f'a: &x {text}\nb: *x', None)
+    ):
+        found = parse_yaml('scene', whole)
+        expected = expected or {'a': value, 'b': value}
+        assert (found, repr(found)) == (expected, repr(expected))
+
+
+@pytest.mark.parametrize('text', [
+    '1e3', '1.0e9', '-.5', '5.', '.5', '1E+3', '010', '0x1F', '1:30', 'yes', 'No', 'null', '~', '',
+    '2021-09-19', '0o17', '08', '1_000', '<<', '.inf', '.nan', '=', 'a: b', '# no', ' padded ',
+    'höhe', 'two\nlines', 1e3, 1e-7, 1e16, 1.5e300, -0.0, 5, True, None,
+], ids=repr)
+def test_dumped_data_are_read_as_the_same_data(text):
+    data = {'name': text, 'listed': [text, {'deep': text}]}
+    for options in ({}, {'allow_unicode': True, 'width': 2**31}):
+        found = parse_yaml('scene', dump_yaml(data, **options))
+        assert (found, repr(found)) == (data, repr(data))
+    if isinstance(text, str):
+        # the readers of other programs are of YAML 1.1
+        assert yaml.safe_load(dump_yaml(data)) == data
+
+
 @pytest.mark.parametrize('name', ['none.yaml', '.', 'a\0b', 'x' * 5000, 'latin.yaml'])
 def test_error_names_an_unreadable_yaml_file(tmp_path, name):
     (tmp_path / 'latin.yaml').write_bytes(b'# \xe9')
@@ -362,8 +397,10 @@ def test_error_names_an_unreadable_yaml_file(tmp_path, name):
     assert len(str(caught.value)) < MAX_EXPECTED_LENGTH + 2 * MAX_VALUE_LENGTH
 
 
-def test_no_other_module_reads_yaml():
+def test_no_other_module_reads_or_writes_yaml():
     package = Path(yaml_files.__file__).parents[1]
     users = [path.name for path in package.rglob('*.py') if 'yaml.load(' in path.read_text()]
     assert users == ['yaml.py']
-    assert not [path for path in package.rglob('*.py') if 'yaml.safe_load' in path.read_text()]
+    others = re.compile(r'yaml\.(safe_load|safe_dump|dump)\(')
+    found = [path.name for path in package.rglob('*.py') if others.search(path.read_text())]
+    assert found == ['yaml.py']

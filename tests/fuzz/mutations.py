@@ -28,6 +28,7 @@ from files.test_rasters import FILES, write_format
 from fuzz.bags import FLOATS, INTEGERS, TEXTS
 from lava_ros.cli.scenes import vents_as_given
 from lava_ros.files.columns import COLUMNS
+from lava_ros.files.yaml import dump_yaml
 from lava_ros.hindcast.case import load_case
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.scene import scene_from_yaml
@@ -128,7 +129,7 @@ def _scene(folder: Path, tree: Any) -> Path:
 
 
 def _yaml(path: Path, tree: Any) -> Path:
-    path.write_text(yaml.safe_dump(tree, sort_keys=False, allow_unicode=True), encoding='utf-8')
+    path.write_text(dump_yaml(tree, allow_unicode=True), encoding='utf-8')
     return path
 
 

@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
-import yaml
 
 from eruption import VENT, write_case
 from lava_ros.errors import LavaError
-from lava_ros.files.yaml import parse_yaml, read_yaml
+from lava_ros.files.yaml import dump_yaml, parse_yaml, read_yaml
 from lava_ros.hindcast.case import load_case
 from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros import node_parameters, parameters
@@ -324,7 +323,7 @@ def test_case_in_the_documentation_fits_its_schema():
 )
 def test_schema_and_program_accept_valid_files(kind, data, folder):
     path = folder / f'{kind}.yaml'
-    path.write_text(yaml.safe_dump(data, sort_keys=False))
+    path.write_text(dump_yaml(data))
     assert read_yaml(kind, path) == data
     assert _refusal(kind, data, folder) is None
     _validator(kind)(deepcopy(data))

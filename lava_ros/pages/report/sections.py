@@ -9,8 +9,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
+from lava_ros.files.yaml import dump_yaml
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import (
     DEPTHS,
@@ -231,7 +231,7 @@ def recorded_tables(recording: Recording, summary: RunSummary) -> list[Table]:
 def described_data(recording: Recording, description: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the recorded scene and parameters as YAML with titles."""
     return [
-        (title, yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+        (title, dump_yaml(data, allow_unicode=True))
         for title, data in (('Scene', recording.scene), ('Parameters', description['parameters']))
         if data
     ]
