@@ -316,8 +316,11 @@ def moment_of(status: Any) -> Moment | None:
     except (KeyError, ValueError):
         # not the status of a simulation
         return None
-    # a node puts its name before that of each status
-    node, colon, _ = str(status.name).partition(':')
-    name = f'/{node.strip("/")}' if colon else ''
     is_usable = abs(time) <= MAX_TIME and 0 <= stamp < 2**63
-    return Moment(stamp, time, values, name) if is_usable else None
+    return Moment(stamp, time, values, node_of(status)) if is_usable else None
+
+
+def node_of(status: Any) -> str:
+    """Return the full name of the node that a status names before a colon, empty without one."""
+    node, colon, _ = str(status.name).partition(':')
+    return f'/{node.strip("/")}' if colon else ''

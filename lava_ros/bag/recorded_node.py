@@ -5,10 +5,18 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+import json
 
-from lava_ros.bag.decoding import Decoder, DIAGNOSTICS, Moment, newest_moments, Timeline
+from lava_ros.bag.decoding import (
+    Decoder,
+    DIAGNOSTICS,
+    Moment,
+    newest_moments,
+    node_of,
+    Timeline,
+)
 from lava_ros.bag.description import described
-from lava_ros.bag.reader import BagReader
+from lava_ros.bag.reader import BagMessage, BagReader
 from lava_ros.errors import LavaError
 
 
@@ -34,6 +42,13 @@ class RecordedNode:
     def diagnostics(self) -> str:
         """The topic of its diagnostics."""
         return self.topics.get('diagnostics', DIAGNOSTICS)
+
+    @property
+    def description(self) -> dict[str, str]:
+        """The part of the description of a bag from which ``described_node`` makes this node."""
+        return {
+            'node': self.name, 'namespace': self.namespace, 'topics': json.dumps(dict(self.topics))
+        }
 
 
 def described_node(custom_data: Mapping[str, str]) -> RecordedNode | None:
@@ -66,40 +81,95 @@ def find_node(
         chosen = _chosen(bag, [stated], node)
         return chosen, Timeline(bag, decoder, chosen.diagnostics).of(chosen.name)
     timeline = Timeline(bag, decoder)
-    known = []
-    for namespace in namespaces:
-        names = [name for name in timeline.nodes if _namespace(name) == namespace]
-        known += [RecordedNode(name, namespace, {}) for name in names or ['']]
-    chosen = _chosen(bag, known, node)
+    chosen = _chosen(bag, _nodes_in(timeline, namespaces), node)
     # a replay in another namespace moves the maps, but does not rename the statuses
     is_only = not chosen.name and len(timeline.nodes) == 1
     return chosen, timeline if is_only else timeline.of(chosen.name)
 
 
 def last_moments(bag: BagReader, decoder: Decoder, node: str | None = None) -> list[Moment]:
-    """Return the newest moment of each node of a bag, or of the named one.
+    """Return the newest moment of each node with diagnostics in a bag, or of the named one.
 
-    This is fast for a bag that lava_ros has recorded, which contains a single node.
+    This is fast for a bag whose description names its node.
 
     Raises:
         LavaError: If the bag lacks the named node.
     """
     stated = described_node(bag.custom_data)
-    if stated is not None or 'version' in bag.custom_data:
-        topic = DIAGNOSTICS if stated is None else stated.diagnostics
-        found = newest_moments(bag, decoder, topic)
-        if stated is not None:
-            found = [moment for moment in found if moment.node == stated.name]
-    else:
+    if stated is None:
         timeline = Timeline(bag, decoder)
-        found = [timeline.of(name).moments[-1] for name in timeline.nodes]
-    if node is None:
-        return found
-    known = [stated] if stated else [
-        RecordedNode(item.node, _namespace(item.node), {}) for item in found
+        known = _nodes_in(timeline)
+        found = [timeline.of(item.name).moments[-1] for item in known]
+    else:
+        known, found = [stated], newest_moments(bag, decoder, stated.diagnostics)
+    names = [item.name for item in (known if node is None else [_chosen(bag, known, node)])]
+    return [moment for moment in found if moment.node in names]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The messages of a bag that belong to one of its nodes.
+
+    Attributes:
+        node: The node.
+        topics: Full names of its topics, and of those that all nodes share.
+    """
+
+    node: RecordedNode
+    topics: frozenset[str]
+    _others: frozenset[str]
+    _decoder: Decoder
+
+    def has(self, message: BagMessage) -> bool:
+        """Return True unless a message is on another topic, or the diagnostics of another node."""
+        if message.topic != self.node.diagnostics or not self._others:
+            return message.topic in self.topics
+        owners = self._decoder.decode(message, lambda item: set(map(node_of, item.status)))
+        return self.node.name in owners or not owners & self._others
+
+
+def select_node(bag: BagReader, node: str, shared: frozenset[str]) -> Selection:
+    """Return the messages of a node: all of a bag that describes it, else of its namespace.
+
+    Args:
+        bag: The bag.
+        node: Full name or namespace of the node.
+        shared: Names of topics that all nodes share.
+
+    Raises:
+        LavaError: If the bag lacks the node.
+    """
+    decoder, stated = Decoder(bag), described_node(bag.custom_data)
+    if stated is not None:
+        chosen = _chosen(bag, [stated], node)
+        return Selection(chosen, frozenset(bag.topics), frozenset(), decoder)
+    known = _nodes_in(Timeline(bag, decoder))
+    chosen = _chosen(bag, known, node)
+    # the longest first: the root namespace contains all others
+    spaces = sorted({item.namespace.rstrip('/') for item in known}, key=len, reverse=True)
+    own = {
+        topic
+        for topic in bag.topics
+        if chosen.namespace.rstrip('/')
+        == next((space for space in spaces if topic.startswith(f'{space}/')), None)
+    }
+    others = frozenset(item.name for item in known) - {chosen.name}
+    return Selection(chosen, frozenset(own | shared & bag.topics.keys()), others, decoder)
+
+
+def _nodes_in(timeline: Timeline, namespaces: Iterable[str] | None = None) -> list[RecordedNode]:
+    """List the nodes of a bag that names none: those with diagnostics.
+
+    With ``namespaces``, a node without a name is listed for each of them without diagnostics, and
+    nodes of others are left out.
+    """
+    if namespaces is None:
+        return [RecordedNode(name, _namespace(name), {}) for name in timeline.nodes]
+    return [
+        RecordedNode(name, namespace, {})
+        for namespace in namespaces
+        for name in [name for name in timeline.nodes if _namespace(name) == namespace] or ['']
     ]
-    name = _chosen(bag, known, node).name
-    return [moment for moment in found if moment.node == name]
 
 
 def _namespace(name: str) -> str:

@@ -3,7 +3,7 @@
 
 """Timing of a replay: when to publish each message of a bag."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from itertools import count
 import math
 from typing import NamedTuple
@@ -33,7 +33,12 @@ class Step(NamedTuple):
 
 
 def schedule(
-    bag: BagReader, *, rate: float = 1.0, loop: bool = False, start_offset: float = 0.0
+    bag: BagReader,
+    *,
+    rate: float = 1.0,
+    loop: bool = False,
+    start_offset: float = 0.0,
+    topics: Collection[str] | None = None,
 ) -> Iterator[Step]:
     """Schedule the messages of a bag.
 
@@ -41,7 +46,8 @@ def schedule(
     (transient_local) topic, which is due immediately: a map that was published early still holds.
 
     ``rate`` is bag time per wall time [s/s], ``start_offset`` is bag time after the first message
-    [s]. A ``loop`` starts again at the offset after the end, without limit.
+    [s]. A ``loop`` starts again at the offset after the end, without limit. ``topics`` are the
+    names of the topics to schedule, None for all.
 
     Raises:
         LavaError: If an argument is out of range, or the bag is empty.
@@ -54,7 +60,8 @@ def schedule(
     if begin > bag.end_ns:
         expected = f'at most the {bag.duration_ns / 1e9:g} s the bag lasts'
         raise LavaError('start_offset', start_offset, expected)
-    latched = [name for name, topic in bag.topics.items() if topic.qos.is_latched]
+    chosen = bag.topics.keys() if topics is None else bag.topics.keys() & topics
+    latched = [name for name in bag.topics if name in chosen and bag.topics[name].qos.is_latched]
     duration = (bag.end_ns - begin) / 1e9 / rate + LOOP_PAUSE
 
     def steps() -> Iterator[Step]:
@@ -62,7 +69,7 @@ def schedule(
             start = number * duration
             for message in bag.newest(latched, begin):
                 yield Step(start, begin, message, number)
-            for message in bag.messages(start_ns=begin):
+            for message in bag.messages(topics, start_ns=begin):
                 at = start + (message.stamp_ns - begin) / 1e9 / rate
                 yield Step(at, message.stamp_ns, message, number)
 

@@ -14,7 +14,6 @@ import shutil
 import sys
 from typing import Any, TYPE_CHECKING
 
-import lava_ros
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command, forced_effects
@@ -199,7 +198,6 @@ def _write_bag(
             custom_data={
                 'device': result.device,
                 'case': case.name,
-                'version': lava_ros.__version__,
                 'parameters': json.dumps({'preset': settings.preset}),
                 'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
                 **({} if case.onset is None else {'onset': case.onset.text}),

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 @command(
     'bag',
+    argument(
+        '--node', 'NAME', 'replay only the topics of this node of a bag with several, and those '
+        'that all nodes share: its full name, such as /etna/lava, or its namespace',
+    ),
     argument('--rate', 'X', 'play X times as fast as it was recorded', 1.0),
     argument('--loop', None, 'start again at the end', action='store_true'),
     argument(
@@ -58,6 +62,7 @@ def replay(args: argparse.Namespace) -> int:
 
         count = play(
             bag,
+            node=args.node,
             rate=args.rate,
             loop=args.loop,
             start_offset=offset,

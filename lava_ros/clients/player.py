@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 from lava_ros import validation
 from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
+from lava_ros.bag.recorded_node import select_node, Selection
 from lava_ros.errors import LavaError
 from lava_ros.ros.codec import message_class, time_message
 from lava_ros.ros.executor import start_ros
@@ -39,6 +40,7 @@ ACKNOWLEDGE_TIMEOUT = 2.0
 def play(
     bag: BagReader,
     *,
+    node: str | None = None,
     clock: bool = True,
     wait_for_subscribers: float = 0.0,
     rate: float = 1.0,
@@ -54,6 +56,8 @@ def play(
 
     Args:
         bag: The bag.
+        node: Full name or namespace of the node whose topics to replay, in addition to those that
+            all nodes share, without the diagnostics of others; None for all topics.
         clock: Whether to publish /clock, in place of a recorded one.
         wait_for_subscribers: Maximum wait for a subscriber on every topic [s].
         rate: Bag time per wall time [s/s].
@@ -66,21 +70,25 @@ def play(
         The number of messages published.
 
     Raises:
-        LavaError: If an argument is out of range or not valid in ROS, no topic is left, or the bag
-            is empty or damaged.
+        LavaError: If an argument is out of range or not valid in ROS, the bag lacks the node, no
+            topic is left, or the bag is empty or damaged.
     """
     patience = validation.number(
         'wait_for_subscribers', wait_for_subscribers, at_least=0.0, unit='s'
     )
+    selection = None if node is None else select_node(bag, node, SHARED_TOPICS)
+    topics = None if selection is None else selection.topics
     tick = replay.TICK if clock else QUIET_TICK
     with _stopped_by_signals() as wait:
         context = Context()
         start_ros(ros_arguments, context=context)
-        node = Node('lava_player', context=context, start_parameter_services=False)
+        ros_node = Node('lava_player', context=context, start_parameter_services=False)
         try:
-            player = _Player(node, bag, clock=clock)
+            player = _Player(ros_node, bag, selection, clock=clock)
             player.wait_for_subscribers(patience, wait)
-            dues = replay.schedule(bag, rate=rate, loop=loop, start_offset=start_offset)
+            dues = replay.schedule(
+                bag, rate=rate, loop=loop, start_offset=start_offset, topics=topics
+            )
             steps = replay.pace(dues, rate=rate, now=time.monotonic, wait=wait, tick=tick)
             for step in steps:
                 player.publish(step)
@@ -88,7 +96,7 @@ def play(
             if not wait(0.0):
                 player.wait_until_acknowledged()
         finally:
-            node.destroy_node()
+            ros_node.destroy_node()
             context.try_shutdown()
         return player.published
 
@@ -96,12 +104,19 @@ def play(
 class _Player:
     """Publishers for the topics of a bag; ``published`` counts messages."""
 
-    def __init__(self, node: Node, bag: BagReader, *, clock: bool) -> None:
+    def __init__(
+        self, node: Node, bag: BagReader, selection: Selection | None = None, *, clock: bool
+    ) -> None:
         self.published = 0
+        self._selection = selection
+        described = bag.custom_data.get('namespace', '/')
+        recorded = described if selection is None else selection.node.namespace
         self._logger = node.get_logger()
         self._clock = node.create_publisher(Clock, CLOCK_TOPIC, 1) if clock else None
         self._publishers: dict[str, Publisher] = {}
         for topic in bag.topics.values():
+            if selection is not None and topic.name not in selection.topics:
+                continue
             if topic.name == CLOCK_TOPIC and clock:
                 self._logger.warning('the recorded /clock is left out')
                 continue
@@ -110,7 +125,7 @@ class _Player:
             except LavaError as error:
                 self._logger.warning(f'{topic.name} is left out: {error}')
                 continue
-            name = _name_from(topic.name, bag, node.get_namespace())
+            name = _name_from(topic.name, recorded, node.get_namespace())
             self._publishers[topic.name] = node.create_publisher(
                 kind, name, ros_profile(topic.qos)
             )
@@ -133,8 +148,11 @@ class _Player:
         """Publish the clock and the message of a step."""
         if self._clock is not None:
             self._clock.publish(Clock(clock=time_message(step.clock_ns)))
-        if step.message is not None and step.message.topic in self._publishers:
-            self._publishers[step.message.topic].publish(step.message.data)
+        message = step.message
+        if message is None or message.topic not in self._publishers:
+            return
+        if self._selection is None or self._selection.has(message):
+            self._publishers[message.topic].publish(message.data)
             self.published += 1
 
     def wait_until_acknowledged(self) -> None:
@@ -146,12 +164,11 @@ class _Player:
                 self._logger.warning(f'a subscriber of {name} has not received every message')
 
 
-def _name_from(topic: str, bag: BagReader, namespace: str) -> str:
-    """Return the name of a bag's topic in a namespace, relative if it is in that of the node."""
+def _name_from(topic: str, recorded: str, namespace: str) -> str:
+    """Return the name of a bag's topic in a namespace, relative if it is in the recorded one."""
     # topics outside of the namespace of the recorded node keep their names
     if namespace == '/' or topic in SHARED_TOPICS:
         return topic
-    recorded = bag.custom_data.get('namespace', '/')
     return topic.removeprefix(f'{recorded.rstrip("/")}/')
 
 

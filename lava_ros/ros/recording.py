@@ -9,6 +9,7 @@ import json
 from typing import Any
 
 import lava_ros
+from lava_ros.bag.recorded_node import RecordedNode
 from lava_ros.files.yaml import dump_yaml
 from lava_ros.live.session import is_on, Origin, SessionView
 from lava_ros.ros import codec, outputs, qos
@@ -93,7 +94,10 @@ class SceneRecording:
     def _description(self, scene: Scene, view: SessionView) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
         whole = scene_to_dict(replace(scene, vents=view.schedule))
-        parameters = dict(self.parameters())
+        parameters, node = dict(self.parameters()), self.graph.node
+        recorded = RecordedNode(
+            node.get_fully_qualified_name(), node.get_namespace(), self.graph.topics
+        )
         return {
             'scene': dump_yaml(whole),
             'parameters': dump_yaml(parameters),
@@ -101,9 +105,7 @@ class SceneRecording:
             **resumed,
             **self.configs,
             **({'onset': onset} if (onset := parameters.get('onset')) else {}),
-            'node': self.graph.node.get_fully_qualified_name(),
-            'namespace': self.graph.node.get_namespace(),
-            'topics': json.dumps(self.graph.topics),
+            **recorded.description,
             'version': lava_ros.__version__,
             'device': view.device,
         }

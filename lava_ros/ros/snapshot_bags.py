@@ -14,10 +14,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 import lava_ros
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
+from lava_ros.bag.recorded_node import RecordedNode
 from lava_ros.errors import refusing
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import dump_yaml
 from lava_ros.forecast.members import Plan
+from lava_ros.live.recorder import DEFAULT_NODE
 from lava_ros.maps.forecast import EnsembleForecast, HazardMaps
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.layers import ARRIVED, Layer
@@ -35,18 +37,24 @@ _FRAME = 'map'
 
 
 class _Bag(BagWriter):
+    """A bag as a node with the default name in ``namespace`` would record it."""
+
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
-        described = {
-            'scene': dump_yaml(scene_to_dict(scene)),
-            'namespace': namespace or '/',
-            **data,
+        self._data = {
+            'scene': dump_yaml(scene_to_dict(scene)), 'version': lava_ros.__version__, **data
         }
-        super().__init__(path, custom_data=described)
-        self._namespace = namespace
+        self.node = RecordedNode(f'{namespace}{DEFAULT_NODE}', namespace or '/', {})
+        super().__init__(path, custom_data=self._described())
         self._messages = outputs.SceneMessages()
 
+    def _described(self) -> dict[str, str]:
+        return {**self._data, **self.node.description}
+
     def put(self, topic: str, message: Any, stamp_ns: int, qos: QosProfile = LATCHED) -> None:
-        name, data = f'{self._namespace}/{topic}', codec.serialise(message)
+        name, data = self.node.topic(topic), codec.serialise(message)
+        if topic not in self.node.topics:
+            self.node = replace(self.node, topics={**self.node.topics, topic: name})
+            self.set_custom_data(self._described())
         self.write(name, codec.type_name(type(message)), data, stamp_ns, qos=qos)
 
     def put_scene(self, scene: Scene, time: float, stamp_ns: int) -> None:
@@ -87,11 +95,10 @@ def write_atlas_bag(
         outlines=0,
         duration=0.0,
     )
-    data = {'version': lava_ros.__version__, **custom_data}
     with refusing('bag', str(directory), 'a bag that can be written', OSError):
         if directory.exists():
             shutil.rmtree(directory)
-        with closing(_Bag(directory, NAMESPACE, plan.scene, data)) as bag:
+        with closing(_Bag(directory, NAMESPACE, plan.scene, custom_data)) as bag:
             bag.put_scene(plan.scene, 0.0, stamp_ns)
             for layer in load_layers(share_path('msg_configs/forecast.yaml')):
                 if layer.is_ensemble:
@@ -132,6 +139,7 @@ def write_snapshots(
                 if layer.source != ARRIVED or snapshot.arrived is not None:
                     bag.put_layer(layer, snapshot, stamp)
             values = diagnostics.snapshot_values(snapshot, stamp)
-            state = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
+            task = f'{bag.node.name.strip("/")}: simulation'
+            state = diagnostics.status(task, DiagnosticStatus.OK, 'finished', values)
             message = DiagnosticArray(header=codec.header('', stamp), status=[state])
             bag.put('diagnostics', message, stamp)

@@ -9,19 +9,28 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import String
 
 from command_line import done, parser_of, refused
-from lava_ros.bag import BagReader, BagWriter
+from lava_ros.bag import BagMessage, BagReader, BagWriter, LATCHED
+from lava_ros.bag.recorded_node import RecordedNode, select_node
+from lava_ros.bag.replay import Step
 from lava_ros.cli.parser import COMMANDS
+from lava_ros.clients import player
 from lava_ros.errors import LavaError
 from lava_ros.maps.export import export_bag
 from lava_ros.maps.frames import Recording
 from lava_ros.pages.arrivals import table_of
 from lava_ros.pages.runs import read_run
+from lava_ros.ros import diagnostics
 from lava_ros.watch.frames import BagFrames
 from recording import changed, GRIDS, merged, record
+
+TEXT = 'std_msgs/msg/String'
 
 #: Simulated times of two nodes whose maps have the same stamps [s].
 TIMES = {'/etna/lava': (200.0, 400.0, 600.0), '/stromboli/lava': (1000.0, 1100.0, 1200.0)}
@@ -71,7 +80,8 @@ def test_every_command_that_reads_maps_of_a_bag_has_the_option() -> None:
         name for name in COMMANDS
         if {'bag', 'node'} <= {action.dest for action in parser_of(name)._actions}
     }
-    assert having == set(NODE_COMMANDS)
+    # a replay needs no choice
+    assert having == {*NODE_COMMANDS, 'replay'}
 
 
 @pytest.mark.parametrize('command', NODE_COMMANDS)
@@ -102,6 +112,78 @@ def test_command_reads_the_named_node(
         assert frames.times == list(TIMES['/stromboli/lava'])
     if command == 'info':
         assert 'simulated  1200.000 s' in out
+
+
+def contents(message: BagMessage) -> tuple[str, str]:
+    """Return the topic, and the names of the statuses of diagnostics."""
+    if message.topic != '/diagnostics':
+        return message.topic, ''
+    statuses = deserialize_message(message.data, DiagnosticArray).status
+    return message.topic, str([status.name for status in statuses])
+
+
+@pytest.mark.parametrize('name', TIMES)
+@pytest.mark.parametrize('by', [str, lambda name: name.rpartition('/')[0]])
+def test_replay_publishes_the_messages_of_the_named_node(
+    both: Path, single: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    name: str, by: Callable[[str], str],
+) -> None:
+    own = merged(tmp_path / 'own', {name: single[name]})
+    published = []
+    publish = player._Player.publish
+
+    def note(self: Any, step: Step) -> None:
+        before = self.published
+        publish(self, step)
+        if step.message is not None and self.published > before:
+            published.append((step.message.stamp_ns, *contents(step.message)))
+
+    monkeypatch.setattr(player._Player, 'publish', note)
+    count = player.play(BagReader(both), node=by(name), rate=1e9)
+    expected = [(item.stamp_ns, *contents(item)) for item in BagReader(own).messages()]
+    assert count == len(expected) and sorted(published) == sorted(expected)
+
+
+@pytest.mark.parametrize(('chosen', 'expected'), [
+    ('/lava', {'/terrain', '/lava/x', '/camera', '/diagnostics', '/tf'}),
+    ('/etna/lava', {'/etna/terrain', '/diagnostics', '/tf'}),
+    ('/etna/south/lava', {'/etna/south/terrain', '/etna/south/lava/x', '/diagnostics', '/tf'}),
+])
+def test_topics_of_a_node_are_those_of_the_innermost_namespace(
+    tmp_path: Path, chosen: str, expected: set[str]
+) -> None:
+    names = ('/lava', '/etna/lava', '/etna/south/lava')
+    topics = (
+        '/terrain', '/lava/x', '/camera', '/etna/terrain', '/etna/south/terrain',
+        '/etna/south/lava/x', '/tf',
+    )
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        for topic in topics:
+            writer.write(topic, TEXT, serialize_message(String()), 0, qos=LATCHED)
+        for name in names:
+            values = {'frame_stamp_ns': 0, 'simulated_time_s': 0.0}
+            task = f'{name.strip("/")}: simulation'
+            message = DiagnosticArray(status=[diagnostics.status(task, b'\0', '', values)])
+            kind = 'diagnostic_msgs/msg/DiagnosticArray'
+            writer.write('/diagnostics', kind, serialize_message(message), 0, qos=LATCHED)
+    bag = BagReader(tmp_path / 'bag')
+    selection = select_node(bag, chosen, player.SHARED_TOPICS)
+    assert selection.topics == expected
+    messages = [message for message in bag.messages() if selection.has(message)]
+    assert sorted(message.topic for message in messages) == sorted(expected)
+
+
+def test_replay_asks_for_a_node_of_the_bag(
+    both: Path, single: dict[str, Path], tmp_path: Path
+) -> None:
+    own = BagReader(single['/etna/lava'])
+    data = {**own.custom_data, **RecordedNode('/etna/lava', '/etna', {}).description}
+    described = changed(own.path, tmp_path / 'bag', lambda _, message: message, data)
+    for path, names in ((both, '/etna/lava, /stromboli/lava'), (described, '/etna/lava')):
+        error = refused('replay', path, '--node', '/vesuvius')
+        assert error.startswith("lava replay: --node is '/vesuvius'") and names in error
+    # all messages of a bag that describes a single node
+    assert player.play(BagReader(described), node='/etna', rate=1e9) == own.message_count
 
 
 @pytest.mark.parametrize('read', [

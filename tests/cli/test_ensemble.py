@@ -16,6 +16,7 @@ from eruption import footprint, write_case
 from geodata import write_raster, write_scene
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, read_grid
+from lava_ros.bag.recorded_node import described_node, RecordedNode
 from lava_ros.cli.options import seconds_of
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
@@ -169,6 +170,9 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     messages = {message.topic: message for message in bag.messages()}
     others = ('terrain', 'terrain_info', 'relief', 'vents', 'vents_markers', 'probability_class')
     assert {f'/lava/{name}' for name in (*MAPS, *others)} == set(messages)
+    assert described_node(bag.custom_data) == RecordedNode(
+        '/lava/lava', '/lava', {topic.removeprefix('/lava/'): topic for topic in messages}
+    )
     grid = read_grid(Decoder(bag), messages['/lava/inundation_probability'])
     np.testing.assert_array_equal(grid.cells, occupancy(probability))
 

@@ -14,6 +14,7 @@ import rasterio
 from command_line import done, lava, refused
 from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_case_in_degrees
 from lava_ros.bag import BagReader
+from lava_ros.bag.recorded_node import described_node, RecordedNode
 from lava_ros.cli.hindcast import _vents
 from lava_ros.cli.parser import parse_command_line
 from lava_ros.hindcast.case import load_case
@@ -87,7 +88,12 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert (out / 'comparison.png').stat().st_size > 10_000
 
     # the bag has a frame for each map, at the end of the step in which it was due
-    assert len(list(BagReader(out / 'bag').messages(['/height']))) == 3
+    bag = BagReader(out / 'bag')
+    assert len(list(bag.messages(['/height']))) == 3
+    assert described_node(bag.custom_data) == RecordedNode(
+        '/lava', '/', {topic.removeprefix('/'): topic for topic in bag.topics}
+    )
+    assert done('info', out / 'bag').count('nodes      /lava\n') == 1
     times = [frame.time for frame in Recording(out / 'bag').frames()]
     dues = (1200, 2400, 3600)
     late = np.subtract(times, dues)
