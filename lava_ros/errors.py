@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The exception for bad input, and the guard of background threads against unexpected ones."""
+"""The exception for bad input, sentences about failed imports, and the guard of threads."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import logging
+import re
 import reprlib
+import sys
 import threading
 import time
 from typing import Any
@@ -50,6 +52,36 @@ class LavaError(ValueError):
     def __reduce__(self) -> tuple[type['LavaError'], tuple[str, object, str]]:
         """Return the arguments from which another process rebuilds the exception."""
         return type(self), (self.field, self.value, self.expected)
+
+
+#: Message of the loader about a shared library: its file, and what is wrong.
+_LIBRARY = re.compile(r'(\S+\.so[.\d]*): (.+)')
+
+
+def import_failure(error: BaseException) -> str | None:
+    """Return a sentence about a package or a shared library that cannot be imported.
+
+    None is returned for an error of another kind, or about a module of lava_ros.
+    """
+    cause: BaseException | None = error
+    while cause is not None:
+        library = _LIBRARY.match(str(cause)) if isinstance(cause, ImportError | OSError) else None
+        name = str(getattr(cause, 'name', None) or '') if isinstance(cause, ImportError) else ''
+        if library:
+            return (
+                f'the shared library {printable(library[1])} cannot be loaded for '
+                f'{sys.executable} ({printable(library[2])}); if it is one of ROS 2, source the '
+                'setup file of ROS 2 in this shell; docs/install.md describes the installation'
+            )
+        if isinstance(cause, ModuleNotFoundError) and name.partition('.')[0] != 'lava_ros':
+            return (
+                f'the Python package {name} is not installed for {sys.executable}; '
+                'docs/install.md describes the installation'
+            )
+        # rosidl raises an error of its own if the messages of a package cannot be imported
+        is_rosidl = type(cause).__module__.startswith('rosidl')
+        cause = cause.__context__ if is_rosidl else None
+    return None
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command, forced_effects
 from lava_ros.cli.scene_options import vent_arguments
-from lava_ros.errors import LavaError
+from lava_ros.errors import import_failure, LavaError
 from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
@@ -183,8 +183,9 @@ def _write_bag(
 ) -> list[Path]:
     try:
         from lava_ros.ros.snapshot_bags import write_snapshots
-    except ImportError:
-        print('lava hindcast: wrote no bag, which needs ROS 2', file=sys.stderr)
+    except ImportError as error:
+        reason = import_failure(error) or error
+        print(f'lava hindcast: wrote no bag, which needs ROS 2: {reason}', file=sys.stderr)
         return []
     shutil.rmtree(bag, ignore_errors=True)
     effects = {

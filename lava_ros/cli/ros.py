@@ -104,19 +104,13 @@ def _leave(number: int, _: FrameType | None) -> None:
     raise SystemExit(128 + number)
 
 
-def missing_package() -> str | None:
-    """Return a package of ROS 2 that cannot be imported, None if all can."""
-    names = ('rclpy', 'nav_msgs')
-    return next((name for name in names if find_spec(name) is None), None)
-
-
 def require_ros() -> None:
     """Check that the packages of ROS 2 are installed.
 
     Raises:
         LavaError: If a package is missing.
     """
-    name = missing_package()
+    name = next((name for name in ('rclpy', 'nav_msgs') if find_spec(name) is None), None)
     if name is not None:
         expected = "a sourced ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
         raise LavaError(f'Python package {name}', None, expected)

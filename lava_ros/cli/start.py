@@ -20,7 +20,7 @@ _NEW_OBJECTS = 10_000
 #: Exit status after Ctrl+C, as in shells.
 INTERRUPTED = 128 + signal.SIGINT
 
-#: Exit status if a required package is missing, as for other errors of usage.
+#: Exit status if a required package or library is missing, as for other errors of usage.
 USAGE_ERROR = 2
 
 
@@ -49,12 +49,14 @@ def _run(module: str) -> int:
     atexit.register(gc.freeze)
     try:
         return int(import_module(module).main())
-    except ModuleNotFoundError as error:
-        package = str(error.name)
-        if package.startswith('lava_ros'):
+    except Exception as error:
+        # this may be the first import of the package
+        from lava_ros.errors import import_failure
+
+        sentence = import_failure(error)
+        if sentence is None:
             raise
-        print(f'{Path(sys.argv[0]).name}: the Python package {package} is not installed for '
-              f'{sys.executable}; docs/install.md describes the installation', file=sys.stderr)
+        print(f'{Path(sys.argv[0]).name}: {sentence}', file=sys.stderr)
         return USAGE_ERROR
 
 

@@ -22,7 +22,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import import_failure, LavaError
 from lava_ros.ros import middleware, node_parameters, parameters
 from lava_ros.ros.executor import spin, start_ros
 from lava_ros.ros.publishers import NodeGraph
@@ -135,8 +135,9 @@ class LavaNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
             self.has_failed = True
-            self.refusal = f'{type(error).__name__}: {error}'
-            self.get_logger().error(f'cannot {name}: {traceback.format_exc()}')
+            sentence = import_failure(error)
+            self.refusal = sentence or f'{type(error).__name__}: {error}'
+            self.get_logger().error(f'cannot {name}: {sentence or traceback.format_exc()}')
             return TransitionCallbackReturn.ERROR
         self.get_logger().info(done)
         return TransitionCallbackReturn.SUCCESS
