@@ -15,10 +15,11 @@ from lava_ros.errors import LavaError
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
 from lava_ros.live.recorder import Recorder
+from lava_ros.live.session import SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.ros import diagnostics
 from lava_ros.ros.subscribers import InputLog
-from lava_ros.scene import Terrain
+from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 
@@ -282,3 +283,43 @@ def test_jump_or_loss_of_time_is_a_warning_for_a_while(worker, kind, expected, i
     assert list(later) == [kind]
     # a new start has lost nothing
     assert _look(watch, 10**13, 3.1 * WARNING_TIME, is_simulated=is_simulated) == {}
+
+
+class _Lines:
+    """Stores log lines by severity."""
+
+    def __init__(self):
+        self.lines = []
+
+    def info(self, text):
+        self.lines.append(text)
+
+    warning = error = info
+
+
+GROUND = Terrain(np.zeros((4, 5)), 10.0)
+
+
+def _view(time, changes, *vents):
+    return SessionView(time=time, scene=Scene(GROUND, vents, lava=Lava()), changes=changes)
+
+
+@pytest.mark.parametrize(('time', 'rate'), [
+    (0.0, 3), (599.0, 3), (600.0, 40), (1199.0, 40), (1200.0, 0), (5000.0, 0),
+])
+def test_effusion_rate_is_logged_at_the_time_of_the_change(time, rate):
+    lines = _Lines()
+    log = diagnostics.NodeLog(lines)
+    log.scene(_view(0.0, 1, Vent((15.0, 15.0), 7.0)))
+    assert 'vents: 1, 7 m3/s' in lines.lines
+    new = Vent((35.0, 25.0), [(0.0, 3.0), (600.0, 40.0), (1200.0, 0.0)])
+    lines.lines.clear()
+    log.scene(_view(time, 2, new))
+    assert lines.lines == [f'vents: 1, {rate} m3/s']
+    lines.lines.clear()
+    # a later time is no change, nor is another rate of the same vent
+    log.scene(_view(900.0, 2, new))
+    log.scene(_view(900.0, 3, replace(new, discharge=9.0)))
+    assert lines.lines == []
+    log.scene(_view(time, 4, replace(new, discharge=9.0), Vent((15.0, 15.0), 0.5)))
+    assert lines.lines == ['vents: 2, 9.5 m3/s']
