@@ -21,13 +21,10 @@ from ros_domain import own_domain
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 
 #: A message of each input that is state, by its name in ``CASES``.
-INPUTS = [
-    'terrain', 'vents',
-    *(
-        pytest.param(case, marks=pytest.mark.nightly)
-        for case in ('terrain_info', 'terrain_cloud', 'outline')
-    ),
-]
+STATE = ('terrain', 'vents', 'terrain_info', 'terrain_cloud', 'outline')
+
+#: The same for a slow test.
+INPUTS = [*STATE[:2], *(pytest.param(case, marks=pytest.mark.nightly) for case in STATE[2:])]
 
 #: Number of callbacks, or of short waits for one, after which no message is left.
 IDLE = 12
@@ -111,6 +108,31 @@ def test_state_is_taken_once_from_a_publisher_at_any_time(local, taken, case, du
         settle(late, case, node)
         send(late, case)
         check(node, late, case, taken, count + 3)
+
+
+@pytest.mark.parametrize('case', STATE)
+@pytest.mark.parametrize('is_configured', [False, True], ids=['unconfigured', 'undiscovered'])
+def test_state_latched_during_the_start_is_taken_once(local, taken, case, is_configured):
+    topic = CASES[case][0]
+    with publisher(LATCHED) as made:
+        node = local(forecast_horizon=1.0, ensemble_members=2)
+        if is_configured:
+            assert node.change('configure'), node.log
+            send(made, case)
+        else:
+            send(made, case)
+            assert node.change('configure'), node.log
+        assert taken[topic] == 0
+        check(node, made, case, taken, 1)
+
+
+def test_inputs_of_these_tests_are_all_that_are_state(local):
+    node = start(local)
+    found = Counter(item.topic_name.removeprefix('/') for item in node.node.subscriptions)
+    tested = {CASES[case][0] for case in STATE}
+    # grid_map_msgs is not on PyPI
+    assert {topic for topic in found if found[topic] == 2} - {'terrain_grid'} == tested
+    assert found.keys() - tested <= {'terrain_grid', 'clicked_point', 'clock'}
 
 
 def test_clicks_from_before_the_start_open_no_vent(local, taken):
