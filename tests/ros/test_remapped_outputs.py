@@ -57,6 +57,12 @@ def bag(module_local, tmp_path_factory):
     node.run(3.0)
     # forecasts and ensembles take some time; the listener has no messages without a header
     node.newest(*(moved(name).removeprefix('/') for name in OUTPUTS if name != 'terrain_info'))
+    # readers need the diagnostics of the last maps
+    stamp = str(round(node.now * 1e9))
+    node.wait_for_topic(
+        moved('/diagnostics').removeprefix('/'),
+        lambda item: item['status']['lava: simulation'].get('frame_stamp_ns') == stamp,
+    )
     assert node.change('shutdown'), node.log
     return BagReader(node.directory / 'bag')
 
