@@ -137,7 +137,9 @@ class NodeGraph:
             try:
                 made = getattr(self.node, f'create_{kind}')(*args, **options)
             except RuntimeError as error:
-                # Fast DDS: a process has one type of messages on a topic
+                # of Fast DDS, for example on /rosout
+                if 'incompatible type' not in str(error):
+                    raise
                 expected = 'a topic on which this process has no messages of another type'
                 raise LavaError(field or name, topic, expected) from error
             self._topics[name] = topic
