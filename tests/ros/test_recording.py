@@ -13,8 +13,6 @@ import yaml
 
 from lava_ros.bag import BagReader, LATCHED
 from lava_ros.cli.main import main
-from lava_ros.clients.player import _name_from
-from lava_ros.live.worker_status import WorkerState
 from lava_ros.maps.frames import Recording
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.recording import SceneRecording
@@ -144,56 +142,3 @@ def test_bag_begins_at_the_first_time_of_the_clock(local):
     node.jump(1e9)
     node.newest('height', condition=lambda newest: newest['height']['stamp_ns'] == 10**18)
     assert BagReader('bag').start_ns == 10**18
-
-
-#: Topics that the node records with the layers of default.yaml.
-RECORDED = (
-    'terrain', 'terrain_info', 'relief', 'vents', 'vents_markers', 'height', 'height_raw',
-    'temperature', 'hazard', 'depth_class', 'arrived', 'diagnostics',
-)
-
-
-@pytest.fixture(scope='module')
-def remapped(module_local):
-    """Return the bag of a node in a namespace all of whose topics are remapped, and its log."""
-    names = [f'/{name}' if name == 'diagnostics' else name for name in RECORDED]
-    rules = [f'{name}:=/a/b{index}' for index, name in enumerate(names)]
-    node = module_local(
-        record=True, bag_directory='bag', remap=['__ns:=/etna', '__node:=lava2', *rules]
-    )
-    name = '/etna/lava2'
-    assert node.change('configure', name) and node.change('activate', name), node.log
-    node.publish('vents', 'terrain_info', 'terrain')
-    node.wait_until(lambda: node.worker.status.state is WorkerState.RUNNING)
-    node.run(6.0)
-    assert node.change('deactivate', name) and node.change('cleanup', name), node.log
-    return node.directory / 'bag'
-
-
-@pytest.mark.parametrize('name', RECORDED)
-def test_description_has_the_topic_of_each_recorded_message(remapped, name):
-    bag = BagReader(remapped)
-    topics = json.loads(bag.custom_data['topics'])
-    assert topics[name] == f'/a/b{RECORDED.index(name)}'
-    assert bag.topics[topics[name]].count > 0
-    assert set(bag.topics) == {topics[item] for item in RECORDED}
-
-
-def test_bag_of_a_remapped_node_is_read_by_its_description(remapped, tmp_path):
-    bag = BagReader(remapped)
-    assert (bag.custom_data['node'], bag.custom_data['namespace']) == ('/etna/lava2', '/etna')
-    assert bag.custom_data['version']
-    frames = list(Recording(remapped).frames())
-    assert frames[-1].time > 0.0
-    assert frames[-1].layers.keys() == {'thickness', 'temperature', 'hazard'}
-    assert frames[-1].arrived is not None and len(frames[-1].vents)
-    assert main(['export', str(remapped), '-o', str(tmp_path / 'out')]) == 0
-    assert {path.stem for path in (tmp_path / 'out').glob('*.tif')} == {
-        'thickness', 'temperature', 'hazard', 'arrival', 'peak_thickness',
-    }
-
-
-def test_recorded_topics_are_those_of_the_replay(remapped):
-    """A replay in another namespace keeps topics that were remapped out of that of the node."""
-    bag = BagReader(remapped)
-    assert {_name_from(name, bag, '/robot') for name in bag.topics} == set(bag.topics)

@@ -36,23 +36,35 @@ OUTPUTS = [
 ]
 
 
+#: All recorded topics; vents are an input.
+RECORDED = [*OUTPUTS, 'vents']
+
+NODE = '/etna/lava2'
+
+
 def moved(name):
     """Return the full name of a topic after remapping, which has nothing of its own name."""
-    return f'/moved/to/t{OUTPUTS.index(name)}'
+    return f'/moved/to/t{RECORDED.index(name)}'
+
+
+def plain(name):
+    """Return the full name of a topic without remapping."""
+    return name if name.startswith('/') else f'/etna/{name}'
 
 
 @pytest.fixture(scope='module')
 def bag(module_local, tmp_path_factory):
     """A bag of a node with all outputs, each remapped."""
     node = module_local(
-        remap=[f'{name}:={moved(name)}' for name in OUTPUTS], scene='scene.yaml', spacing=0.0,
+        remap=['__ns:=/etna', '__node:=lava2', *(f'{name}:={moved(name)}' for name in RECORDED)],
+        scene='scene.yaml', spacing=0.0,
         layers_on=OPTIONAL, forecast_horizon=200.0 / 3600.0, ensemble_members=2,
         places=['places.csv'], record=True, bag_directory='bag',
     )
     np.savez(node.directory / 'slope.npz', elevation=elevation(), resolution=10.0, epsg=32633)
     (node.directory / 'places.csv').write_text('name,x,y\npost,500,155\n')
     (node.directory / 'scene.yaml').write_text(SCENE, encoding='utf-8')
-    assert node.change('configure') and node.change('activate'), node.log
+    assert node.change('configure', NODE) and node.change('activate', NODE), node.log
     node.wait_until(lambda: node.worker.status.state is WorkerState.RUNNING)
     node.run(3.0)
     # forecasts and ensembles take some time; the listener has no messages without a header
@@ -61,15 +73,15 @@ def bag(module_local, tmp_path_factory):
     stamp = str(round(node.now * 1e9))
     node.wait_for_topic(
         moved('/diagnostics').removeprefix('/'),
-        lambda item: item['status']['lava: simulation'].get('frame_stamp_ns') == stamp,
+        lambda item: item['status']['etna/lava2: simulation'].get('frame_stamp_ns') == stamp,
     )
-    assert node.change('shutdown'), node.log
+    assert node.change('shutdown', NODE), node.log
     return BagReader(node.directory / 'bag')
 
 
 @pytest.fixture(scope='module')
 def published(bag):
-    """Number of messages of each topic that a replay publishes, by the name in the graph."""
+    """Number of messages of each topic that a replay in another namespace publishes."""
     counts = Counter()
     with pytest.MonkeyPatch.context() as patch:
         publish = player._Player.publish
@@ -81,32 +93,32 @@ def published(bag):
                 counts[self._publishers[step.message.topic].topic_name] += 1
 
         patch.setattr(player._Player, 'publish', note)
-        player.play(bag, node='/lava', rate=1e9)
+        arguments = ['--ros-args', '-r', '__ns:=/robot']
+        player.play(bag, node=NODE, rate=1e9, ros_arguments=arguments)
     return counts
 
 
-@pytest.mark.parametrize('name', OUTPUTS)
+@pytest.mark.parametrize('name', RECORDED)
 def test_remapped_output_is_recorded_and_replayed(bag, published, name):
-    topic, own = moved(name), f'/{name.lstrip("/")}'
+    topic = moved(name)
     assert bag.topics[topic].count > 0
-    assert own not in bag.topics
     assert described_node(bag.custom_data).topics[name.lstrip('/')] == topic
+    # also in another namespace, because it was remapped out of that of the node
     assert published[topic] == bag.topics[topic].count
-    assert own not in published
 
 
-def test_no_other_topic_is_recorded(bag):
-    # vents are an input
-    assert set(bag.topics) == {moved(name) for name in OUTPUTS} | {'/vents'}
+def test_no_other_topic_is_recorded_or_replayed(bag, published):
+    stated = described_node(bag.custom_data)
+    assert (stated.name, stated.namespace) == (NODE, '/etna')
+    assert set(bag.topics) == set(published) == {moved(name) for name in RECORDED}
 
 
 def test_maps_of_remapped_topics_are_exported(bag, tmp_path):
-    names = {moved(name): f'/{name.lstrip("/")}' for name in OUTPUTS}
+    names = {moved(name): plain(name) for name in RECORDED}
     with BagWriter(tmp_path / 'plain', custom_data={}) as writer:
         for item in bag.messages():
-            topic = bag.topics[item.topic]
-            name = names.get(item.topic, item.topic)
-            writer.write(name, topic.message_type, item.data, item.stamp_ns, qos=topic.qos)
+            kind, name = bag.topics[item.topic], names[item.topic]
+            writer.write(name, kind.message_type, item.data, item.stamp_ns, qos=kind.qos)
     found, expected = Recording(bag.path), Recording(tmp_path / 'plain')
     assert {names[topic] for topic in found.layers} == set(expected.layers)
     assert found.places == expected.places == {'post': (500.0, 155.0)}
@@ -118,6 +130,6 @@ def test_maps_of_remapped_topics_are_exported(bag, tmp_path):
         'thickness.tif', 'temperature.tif', 'hazard.tif', 'arrival.tif', 'peak_thickness.tif',
     }
     for name, path in files['found'].items():
-        with rasterio.open(path) as moved_map, rasterio.open(files['expected'][name]) as plain:
-            np.testing.assert_array_equal(moved_map.read(), plain.read())
+        with rasterio.open(path) as moved_map, rasterio.open(files['expected'][name]) as known:
+            np.testing.assert_array_equal(moved_map.read(), known.read())
             assert moved_map.read(1, masked=True).count() > 0
