@@ -58,13 +58,13 @@ def export(args: argparse.Namespace) -> int:
             offset=tuple(args.offset) if args.offset else None,
             progress=progress.show,
         )
-    files, placement = exported.files, exported.placement
+    files, georeference = exported.files, exported.georeference
     if len(files) > len(MAPS):
         print(f'{len(files)} files written to {args.output}')
     else:
         print('\n'.join(f'written to {path}' for path in files))
-    if placement.system is None:
-        where = 'in the map frame' if placement.offset == (0.0, 0.0) else 'with its offset'
+    if georeference.system is None:
+        where = 'in the map frame' if georeference.offset == (0.0, 0.0) else 'with its offset'
         print(
             f'lava export: the bag names no coordinate system, so the files have none and are '
             f'{where}; --epsg and --offset set one',

@@ -19,14 +19,19 @@ from lava_ros.errors import LavaError
         '--no-vents', None, 'publish the terrain only; the node keeps its vents',
         action='store_true',
     ),
+    argument(
+        '--no-tf', None, 'publish no static transform from utm or earth to the frame',
+        action='store_true',
+    ),
 )
 def feed(args: argparse.Namespace) -> int:
     """Publish terrain and vents as topics.
 
-    The command publishes the latched topics terrain, terrain_info and vents until it is
-    interrupted, and a new terrain at the times of --terrain-at and of the events of the scene. It
-    passes --ros-args and everything after it to ROS, for example: lava feed --ros-args -r
-    __ns:=/etna.
+    The command publishes the latched topics terrain, terrain_info, terrain_georeference and vents
+    until it is interrupted, and a new terrain at the times of --terrain-at and of the events of
+    the scene. If the terrain has a coordinate system, it also publishes the static transform from
+    utm (a UTM zone of WGS 84) or earth to the frame. It passes --ros-args and everything after it
+    to ROS, for example: lava feed --ros-args -r __ns:=/etna.
     """
     from lava_ros.cli.scenes import scene_as_given, scene_from_arguments
 
@@ -51,7 +56,9 @@ def feed(args: argparse.Namespace) -> int:
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopping.append(number))
-    publisher = SceneFeed(scene, frame_id=args.frame, has_vents=not args.no_vents)
+    publisher = SceneFeed(
+        scene, frame_id=args.frame, has_vents=not args.no_vents, publish_tf=not args.no_tf
+    )
     parts = [f'terrain of {scene.terrain.shape[1]} x {scene.terrain.shape[0]} cells']
     parts += [] if args.no_vents else [f'{len(scene.vents)} vents']
     parts += [f'{event.text} at {event.time:g} s' for event in scene.events]

@@ -4,15 +4,18 @@
 """A feed of the topics of terrain and vents, in place of sensors."""
 
 from dataclasses import replace
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from nav_msgs.msg import MapMetaData
 from rclpy.node import Node
-from sensor_msgs.msg import Image, PointCloud2
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from lava_ros.bag.georeference import TOPIC
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.executor import now_ns
+from lava_ros.ros.georeference import georeference_message, static_transform, TF_STATIC
 from lava_ros.scene import Scene
 
 
@@ -25,9 +28,17 @@ class SceneFeed(Node):
     """
 
     def __init__(
-        self, scene: Scene, *, frame_id: str = 'map', has_vents: bool = True
+        self,
+        scene: Scene,
+        *,
+        frame_id: str = 'map',
+        has_vents: bool = True,
+        publish_tf: bool = True,
     ) -> None:
-        """Create the publishers, and publish the terrain; ``has_vents`` adds the vents."""
+        """Create the publishers, and publish the terrain.
+
+        ``has_vents`` adds the vents, ``publish_tf`` the static transform to ``frame_id``.
+        """
         super().__init__('lava_feed')
         self._scene = scene
         self._frame_id = frame_id
@@ -35,11 +46,9 @@ class SceneFeed(Node):
         self._sent: list[tuple[float, ...]] | None = None
         self._refusal = ''
         latched = qos.ros_profile(qos.LATCHED)
+        self._transform = static_transform(is_wanted=publish_tf)
         # a latched publisher has to stay
-        self._terrain = {
-            'terrain': self.create_publisher(Image, 'terrain', latched),
-            'terrain_info': self.create_publisher(MapMetaData, 'terrain_info', latched),
-        }
+        self._terrain: dict[str, Publisher] = {}
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
@@ -68,8 +77,17 @@ class SceneFeed(Node):
         return codec.header(self._frame_id, now_ns(self))
 
     def _publish_terrain(self) -> None:
-        messages = outputs.terrain_messages(self._scene.terrain, self._header())
+        terrain, header = self._scene.terrain, self._header()
+        messages: dict[str, Any] = {TOPIC: georeference_message(terrain.georeference, header)}
+        messages |= outputs.terrain_messages(terrain, header)
+        if self._transform and (transforms := self._transform.update(terrain, header)):
+            messages[TF_STATIC] = transforms
+        if self._transform and self._transform.problem:
+            self.get_logger().warning(self._transform.problem)
         for topic, message in messages.items():
+            if topic not in self._terrain:
+                latched = qos.ros_profile(qos.LATCHED)
+                self._terrain[topic] = self.create_publisher(type(message), topic, latched)
             self._terrain[topic].publish(message)
 
     def _follow_events(self) -> None:

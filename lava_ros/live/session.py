@@ -10,12 +10,11 @@ import math
 import threading
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-import numpy as np
-
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
+from lava_ros.scene.terrain import is_same_ground
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import NO_MEMORY
@@ -422,12 +421,8 @@ class SimulationSession:
 
 
 def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
-    """Return True if two terrains have the same cells, and elevations within ``within`` [m]."""
-    names = ('shape', 'resolution', 'origin', 'epsg', 'wkt', 'offset')
-    return (
-        all(getattr(one, name) == getattr(other, name) for name in names)
-        and np.allclose(one.elevation, other.elevation, rtol=0.0, atol=within, equal_nan=True)
-    )
+    """Return True if two terrains are alike (``is_same_ground``) in one coordinate system."""
+    return one.georeference == other.georeference and is_same_ground(one, other, within=within)
 
 
 def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:

@@ -22,7 +22,7 @@ from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
 from lava_ros.maps.onset import Onset, recorded_onset
 from lava_ros.maps.plot import time_note
-from lava_ros.scene import Terrain, Vent
+from lava_ros.scene import Georeference, Terrain, Vent
 from lava_ros.scene.projection import coordinate_system, system_name
 from lava_ros.scene.terrain import check_epsg
 from lava_ros.simulation.accuracy import COVERED
@@ -37,24 +37,11 @@ MAPS = (*SOURCES, 'arrival', 'peak_thickness')
 FORMATS = ('tif', *WRITTEN, 'nc')
 
 
-class Placement(NamedTuple):
-    """Coordinate system of the map frame, and easting and northing [m] of its origin."""
-
-    epsg: int | None
-    offset: tuple[float, float]
-    wkt: str | None = None
-
-    @property
-    def system(self) -> str | None:
-        """The coordinate system in the notation of GDAL; None if it is unknown."""
-        return self.wkt if self.epsg is None else f'EPSG:{self.epsg}'
-
-
 class Exported(NamedTuple):
-    """The written files and the position of their map frame."""
+    """The written files, and the georeference of those of the last frame."""
 
     files: tuple[Path, ...]
-    placement: Placement
+    georeference: Georeference
 
 
 def export_bag(
@@ -104,7 +91,16 @@ def export_bag(
     require('rasterio', 'GeoTIFF', str(directory))
     target = Path(directory)
     recording = Recording(path, node=node)
-    placement = placement_of(recording.scene, epsg=epsg, offset=offset)
+    known: dict[str, Georeference] = {}
+
+    def georeference_in(scene: Mapping[str, Any]) -> Georeference:
+        # a replaced coordinate system is a warning, and frames have the same scene
+        stated = repr([scene.get('terrain', {}).get(name) for name in Georeference._fields])
+        if stated not in known:
+            known[stated] = georeference_of(scene, epsg=epsg, offset=offset)
+        return known[stated]
+
+    end = georeference_in(recording.scene)
     run = recording.timeline.last_run
     if time is not None and not (run and run[0].time <= time <= run[-1].time):
         raise LavaError('time', time, recording.timeline.span)
@@ -112,7 +108,7 @@ def export_bag(
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
-    gis.require_formats(formats, target, coordinate_system(placement.epsg, placement.wkt))
+    gis.require_formats(formats, target, coordinate_system(end.epsg, end.wkt))
     with refusing('output', str(target), 'a folder to write to', OSError):
         target.mkdir(parents=True, exist_ok=True)
         if any(target.iterdir()):
@@ -124,7 +120,7 @@ def export_bag(
     def write(name: str, frame: Frame, made: gis.Made, file_name: str) -> None:
         newest[name] = values, tags = made[0], {'bag': Path(path).name, **made[1]}
         if 'tif' in formats:
-            terrain = _terrain_of(frame, placement)
+            terrain = _terrain_of(frame, georeference_in(frame.scene))
             files = gis.write_grid(target / file_name, name, values, terrain, origin, tags)
             # the style file is not listed
             written.append(files[0])
@@ -156,10 +152,11 @@ def export_bag(
     for name in ('arrival', 'peak_thickness'):
         if name in maps and history.frame is not None:
             write(name, history.frame, _history_map(name, history), f'{name}.tif')
+    end = georeference_in(last.scene)
     if newest:
-        terrain = _terrain_of(last, placement)
+        terrain = _terrain_of(last, end)
         layers = _shapes(last, history, newest, terrain, origin.onset)
-        layers |= gis.vents(_vents(recording.scene), placement.offset)
+        layers |= gis.vents(_vents(recording.scene), end.offset)
         title = f'lava flow of {Path(path).name}'
         written += gis.write_formats(
             target, formats, layers, newest, terrain, title, origin
@@ -167,16 +164,16 @@ def export_bag(
     if not written:
         have = sorted({layer.source for layer in recording.layers.values()})
         raise LavaError('maps', ', '.join(maps), f'maps of layers in the bag: {", ".join(have)}')
-    return Exported(tuple(written), placement)
+    return Exported(tuple(written), end)
 
 
-def placement_of(
+def georeference_of(
     scene: Mapping[str, Any],
     *,
     epsg: int | None = None,
     offset: tuple[float, float] | None = None,
-) -> Placement:
-    """Return the position of the map frame of a bag from its scene.
+) -> Georeference:
+    """Return the georeference of a bag from its scene.
 
     ``epsg``, and ``offset`` [m] together with it, replace the values of the scene.
 
@@ -189,7 +186,7 @@ def placement_of(
     own = validation.pair("the bag's terrain.offset", terrain.get('offset', (0.0, 0.0)))
     if wkt is not None and not isinstance(wkt, str):
         raise LavaError("the bag's terrain.wkt", wkt, 'the definition of a coordinate system')
-    stated = Placement(known, own, wkt)
+    stated = Georeference(known, own, wkt)
     if epsg in (None, known) and stated.system:
         if offset is not None and offset != own:
             raise LavaError('offset', offset, f'{own}, as the bag states')
@@ -198,7 +195,7 @@ def placement_of(
         # an unknown code is refused without a warning
         coordinate_system(epsg)
         _LOG.warning(f'EPSG:{epsg} as given, although the bag states {system_name(known, wkt)}')
-    return Placement(epsg, own if offset is None else offset)
+    return Georeference(epsg, own if offset is None else offset)
 
 
 def _vents(scene: Mapping[str, Any]) -> list[Vent]:
@@ -230,10 +227,9 @@ def provenance_of(recording: Recording) -> gis.Provenance:
     )
 
 
-def _terrain_of(frame: Frame, placement: Placement) -> Terrain:
+def _terrain_of(frame: Frame, georeference: Georeference) -> Terrain:
     return Terrain(
-        frame.elevation, frame.resolution, frame.origin, placement.epsg, placement.offset,
-        wkt=placement.wkt,
+        frame.elevation, frame.resolution, frame.origin, **georeference._asdict()
     )
 
 

@@ -21,6 +21,7 @@ from lava_ros.bag.decoding import (
     read_grid,
     stamp_of,
 )
+from lava_ros.bag.georeference import georeferenced, MESSAGE, recorded_georeference, TOPIC
 from lava_ros.bag.reader import BagMessage
 from lava_ros.bag.recorded_node import find_node
 from lava_ros.errors import LavaError
@@ -157,7 +158,9 @@ class Recording:
         layers: Layers with maps in the bag, by topic name.
         terrain, terrain_info, vents: Topic names of the ground, its metadata and the vents;
             ``vents`` is None if the bag has none.
-        scene: The scene in the bag, in the form of ``scene_to_dict``.
+        georeference: Topic name of the georeference of the ground, None if the bag has none.
+        scene: The scene in the bag, in the form of ``scene_to_dict``, with the newest
+            georeference if the bag has no description.
     """
 
     def __init__(
@@ -207,11 +210,18 @@ class Recording:
         if not isinstance(self.scene.get('terrain', {}), Mapping):
             field = f'custom_data scene.terrain of {path}'
             raise LavaError(field, self.scene['terrain'], 'a mapping')
+        self.georeference = self._topic(TOPIC, MESSAGE)
+        # other recorders store no scene
+        if self.georeference is not None and not self.scene:
+            for item in bag.newest([self.georeference], (bag.end_ns or 0) + 1):
+                if stated := recorded_georeference(bag, self.decoder, item):
+                    self.scene = georeferenced(self.scene, stated.georeference)
 
     @property
     def topics(self) -> set[str]:
         """Names of the topics of a frame."""
-        names = {self.terrain, self.terrain_info, self.vents, *self.layers}
+        ground = self.terrain, self.terrain_info, self.georeference
+        names = {*ground, self.vents, *self.layers}
         return {name for name in names if name is not None}
 
     @property
@@ -381,12 +391,24 @@ class _Assembly:
             layers=layers,
             vents=self._get(recording.vents, _vents) if has_vents else np.empty((0, 2)),
             time=recording.timeline.time_at(stamp),
-            scene=recording.scene,
+            scene=self._scene(),
             arrived=None if arrived is None else arrived.values,
         )
         # lava without any arrival time: the simulation did not record arrival times
         is_valid = frame.inundated is None or frame.inundated.any() or not frame.standing.any()
         return frame if is_valid else replace(frame, arrived=None)
+
+    def _scene(self) -> Mapping[str, Any]:
+        """Return the scene with the georeference of the ground, if the bag has it."""
+        recording, name = self._recording, self._recording.georeference
+        if name is None or name not in self.newest:
+            return recording.scene
+        stated = self._get(name, partial(recorded_georeference, recording.bag))
+        ground = recording.terrain, recording.terrain_info
+        stamps = [stamp_of(self.newest[topic]) for topic in ground]
+        if stated is None or not stated.belongs_to(stamps):
+            return recording.scene
+        return georeferenced(recording.scene, stated.georeference)
 
     def _layer_names(self) -> list[str]:
         return [name for name in self._recording.layers if name in self.newest]

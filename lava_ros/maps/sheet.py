@@ -17,7 +17,7 @@ from lava_ros.files.pictures import new_figure, read_picture, save_picture
 from lava_ros.maps import overlays as overlay_files
 from lava_ros.maps import plot
 from lava_ros.maps.colours import picture_of, Scale, scale_of, STYLES
-from lava_ros.maps.export import placement_of
+from lava_ros.maps.export import georeference_of
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.overlays import COLOURS, OverlayStyle
 from lava_ros.maps.page_layout import choose_page, DPI, Imprint, shrink_title
@@ -60,7 +60,7 @@ class Panel:
     @property
     def offset(self) -> tuple[float, float]:
         """Easting and northing [m] of the map frame's origin; 0, 0 if unknown."""
-        return placement_of(self.frame.scene).offset
+        return georeference_of(self.frame.scene).offset
 
 
 def draw_sheet(
@@ -160,7 +160,7 @@ def _draw_panel(
     picture = picture_of(panel.values, plot.shaded_ground(frame), scale)
     plot.draw_map(axes, frame, picture, window)
     plot.draw_contours(axes, frame, window, interval)
-    system = placement_of(frame.scene).system
+    system = georeference_of(frame.scene).system
     plot.draw_ticks(axes, panel.offset if system else None)
     if system:
         _draw_degrees(axes, window, panel.offset, system)

@@ -21,6 +21,7 @@ from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.scene import suspicious_temperatures, Terrain
+from lava_ros.scene.projection import system_name
 from lava_ros.scene.vents import are_in_place
 from lava_ros.simulation.output.inundation import inundated_cells
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -96,6 +97,8 @@ def simulation_status(
         terrain = snapshot.terrain
         if terrain.epsg is not None:
             values['epsg'] = terrain.epsg
+        if terrain.has_system:
+            values['coordinate_system'] = system_name(terrain.epsg, terrain.wkt)
             values['offset_easting'], values['offset_northing'] = map(repr, terrain.offset)
     if not is_active:
         message = f'inactive: {message}'
@@ -351,4 +354,5 @@ def _terrain_text(terrain: Terrain) -> str:
     rows, columns = terrain.shape
     empty = int(np.isnan(terrain.elevation).sum())
     holes = f', {empty} of them without data' * bool(empty)
-    return f'terrain: {columns} x {rows} cells of {terrain.resolution:g} m{holes}'
+    system = f', {system_name(terrain.epsg, terrain.wkt)}' * terrain.has_system
+    return f'terrain: {columns} x {rows} cells of {terrain.resolution:g} m{holes}{system}'

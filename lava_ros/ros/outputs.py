@@ -15,10 +15,12 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from lava_ros.bag.georeference import TOPIC
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec
+from lava_ros.ros.georeference import georeference_message, StaticTransform, TF_STATIC
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 
@@ -219,8 +221,9 @@ class SceneMessages:
     The node publishes these messages, and every bag contains them.
     """
 
-    def __init__(self) -> None:
-        """Initialize without any messages made."""
+    def __init__(self, transform: StaticTransform | None = None) -> None:
+        """Initialize without any messages made; ``transform`` makes those of ``/tf_static``."""
+        self._transform = transform
         self.forget()
 
     def forget(self) -> None:
@@ -240,15 +243,18 @@ class SceneMessages:
             ground: Current terrain under the flow; None for that of the scene.
 
         Returns:
-            Messages by topic: ``terrain``, ``terrain_info`` and ``relief`` for new ground,
-            ``vents`` and ``vents_markers`` for new ground or changed vents. Topics to which the
-            node also subscribes come first.
+            Messages by topic: ``terrain_georeference``, ``terrain``, ``terrain_info``, ``relief``
+            and with a transform ``/tf_static`` for new ground, ``vents`` and ``vents_markers`` for
+            new ground or changed vents. Topics that are also inputs of the node come first.
         """
         ground = scene.terrain if ground is None else ground
         inputs: dict[str, Any] = {}
         pictures: dict[str, Any] = {}
         if ground is not self._ground:
+            inputs[TOPIC] = georeference_message(ground.georeference, header)
             inputs |= terrain_messages(ground, header)
+            if self._transform and (message := self._transform.update(ground, header)):
+                pictures[TF_STATIC] = message
             pictures['relief'] = relief_message(ground, header)
             self._ground, self._vents = ground, None
         rows = vent_rows(scene.vents, time)

@@ -176,6 +176,11 @@ class Settings:
         read=lambda margin: margin if margin >= 0.0 else None,
     )
     frame_id: str = _fixed('map', 'Frame of every message in and out (ENU)')
+    publish_tf: bool = _fixed(
+        True,
+        'Publish the static transform from utm or earth to frame_id on /tf_static, if the terrain '
+        'has a coordinate system',
+    )
     time_scale: float = _parameter(
         1.0, 'Simulated seconds per second of the clock [s/s]', (1e-3, 1e6)
     )
@@ -280,8 +285,8 @@ class Settings:
     )
     epsg: int | None = _optional(
         0,
-        'EPSG code of the coordinate system of which map is an offset, for terrain from topics; '
-        '0: none',
+        'EPSG code of the coordinate system of which map is an offset, for terrain from topics '
+        'without terrain_georeference; 0: none',
         (0, 2**31),
     )
     offset_easting: float = _parameter(

@@ -4,7 +4,7 @@
 """Publication of layers and of the scene; the recorder gets the same bytes."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,6 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
 from rclpy.clock import Clock, ClockType
@@ -23,6 +24,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lava_ros.bag import QosProfile
+from lava_ros.bag.georeference import TOPIC
 from lava_ros.errors import LavaError
 from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker import SimulationWorker
@@ -30,6 +32,7 @@ from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layer_files import load_layers, switched
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.georeference import static_transform, TF_LISTENER, TF_STATIC
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Scene
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
@@ -99,8 +102,8 @@ class NodeGraph:
     def published(self) -> Counter[str]:
         """Number of publishers of this node by topic, without those that nodes share."""
         made = (item.topic_name for item, kind in self._made.items() if kind == 'publisher')
-        shared = self.node.resolve_topic_name('/diagnostics')
-        return Counter(topic for topic in made if topic != shared)
+        shared = [self.node.resolve_topic_name(name) for name in ('/diagnostics', TF_STATIC)]
+        return Counter(topic for topic in made if topic not in shared)
 
     @property
     def topics(self) -> dict[str, str]:
@@ -323,16 +326,29 @@ class LayerPublishers(Generic[Shown]):
         return outputs.layer_message(layer, shown, self._graph.header(stamp_ns))
 
 
-class ScenePublisher:
-    """Publishes relief and vents, latched, and the node's own terrain on its input topics."""
+#: Messages of a terrain by topic.
+_GROUND = {TOPIC: TransformStamped, 'terrain': Image, 'terrain_info': MapMetaData}
 
-    def __init__(self, graph: NodeGraph) -> None:
+
+class ScenePublisher:
+    """Publishes relief and vents, latched, and the node's own terrain on its input topics.
+
+    It also publishes the static transform to the map frame, if ``publish_tf`` is true.
+    """
+
+    def __init__(self, graph: NodeGraph, *, publish_tf: bool) -> None:
         """Create the publishers."""
         self._graph = graph
-        self._messages = outputs.SceneMessages()
+        self._transform = static_transform(is_wanted=publish_tf)
+        self._messages = outputs.SceneMessages(self._transform)
         self._sent: dict[str, bytes] = {}
-        self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
-        self._drawn = self._create(relief=OccupancyGrid, vents_markers=MarkerArray)
+        self._publishers = self._create(_GROUND)
+        self._drawn = self._create({'relief': OccupancyGrid, 'vents_markers': MarkerArray})
+        if self._transform is not None:
+            kind = self._transform.message_class
+            self._drawn |= self._create({TF_STATIC: kind})
+            profile = qos.ros_profile(TF_LISTENER)
+            graph.create('subscription', kind, TF_STATIC, self._on_transforms, profile)
 
     def publish(self, scene: Scene, time: float, stamp_ns: int, *, is_heard: bool) -> None:
         """Publish the vents and the terrain if they have changed.
@@ -354,13 +370,21 @@ class ScenePublisher:
             for publisher in self._publishers.values():
                 self._graph.drop(publisher)
             self._sent = {}
-            self._publishers = self._create(terrain=Image, terrain_info=MapMetaData)
+            self._publishers = self._create(_GROUND)
 
     def is_echo(self, topic: str, data: bytes) -> bool:
         """Return True if a message is the one published here, which comes back."""
         return topic in self._sent and sha256(data).digest() == self._sent[topic]
 
-    def _create(self, **kinds: Any) -> dict[str, Any]:
+    def warning(self) -> str:
+        """Return a warning about the static transform, empty without one."""
+        return self._transform.warning() if self._transform is not None else ''
+
+    def _on_transforms(self, message: Any) -> None:
+        assert self._transform is not None
+        self._transform.receive(message.transforms, self._graph.frame_id)
+
+    def _create(self, kinds: Mapping[str, Any]) -> dict[str, Any]:
         latched = qos.ros_profile(qos.LATCHED)
         return {
             topic: self._graph.create('publisher', kind, topic, latched)

@@ -13,6 +13,7 @@ from lava_ros.bag.recorded_node import RecordedNode
 from lava_ros.files.yaml import dump_yaml
 from lava_ros.live.session import is_on, Origin, SessionView
 from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.georeference import StaticTransform
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -32,18 +33,20 @@ class SceneRecording:
     switch, and the checkpoint from which the simulation was resumed, if any.
 
     ``configs`` contains the texts of the layer files by the names of their parameters;
-    ``parameters`` returns all parameters of the node by name.
+    ``parameters`` returns all parameters of the node by name. ``transform`` makes the static
+    transforms to the map frame, None without them.
     """
 
     graph: NodeGraph
     configs: Mapping[str, str]
     parameters: Callable[[], Mapping[str, Any]]
+    transform: StaticTransform | None = None
 
     def __post_init__(self) -> None:
         """Initialize without a bag."""
         self._scene: Scene | None = None
         self._origin: Origin | None = None
-        self._messages = outputs.SceneMessages()
+        self._messages = outputs.SceneMessages(self.transform)
         self._written_ns = self._written_size = 0
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []

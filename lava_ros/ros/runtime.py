@@ -22,6 +22,7 @@ from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.executor import now_ns
 from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
+from lava_ros.ros.georeference import recorded_transform
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
 from lava_ros.ros.publishers import (
     LayerPublishers,
@@ -94,6 +95,7 @@ class NodeRuntime:
             graph,
             configs={name: path.read_text(encoding='utf-8') for name, path in configs.items()},
             parameters=values,
+            transform=recorded_transform(node.get_logger(), is_wanted=settings.publish_tf),
         )
         snapshot_ready = graph.create('guard_condition', self._publish)
         factory = SimulationFactory()
@@ -123,7 +125,7 @@ class NodeRuntime:
         self._places = PlaceTopic(graph, features)
         for rate in sorted(self._layers.rates | self._forecasts.rates):
             graph.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
-        self._scene = ScenePublisher(graph)
+        self._scene = ScenePublisher(graph, publish_tf=settings.publish_tf)
         self._particles = ParticlePublisher(graph, self.worker)
         self._diagnostics = graph.create(
             'publisher', DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
@@ -395,7 +397,7 @@ class NodeRuntime:
                     clock=clock,
                 ),
                 diagnostics.effects_status(view.effects),
-                self.inputs.status(),
+                self.inputs.status(self._scene.warning()),
                 diagnostics.recorder_status(self._checkpoints),
                 *self._forecasts.statuses(),
                 *self._places.statuses(),

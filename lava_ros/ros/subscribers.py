@@ -15,15 +15,16 @@ import threading
 import time
 import traceback
 from typing import Any
-from weakref import WeakValueDictionary
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PointStamped
+from geometry_msgs.msg import PointStamped, TransformStamped
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from rclpy.clock import Clock
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag import QosProfile
+from lava_ros.bag.georeference import TOPIC
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.live.worker import SimulationWorker
@@ -31,6 +32,7 @@ from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
 from lava_ros.ros import codec, diagnostics, inputs, qos
 from lava_ros.ros.codec import decode
 from lava_ros.ros.executor import now_ns
+from lava_ros.ros.georeference import TerrainGeoreferences
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Terrain
@@ -246,7 +248,10 @@ class InputSubscribers:
         """Subscribe to the input topics."""
         self.log = InputLog()
         self._logger = self.graph.node.get_logger()
-        self._heard: WeakValueDictionary[int, Terrain] = WeakValueDictionary()
+        self._georeferences = TerrainGeoreferences()
+        self._set_terrain: Future[None] | None = None
+        # wall time at which the newest terrain is used, even without its georeference [s]
+        self._ground_due = math.inf
         self._pairing = inputs.TerrainPairing()
         self._clicks, self._begun_ns = 0, now_ns(self.graph.node)
         self._has_vents = self._is_told = False
@@ -263,7 +268,9 @@ class InputSubscribers:
             take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
         self.wanted = f'waiting for terrain on {", ".join(terrains)}'
-        self._replaced, self._rivals, self._looked = (list(terrains), ['vents']), '', -math.inf
+        self._replaced = list(terrains), [TOPIC], ['vents']
+        self._rivals, self._looked = '', -math.inf
+        self._subscribe(TOPIC, TransformStamped, self._on_georeference, qos.state_inputs(1))
         for topic, (kind, callback) in terrains.items():
             self._subscribe(topic, kind, callback, qos.state_inputs(1))
         commands = qos.state_inputs(qos.COMMANDS.depth)
@@ -292,15 +299,19 @@ class InputSubscribers:
                 'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
             )
 
-    def status(self) -> DiagnosticStatus:
+    def status(self, warning: str = '') -> DiagnosticStatus:
         """Return the status of the inputs; warn of nodes that publish what they must not.
 
-        It also warns until the first vents.
+        It also warns until the first vents, of a georeference that is not used, and with a
+        ``warning``.
         """
         now = time.monotonic()
         if now - self._looked >= RIVALS_PERIOD:
-            known, given = self._rivals, map(self._find_rivals, self._replaced)
-            self._rivals = '; '.join(filter(None, (*given, self._find_imitators())))
+            known, scene = self._rivals, self.worker.view.scene
+            found = [*map(self._find_rivals, self._replaced), self._find_imitators(), warning]
+            if scene is not None:
+                found.append(self._georeferences.warning(scene.terrain))
+            self._rivals = '; '.join(filter(None, found))
             self._looked = now
             if self._rivals not in ('', known):
                 self._logger.warning(self._rivals)
@@ -376,7 +387,7 @@ class InputSubscribers:
 
     def came_from_topic(self, terrain: Terrain) -> bool:
         """Return True if a terrain was received on ``terrain`` and ``terrain_info``."""
-        return id(terrain) in self._heard
+        return self._georeferences.topic_of(terrain) == 'terrain'
 
     def report_callback(self, error: Exception) -> None:
         """Report an error that the middleware itself raised in a callback."""
@@ -424,13 +435,42 @@ class InputSubscribers:
             pair = self._pairing.poll(time.monotonic())
             if pair is not None:
                 terrain = inputs.terrain_from_image(*pair, self.settings())
-                self._heard[id(terrain)] = terrain
-                self.command('terrain', self.worker.set_terrain(terrain))
+                self._put('terrain', terrain, pair[0].header.stamp, pair[1].map_load_time)
         except LavaError as error:
             self._reject('terrain', error)
+        if time.monotonic() >= self._ground_due:
+            self._put_ground(self._georeferences.topic)
 
     def _on_ground(self, topic: str, read: Callable[..., Terrain], message: Any) -> None:
-        self.command(topic, self.worker.set_terrain(read(message, self.settings())))
+        self._put(topic, read(message, self.settings()), message.header.stamp)
+
+    def _put(self, topic: str, terrain: Terrain, *stamps: Time) -> None:
+        """Take a terrain of a topic; its georeference may follow within ``inputs.SETTLE``."""
+        has_georeference = self._georeferences.add_terrain(terrain, topic, *stamps)
+        if has_georeference or not self.graph.other_publishers(TOPIC):
+            self._put_ground(topic)
+        else:
+            self._ground_due = min(self._ground_due, time.monotonic() + inputs.SETTLE)
+
+    def _put_ground(self, topic: str) -> None:
+        """Replace the terrain by the newest one, for a message on a topic."""
+        assert self._georeferences.ground is not None
+        self._ground_due = math.inf
+        self._set_terrain = self.worker.set_terrain(self._georeferences.ground)
+        self.command(topic, self._set_terrain)
+
+    def _on_georeference(self, message: TransformStamped) -> None:
+        is_of_ground = self._georeferences.add_georeference(message, self.settings().frame_id)
+        is_late, scene = self._ground_due == math.inf, self.worker.view.scene
+        is_waiting = self._set_terrain is not None and not self._set_terrain.done()
+        # a file or an event of the scene may have replaced the terrain of the topic
+        is_used = scene is not None and self._georeferences.topic_of(scene.terrain) is not None
+        if is_of_ground and is_late and (is_waiting or is_used):
+            self._put_ground(TOPIC)
+            return
+        self.log.accept(TOPIC)
+        if is_of_ground and not is_late:
+            self._put_ground(self._georeferences.topic)
 
     def _on_vents(self, cloud: PointCloud2) -> None:
         vents = inputs.vents_from_cloud(cloud, self.settings())

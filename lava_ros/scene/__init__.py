@@ -19,6 +19,7 @@ from lava_ros.scene.scene import (
     with_changes,
 )
 from lava_ros.scene.terrain import (
+    Georeference,
     MAX_COORDINATE,
     MAX_ELEVATION,
     MAX_SIDE_CELLS,
@@ -43,6 +44,7 @@ __all__ = [
     'MAX_VENT_VISCOSITY',
     'RESOLUTION_RANGE',
     'VENT_TEMPERATURE_RANGE',
+    'Georeference',
     'Lava',
     'Scene',
     'Terrain',

@@ -3,9 +3,10 @@
 
 """Elevation of the ground on a regular grid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,22 @@ MAX_WKT = 100_000
 
 #: Maximum absolute map or projected coordinate [m].
 MAX_COORDINATE = 1e9
+
+
+class Georeference(NamedTuple):
+    """Coordinate system of the map frame, and easting and northing [m] of its origin.
+
+    The fields are those of ``Terrain``.
+    """
+
+    epsg: int | None = None
+    offset: tuple[float, float] = (0.0, 0.0)
+    wkt: str | None = None
+
+    @property
+    def system(self) -> str | None:
+        """The coordinate system in the notation of GDAL; None if it is unknown."""
+        return self.wkt if self.epsg is None else f'EPSG:{self.epsg}'
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +119,20 @@ class Terrain:
     def has_system(self) -> bool:
         """True if the coordinate system is known."""
         return self.epsg is not None or self.wkt is not None
+
+    @property
+    def georeference(self) -> Georeference:
+        """Coordinate system and offset."""
+        return Georeference(self.epsg, self.offset, self.wkt)
+
+    def with_georeference(self, georeference: Georeference) -> 'Terrain':
+        """Return the same ground with another georeference.
+
+        Map positions do not change, those of the barriers included.
+        """
+        shift = np.subtract(georeference.offset, self.offset)
+        barriers = tuple(tuple(map(tuple, (crest + shift).tolist())) for crest in self.barriers)
+        return replace(self, **georeference._asdict(), barriers=barriers)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -179,6 +210,19 @@ class Terrain:
     def to_map(self, easting: float, northing: float) -> tuple[float, float]:
         """Convert projected coordinates [m] to map coordinates [m]."""
         return (easting - self.offset[0], northing - self.offset[1])
+
+
+def has_same_cells(one: Terrain, other: Terrain) -> bool:
+    """Return True if two terrains have the same cells; elevations and missing data may differ."""
+    cells = [(item.shape, item.resolution, item.origin) for item in (one, other)]
+    return cells[0] == cells[1]
+
+
+def is_same_ground(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
+    """Return True for the same cells of the map frame, with elevations within a limit [m]."""
+    return has_same_cells(one, other) and np.allclose(
+        one.elevation, other.elevation, rtol=0.0, atol=within, equal_nan=True
+    )
 
 
 def check_epsg(field: str, code: object) -> None:

@@ -15,6 +15,7 @@ from lava_ros.effects import Effects, excluded_by
 from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.scene.terrain import is_same_ground
 from lava_ros.simulation.accuracy import Accuracy, COVERED
 from lava_ros.simulation.advance import advancing_to
 from lava_ros.simulation.backend.memory import within_memory
@@ -384,6 +385,10 @@ class Simulation:
         later, scene = terrain, replace(self.scene, terrain=terrain)
         for event in scene.events:
             later = event.ground(later)
+        if is_same_ground(terrain, self.scene.terrain):
+            # only the georeference is new, of which the solver knows nothing
+            self.solver.scene = scene
+            return
         self._catch_up()
         self._replace_terrain(scene)
 

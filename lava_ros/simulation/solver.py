@@ -17,6 +17,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Terrain
+from lava_ros.scene.terrain import has_same_cells
 from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
@@ -39,12 +40,7 @@ from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.solidified import RaisedTerrain
 from lava_ros.simulation.particles.state import room_for, State
-from lava_ros.simulation.particles.terrain import (
-    averaged,
-    has_same_cells,
-    sampled,
-    StaggeredTerrain,
-)
+from lava_ros.simulation.particles.terrain import averaged, sampled, StaggeredTerrain
 from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet

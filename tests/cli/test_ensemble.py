@@ -168,7 +168,10 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     bag = BagReader(out / 'atlas')
     assert yaml.safe_load(bag.custom_data['scene'])['uncertainty']['discharge']['factor'] == 1.5
     messages = {message.topic: message for message in bag.messages()}
-    others = ('terrain', 'terrain_info', 'relief', 'vents', 'vents_markers', 'probability_class')
+    others = (
+        'terrain', 'terrain_info', 'terrain_georeference', 'relief', 'vents', 'vents_markers',
+        'probability_class',
+    )
     assert {f'/lava/{name}' for name in (*MAPS, *others)} == set(messages)
     assert described_node(bag.custom_data) == RecordedNode(
         '/lava/lava', '/lava', {topic.removeprefix('/lava/'): topic for topic in messages}

@@ -16,6 +16,7 @@ from rclpy.serialization import serialize_message
 
 from fuzz.bags import change
 from fuzz.mutations import damaged
+from lava_ros.bag.georeference import read_georeference
 from lava_ros.errors import LavaError
 from lava_ros.ros import inputs
 from lava_ros.ros.codec import decode
@@ -27,6 +28,7 @@ CHECKS: dict[str, Callable[..., Any]] = {
     'terrain': inputs.check_image,
     'terrain_info': inputs.check_info,
     'terrain_cloud': inputs.terrain_from_cloud,
+    'terrain_georeference': lambda message, rules: read_georeference(message, rules.frame_id),
     'vents': inputs.vents_from_cloud,
     'clicked_point': partial(inputs.vent_from_point, name='click'),
 }
@@ -40,6 +42,7 @@ _VALID = {
     'terrain': graph_publisher.image,
     'terrain_info': graph_publisher.info,
     'terrain_cloud': lambda: graph_publisher.cloud(graph_publisher.points()),
+    'terrain_georeference': graph_publisher.georeference,
     'vents': graph_publisher.vents,
     'clicked_point': lambda: graph_publisher.click(100.0, 155.0),
 }

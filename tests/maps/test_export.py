@@ -148,7 +148,7 @@ def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
         export_bag(bag, tmp_path / 'out', formats=['geojson'])
     assert not (tmp_path / 'out').exists()
     exported = export_bag(bag, tmp_path / 'plain', maps=['hazard'])
-    assert exported.placement.epsg is None
+    assert exported.georeference.epsg is None
     with rasterio.open(tmp_path / 'plain/hazard.tif') as file:
         assert file.crs is None
         assert file.bounds[:2] == (-50.0, 20.0)

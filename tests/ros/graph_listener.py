@@ -3,7 +3,8 @@
 
 """A process that subscribes to the node's topics and prints a JSON line for each message.
 
-Arguments: topic names, with the suffix ``:image``, ``:cloud`` or ``:markers`` for other types.
+Arguments: topic names, with the suffix ``:image``, ``:cloud``, ``:markers`` or ``:georeference``
+for other types.
 """
 
 import hashlib
@@ -11,6 +12,7 @@ import json
 import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import OccupancyGrid
 import numpy as np
 import rclpy
@@ -20,7 +22,10 @@ from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 #: Types of message by suffix of a topic's name.
-KINDS = {'': OccupancyGrid, 'image': Image, 'cloud': PointCloud2, 'markers': MarkerArray}
+KINDS = {
+    '': OccupancyGrid, 'image': Image, 'cloud': PointCloud2, 'markers': MarkerArray,
+    'georeference': TransformStamped,
+}
 
 
 def line_of(topic, kind, data):
@@ -52,6 +57,9 @@ def line_of(topic, kind, data):
             name: float(values[:, index].mean()) if message.width else 0.0
             for index, name in enumerate(names)
         }
+    elif kind is TransformStamped:
+        place = message.transform.translation
+        line['system'], line['offset'] = message.header.frame_id, [place.x, place.y]
     elif kind is MarkerArray:
         line['markers'] = [
             {'action': item.action, 'text': item.text, 'z': item.pose.position.z}

@@ -8,7 +8,7 @@ from array import array
 import hashlib
 import time
 
-from geometry_msgs.msg import PointStamped
+from geometry_msgs.msg import PointStamped, TransformStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import MapMetaData, OccupancyGrid
@@ -32,6 +32,7 @@ TYPES = {
     'terrain': (Image, LATCHED),
     'terrain_info': (MapMetaData, LATCHED),
     'terrain_cloud': (PointCloud2, LATCHED),
+    'terrain_georeference': (TransformStamped, LATCHED),
     'vents': (PointCloud2, QoSProfile(depth=10)),
     'clicked_point': (PointStamped, QoSProfile(depth=10)),
     'observed_outline': (OccupancyGrid, QoSProfile(depth=10)),
@@ -124,6 +125,13 @@ def outline(reach=100.0, late=0.0, frame_id='map', **changes):
     return codec.occupancy_grid(np.where(lava, 100, 0).astype(np.int8), info(**changes), header)
 
 
+def georeference(system='EPSG:32633', x=499000.0, y=4180000.0, stamp_ns=0, frame_id='map'):
+    """Return a georeference, which belongs to every terrain unless it has a stamp."""
+    message = TransformStamped(child_frame_id=frame_id, header=codec.header(system, stamp_ns))
+    message.transform.translation.x, message.transform.translation.y = x, y
+    return message
+
+
 def spoilt(value):
     values = elevation()
     values[5, 5] = value
@@ -140,6 +148,7 @@ CASES = {
     'terrain': ('terrain', image),
     'terrain_info': ('terrain_info', info),
     'terrain_cloud': ('terrain_cloud', lambda: cloud(points())),
+    'georeference': ('terrain_georeference', georeference),
     'vents': ('vents', vents),
     'kelvin_vents': ('vents', lambda: vents(temperature=1360.0)),
     'no_vents': ('vents', lambda: cloud({'x': []})),

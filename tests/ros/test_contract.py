@@ -35,15 +35,17 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / 'docs' / 'ROS.md'
 FILE = ROOT / 'params' / 'lava.yaml'
 
-#: Topics that exist only with grid_map_msgs.
-GRID_MAP_TOPICS = {'terrain_grid', 'lava_grid_map'}
-HAS_GRID_MAPS = importlib.util.find_spec('grid_map_msgs') is not None
+#: Packages of topics that exist only with them.
+PACKAGES = {
+    'terrain_grid': 'grid_map_msgs', 'lava_grid_map': 'grid_map_msgs', '/tf_static': 'tf2_msgs',
+}
+MISSING = {name for name in PACKAGES.values() if importlib.util.find_spec(name) is None}
 
 #: Layers that are off by default.
 OPTIONAL = [
     layer.name
     for layer in load_layers(ROOT / 'msg_configs' / 'default.yaml')
-    if not layer.enabled and (HAS_GRID_MAPS or layer.topic not in GRID_MAP_TOPICS)
+    if not layer.enabled and PACKAGES.get(layer.topic) not in MISSING
 ]
 
 #: Parameters of the node, in addition to those of ``COARSE``.
@@ -138,9 +140,9 @@ def test_topics_are_those_of_the_table(shown, kind, way):
     for name, direction, kind_of_message, qos, _, meaning in rows('Topics'):
         assert direction in ('in', 'out'), name
         assert meaning, name
-        if name in GRID_MAP_TOPICS:
-            assert 'where grid_map_msgs is installed' in meaning
-            if not HAS_GRID_MAPS:
+        if name in PACKAGES:
+            assert f'where {PACKAGES[name]} is installed' in meaning
+            if PACKAGES[name] in MISSING:
                 continue
         reliability, durability, _ = qos.upper().split(', ')
         if direction == way:

@@ -203,6 +203,7 @@ def test_layer_without_the_package_is_an_error(absent):
 
 def subscribed(**changes):
     entities, worker = Mock(), Mock()
+    entities.other_publishers.return_value = []
     entities.node.get_clock().now().nanoseconds = 1
     worker.set_terrain.return_value = Future()
     InputSubscribers(entities, worker, settings=lambda: Settings(**changes), steady=Clock())
@@ -212,7 +213,10 @@ def subscribed(**changes):
 
 
 def test_no_subscription_to_grid_maps_without_the_package(absent):
-    usual = {'terrain', 'terrain_info', 'terrain_cloud', 'vents', 'clicked_point'}
+    usual = {
+        'terrain', 'terrain_info', 'terrain_cloud', 'terrain_georeference', 'vents',
+        'clicked_point',
+    }
     assert set(subscribed()[0]) == usual
     assert set(subscribed(clicked_point_enabled=False)[0]) == usual - {'clicked_point'}
 

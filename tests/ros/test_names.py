@@ -145,8 +145,9 @@ def test_terrain_of_the_node_is_no_input(start, monkeypatch):
     monkeypatch.setattr(ScenePublisher, 'is_echo', note)
     # as an input, the terrain would be scaled, and refused for its hole
     node = start(HEKLA, terrain_scale=2.0)
-    node.wait_until(lambda: len(received) == 2)
-    assert sorted(received) == [('terrain', True), ('terrain_info', True)]
+    node.wait_until(lambda: len(received) == 3)
+    topics = 'terrain', 'terrain_georeference', 'terrain_info'
+    assert sorted(received) == [(topic, True) for topic in topics]
     status = node.status_now('inputs', node='hekla/lava2')
     # the one accepted input is the terrain of the file
     assert (status['accepted'], status['rejected']) == ('1', '0')

@@ -283,7 +283,8 @@ def test_particles_are_on_the_surface_and_few(monkeypatch):
     assert set(found['z']) == {6.0} and set(found['temperature']) == {1000.0}
 
 
-GROUND, SPRINGS = {'terrain', 'terrain_info', 'relief'}, {'vents', 'vents_markers'}
+GROUND = {'terrain_georeference', 'terrain', 'terrain_info', 'relief'}
+SPRINGS = {'vents', 'vents_markers'}
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,10 @@ def test_terrain_and_vents_are_repeated_as_the_bag_grows(tmp_path):
         seen.setdefault(item.topic, []).append(item.stamp_ns // 10**9)
     # nothing else is written after that
     assert seen['/terrain'] == [1, 61, 121, 181]
-    scene = ('/terrain', '/terrain_info', '/relief', '/vents', '/vents_markers')
+    scene = (
+        '/terrain', '/terrain_info', '/terrain_georeference', '/relief', '/vents',
+        '/vents_markers',
+    )
     assert all(seen[topic] == seen['/terrain'] for topic in scene)
     assert all(bag.topics[topic].qos == LATCHED for topic in scene)
 

@@ -16,7 +16,7 @@ from lava_ros.live.worker_status import WorkerState
 from lava_ros.maps.export import export_bag
 from lava_ros.maps.frames import Recording
 from ros.graph_publisher import elevation
-from ros.test_contract import GRID_MAP_TOPICS, HAS_GRID_MAPS, OPTIONAL, rows
+from ros.test_contract import MISSING, OPTIONAL, PACKAGES, rows
 
 SCENE = """
 terrain: {file: slope.npz}
@@ -32,7 +32,7 @@ UNRECORDED = {'/rosout', '/parameter_events', '~/transition_event', 'lava_partic
 OUTPUTS = [
     name for name, way, *_ in rows('Topics')
     if way == 'out' and name not in UNRECORDED
-    and (HAS_GRID_MAPS or name not in GRID_MAP_TOPICS)
+    and PACKAGES.get(name) not in MISSING
 ]
 
 
@@ -68,7 +68,8 @@ def bag(module_local, tmp_path_factory):
     node.wait_until(lambda: node.worker.status.state is WorkerState.RUNNING)
     node.run(3.0)
     # forecasts and ensembles take some time; the listener has no messages without a header
-    node.newest(*(moved(name).removeprefix('/') for name in OUTPUTS if name != 'terrain_info'))
+    without = ('terrain_info', '/tf_static')
+    node.newest(*(moved(name).removeprefix('/') for name in OUTPUTS if name not in without))
     # readers need the diagnostics of the last maps
     stamp = str(round(node.now * 1e9))
     node.wait_for_topic(

@@ -21,7 +21,7 @@ from ros_domain import own_domain
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 
 #: A message of each input that is state, by its name in ``CASES``.
-STATE = ('terrain', 'vents', 'terrain_info', 'terrain_cloud', 'outline')
+STATE = ('terrain', 'vents', 'terrain_info', 'terrain_cloud', 'georeference', 'outline')
 
 #: The same for a slow test.
 INPUTS = [*STATE[:2], *(pytest.param(case, marks=pytest.mark.nightly) for case in STATE[2:])]
@@ -132,7 +132,7 @@ def test_inputs_of_these_tests_are_all_that_are_state(local):
     tested = {CASES[case][0] for case in STATE}
     # grid_map_msgs is not on PyPI
     assert {topic for topic in found if found[topic] == 2} - {'terrain_grid'} == tested
-    assert found.keys() - tested <= {'terrain_grid', 'clicked_point', 'clock'}
+    assert found.keys() - tested <= {'terrain_grid', 'clicked_point', 'clock', 'tf_static'}
 
 
 def test_clicks_from_before_the_start_open_no_vent(local, taken):

@@ -14,7 +14,7 @@ from typing import Any
 
 from lava_ros.bag.description import described
 from lava_ros.files import file_to_write, write_output
-from lava_ros.maps.export import placement_of
+from lava_ros.maps.export import georeference_of
 from lava_ros.maps.frames import Progress, Recording, silent
 from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.page_layout import BANNER
@@ -113,7 +113,7 @@ def _data(
     recording: Recording, summary: RunSummary, charts: Sequence[Chart], progress: Progress
 ) -> dict[str, Any]:
     frame, view = summary.frame, view_of(summary)
-    place = placement_of(recording.scene)
+    place = georeference_of(recording.scene)
     onset = recorded_onset(recording.bag.custom_data)
     rows, columns = (
         -(-(last - first) // view.factor) for first, last in (view.rows, view.columns)

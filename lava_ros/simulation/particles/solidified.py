@@ -22,12 +22,13 @@ import warp as wp
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
+from lava_ros.scene.terrain import has_same_cells
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.layout import BORDER, fitting, ground_type, HOLES
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.particles.terrain import averaged, has_same_cells, StaggeredTerrain
+from lava_ros.simulation.particles.terrain import averaged, StaggeredTerrain
 
 #: Unit of the thickness of solidified lava [m]; the maximum thickness is 2^63 units.
 THICKNESS_UNIT = 2.0**-44

@@ -87,12 +87,6 @@ def _raise(real: Any) -> Any:
     return raise_top
 
 
-def has_same_cells(one: Terrain, other: Terrain) -> bool:
-    """Return True if two terrains have the same cells; elevations and missing data may differ."""
-    cells = [(item.shape, item.resolution, item.origin) for item in (one, other)]
-    return cells[0] == cells[1]
-
-
 def sampled(
     values: np.ndarray, before: Terrain, after: Terrain, *, outside: float
 ) -> np.ndarray:
