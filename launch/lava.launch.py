@@ -18,7 +18,7 @@ from difflib import get_close_matches
 import os
 from pathlib import Path
 import sys
-import time
+from uuid import uuid4
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
@@ -160,8 +160,8 @@ def _start(context):
     )
     is_default = not LaunchConfiguration('respawn').perform(context)
     respawns = _is_true(context, 'record' if is_default else 'respawn')
-    # Bags from before this launch belong to another eruption.
-    restart = {'resume_since': time.time()} if respawns else {}
+    # Every start of the node in this launch is the same run; another launch is another run.
+    restart = {'restart_token': f'launch-{uuid4().hex}'} if respawns else {}
 
     def end(event, context):
         """Shut down if the node ended by itself: a restart would end in the same way."""

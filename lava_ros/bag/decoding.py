@@ -3,9 +3,10 @@
 
 """Decoding of messages to objects and arrays, and the simulated times of a bag."""
 
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 import math
 import re
@@ -177,12 +178,16 @@ def _check_rows(message: Any, name: str, field: str, least: int, expected: str) 
 
 DIAGNOSTICS = '/diagnostics'
 
+#: Minimum jump of a clock that a recorder continues over [ns].
+MIN_JUMP_NS = 10**9
+
 
 @dataclass(frozen=True)
 class Moment:
     """The diagnostics of one frame: ROS time [ns], simulated time [s], and texts by name.
 
-    An example of a name in ``values`` is ``volume_held_m3``. ``node`` is the full name of the node
+    In a timeline, ROS times continue where the clock jumped (``Timeline.ros_time``). An example of
+    a name in ``values`` is ``volume_held_m3``. ``node`` is the full name of the node
     of the simulation, empty if it is unknown.
     """
 
@@ -225,11 +230,32 @@ class Timeline:
 
     def __init__(self, bag: BagReader, decoder: Decoder, topic: str = DIAGNOSTICS) -> None:
         """Read the diagnostics of a bag on a topic, if there are any."""
+        # other recorders have another clock, or none, for publish times
+        is_own, found = 'version' in bag.custom_data, []
+        # differences between log times and the clock [ns], and the log times at which they begin
+        self._shifts, self._shift_times = [0], [0]
+        for message in bag.messages([topic]):
+            shift = message.stamp_ns - message.publish_ns if is_own else 0
+            if abs(shift - self._shifts[-1]) >= MIN_JUMP_NS:
+                self._shifts.append(shift)
+                self._shift_times.append(message.stamp_ns)
+            moments = decoder.decode(message, _moments)
+            found += [(moment, message.stamp_ns) for moment in moments]
         self._arrange([
-            (moment, message.stamp_ns)
-            for message in bag.messages([topic])
-            for moment in decoder.decode(message, _moments)
+            (replace(moment, stamp_ns=self.ros_time(moment.stamp_ns, log_time)), log_time)
+            for moment, log_time in found
         ])
+
+    def ros_time(self, stamp_ns: int, log_time_ns: int) -> int:
+        """Return the stamp of a message [ns], continued where the clock of its node jumped.
+
+        A looping clock repeats its stamps; log times do not go back. A message after a jump may
+        have a stamp from before the jump.
+        """
+        index = bisect_right(self._shift_times, log_time_ns) - 1
+        near = self._shifts[max(index - 1, 0) : index + 2]
+        times = [stamp_ns + shift for shift in near if stamp_ns + shift <= log_time_ns]
+        return max(times, default=stamp_ns + self._shifts[index])
 
     def of(self, node: str) -> 'Timeline':
         """Return the timeline of one of the nodes."""

@@ -75,6 +75,15 @@ class _Directory:
     def close(self) -> None:
         os.close(self._number)
 
+    def remove(self, name: str) -> None:
+        """Close the directory, and remove it with its only file, if they are still in place."""
+        with suppress(OSError):
+            os.unlink(name, dir_fd=self._number)
+        self.close()
+        # a link that has replaced it is no directory, and is not removed
+        with suppress(OSError):
+            self._path.rmdir()
+
     def _open(self, name: str, flags: int) -> int:
         return os.open(name, flags | os.O_NOFOLLOW, 0o666, dir_fd=self._number)
 
@@ -216,7 +225,7 @@ class BagWriter:
         Raises:
             LavaError: If the directory exists or cannot be created, custom data is not text, or a
                 limit is not valid.
-            OSError: If the first file cannot be written.
+            OSError: If the first file cannot be written. The directory is then removed.
         """
         self._custom_data = _texts(custom_data)
         self._max_size = validation.number('max_size', max_size, at_least=0.0, unit='bytes')
@@ -239,7 +248,7 @@ class BagWriter:
         try:
             self._open_file()
         except OSError:
-            self._directory.close()
+            self._directory.remove(f'{self.directory.name}_0.mcap')
             raise
 
     @property

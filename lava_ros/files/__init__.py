@@ -89,10 +89,11 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, is_durable: bool = True) -> Iterator[Path]:
     """Yield a new, empty file in the folder of ``path``, which replaces it at the end.
 
-    The new file has the same suffix. An exception removes it and leaves the old file.
+    The new file has the same suffix. An exception removes it and leaves the old file. A file that
+    is not ``is_durable`` survives the end of the process, but not a loss of power.
 
     Raises:
         OSError: If the file cannot be created, or cannot replace the old one.
@@ -104,9 +105,10 @@ def replacing(path: Path) -> Iterator[Path]:
     os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, mode))
     try:
         yield partial
-        with partial.open('rb') as written:
-            # some file systems report only here that they are full
-            os.fsync(written.fileno())
+        if is_durable:
+            with partial.open('rb') as written:
+                # some file systems report only here that they are full
+                os.fsync(written.fileno())
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

@@ -7,10 +7,12 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
+import os
 import time
 
 from lava_ros.bag.checkpoints import NAME
 from lava_ros.live.recorder import Recorder
+from lava_ros.live.restart import Progress
 from lava_ros.simulation.output.checkpoint import MEDIA_TYPE, Summary, summary_of
 
 #: Maximum number of periods for which a checkpoint is postponed until the bag has grown.
@@ -28,12 +30,19 @@ class CheckpointRecording:
     After a change of scene or effects the interval is ``AFTER_CHANGE`` times as long. If
     checkpoints would take up more than half of the bag, the next one is postponed, by at most
     ``PATIENCE`` periods. A checkpoint equal to the last one is not written. ``take`` requests a
-    checkpoint, ``clock`` returns wall time [s]. The open bag has ``count`` checkpoints, of which
-    ``last`` is the newest, None before the first.
+    checkpoint, ``vents`` returns the publications on ``vents`` that it includes, and ``clock``
+    returns wall time [s]. The open bag has ``count`` checkpoints, of which ``last`` is the newest,
+    None before the first.
+
+    Attributes:
+        saved: Newest checkpoint of the run in any bag: its bag, simulated time, and ``vents``; at
+            the start that of a killed process, None without one.
     """
 
     recorder: Recorder
     take: Callable[[], 'Future[bytes]']
+    vents: Callable[[], tuple[tuple[int, int], ...]] = tuple
+    saved: Progress | None = None
     clock: Callable[[], float] = time.monotonic
 
     def __post_init__(self) -> None:
@@ -45,6 +54,7 @@ class CheckpointRecording:
         self._asked: float | None = None
         self._data, self._written = b'', 0
         self._changes = 0
+        self._pending_vents: tuple[tuple[int, int], ...] = ()
 
     def poll(self, period: float, stamp_ns: int, *, changes: int = 0) -> str:
         """Write the requested checkpoint if it is ready, and request the next when it is due.
@@ -63,7 +73,7 @@ class CheckpointRecording:
             return self._write(stamp_ns) if self._pending.done() else ''
         if self._is_due(period, is_changed=changes != self._changes):
             self._asked, self._changes = self.clock(), changes
-            self._pending = self.take()
+            self._ask()
         return ''
 
     def finish(self, period: float, stamp_ns: int, *, timeout: float) -> str:
@@ -73,8 +83,12 @@ class CheckpointRecording:
         """
         if not self._is_recording() or not period:
             return ''
-        self._pending = self.take()
+        self._ask()
         return self._write(stamp_ns, timeout)
+
+    def _ask(self) -> None:
+        self._pending_vents = self.vents()
+        self._pending = self.take()
 
     def _is_recording(self) -> bool:
         directory = self.recorder.directory
@@ -108,4 +122,7 @@ class CheckpointRecording:
             self._written += len(data)
             self.last = summary_of(data)
             self.count += 1
+        if self.last is not None and not self.recorder.error:
+            bag = os.path.abspath(self.recorder.directory)
+            self.saved = Progress(bag, self.last.time, vents=self._pending_vents)
         return ''

@@ -4,7 +4,6 @@
 """Recording of the node's messages in a bag, with the bytes as they were published."""
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from itertools import chain, count
 import os
 from pathlib import Path
@@ -13,6 +12,10 @@ from typing import Any
 
 from lava_ros.bag import BagWriter, QosProfile
 from lava_ros.errors import LavaError, refusing
+from lava_ros.live.clock import JITTER
+
+#: Maximum time of the clock between two messages of a bag [s].
+MAX_GAP = 86_400.0
 
 
 class Recorder:
@@ -21,11 +24,16 @@ class Recorder:
     ``arm`` chooses the bag; ``describe`` opens it once there is a scene. A bag that
     cannot be written is closed and reported in ``error``; the node continues without it.
 
+    Publish times are those of the ROS clock. Log times, by which players and readers order, are
+    equal to them until the clock jumps: where it goes back by ``JITTER`` or more, or ahead by more
+    than ``MAX_GAP``, the log times continue, and have a constant difference from the clock until
+    the next jump.
+
     Attributes:
         state: ``off``, ``armed`` (a bag is chosen and not yet open) or ``recording``.
         directory: The bag, empty before the first.
         files, messages: Its numbers of files and messages.
-        newest_ns: ROS time of its newest message [ns].
+        log_time_ns: Log time of its newest message [ns], 0 before the first.
         error: Error that stopped the last recording, empty without one.
     """
 
@@ -35,7 +43,12 @@ class Recorder:
         self._limits: dict[str, Any] = {}
         self._writer: BagWriter | None = None
         self.state, self.directory, self.error = 'off', '', ''
-        self.files = self.messages = self.newest_ns = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self.files = self.messages = self.log_time_ns = 0
+        # difference between log times and the clock [ns]
+        self._shift_ns = 0
 
     @property
     def size(self) -> int:
@@ -65,7 +78,7 @@ class Recorder:
         self._place = _new_place(directory)
         self._limits = {'max_size': max_size, 'max_duration': max_duration}
         self.state, self.directory, self.error = 'armed', str(directory), ''
-        self.files = self.messages = self.newest_ns = 0
+        self._begin()
 
     def describe(self, custom_data: Mapping[str, str]) -> None:
         """Open the chosen bag with a description, or replace the description of the open bag."""
@@ -85,14 +98,28 @@ class Recorder:
     def write(
         self, topic: str, message_type: str, data: bytes, stamp_ns: int, *, qos: QosProfile
     ) -> None:
-        """Write a message if a bag is open."""
-        self.newest_ns = stamp_ns
-        self._attempt(lambda bag: bag.write(topic, message_type, data, stamp_ns, qos=qos))
+        """Write a message if a bag is open; ``stamp_ns`` is the ROS time [ns]."""
+        log_time_ns = self._log_time(stamp_ns)
+        self._attempt(
+            lambda bag: bag.write(
+                topic, message_type, data, stamp_ns, qos=qos, log_time_ns=log_time_ns
+            )
+        )
 
     def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
         """Write an attachment if a bag is open, and flush the bag."""
-        self._attempt(lambda bag: bag.attach(name, media_type, data, stamp_ns))
+        log_time_ns = self._log_time(stamp_ns)
+        self._attempt(lambda bag: bag.attach(name, media_type, data, log_time_ns))
         self.flush()
+
+    def _log_time(self, stamp_ns: int) -> int:
+        """Return the log time [ns] of a ROS time [ns], which is the newest one."""
+        newest = self.log_time_ns
+        ahead = 1e-9 * (stamp_ns + self._shift_ns - newest)
+        if newest and not -JITTER < ahead <= MAX_GAP:
+            self._shift_ns = newest + 1 - stamp_ns
+        self.log_time_ns = max(newest, stamp_ns + self._shift_ns)
+        return self.log_time_ns
 
     def flush(self) -> None:
         """Flush the bag, so that its data survives the end of the process."""
@@ -154,37 +181,22 @@ class BagFolder:
     symbolic links and ``..``.
     """
 
-    def __init__(
-        self, root: str, given: str, *, node: str = DEFAULT_NODE, since: float = 0.0
-    ) -> None:
+    def __init__(self, root: str, given: str, *, node: str = DEFAULT_NODE) -> None:
         """Initialize from the parameters at the start.
 
         Args:
             root: Folder of the bags; empty: that of ``given``, else ``bags``.
-            given: Bag that the user has named, else empty. A number is added to it if an earlier
-                process has written to it at or after ``since``.
+            given: Bag that the user has named, else empty.
             node: Full name of the node. Unless it is the default, it is part of the names of its
                 bags, because nodes may share a folder.
-            since: Unix time [s] at or after which bags count as written; 0: none do.
         """
         self._given = given
-        self._since = since
         self._suffix = '' if node == DEFAULT_NODE else node.replace('/', '_')
         self._root = Path(root) if root else Path(given).parent if given else Path('bags')
 
-    def written(self) -> list[Path]:
-        """List the bags in the root or next to ``given`` written since ``since``, newest first."""
-        if not self._since:
-            return []
-        folders = {self._root, Path(self._given).parent} if self._given else {self._root}
-        times: dict[Path, float] = {}
-        for folder in folders:
-            with suppress(OSError):
-                for file in folder.glob('*/*.mcap'):
-                    changed = file.stat().st_mtime
-                    times[file.parent] = max(changed, times.get(file.parent, 0.0))
-        recent = [path for path in times if times[path] >= self._since]
-        return sorted(recent, key=lambda path: times[path], reverse=True)
+    def restart_path(self, token: str) -> Path:
+        """Return the path of the file with the progress of the run that has a token."""
+        return self._root / f'restart{self._suffix}_{token}.json'
 
     def path(self, name: str, *, is_next: bool = False) -> Path:
         """Return the path of a bag; an empty name becomes the current time.
@@ -197,8 +209,7 @@ class BagFolder:
         if not name:
             return _unused(self._root / (time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix))
         if name == self._given:
-            path = Path(name)
-            return _unused(path) if is_next or path in self.written() else path
+            return _unused(Path(name)) if is_next else Path(name)
         with refusing('bag_directory', name, 'a path', OSError, RuntimeError, ValueError):
             root, path = self._root.resolve(), Path(name).resolve()
         if root not in path.parents:

@@ -14,7 +14,8 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import Guard, LavaError
-from lava_ros.live.clock import FollowedClock, MAX_LAG
+from lava_ros.live.catch_up import CatchUp, Published
+from lava_ros.live.clock import FollowedClock
 from lava_ros.live.commands import Command, command, CommandQueue, finish
 from lava_ros.live.session import (
     failure_text,
@@ -73,7 +74,7 @@ class SimulationWorker:
     Time steps have their natural length: one begins when it ends at or before the time of the
     clock. Only changes of vents, terrain and effects, a pause, ``step`` and the end time shorten
     a step. A simulation that cannot keep up lags by at most ``MAX_LAG`` and a time step; time
-    beyond that is lost.
+    beyond that is lost. The lag of a resumed simulation (``resume_with``) is not lost.
 
     A ``command`` returns immediately with a future. A refused one sets a LavaError in its future
     and changes nothing. A command that replaces all of its kind (vents, terrain, a parameter)
@@ -104,6 +105,7 @@ class SimulationWorker:
         self._clock = FollowedClock(self.clock)
         self._target = 0.0
         self._step_target: float | None = None
+        self._catch_up, self._resumed = CatchUp(), CatchUp()
         self._speed = SpeedMeter()
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
         self.session = SimulationSession(self._make, constants=self.constants)
@@ -176,14 +178,18 @@ class SimulationWorker:
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
         *,
-        reached: float = 0.0,
+        published: Published | None = None,
     ) -> None:
         """Continue with another simulation of a scene (see ``SimulationSession.resume_with``).
 
-        Before its first snapshot, simulate up to the time ``reached`` [s].
+        Before its first snapshot, simulate up to the newest maps that a killed process has
+        ``published``, for at most ``MAX_CATCH_UP``. Then catch up with the time to which the
+        clock has advanced since.
         """
         self._status = replace(self._status, state=WorkerState.STARTING)
         self.session.resume_with(make_simulation(), scene, origin, before)
+        self._resumed = CatchUp(published)
+        reached = published.time if published is not None else 0.0
         reached = min(reached, self.end_time or reached)
         end = time.monotonic() + MAX_CATCH_UP
         while self.session.time < reached and time.monotonic() < end and not self._is_stopping:
@@ -373,7 +379,12 @@ class SimulationWorker:
             self._target = self._step_target
         else:
             self._target += self._clock.elapse() * self.time_scale
-            self._give_up(before + self.session.view.step + MAX_LAG * self.time_scale)
+            self._target = max(
+                self._target, self._catch_up.begin(self.clock(), self.time_scale)
+            )
+            self._catch_up.note(self._age / self.time_scale, is_late=self._age > self._max_age)
+            max_lag = self._catch_up.max_lag * self.time_scale
+            self._give_up(before + self.session.view.step + max_lag)
         if self.end_time is not None:
             self._target = min(self._target, self.end_time)
         self._slice = 0.0
@@ -387,6 +398,11 @@ class SimulationWorker:
             self._speed.note(self._followed)
         if self._step_target is not None and self.session.time >= self._target:
             self._step_target = None
+
+    @property
+    def _max_age(self) -> float:
+        """Age of the state above which it is stale [s]."""
+        return self.session.view.step + (MAX_DELAY + self._clock.step) * self.time_scale
 
     def _advance_session(self, until: float, *, whole_steps: bool = False) -> None:
         """Simulate a slice up to a time [s]."""
@@ -443,7 +459,6 @@ class SimulationWorker:
         # Exclude the newest step of the clock from the lag.
         lag = (self._target - self._followed) / self.time_scale - self._clock.step
         is_running, self._updated = state is WorkerState.RUNNING, time.monotonic()
-        delay = (MAX_DELAY + self._clock.step) * self.time_scale
         self._status = WorkerStatus(
             state=state,
             error=self._error,
@@ -457,7 +472,8 @@ class SimulationWorker:
             jumps=self._clock.jumps,
             time=self.session.time,
             age=self._age if is_running else 0.0,
-            max_age=self.session.view.step + delay,
+            max_age=self._max_age,
+            is_catching_up=is_running and self._catch_up.is_behind,
             task_duration=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
@@ -517,6 +533,7 @@ class SimulationWorker:
     def _note_start(self) -> None:
         self._error = ''
         self._step_target = None
+        self._catch_up, self._resumed = self._resumed, CatchUp()
         self._speed = SpeedMeter()
         self._clock = FollowedClock(self.clock)
         self._follow_from_here()

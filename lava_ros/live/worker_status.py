@@ -44,6 +44,7 @@ class WorkerStatus:
         age: Simulated time from the current state to the time of the clock [s]. It includes the
             wait for the end of a time step, and grows while the thread is busy or has ended.
         max_age: Age above which the state is stale [s]: the time step, and some delay.
+        is_catching_up: Whether a resumed simulation has not reached the time of the clock yet.
         fault: Unexpected exception of the thread outside the simulation, empty without one.
         current_task: Task of the thread: ``a step`` or the kind of a command; empty in between.
         task_duration: Wall time of the current task so far or, if longer, of the last step [s].
@@ -63,6 +64,7 @@ class WorkerStatus:
     time: float = 0.0
     age: float = 0.0
     max_age: float = 0.0
+    is_catching_up: bool = False
     fault: str = ''
     current_task: str = ''
     task_duration: float = 0.0

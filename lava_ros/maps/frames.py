@@ -260,14 +260,14 @@ class Recording:
         run = self.timeline.last_run
         start = run[0].stamp_ns if run else 0
         assembly = _Assembly(self)
-        stamps: dict[str, int] = {}
+        seen: dict[str, BagMessage] = {}
         stamp, is_due = 0, False
         for message in self.bag.messages(self.topics):
             # each file of a bag begins with a copy of the latched messages
-            if stamps.get(message.topic) == message.publish_ns:
+            if _is_copy(message, seen.get(message.topic)):
                 continue
-            stamps[message.topic] = message.publish_ns
-            when, is_layer = stamp_of(message), message.topic in self.layers
+            seen[message.topic] = message
+            when, is_layer = self.time_of(message), message.topic in self.layers
             if is_due and when != stamp:
                 yield from self._due(assembly)
                 is_due = False
@@ -276,6 +276,10 @@ class Recording:
                 stamp, is_due = when, is_due or is_layer
         if is_due:
             yield from self._due(assembly)
+
+    def time_of(self, message: BagMessage) -> int:
+        """Return the ROS time of a message [ns], as in the timeline."""
+        return self.timeline.ros_time(stamp_of(message), message.stamp_ns)
 
     def missing_error(self, time: float | None, what: str) -> LavaError:
         """Return the error for input missing up to a simulated time [s], None for the end."""
@@ -367,7 +371,7 @@ class _Assembly:
         layers: dict[str, LayerFrame] = {}
         # newer maps first, and images before grids of the same time
         for name in sorted(self._layer_names(), key=lambda name: (
-            -stamp_of(self.newest[name]), recording.layers[name].message != IMAGE
+            -recording.time_of(self.newest[name]), recording.layers[name].message != IMAGE
         )):
             layer = recording.layers[name]
             # a grid and an image of one source have the same content
@@ -383,7 +387,7 @@ class _Assembly:
                     recording._check_ground(name, shown.values.shape, where)
         arrived = layers.pop(ARRIVED, None)
         has_vents = recording.vents in self.newest
-        stamp = max(stamp_of(self.newest[name]) for name in self._layer_names())
+        stamp = max(recording.time_of(self.newest[name]) for name in self._layer_names())
         frame = Frame(
             elevation=terrain.elevation,
             resolution=terrain.resolution,
@@ -421,6 +425,15 @@ class _Assembly:
             known = (message, convert(self._recording.decoder, message))
             self._decoded[name] = known
         return known[1]
+
+
+def _is_copy(message: BagMessage, before: BagMessage | None) -> bool:
+    """Return True if a message of a topic is the previous one again; a clock may loop."""
+    return (
+        before is not None
+        and before.publish_ns == message.publish_ns
+        and before.data == message.data
+    )
 
 
 def _yaml(bag: BagReader, name: str) -> Any:

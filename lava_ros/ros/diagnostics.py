@@ -13,9 +13,8 @@ from typing import Any, TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
-from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.ensemble_forecasts import ForecastStatus
-from lava_ros.live.recorder import Recorder
+from lava_ros.live.recording_control import RecordingControl
 from lava_ros.live.session import is_on, SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
@@ -58,7 +57,10 @@ def simulation_status(
     warnings = snapshot.budget.warnings() if snapshot is not None else []
     # the state 'starting' already explains a wait
     warnings += [*clock.values(), worker.blocked_by if state is not WorkerState.STARTING else '']
-    warnings.append('running slower than the clock asks for' if worker.is_behind else '')
+    if worker.is_catching_up:
+        warnings.append(_catch_up_text(worker))
+    else:
+        warnings.append('running slower than the clock asks for' if worker.is_behind else '')
     if worker.is_stale and state is WorkerState.RUNNING:
         warnings.append(
             f'the state is {worker.age:.4g} s of simulated time old, expected at most '
@@ -223,9 +225,10 @@ def deadline_status(
     return status('deadline', OK if is_well else WARN, reason, values)
 
 
-def recorder_status(checkpoints: CheckpointRecording) -> DiagnosticStatus:
+def recorder_status(recording: RecordingControl) -> DiagnosticStatus:
     """Return the status of the recorder, with the time up to which its bag can be resumed."""
-    recorder, last = checkpoints.recorder, checkpoints.last
+    recorder, checkpoints = recording.recorder, recording.checkpoints
+    last, file = checkpoints.last, recording.restart_file
     values: dict[str, object] = {
         'state': recorder.state,
         'bag': recorder.directory,
@@ -236,8 +239,13 @@ def recorder_status(checkpoints: CheckpointRecording) -> DiagnosticStatus:
         values['checkpoints'] = checkpoints.count
         values['checkpoint_time_s'] = repr(last.time)
         values['checkpoint_bytes'] = last.size
-    level = ERROR if recorder.error else OK
-    return status('recorder', level, recorder.error or recorder.state, values)
+    level, message = OK, recorder.state
+    if recorder.error:
+        level, message = ERROR, recorder.error + '; trying again' * recording.is_wanted
+    if file is not None and file.error:
+        level = max(level, WARN)
+        message += f'; a restart would not know how far the maps have come: {file.error}'
+    return status('recorder', level, message, values)
 
 
 def sign(message: DiagnosticArray, node: str, device: str) -> None:
@@ -315,6 +323,10 @@ class NodeLog:
         # the text contains a duration, so only the kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
             self._log_change(kind, kind in clock, clock.get(kind, ''), 'warning')
+        if worker.is_catching_up:
+            self._log_change('catch-up', True, _catch_up_text(worker), 'warning')
+        elif self._logged.get('catch-up'):
+            self._log_change('catch-up', False, 'simulated time has caught up with the clock')
         self._log_change('hold-up', bool(worker.blocked_by), worker.blocked_by, 'warning')
 
     def volumes(self, snapshot: Snapshot) -> None:
@@ -324,12 +336,17 @@ class NodeLog:
         for text in budget.warnings():
             self._logger.warning(text)
 
-    def recorder(self, recorder: Recorder) -> None:
-        """Log the location of the bag, and its error."""
+    def recorder(self, recording: RecordingControl) -> None:
+        """Log the location of the bag, its error, and that of the progress of the run."""
+        recorder, file = recording.recorder, recording.restart_file
         if recorder.is_recording:
             place = Path(recorder.directory).absolute()
             self._log_change('recorder', place, f'recording to {place}')
-        self._log_change('recorder error', recorder.error, recorder.error, 'error')
+        # not while a failed recording is tried again
+        if not recorder.is_armed:
+            self._log_change('recorder error', recorder.error, recorder.error, 'error')
+        if file is not None:
+            self._log_change('restart', file.error, file.error, 'warning')
 
     def _log_change(self, about: str, thing: object, text: str, severity: str = 'info') -> None:
         """Log ``text`` when ``thing`` has changed; an empty text is not logged."""
@@ -343,6 +360,10 @@ class NodeLog:
             self._logger.warning(text)
         elif text:
             self._logger.info(text)
+
+
+def _catch_up_text(worker: WorkerStatus) -> str:
+    return f'catching up after a restart: {worker.age:.4g} s of simulated time behind'
 
 
 def _wording(text: str) -> str:

@@ -197,7 +197,8 @@ class LavaNode(LifecycleNode):
         if startup.checkpoint is not None:
             defaults = {spec.name: spec.default for spec in specs}
             changed = overrides_from_checkpoint(
-                startup.checkpoint, self._values, defaults, is_restart=startup.is_restart
+                startup.checkpoint, self._values, defaults,
+                frame_id=startup.frame_id, is_restart=startup.is_restart,
             )
             if startup.onset and not self._values['onset']:
                 changed['onset'] = startup.onset

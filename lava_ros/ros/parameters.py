@@ -13,6 +13,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from lava_ros import validation
 from lava_ros.effects import drop_superseded, EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
+from lava_ros.live.restart import check_token
 from lava_ros.live.worker import MAX_PARTICLES
 from lava_ros.maps.layer_files import MAX_MARGIN
 from lava_ros.maps.layers import ZERO_CELSIUS
@@ -319,12 +320,12 @@ class Settings:
         'Maximum amount of data that ~/save writes between configuring and cleaning up [bytes]',
         (0, 2**50),
     )
-    resume_since: float = _fixed(
-        0.0,
-        'Unix time [s]: the node resumes from the newest checkpoint in the bags that it has '
-        'written since, in place of scene, terrain_file and resume; 0: it does not. The launch '
-        'files use it to restart a node that was killed',
-        (0.0, 1e11),
+    restart_token: str = _fixed(
+        '',
+        'Name of the run, of letters, digits, dots, hyphens and underscores: a node that was '
+        'killed and starts with the same name again resumes from its bag, in place of scene, '
+        'terrain_file and resume. The launch files make one for each launch; empty: each start '
+        'is a new run',
     )
     bag_root: str = _fixed(
         '', 'Folder of the bags; empty: the one that holds bag_directory, else bags/'
@@ -387,6 +388,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     """
     if not values['frame_id']:
         raise LavaError('frame_id', '', 'the name of a frame, such as map')
+    check_token(values['restart_token'])
     if values['onset']:
         Onset.from_text(values['onset'], field='onset')
     lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})

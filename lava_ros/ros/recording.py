@@ -18,9 +18,12 @@ from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.snapshot import Snapshot
 
-#: ROS time after which terrain and vents are written again [ns], because a player that starts in
+#: Log time after which terrain and vents are written again [ns], because a player that starts in
 #: the middle of a bag skips earlier latched messages.
 REPEAT_PERIOD_NS = 60 * 10**9
+
+#: Parameters that the description also contains by their names, unless they are empty.
+_NAMED = ('onset', 'restart_token')
 
 
 @dataclass(eq=False)
@@ -63,7 +66,7 @@ class SceneRecording:
         if is_new or has_changed or scene is not self._scene:
             recorder.describe(self._description(scene, view))
             self._scene = scene
-        if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
+        if is_new or self._is_to_repeat(snapshot.terrain):
             self._messages.forget()
         header = self.graph.header(stamp_ns)
         messages = self._messages.update(scene, snapshot.time, header, ground=snapshot.terrain)
@@ -71,11 +74,13 @@ class SceneRecording:
             name, kind = self.graph.node.resolve_topic_name(topic), codec.type_name(type(message))
             recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)
         if 'terrain' in messages:
-            self._written_ns, self._written_size = stamp_ns, recorder.size
+            # log times do not go back with the clock
+            self._written_ns, self._written_size = recorder.log_time_ns, recorder.size
 
-    def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
-        growth = self.graph.recorder.size - self._written_size
-        is_late = stamp_ns - self._written_ns >= REPEAT_PERIOD_NS
+    def _is_to_repeat(self, terrain: Terrain) -> bool:
+        recorder = self.graph.recorder
+        growth = recorder.size - self._written_size
+        is_late = recorder.log_time_ns - self._written_ns >= REPEAT_PERIOD_NS
         # the growth includes the terrain that was written last
         return is_late and growth >= 2 * terrain.elevation.nbytes
 
@@ -107,7 +112,7 @@ class SceneRecording:
             'effects': json.dumps(self._history),
             **resumed,
             **self.configs,
-            **({'onset': onset} if (onset := parameters.get('onset')) else {}),
+            **{name: parameters[name] for name in _NAMED if parameters.get(name)},
             **recorded.description,
             'version': lava_ros.__version__,
             'device': view.device,

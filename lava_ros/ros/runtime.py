@@ -13,11 +13,13 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 
 from lava_ros.errors import LavaError
+from lava_ros.live.catch_up import Published
 from lava_ros.live.checkpoint_recording import CheckpointRecording
-from lava_ros.live.clock import ClockWatch, JITTER
+from lava_ros.live.clock import ClockWatch
 from lava_ros.live.recorder import BagFolder
+from lava_ros.live.recording_control import BagSettings, RecordingControl
 from lava_ros.live.worker import SimulationWorker
-from lava_ros.live.worker_status import WorkerState
+from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.executor import now_ns
@@ -41,12 +43,6 @@ if TYPE_CHECKING:
 
 #: Maximum wait for each thread when closing [s]. The simulation may be in a step, or compiling.
 STOP_TIMEOUT = 4.0
-
-#: Maximum wait for the last checkpoint of a bag [s]. The simulation thread may be compiling.
-CHECKPOINT_TIMEOUT = 2.0
-
-#: Maximum time of the clock between two messages of a bag [s].
-MAX_GAP = 86_400.0
 
 #: Period of the diagnostics [s].
 HEARTBEAT = 1.0
@@ -77,18 +73,16 @@ class NodeRuntime:
         self._node = node
         self._settings = settings
         self.failure: BaseException | None = None
+        self._given, progress = startup.given, startup.progress
         self._bag_folder = BagFolder(
-            settings.bag_root,
-            settings.bag_directory,
-            node=node.get_fully_qualified_name(),
-            since=settings.resume_since,
+            settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
         )
         names = ['msg_config', 'forecast_config'][: 2 if settings.forecast_horizon else 1]
         configs = {name: find_config(getattr(settings, name), field=name) for name in names}
         features = load_places(settings.places)
         layers = published_layers(*configs.values(), settings=settings)
-        self.is_active = self._is_paused = False
-        self._is_recording_wanted = settings.record or startup.was_recording
+        self.is_active = False
+        self._is_paused = progress is not None and progress.is_paused
         self._clock_watch = ClockWatch()
         self._log = diagnostics.NodeLog(node.get_logger())
         self._recording = SceneRecording(
@@ -109,7 +103,20 @@ class NodeRuntime:
             paused=True,
             on_snapshot=snapshot_ready.trigger,
         )
-        self._checkpoints = CheckpointRecording(self._recorder, self.worker.checkpoint)
+        self._bags = RecordingControl(
+            self._recorder,
+            CheckpointRecording(
+                self._recorder, self.worker.checkpoint, lambda: self.inputs.vents, progress
+            ),
+            self._bag_folder,
+            lambda: BagSettings(
+                self._settings.bag_directory, self._settings.bag_max_size,
+                self._settings.bag_max_duration, self._settings.checkpoint_period,
+            ),
+            startup.restart_file,
+            is_wanted=settings.record if progress is None else progress.is_recording,
+            is_restart=startup.is_restart,
+        )
         self._saved_bytes = 0
         self._layers = LayerPublishers[Snapshot](
             graph, [layer for layer in layers if not layer.is_forecast], self._heartbeat_time
@@ -140,6 +147,7 @@ class NodeRuntime:
             steady=steady,
             observe=self._forecasts.observe if settings.ensemble_members else None,
             is_echo=self._scene.is_echo,
+            vents_taken=startup.vents_taken,
         )
         self.allowance = Allowance(self.inputs.refuse)
         self._begin(startup)
@@ -162,11 +170,7 @@ class NodeRuntime:
         status = self.worker.status
         if status.state is WorkerState.FAILED:
             raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
-        is_busy = self._recorder.is_recording or self._recorder.is_armed
-        if self._is_recording_wanted and not is_busy:
-            self._arm_recorder()
-        # Only once: a recording that ~/record or a full disk has ended must not stop the maps.
-        self._is_recording_wanted = False
+        self._bags.begin()
         self.is_active = True
         self.worker.pause(self._is_paused)
         self._forecasts.forecaster.want(True)
@@ -186,6 +190,9 @@ class NodeRuntime:
             if self.worker.latest is not None:
                 self._log.volumes(self.worker.latest)
         finally:
+            # a run that could not be resumed, for example without its GPU, may be tried again
+            if self.failure is None:
+                self._bags.end_run()
             self._forecasts.forecaster.stop(STOP_TIMEOUT)
             self.worker.stop(STOP_TIMEOUT)
             self._graph.destroy()
@@ -235,7 +242,7 @@ class NodeRuntime:
         Raises:
             LavaError: If the bag cannot be written.
         """
-        self._arm_recorder()
+        self._bags.start()
         self._publish(repeat=True)
         self._check_recorder()
         return self._recorder.directory + ' at the first map' * self._recorder.is_armed
@@ -246,7 +253,7 @@ class NodeRuntime:
         Raises:
             LavaError: If the bag could not be written.
         """
-        self._is_recording_wanted = False
+        self._bags.is_wanted = False
         self._close_bag()
         self._check_recorder()
         return self._recorder.directory
@@ -276,18 +283,16 @@ class NodeRuntime:
             raise LavaError('save', 'no time yet', 'a time on /clock, or use_sim_time false')
         is_own, before = not self._recorder.is_recording, self._recorder.size
         if is_own:
-            self.start_recording()
-        else:
-            self._publish(repeat=True)
+            self._bags.arm()
+        self._publish(repeat=True)
+        self._check_recorder()
         # the user asked for a checkpoint, so write one even if checkpoint_period is 0
-        reason = self._checkpoints.finish(
-            CHECKPOINT_PERIOD, now_ns(self._node), timeout=CHECKPOINT_TIMEOUT
-        )
+        reason = self._bags.finish_checkpoint(now_ns(self._node), period=CHECKPOINT_PERIOD)
         self._recorder.flush()
         self._saved_bytes += max(0, self._recorder.size - before)
         directory = self._recorder.directory
         if is_own:
-            self.stop_recording()
+            self._close_bag()
         self._check_recorder()
         if reason:
             raise LavaError('save', reason, f'a checkpoint with the maps in {directory}')
@@ -303,8 +308,12 @@ class NodeRuntime:
 
                 return Simulation.resume(checkpoint, device=self._settings.device)
 
+            progress, published = startup.progress, None
+            if progress is not None:
+                clock = None if progress.is_held else progress.stamp_ns * 1e-9
+                published = Published(progress.time + progress.behind, clock)
             future = self.worker.resume_with(
-                resume, checkpoint.scene, startup.origin, startup.before, reached=startup.reached
+                resume, checkpoint.scene, startup.origin, startup.before, published=published
             )
             future.add_done_callback(self._note_failure)
         elif startup.scene is not None:
@@ -336,7 +345,8 @@ class NodeRuntime:
         if snapshot is None or not self.is_active:
             return
         stamp_ns = now_ns(self._node)
-        repeat |= self._begins_bag(stamp_ns)
+        # a bag begins with the next maps
+        repeat |= self._recorder.is_armed and stamp_ns > 0
         if scene is not None:
             # a bag that began before the clock had a time would be decades long
             if stamp_ns:
@@ -349,7 +359,7 @@ class NodeRuntime:
         if repeat:
             self._publish_places(repeat=True)
         self._recorder.flush()
-        self._log.recorder(self._recorder)
+        self._log.recorder(self._bags)
 
     def _publish_places(self, *, repeat: bool = False) -> None:
         snapshot = self._layers.shown
@@ -374,7 +384,7 @@ class NodeRuntime:
             # Publish the last maps before the status that reports the end.
             self._publish()
         stamp_ns = now_ns(self._node)
-        if self._begins_bag(stamp_ns):
+        if self._recorder.is_armed and stamp_ns > 0:
             self._publish()
         snapshot = self._layers.shown
         self._publish_places()
@@ -398,7 +408,7 @@ class NodeRuntime:
                 ),
                 diagnostics.effects_status(view.effects),
                 self.inputs.status(self._scene.warning()),
-                diagnostics.recorder_status(self._checkpoints),
+                diagnostics.recorder_status(self._bags),
                 *self._forecasts.statuses(),
                 *self._places.statuses(),
             ],
@@ -406,40 +416,27 @@ class NodeRuntime:
         diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
         self._graph.send(self._diagnostics, message, stamp_ns, qos.DIAGNOSTICS)
         self._recorder.flush()
-        period = self._settings.checkpoint_period
-        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns, changes=view.changes))
-        self._log.recorder(self._recorder)
-
-    def _begins_bag(self, stamp_ns: int) -> bool:
-        """Return True if a bag begins with the next maps: the chosen one, or one after a jump.
-
-        Where the clock goes back, or to another epoch, the bag ends and another one begins: the
-        messages of a bag are in the order of their times, and a player waits between them.
-        """
-        ahead = 1e-9 * (stamp_ns - self._recorder.newest_ns)
-        if self._recorder.is_recording and not -JITTER < ahead <= MAX_GAP:
-            self._close_bag()
-            try:
-                self.allowance.take('record')
-                self._arm_recorder(is_next=True)
-            except LavaError as error:
-                self._recorder.error = f'recording stopped where the clock jumped: {error}'
-        return self._recorder.is_armed and stamp_ns > 0
-
-    def _arm_recorder(self, *, is_next: bool = False) -> None:
-        new = self._settings
-        directory = self._bag_folder.path(new.bag_directory, is_next=is_next)
-        self._recorder.arm(
-            directory, max_size=new.bag_max_size, max_duration=new.bag_max_duration
+        self._report_checkpoint(
+            self._bags.poll(stamp_ns, changes=view.changes, is_active=self.is_active)
         )
+        self._note_progress(worker)
+        self._log.recorder(self._bags)
+
+    def _note_progress(self, worker: WorkerStatus) -> None:
+        # until the first map of a restarted node, the progress is that of the killed one
+        if self._layers.shown is not None:
+            self._bags.note(
+                time=self._layers.shown.time,
+                stamp_ns=self._layers.shown_stamp_ns,
+                behind=worker.age if worker.is_catching_up else 0.0,
+                is_held=worker.state is not WorkerState.RUNNING,
+                is_paused=self._is_paused,
+                given=self._given,
+            )
 
     def _close_bag(self) -> None:
-        period, stamp_ns = self._settings.checkpoint_period, now_ns(self._node)
-        self._report_checkpoint(
-            self._checkpoints.finish(period, stamp_ns, timeout=CHECKPOINT_TIMEOUT)
-        )
-        self._recorder.stop()
-        self._log.recorder(self._recorder)
+        self._report_checkpoint(self._bags.close(now_ns(self._node)))
+        self._log.recorder(self._bags)
 
     def _report_checkpoint(self, reason: str) -> None:
         if reason:

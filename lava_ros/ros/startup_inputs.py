@@ -8,26 +8,24 @@ If forecasts have a deadline, it determines the accuracy of the simulation.
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 import math
 from pathlib import Path
 import time
 from typing import Any, TYPE_CHECKING
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
-from lava_ros.bag.decoding import DIAGNOSTICS, moment_of
 from lava_ros.bag.description import described
-from lava_ros.bag.recorded_node import described_node
 from lava_ros.errors import LavaError
 from lava_ros.live.recorder import BagFolder
+from lava_ros.live.restart import check_token, differing, digests, Progress, RestartFile
 from lava_ros.live.session import Origin
 from lava_ros.maps.onset import recorded_onset
-from lava_ros.ros import codec, node_parameters, parameters
+from lava_ros.ros import node_parameters, parameters
 from lava_ros.ros.parameters import constant_values, Settings
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
@@ -41,6 +39,13 @@ if TYPE_CHECKING:
     from lava_ros.simulation import Simulation
 
 
+#: Parameters of the run, which are read before those of the scene are declared.
+_RESTART = tuple(
+    spec for spec in parameters.PARAMETERS
+    if spec.name in ('restart_token', 'bag_root', 'bag_directory', 'frame_id')
+)
+
+
 @dataclass(frozen=True)
 class StartupInputs:
     """Initial inputs of a node; without any, it waits for the topics.
@@ -52,10 +57,13 @@ class StartupInputs:
         origin: Origin of the checkpoint.
         before: Vents up to the checkpoint with their discharges, as its bag describes them.
         onset: Date of simulated time 0 in its bag, empty without one.
+        frame_id: Frame of the messages of its bag, empty without one.
+        given: Digests of the given inputs (``live.restart.digests``).
+        restart_file: File with the progress of the run, None without a ``restart_token``.
         is_restart: Whether a killed node is restarted. Its checkpoint takes precedence over
             parameters.
-        reached: Newest simulated time that the killed node has published [s], 0 if unknown.
-        was_recording: Whether the killed node was recording its bag.
+        progress: Progress of the killed node, None for the first start of a run.
+        vents_taken: Publications on ``vents`` that the checkpoint includes.
     """
 
     scene: Scene | None = None
@@ -64,9 +72,12 @@ class StartupInputs:
     origin: Origin | None = None
     before: tuple[Vent, ...] = ()
     onset: str = ''
+    frame_id: str = ''
+    given: Mapping[str, str] = field(default_factory=dict)
+    restart_file: RestartFile | None = None
     is_restart: bool = False
-    reached: float = 0.0
-    was_recording: bool = False
+    progress: Progress | None = None
+    vents_taken: tuple[tuple[int, int], ...] = ()
 
 
 def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInputs:
@@ -74,66 +85,99 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
 
     Args:
         node: Node that has the parameters.
-        may_restart: Whether to look for a bag by ``resume_since`` first.
+        may_restart: Whether to continue the run that has the ``restart_token``, if there is one.
 
     Raises:
         LavaError: If a file or a bag is not usable, or both a scene and a bag to resume are given.
     """
-    values = node_parameters.declare(node, parameters.SOURCES)
-    restarted = _restarted(node) if may_restart else None
-    if restarted is not None:
-        return restarted
+    values = node_parameters.declare(node, parameters.SOURCES + _RESTART)
+    check_token(values['restart_token'])
+    file = _restart_file(node, values) if values['restart_token'] else None
+    progress = _progress(node, file) if file is not None and may_restart else None
+    try:
+        given = _given(node, values)
+    except LavaError as error:
+        if progress is None:
+            raise
+        node.get_logger().warning(f'{error}: not compared with the inputs of {progress.bag}')
+        given = StartupInputs(given=progress.given)
+    given = replace(given, restart_file=file)
+    if progress is not None:
+        if differs := differing(given.given, progress.given):
+            node.get_logger().warning(
+                f'not resuming {progress.bag}: {", ".join(differs)} differ from those of the run '
+                f'with the restart_token {values["restart_token"]}; this is a new run'
+            )
+        elif (restarted := _restarted(node, progress, given)) is not None:
+            return restarted
+    return _resumed(node, given, values['resume']) if values['resume'] else given
+
+
+def _given(node: Node, values: Mapping[str, Any]) -> StartupInputs:
+    """Load the scene and the terrain that the parameters name."""
     if values['resume']:
         for name in ('scene', 'terrain_file'):
             if values[name]:
                 expected = 'no value with resume: the checkpoint contains it'
                 raise LavaError(name, values[name], expected)
-        return _resumed(node, values['resume'])
     name = values['terrain_file']
     terrain = load_terrain(terrain_path(name)) if name else None
-    if not values['scene']:
-        return StartupInputs(terrain=terrain)
-    return StartupInputs(scene=scene_from_yaml(values['scene'], terrain=terrain))
+    scene = scene_from_yaml(values['scene'], terrain=terrain) if values['scene'] else None
+    others = {'frame_id': values['frame_id'], 'resume': values['resume']}
+    given = digests(scene, terrain, **others)
+    return StartupInputs(scene=scene, terrain=None if scene else terrain, given=given)
 
 
-def _restarted(node: Node) -> StartupInputs | None:
-    """Load the newest bag that ``resume_since`` allows to resume; None without such a bag."""
-    names = ('resume_since', 'bag_root', 'bag_directory')
-    specs = tuple(spec for spec in parameters.PARAMETERS if spec.name in names)
-    values = node_parameters.declare(node, specs)
+def _restart_file(node: Node, values: Mapping[str, Any]) -> RestartFile:
     folder = BagFolder(
-        values['bag_root'], values['bag_directory'], since=float(values['resume_since'])
+        values['bag_root'], values['bag_directory'], node=node.get_fully_qualified_name()
     )
-    for bag in folder.written():
-        try:
-            reader = BagReader(bag)
-            # other nodes may record into the same folder
-            stated, name = described_node(reader.custom_data), node.get_fully_qualified_name()
-            terrain = node.resolve_topic_name('terrain')
-            if terrain in reader.topics if stated is None else stated.name == name:
-                return replace(
-                    _resumed(node, str(bag)),
-                    is_restart=True,
-                    reached=_reached(reader),
-                    was_recording=reader.recovered,
-                )
-        except LavaError as error:
-            node.get_logger().warning(f'cannot resume {bag}: {error}')
-    return None
+    return RestartFile(folder.restart_path(values['restart_token']))
 
 
-def _reached(bag: BagReader) -> float:
-    """Return the simulated time [s] of the newest diagnostics in a bag, 0 without any."""
-    stated = described_node(bag.custom_data)
-    topic = DIAGNOSTICS if stated is None else stated.diagnostics
-    for item in bag.newest({topic}, (bag.end_ns or 0) + 1):
-        message = codec.decode(item.data, DiagnosticArray, topic, max_bytes=len(item.data))
-        for moment in filter(None, map(moment_of, message.status)):
-            return moment.time
-    return 0.0
+def _progress(node: Node, file: RestartFile) -> Progress | None:
+    try:
+        return file.read()
+    except LavaError as error:
+        node.get_logger().warning(f'cannot resume the run of the restart_token: {error}')
+        return None
 
 
-def _resumed(node: Node, bag: str) -> StartupInputs:
+def _restarted(
+    node: Node, progress: Progress, given: StartupInputs
+) -> StartupInputs | None:
+    """Load the newest checkpoint of a killed run; None if it cannot be used."""
+    log = node.get_logger()
+    try:
+        found = _resumed(node, given, progress.bag)
+    except LavaError as error:
+        log.warning(
+            f'cannot resume {progress.bag}: {error}; starting again at time 0, the maps had '
+            f'reached {progress.time:.3f} s'
+        )
+        return None
+    assert found.checkpoint is not None
+    behind = progress.time - found.checkpoint.time
+    if behind < 0.0:
+        log.warning(
+            f'a reset after this checkpoint is lost: the maps had reached {progress.time:.3f} s'
+        )
+    elif behind > 0.0:
+        log.info(
+            f'the maps had reached {progress.time:.3f} s: simulating the {behind:.3f} s since the '
+            'checkpoint again, without vents, terrain and effects that changed in between'
+        )
+    is_newest = math.isclose(found.checkpoint.time, progress.checkpoint_time)
+    return replace(
+        found,
+        is_restart=True,
+        progress=progress,
+        vents_taken=progress.vents if is_newest else (),
+    )
+
+
+def _resumed(node: Node, given: StartupInputs, bag: str) -> StartupInputs:
+    """Load the newest checkpoint of a bag in place of the given scene and terrain."""
     found = newest_checkpoint(bag)
     for error in found.refused:
         node.get_logger().warning(f'a newer checkpoint cannot be used: {error}')
@@ -145,12 +189,14 @@ def _resumed(node: Node, bag: str) -> StartupInputs:
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
     before: tuple[Vent, ...] = ()
     description = BagReader(bag).custom_data
-    scene, onset = described(description)['scene'] or {}, recorded_onset(description)
+    known = described(description)
+    scene, onset = known['scene'] or {}, recorded_onset(description)
     with suppress(LavaError):
         before = vents_from_list(scene.get('vents', []), checkpoint.scene.terrain)
-    return StartupInputs(
-        scene=checkpoint.scene, checkpoint=checkpoint, origin=origin, before=before,
-        onset=onset.text if onset else '',
+    return replace(
+        given, scene=checkpoint.scene, terrain=None, checkpoint=checkpoint, origin=origin,
+        before=before, onset=onset.text if onset else '',
+        frame_id=str((known['parameters'] or {}).get('frame_id', '')),
     )
 
 
@@ -159,6 +205,7 @@ def overrides_from_checkpoint(
     values: Mapping[str, Any],
     defaults: Mapping[str, Any],
     *,
+    frame_id: str = '',
     is_restart: bool = False,
 ) -> dict[str, Any]:
     """Return the parameters that a checkpoint sets in place of their defaults, by name.
@@ -167,6 +214,7 @@ def overrides_from_checkpoint(
         checkpoint: The checkpoint.
         values: Parameters as given.
         defaults: Their defaults.
+        frame_id: Frame of its coordinates, empty if it is unknown.
         is_restart: Whether a killed node is restarted. The checkpoint then takes precedence,
             because parameters may have been changed while the node ran.
 
@@ -174,7 +222,8 @@ def overrides_from_checkpoint(
         LavaError: If a given parameter contradicts the checkpoint, except in a restart.
     """
     result = {}
-    for name, stored in _checkpoint_parameters(checkpoint).items():
+    known = _checkpoint_parameters(checkpoint) | ({'frame_id': frame_id} if frame_id else {})
+    for name, stored in known.items():
         if _is_same(values[name], stored):
             continue
         if not is_restart and not _is_same(values[name], defaults[name]):

@@ -4,7 +4,7 @@
 """Subscriptions to the input topics, and the rate limits of services."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -205,10 +205,18 @@ class RepeatFilter:
     a publisher in order, but one may begin earlier, skip some, or be late.
     """
 
-    def __init__(self) -> None:
-        """Initialize without publications."""
-        self._taken: deque[tuple[int, int]] = deque(maxlen=MAX_PUBLICATIONS)
+    def __init__(self, taken: Iterable[tuple[int, int]] = ()) -> None:
+        """Initialize with the publications that a killed process has taken.
+
+        Each is its source timestamp and sequence number.
+        """
+        self._taken = deque(taken, maxlen=MAX_PUBLICATIONS)
         self._durability = ''
+
+    @property
+    def taken(self) -> tuple[tuple[int, int], ...]:
+        """The newest publications taken, in order."""
+        return tuple(self._taken)
 
     def is_repeat(self, durability: str, info: Mapping[str, Any]) -> bool:
         """Return True if a message, received with ``info``, is not to be taken again.
@@ -233,8 +241,10 @@ class InputSubscribers:
     ``settings`` returns the current settings; ``steady`` is a clock that advances independently of
     ``/clock``. ``observe`` receives a mask of observed lava and its ROS time [s]; without it there
     is no subscription to outlines. ``is_echo`` returns True for a serialised message on a topic
-    that comes from this node. ``log`` counts accepted and refused messages; ``wanted`` is the log
-    text while there is no terrain.
+    that comes from this node. ``vents_taken`` are the publications on ``vents`` that a resumed
+    simulation includes: a latched one that comes again must not replace a vent opened since.
+    ``log`` counts accepted and refused messages; ``wanted`` is the log text while there is no
+    terrain.
     """
 
     graph: NodeGraph
@@ -243,6 +253,7 @@ class InputSubscribers:
     steady: Clock
     observe: Callable[[Mask, float], 'Future[str]'] | None = None
     is_echo: Callable[[str, bytes], bool] = lambda topic, data: False
+    vents_taken: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
         """Subscribe to the input topics."""
@@ -274,7 +285,8 @@ class InputSubscribers:
         for topic, (kind, callback) in terrains.items():
             self._subscribe(topic, kind, callback, qos.state_inputs(1))
         commands = qos.state_inputs(qos.COMMANDS.depth)
-        self._subscribe('vents', PointCloud2, self._on_vents, commands)
+        self._vent_repeats = RepeatFilter(self.vents_taken)
+        self._subscribe('vents', PointCloud2, self._on_vents, commands, self._vent_repeats)
         if self.observe is not None:
             self._subscribe(_OUTLINE, OccupancyGrid, self._on_outline, commands)
         if self.settings().clicked_point_enabled:
@@ -289,15 +301,21 @@ class InputSubscribers:
         kind: Any,
         callback: Callable[[Any], None],
         profiles: Sequence[QosProfile],
+        repeats: RepeatFilter | None = None,
     ) -> None:
         """Subscribe with each profile, and take each publication once."""
-        repeats = RepeatFilter()
+        repeats = repeats or RepeatFilter()
         for profile in profiles:
             is_repeat = partial(repeats.is_repeat, profile.durability)
             guarded = partial(self._take, topic, kind, callback, is_repeat)
             self.graph.create(
                 'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
             )
+
+    @property
+    def vents(self) -> tuple[tuple[int, int], ...]:
+        """The newest publications on ``vents``, as in ``vents_taken``."""
+        return self._vent_repeats.taken
 
     def status(self, warning: str = '') -> DiagnosticStatus:
         """Return the status of the inputs; warn of nodes that publish what they must not.

@@ -7,7 +7,6 @@ from pathlib import Path
 import re
 import runpy
 import sys
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -102,12 +101,15 @@ def test_accepts_further_arguments_of_an_including_file(monkeypatch):
     ({'record': 'false', 'respawn': 'True'}, True),
 ])
 def test_recording_node_is_restarted_when_it_is_killed(monkeypatch, arguments, respawns):
-    before = time.time()
     (node,), _ = start(monkeypatch, LAVA, **arguments)
     assert node.action.respawn is respawns
     assert node.action.respawn_delay > 0.0
-    since = node.parameters.get('resume_since', 0.0)
-    assert before <= since <= time.time() if respawns else since == 0.0
+    (other,), _ = start(monkeypatch, LAVA, **arguments)
+    tokens = {item.parameters.get('restart_token', '') for item in (node, other)}
+    # each launch has another token
+    assert len(tokens - {''}) == (2 if respawns else 0)
+    (named,), _ = start(monkeypatch, LAVA, **arguments, restart_token='mission')
+    assert named.parameters['restart_token'] == 'mission'
     context = Context({}, [])
     for status in (0, 1, 2, -9, -11):
         ends = node.action.on_exit(SimpleNamespace(returncode=status), context)

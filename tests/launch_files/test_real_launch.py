@@ -76,7 +76,7 @@ def test_arguments_override_the_parameter_file(launched, tmp_path):
     assert '__ns:=/etna' in received
     file, given = files
     assert file['/**']['ros__parameters'] == {'preset': 'draft', 'deadline': 9.0}
-    assert given['/etna/lava']['ros__parameters'].pop('resume_since') > 1e9
+    assert given['/etna/lava']['ros__parameters'].pop('restart_token').startswith('launch-')
     expected = {'preset': 'fine', 'time_scale': 60.0, 'record': True}
     assert given['/etna/lava']['ros__parameters'] == expected
 
@@ -100,4 +100,4 @@ def test_killed_node_is_restarted_with_respawn(launched, tmp_path, words, starts
     assert (tmp_path / 'lib/lava_ros/starts').read_text().count('lava_node') == starts
     given = [file['/lava']['ros__parameters'] for file in files if '/lava' in file]
     assert len(given) == starts
-    assert len({values.get('resume_since') for values in given}) == 1
+    assert len({values.get('restart_token') for values in given}) == 1

@@ -3,12 +3,13 @@
 
 """The recorder: names, limits, and bags that cannot be written."""
 
-import os
 import shutil
 
+import mcap.writer
 import pytest
 
 from lava_ros.bag import BagReader, LATCHED
+from lava_ros.bag.checkpoints import attachments_of
 from lava_ros.errors import LavaError
 from lava_ros.live.recorder import BagFolder, Recorder
 
@@ -171,50 +172,68 @@ def test_rejects_names_outside_the_root(here, name):
         BagFolder('', '').path(name)
 
 
-@pytest.fixture
-def written(tmp_path):
-    def write(name, seconds):
-        path = tmp_path / name
-        path.parent.mkdir(exist_ok=True, parents=True)
-        path.touch()
-        os.utime(path, (seconds, seconds))
-
-    return write
-
-
-def test_bags_since_a_time_are_listed_newest_first(tmp_path, written):
-    for name, seconds in {
-        'bags/old/old_0.mcap': 50.0, 'bags/new/new_0.mcap': 40.0, 'bags/new/new_1.mcap': 300.0,
-        'bags/first/first_0.mcap': 100.0, 'bags/notes/notes.txt': 400.0,
-        'beside/given/given_0.mcap': 200.0,
-    }.items():
-        written(name, seconds)
-    root, given = tmp_path / 'bags', tmp_path / 'beside/given'
-
-    def found(since, given=''):
-        folder = BagFolder(str(root), str(given), since=since)
-        return [path.name for path in folder.written()]
-
-    assert found(0.0) == []
-    assert found(100.0) == ['new', 'first']
-    assert found(100.0, given) == ['new', 'given', 'first']
-    assert found(500.0) == []
-    assert BagFolder(str(tmp_path / 'none'), '', since=1.0).written() == []
-
-
-def test_restarted_node_does_not_overwrite_the_given_bag(tmp_path, written):
+def test_next_bag_of_a_name_has_a_number(tmp_path):
     given = tmp_path / 'bags/etna'
-    written('bags/etna/etna_0.mcap', 100.0)
-    assert BagFolder('', str(given), since=101.0).path(str(given)) == given
-    assert BagFolder('', str(given)).path(str(given)) == given
-    folder = BagFolder('', str(given), since=100.0)
-    assert folder.path(str(given)).name == 'etna_2'
-    (tmp_path / 'bags/etna_2').mkdir()
-    assert folder.path(str(given)).name == 'etna_3'
+    given.mkdir(parents=True)
     folder = BagFolder('', str(given))
+    assert folder.path(str(given)) == given
+    assert folder.path(str(given), is_next=True).name == 'etna_2'
+    (tmp_path / 'bags/etna_2').mkdir()
     assert folder.path(str(given), is_next=True).name == 'etna_3'
     assert folder.path(str(given.with_name('other')), is_next=True).name == 'other'
     assert folder.path(str(given.with_name('etna_2')), is_next=True).name == 'etna_2_2'
+
+
+def test_nodes_in_a_shared_folder_have_different_restart_files(tmp_path):
+    names = [
+        BagFolder(str(tmp_path), '', node=node).restart_path(token).name
+        for node in ('/lava', '/etna/lava') for token in ('one', 'two')
+    ]
+    assert names == [
+        'restart_one.json', 'restart_two.json', 'restart_etna_lava_one.json',
+        'restart_etna_lava_two.json',
+    ]
+
+
+@pytest.mark.parametrize('jump', [-1.0, -5.0, -1e9, 90_000.0, 1e9])
+def test_log_times_continue_where_the_clock_jumps(tmp_path, recorder, jump):
+    start = 2 * 10**18
+    after = start + round(jump * 1e9)
+    stamps = [start - 10**9, start, after, after + 10**8, after - 10**8, after + 10**9]
+    for stamp_ns in stamps:
+        _write(recorder, 'word', stamp_ns)
+    recorder.attach('data', 'text/plain', b'data', after + 2 * 10**9)
+    recorder.stop()
+    messages = list(BagReader(tmp_path / 'bag').messages())
+    assert [item.publish_ns for item in messages] == stamps
+    # the step back by 0.1 s is not a jump
+    expected = [0, 10**9, 10**9 + 1, 11 * 10**8 + 1, 11 * 10**8 + 1, 2 * 10**9 + 1]
+    assert [item.stamp_ns - stamps[0] for item in messages] == expected
+    (attached,) = attachments_of(tmp_path / 'bag')
+    assert attached.log_time_ns - stamps[0] == 3 * 10**9 + 1
+
+
+def test_gap_of_a_clock_that_does_not_jump_stays_in_the_bag(tmp_path, recorder):
+    for stamp_ns in (10**9, 80_000 * 10**9):
+        _write(recorder, 'word', stamp_ns)
+    recorder.stop()
+    assert BagReader(tmp_path / 'bag').duration_ns == 79_999 * 10**9
+
+
+def test_bag_that_cannot_be_opened_leaves_nothing_behind(tmp_path, monkeypatch):
+    def fail(*_args, **_options):
+        raise OSError(28, 'No space left on device')
+
+    recorder = Recorder()
+    with monkeypatch.context() as patch:
+        patch.setattr(mcap.writer.Writer, 'start', fail)
+        recorder.arm(tmp_path / 'bag')
+        recorder.describe({})
+    assert 'No space left on device' in recorder.error
+    assert list(tmp_path.iterdir()) == []
+    recorder.arm(tmp_path / 'bag')
+    recorder.describe({})
+    assert recorder.state == 'recording'
 
 
 def test_bags_in_a_shared_folder_have_different_names(here):

@@ -14,6 +14,7 @@ import pytest
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.live import worker_status as speed
+from lava_ros.live.catch_up import Published
 from lava_ros.live.session import effect_table, is_on, Origin
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerState
@@ -247,9 +248,63 @@ def test_resumed_simulation_catches_up_before_it_is_shown(bench, reached, expect
         return simulation
 
     bench.run(bench.worker.pause(True))
-    bench.run(bench.worker.resume_with(resume, scene, reached=reached))
+    bench.run(bench.worker.resume_with(resume, scene, published=Published(reached)))
     bench.wait(lambda: bench.shown)
     assert bench.simulation.time == bench.shown[0].time == expected
+
+
+@pytest.mark.parametrize(
+    ('published', 'expected'),
+    [
+        (None, 7.0),
+        (Published(40.0), 40.0),
+        # 1200 s before the restart, at twice the speed of the clock; more than a lag that is lost
+        (Published(40.0, 100.0 - 1200.0), 2440.0),
+        # a clock that has gone back, and one that was wrong by years
+        (Published(40.0, 3700.0), 40.0),
+        (Published(40.0, -1e9), 40.0),
+    ],
+)
+@pytest.mark.parametrize('bench', [{'time_scale': 2.0, 'speed': 1000.0}], indirect=True)
+def test_resumed_simulation_catches_up_with_the_clock(bench, published, expected):
+    scene, worker = Scene(TERRAIN, (VENT,), lava=Lava()), bench.worker
+
+    def resume():
+        simulation = bench.make(scene)
+        simulation.time = 7.0
+        return simulation
+
+    bench.run(worker.pause(True))
+    bench.run(worker.resume_with(resume, scene, published=published))
+    bench.run(worker.pause(False))
+    bench.wait(lambda: not worker.status.is_catching_up and bench.simulation.time >= expected)
+    assert bench.simulation.time == expected
+    bench.now += 5.0
+    bench.wait(lambda: bench.simulation.time > expected)
+    bench.wait(lambda: bench.simulation.time == expected + 10.0)
+    assert worker.status.lost == 0.0
+    # a new start has nothing to catch up with
+    bench.run(worker.reset())
+    assert not worker.status.is_catching_up
+
+
+@pytest.mark.parametrize('bench', [{'speed': 1000.0}], indirect=True)
+def test_simulation_that_catches_up_says_so(bench):
+    scene, worker = Scene(TERRAIN, (VENT,), lava=Lava()), bench.worker
+    made = bench.make(scene)
+    made.speed = 1e-3
+    bench.run(worker.pause(True))
+    bench.run(worker.resume_with(lambda: made, scene, published=Published(0.0, 100.0 - 3600.0)))
+    bench.run(worker.pause(False))
+    bench.wait(lambda: worker.status.is_catching_up)
+    status = worker.status
+    assert status.is_stale and status.age == pytest.approx(3600.0, abs=1.0)
+    # a pause gives the lag up
+    bench.run(worker.pause(True))
+    made.speed = None
+    bench.run(worker.pause(False))
+    bench.wait(lambda: not worker.status.is_catching_up)
+    assert worker.status.lost == pytest.approx(3600.0, abs=1.0)
 
 
 def test_rejected_inputs_change_nothing(bench):

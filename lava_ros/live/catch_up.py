@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Catching up of a resumed simulation with the time of the clock."""
+
+import math
+from typing import NamedTuple
+
+from lava_ros.live.clock import MAX_LAG
+
+#: Maximum time of the clock between the last maps of a killed process and its restart that the
+#: simulation catches up with [s]. A longer one means that the clock was wrong before, or is now.
+MAX_DOWNTIME = 86_400.0
+
+
+class Published(NamedTuple):
+    """Simulated time of maps [s], and the time of the clock at which they were published [s].
+
+    ``clock`` is None if simulated time was held.
+    """
+
+    time: float
+    clock: float | None = None
+
+
+class CatchUp:
+    """The lag of a simulation at its start. Unlike a later lag beyond ``MAX_LAG``, it is not lost.
+
+    ``max_lag`` is the maximum lag behind the clock [s of the clock]. It shrinks with the lag.
+    """
+
+    def __init__(self, published: Published | None = None) -> None:
+        """Initialize with the newest maps of the killed process, None for a start at time 0."""
+        self._published = published
+        self.max_lag = MAX_LAG
+
+    @property
+    def is_behind(self) -> bool:
+        """True until the simulation has caught up."""
+        return self.max_lag > MAX_LAG
+
+    def begin(self, now: float, time_scale: float) -> float:
+        """Return the simulated time that the killed process would have reached by now [s].
+
+        It is 0 except at the first time ``now`` of the clock [s], which is 0 before it has a time.
+        """
+        if self._published is None or not now:
+            return 0.0
+        (time, clock), self._published = self._published, None
+        down = now - clock if clock is not None else 0.0
+        self.max_lag = math.inf
+        return time + (down * time_scale if 0.0 < down <= MAX_DOWNTIME else 0.0)
+
+    def note(self, lag: float, *, is_late: bool) -> None:
+        """Shrink the maximum lag to the current lag [s of the clock]; end unless ``is_late``."""
+        self.max_lag = min(self.max_lag, MAX_LAG + lag * is_late)
