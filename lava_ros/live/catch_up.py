@@ -6,7 +6,7 @@
 import math
 from typing import NamedTuple
 
-from lava_ros.live.clock import MAX_LAG
+from lava_ros.live.clock import FollowedClock, JITTER, MAX_LAG
 
 #: Maximum time of the clock between the last maps of a killed process and its restart that the
 #: simulation catches up with [s]. A longer one means that the clock was wrong before, or is now.
@@ -39,17 +39,22 @@ class CatchUp:
         """True until the simulation has caught up."""
         return self.max_lag > MAX_LAG
 
-    def begin(self, now: float, time_scale: float) -> float:
+    def begin(self, clock: FollowedClock, time_scale: float) -> float:
         """Return the simulated time that the killed process would have reached by now [s].
 
-        It is 0 except at the first time ``now`` of the clock [s], which is 0 before it has a time.
+        It is 0 except for the first time that the clock has a time. A ``clock`` that has gone back
+        since the maps, or too far ahead, has jumped.
         """
+        now = clock.read()
         if self._published is None or not now:
             return 0.0
-        (time, clock), self._published = self._published, None
-        down = now - clock if clock is not None else 0.0
+        (time, published), self._published = self._published, None
+        down = now - published if published is not None else 0.0
+        if not -JITTER < down <= MAX_DOWNTIME:
+            clock.note_jump(down)
+            down = 0.0
         self.max_lag = math.inf
-        return time + (down * time_scale if 0.0 < down <= MAX_DOWNTIME else 0.0)
+        return time + max(0.0, down) * time_scale
 
     def note(self, lag: float, *, is_late: bool) -> None:
         """Shrink the maximum lag to the current lag [s of the clock]; end unless ``is_late``."""

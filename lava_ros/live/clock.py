@@ -25,6 +25,7 @@ class FollowedClock:
     is not a jump.
 
     Attributes:
+        read: Returns the time of the clock [s].
         step: The newest advance of the clock [s].
         jump: The newest jump [s], negative where the clock went back, 0 before the first.
         jumps: Number of jumps.
@@ -33,25 +34,25 @@ class FollowedClock:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         """Initialize from a function that returns the time [s]; ``start`` begins to follow it."""
-        self._clock = clock
+        self.read = clock
         self._now = self._looked = 0.0
         self.step = self.jump = self.lost = 0.0
         self.jumps = 0
 
     def start(self) -> None:
         """Follow the clock, beginning at its current time."""
-        self._now, self._looked = self._clock(), time.monotonic()
+        self._now, self._looked = self.read(), time.monotonic()
         self.step = 0.0
 
     @property
     def unread(self) -> float:
         """Advance of the clock since the last reading [s], 0 if there was no time yet."""
-        return max(0.0, self._clock() - self._now) if self._now else 0.0
+        return max(0.0, self.read() - self._now) if self._now else 0.0
 
     def elapse(self) -> float:
         """Return the advance of the clock since the last reading [s], 0 at a jump."""
         before, looked = self._now, self._looked
-        now, self._looked = self._clock(), time.monotonic()
+        now, self._looked = self.read(), time.monotonic()
         elapsed = now - before
         if -JITTER < elapsed <= 0.0 and now:
             return 0.0
@@ -62,10 +63,14 @@ class FollowedClock:
         if 0.0 < elapsed <= MAX_LAG + self._looked - looked:
             self.step = elapsed
             return elapsed
-        self.jump = elapsed
-        self.jumps += 1
-        self.lost += max(0.0, elapsed)
+        self.note_jump(elapsed)
         return 0.0
+
+    def note_jump(self, by: float) -> None:
+        """Count a jump [s], which is not followed."""
+        self.jump = by
+        self.jumps += 1
+        self.lost += max(0.0, by)
 
 
 #: Wall time within which a simulated clock must advance [s]; a replay may be slow to start.

@@ -379,9 +379,7 @@ class SimulationWorker:
             self._target = self._step_target
         else:
             self._target += self._clock.elapse() * self.time_scale
-            self._target = max(
-                self._target, self._catch_up.begin(self.clock(), self.time_scale)
-            )
+            self._target = max(self._target, self._catch_up.begin(self._clock, self.time_scale))
             self._catch_up.note(self._age / self.time_scale, is_late=self._age > self._max_age)
             max_lag = self._catch_up.max_lag * self.time_scale
             self._give_up(before + self.session.view.step + max_lag)

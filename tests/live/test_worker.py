@@ -282,7 +282,9 @@ def test_resumed_simulation_catches_up_with_the_clock(bench, published, expected
     bench.now += 5.0
     bench.wait(lambda: bench.simulation.time > expected)
     bench.wait(lambda: bench.simulation.time == expected + 10.0)
-    assert worker.status.lost == 0.0
+    is_wrong = published is not None and published.clock in (3700.0, -1e9)
+    assert worker.status.jumps == is_wrong
+    assert is_wrong or worker.status.lost == 0.0
     # a new start has nothing to catch up with
     bench.run(worker.reset())
     assert not worker.status.is_catching_up

@@ -4,6 +4,7 @@
 """Terrain, vents and description of a bag."""
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,11 +12,13 @@ import pytest
 from std_srvs.srv import Trigger
 import yaml
 
-from lava_ros.bag import BagReader, LATCHED
+from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.cli.main import main
+from lava_ros.live import recording_control
 from lava_ros.maps.frames import Recording
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.recording import SceneRecording
+from lava_ros.ros.subscribers import LIMITS
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import snapshot_at
 from ros.conftest import start_flow
@@ -117,22 +120,97 @@ def test_terrain_and_vents_are_repeated_as_the_bag_grows(tmp_path):
     assert all(bag.topics[topic].qos == LATCHED for topic in scene)
 
 
+def times_of(bag):
+    """Return the simulated times of the frames of a bag that contains no damage."""
+    recording = Recording(bag)
+    times = [frame.time for frame in recording.frames()]
+    assert recording.bag.damage == ()
+    assert recording.frame_at().time == times[-1]
+    return times
+
+
 @pytest.mark.parametrize('jump', [-1.5, -9_000.0, 1e9])
-def test_another_bag_begins_where_the_clock_jumps(local, jump):
+def test_bag_continues_where_the_clock_jumps(local, jump):
     node = start_flow(local, record=True, bag_directory='bag')
     node.run(3.0)
     node.jump(node.now + jump)
-    node.wait_for_log('bag_2')
     # the simulation reads the clock
     node.worker.request_snapshot()
     node.run_commands()
     node.run(3.0)
+    assert node.status_now('recorder')['state'] == 'recording'
     assert node.change('deactivate') and node.change('cleanup')
-    times = [[frame.time for frame in Recording(name).frames()] for name in ('bag', 'bag_2')]
-    assert all(item == sorted(set(item)) for item in times)
-    assert 0.0 < times[0][-1] <= 100.0 and times[0][-1] <= times[1][0] < times[1][-1] <= 160.0
+    assert [path.name for path in node.directory.glob('bag*')] == ['bag']
+    times = times_of('bag')
+    assert times == sorted(set(times))
+    # 20 simulated seconds to one of the clock; the jump itself is not followed
+    assert 100.0 < times[-1] <= 160.0
+    bag = BagReader('bag')
+    log_times = [item.stamp_ns for item in bag.messages()]
+    assert log_times == sorted(log_times)
     # the last tick of the clock, of half a second, may come after the last message
-    assert BagReader('bag_2').duration_ns >= 2.5e9
+    assert 6.5e9 <= bag.duration_ns <= 9e9
+
+
+def test_looping_clock_gives_one_bag(local):
+    """Many times as many loops as the service may start recordings."""
+    node = start_flow(local, record=True, bag_directory='bag', bag_max_duration=7.0)
+    start = node.now
+    for _ in range(3 * LIMITS['record'][0]):
+        node.run(1.5)
+        node.jump(start)
+        node.worker.request_snapshot()
+        node.run_commands()
+    node.run(1.0)
+    simulated = node.worker.session.time
+    assert node.status_now('recorder', lambda item: item['state'] == 'recording')['level'] == 0
+    assert node.change('deactivate') and node.change('cleanup')
+    assert '[ERROR]' not in node.log
+    assert [path.name for path in node.directory.glob('bag*')] == ['bag']
+    assert len(BagReader('bag').files) > 2
+    times = times_of('bag')
+    assert times == sorted(set(times))
+    # maps come once a second of the clock, in which 20 s are simulated, at the end of a step
+    assert len(times) > 10 and simulated - 50.0 < times[-1] <= simulated
+    assert max(np.diff(times)) < 60.0
+    assert main(['info', 'bag']) == 0
+
+
+def test_failed_recording_is_tried_again(local, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(recording_control.RecordingControl, 'clock', lambda _: now[0])
+    node = start_flow(local, record=True, bag_directory='bag')
+
+    def fail(*_args, **_options):
+        raise OSError(28, 'No space left on device')
+
+    def failed(item):
+        return item['state'] == 'off' and item['message'].endswith('; trying again')
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BagWriter, 'flush', fail)
+        patch.setattr(BagWriter, '_open_file', fail)
+        assert node.status_now('recorder', failed)['level'] == 2
+        # one attempt, which fails in the same way
+        now[0] += recording_control.RETRY_PERIOD
+        node.wait_for_log('cannot record to bag_2: [Errno 28] No space left on device')
+        assert node.status_now('recorder', failed)['bag'] == 'bag_2'
+    assert not Path('bag_2').exists()
+    # each failure doubles the time to the next attempt
+    now[0] += 1.5 * recording_control.RETRY_PERIOD
+    node.status_now('recorder', failed)
+    assert node.status_now('recorder')['state'] == 'off'
+    now[0] += 0.6 * recording_control.RETRY_PERIOD
+    node.run(1.0)
+    status = node.status_now('recorder', lambda item: item['state'] == 'recording')
+    assert (status['level'], status['bag']) == (0, 'bag_2')
+    node.run(1.0)
+    assert node.call('record', False)['success']
+    assert times_of('bag_2')
+    # on request it stays off
+    now[0] += 1e6
+    node.run(1.0)
+    assert node.status_now('recorder')['state'] == 'off'
 
 
 def test_bag_begins_at_the_first_time_of_the_clock(local):

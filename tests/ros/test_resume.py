@@ -6,8 +6,6 @@
 from dataclasses import replace
 from functools import lru_cache
 import json
-import os
-import shutil
 import signal
 import time
 
@@ -30,7 +28,7 @@ from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import HORIZON
 from ros.conftest import QUICK_MODULE
 from ros.graph_listener import line_of
-from ros.graph_publisher import elevation, LATCHED
+from ros.graph_publisher import LATCHED
 
 #: Topics of the grids that are published by default.
 GRIDS = ('height', 'temperature', 'hazard')
@@ -160,43 +158,6 @@ def test_node_that_cannot_resume_exits_with_2(run_program, tmp_path, bag, parame
     assert status == 2
     assert 'Traceback' not in stderr
     assert words in stderr
-
-
-def test_restarted_node_resumes_from_its_newest_bag(local, tmp_path):
-    np.savez(tmp_path / 'slope.npz', elevation=elevation(), resolution=10.0)
-    (tmp_path / 'scene.yaml').write_text(
-        'terrain: {file: slope.npz}\n'
-        'vents: [{position: [60.0, 155.0], discharge: 20.0, radius: 12.0}]\n'
-    )
-    given = {'scene': 'scene.yaml', 'bag_directory': 'bags/first', 'resume_since': time.time() - 1}
-    for name in ('before', 'foreign'):
-        with BagWriter(tmp_path / 'bags' / name, custom_data={}) as writer:
-            writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
-    os.utime(tmp_path / 'bags/before/before_0.mcap', (1.0, 1.0))
-    (tmp_path / 'bags/damaged').mkdir()
-    (tmp_path / 'bags/damaged/damaged_0.mcap').write_bytes(b'no bag')
-    node = local(record=True, **given)
-    assert node.change('configure') and node.change('activate'), node.log
-    assert 'resuming' not in node.log
-    node.run_commands()
-    node.newest('height')
-    node.run(1.0)
-    assert node.call('save')['success']
-    reached = node.worker.session.time
-    # the bag as it is when the node is killed now
-    shutil.copytree(tmp_path / 'bags/first', tmp_path / 'killed')
-    assert node.change('shutdown')
-    shutil.rmtree(tmp_path / 'bags/first')
-    (tmp_path / 'killed').rename(tmp_path / 'bags/first')
-
-    # as if ~/record had started the bag: the recording continues
-    again = local(record=False, **given)
-    assert again.change('configure') and again.change('activate'), again.log
-    assert f'resuming at {reached:.3f} s' in again.log
-    recorder = again.status_now('recorder', lambda item: item['state'] == 'recording')
-    assert recorder['bag'] == 'bags/first_2'
-    status = again.status_now('simulation', lambda item: 'simulated_time_s' in item)
-    assert float(status['simulated_time_s']) >= reached
 
 
 @lru_cache
