@@ -6,11 +6,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 import os
+from pathlib import Path
 import shutil
 import time
 from typing import Any, NamedTuple
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.recorder import BagFolder, Recorder
 from lava_ros.live.restart import RestartFile
@@ -63,6 +64,8 @@ class RecordingControl:
         """Initialize without a failed attempt."""
         self._pause = RETRY_PERIOD
         self._due: float | None = None
+        # folders of the bags that were asked for, without links
+        self._resolved: dict[Path, Path] = {}
 
     @property
     def is_busy(self) -> bool:
@@ -84,13 +87,23 @@ class RecordingControl:
         self.is_wanted = True
 
     def arm(self, *, is_next: bool = False) -> None:
-        """Choose a bag; with ``is_next`` a number is added to a name that exists.
+        """Choose a bag.
+
+        With ``is_next``, without a request, a number is added to a name that exists, and links in
+        its path must be those of the last request.
 
         Raises:
             LavaError: If it cannot be created.
         """
         name, max_size, max_duration, _ = self.settings()
         directory = self.folder.path(name, is_next=is_next or self.is_restart)
+        parent = directory.parent
+        with refusing('bag_directory', str(directory), 'a path', OSError, RuntimeError):
+            place = parent.resolve()
+        if is_next and self._resolved.get(parent, place) != place:
+            expected = 'a path without a link that has come into it since the first bag'
+            raise LavaError('bag_directory', str(directory), expected)
+        self._resolved[parent] = place
         self.recorder.arm(directory, max_size=max_size, max_duration=max_duration)
 
     def poll(self, stamp_ns: int, *, changes: int, is_active: bool) -> str:

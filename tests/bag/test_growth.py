@@ -23,13 +23,30 @@ START = 10**18
 
 
 def timeline_of(count: int) -> Timeline:
-    """Return the timeline of a recording at 1 Hz."""
-    numbers = [SimpleNamespace(stamp_ns=START + index * 10**9) for index in range(count)]
-    bag: Any = SimpleNamespace(messages=lambda topics: numbers)
+    """Return the timeline of a recording at 1 Hz with a clock that loops after 5 s."""
+    numbers = [
+        SimpleNamespace(stamp_ns=START + index * 10**9, publish_ns=START + index % 5 * 10**9)
+        for index in range(count)
+    ]
+    data = {'version': '1'}
+    bag: Any = SimpleNamespace(messages=lambda topics: numbers, custom_data=data)
     decoder: Any = SimpleNamespace(decode=lambda message, take: [
-        Moment(message.stamp_ns, 1e-9 * (message.stamp_ns - START), {}, '/lava')
+        Moment(message.publish_ns, 1e-9 * (message.stamp_ns - START), {}, '/lava')
     ])
     return Timeline(bag, decoder)
+
+
+def test_times_of_a_looping_clock_continue() -> None:
+    timeline = timeline_of(20)
+    assert [moment.stamp_ns - START for moment in timeline.moments] == [
+        index * 10**9 for index in range(20)
+    ]
+    assert timeline.last_run == timeline.moments
+    # a stamp is of the loop in which its message was logged
+    stamp = START + 1_500_000_000
+    for loop in range(4):
+        now = timeline.ros_time(stamp, stamp + loop * 5 * 10**9 + 10**8)
+        assert timeline.time_at(now) == pytest.approx(5.0 * loop + 1.5)
 
 
 def build(folder: Path, count: int) -> Callable[[], object]:

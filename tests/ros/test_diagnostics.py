@@ -5,6 +5,7 @@
 
 from concurrent.futures import Future
 from dataclasses import replace
+from pathlib import Path
 from socket import gethostname
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -15,6 +16,8 @@ from lava_ros.errors import LavaError
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
 from lava_ros.live.recorder import Recorder
+from lava_ros.live.recording_control import RecordingControl
+from lava_ros.live.restart import RestartFile
 from lava_ros.live.session import SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.ros import diagnostics
@@ -177,6 +180,10 @@ def test_simulation_values_are_those_of_the_frame():
         (WorkerState.WAITING, {}, WARN, 'waiting for terrain'),
         (WorkerState.RUNNING, {}, OK, 'running'),
         (WorkerState.RUNNING, {'is_behind': True}, WARN, 'running slower'),
+        (
+            WorkerState.RUNNING, {'is_behind': True, 'is_catching_up': True, 'age': 658.0}, WARN,
+            'catching up after a restart: 658 s of simulated time behind',
+        ),
         # a step or command that takes longer than ten slices, except while starting
         (WorkerState.RUNNING, {**LONG, 'task_duration': 0.9}, OK, 'running'),
         (WorkerState.STARTING, LONG, OK, 'starting'),
@@ -215,13 +222,23 @@ def test_failed_recording_is_an_error():
     recorder = Recorder()
     recorder.directory, recorder.files, recorder.messages = 'bags/x', 1, 5
     recorder.state = 'recording'
-    recording = CheckpointRecording(recorder, Future)
+    checkpoints = CheckpointRecording(recorder, Future)
+    file = RestartFile(Path('bags/restart_one.json'))
+    recording = RecordingControl(recorder, checkpoints, None, None, file)
     good = diagnostics.recorder_status(recording)
     assert (good.name, good.level, good.message) == ('recorder', OK, 'recording')
     assert _values(good) == {'state': 'recording', 'bag': 'bags/x', 'files': '1', 'messages': '5'}
+    file.error = 'disk full'
+    blind = diagnostics.recorder_status(recording)
+    assert (blind.level, blind.message) == (
+        WARN, 'recording; a restart would not know how far the maps have come: disk full',
+    )
+    file.error = ''
     recorder.state, recorder.error = 'off', 'disk full'
     bad = diagnostics.recorder_status(recording)
     assert (bad.level, bad.message) == (ERROR, 'disk full')
+    recording.is_wanted = True
+    assert diagnostics.recorder_status(recording).message == 'disk full; trying again'
 
 
 def test_status_has_the_name_of_its_node():

@@ -125,7 +125,7 @@ def times_of(bag):
     recording = Recording(bag)
     times = [frame.time for frame in recording.frames()]
     assert recording.bag.damage == ()
-    assert recording.frame_at().time == times[-1]
+    assert recording.frame_at(times[-1]).time == times[-1]
     return times
 
 
@@ -211,6 +211,20 @@ def test_failed_recording_is_tried_again(local, monkeypatch):
     now[0] += 1e6
     node.run(1.0)
     assert node.status_now('recorder')['state'] == 'off'
+
+
+def test_later_attempt_does_not_follow_a_new_link(local, monkeypatch, tmp_path):
+    now = [0.0]
+    monkeypatch.setattr(recording_control.RecordingControl, 'clock', lambda _: now[0])
+    node = start_flow(local, record=True, bag_directory='bags/bag')
+    (tmp_path / 'outside').mkdir()
+    Path('bags').rename('moved')
+    Path('bags').symlink_to(tmp_path / 'outside')
+    node.run(1.0)
+    node.status_now('recorder', lambda item: 'removed, moved or replaced' in item['message'])
+    now[0] += recording_control.RETRY_PERIOD
+    node.status_now('recorder', lambda item: 'a link that has come into it' in item['message'])
+    assert list((tmp_path / 'outside').iterdir()) == []
 
 
 def test_bag_begins_at_the_first_time_of_the_clock(local):

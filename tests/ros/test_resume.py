@@ -194,6 +194,15 @@ def test_omitted_parameters_are_those_of_the_checkpoint():
     assert overrides_from_checkpoint(forced, {**known, **result}, known) == {}
 
 
+def test_frame_is_that_of_the_bag():
+    one = checkpoint()
+    known = defaults(one.scene.lava)
+    found = overrides_from_checkpoint(one, known, known, frame_id='odom')
+    assert found == {'frame_id': 'odom'}
+    with pytest.raises(LavaError, match="^frame_id is 'world', expected 'odom' as in the checkpo"):
+        overrides_from_checkpoint(one, {**known, 'frame_id': 'world'}, known, frame_id='odom')
+
+
 @pytest.mark.parametrize(
     ('name', 'value'),
     [

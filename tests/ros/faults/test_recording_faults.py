@@ -106,9 +106,11 @@ def test_full_disk_stops_only_the_recording(graph, tmp_path, limit):
     status = listener.wait_for_status('recorder', lambda status: status['level'] == 2)
     assert status['state'] == 'off'
     assert f'recording to {bag} stopped' in status['message']
+    assert status['message'].endswith('; trying again')
     assert 'File too large' in status['message']
     node.wait_for_log('File too large')
-    errors = [line for line in node.log.splitlines() if '[ERROR]' in line and 'recording' in line]
+    # later attempts have errors of their own
+    errors = [line for line in node.log.splitlines() if '[ERROR]' in line and 'stopped' in line]
     assert len(errors) == 1, errors
 
     # not wet cells: their number is constant once lava has reached the border
@@ -126,7 +128,9 @@ def test_full_disk_stops_only_the_recording(graph, tmp_path, limit):
     first = min(stamp for topic, stamp, _ in saved)
     assert {item for item in received if first <= item[1] < end} <= set(saved)
 
-    # a later recording is possible
+    # a later recording is possible; on request there are no more attempts in between
+    publisher.call('record', False)
+    assert not listener.status_now('recorder')['message'].endswith('; trying again')
     endless = resource.RLIM_INFINITY
     resource.prlimit(node.child.pid, resource.RLIMIT_FSIZE, (endless, endless))
     assert publisher.set(bag_directory=str(tmp_path / 'next'))['success']
