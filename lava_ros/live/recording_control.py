@@ -20,7 +20,7 @@ from lava_ros.live.restart import RestartFile
 CHECKPOINT_TIMEOUT = 2.0
 
 #: Wall time after which a failed recording is tried again [s]. It doubles with each failure, up to
-#: the maximum.
+#: the maximum, until a recording has lasted longer than that.
 RETRY_PERIOD, MAX_RETRY_PERIOD = 10.0, 600.0
 
 #: Minimum free space on the disk at which a failed recording is tried again [bytes].
@@ -62,7 +62,7 @@ class RecordingControl:
 
     def __post_init__(self) -> None:
         """Initialize without a failed attempt."""
-        self._pause = RETRY_PERIOD
+        self._pause, self._begun = RETRY_PERIOD, 0.0
         self._due: float | None = None
         # folders of the bags that were asked for, without links
         self._resolved: dict[Path, Path] = {}
@@ -103,7 +103,7 @@ class RecordingControl:
         if is_next and self._resolved.get(parent, place) != place:
             expected = 'a path without a link that has come into it since the first bag'
             raise LavaError('bag_directory', str(directory), expected)
-        self._resolved[parent] = place
+        self._resolved[parent], self._begun = place, self.clock()
         self.recorder.arm(directory, max_size=max_size, max_duration=max_duration)
 
     def poll(self, stamp_ns: int, *, changes: int, is_active: bool) -> str:
@@ -119,8 +119,8 @@ class RecordingControl:
         """
         if is_active and self.is_wanted and self.recorder.error and not self.is_busy:
             self._try_again()
-        elif self.recorder.is_recording and self.recorder.messages:
-            self._pause, self._due = RETRY_PERIOD, None
+        elif self.recorder.is_recording and self.clock() >= self._begun + self._pause:
+            self._pause = RETRY_PERIOD
         period = self.settings().checkpoint_period
         return self.checkpoints.poll(period, stamp_ns, changes=changes)
 

@@ -205,6 +205,8 @@ def test_failed_recording_is_tried_again(local, monkeypatch):
     status = node.status_now('recorder', lambda item: item['state'] == 'recording')
     assert (status['level'], status['bag']) == (0, 'bag_2')
     node.run(1.0)
+    # the diagnostics have the times of the last maps
+    node.status_now('simulation')
     assert node.call('record', False)['success']
     assert times_of('bag_2')
     # on request it stays off
