@@ -91,6 +91,9 @@ class LocalNode(Asking, Hearing):
 
     def __init__(self, directory, patch, *, domain='local', remap=(), **parameters):
         patch.setattr(runtime, 'HEARTBEAT', HEARTBEAT)
+        # An earlier node stays in the graph, under the same name, as long as a logged traceback of
+        # its thread refers to it: pytest keeps log records until the end of a test.
+        gc.collect()
         # a busy machine may take long to end the simulation
         patch.setattr(runtime, 'STOP_TIMEOUT', PATIENCE)
         # no warning about a clock that stands still
