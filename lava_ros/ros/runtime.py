@@ -386,15 +386,23 @@ class NodeRuntime:
         stamp_ns = now_ns(self._node)
         if self._recorder.is_armed and stamp_ns > 0:
             self._publish()
-        snapshot = self._layers.shown
         self._publish_places()
+        self._send_diagnostics(stamp_ns)
+        self._recorder.flush()
+        self._report_checkpoint(
+            self._bags.poll(stamp_ns, changes=self.worker.view.changes, is_active=self.is_active)
+        )
+        self._note_progress(worker)
+        self._log.recorder(self._bags)
+
+    def _send_diagnostics(self, stamp_ns: int) -> None:
+        worker, view = self.worker.status, self.worker.view
+        snapshot = self._layers.shown
         is_simulated = self._node.get_clock().ros_time_is_active
         clock = self._clock_watch.look(
             stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
         )
-        view = self.worker.view
-        resolution = view.resolution
-        self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
+        self._log.worker(worker, view.resolution, clock, is_paused=self._is_paused)
         message = DiagnosticArray(
             header=codec.header('', stamp_ns),
             status=[
@@ -415,12 +423,6 @@ class NodeRuntime:
         )
         diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
         self._graph.send(self._diagnostics, message, stamp_ns, qos.DIAGNOSTICS)
-        self._recorder.flush()
-        self._report_checkpoint(
-            self._bags.poll(stamp_ns, changes=view.changes, is_active=self.is_active)
-        )
-        self._note_progress(worker)
-        self._log.recorder(self._bags)
 
     def _note_progress(self, worker: WorkerStatus) -> None:
         # until the first map of a restarted node, the progress is that of the killed one
@@ -435,6 +437,9 @@ class NodeRuntime:
             )
 
     def _close_bag(self) -> None:
+        if self._recorder.is_recording:
+            # readers know the simulated time of maps up to the last diagnostics
+            self._send_diagnostics(now_ns(self._node))
         self._report_checkpoint(self._bags.close(now_ns(self._node)))
         self._log.recorder(self._bags)
 
