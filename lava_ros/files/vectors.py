@@ -1,16 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Vector files: GeoJSON, GeoPackage, Shapefile and KML, by GDAL.
-
-GDAL reads a file from memory, so that it cannot open other files to which the file refers.
-"""
+"""Vector files: GeoJSON, GeoPackage, Shapefile and KML, read by the reader process."""
 
 from collections.abc import Mapping, Sequence
 import io
 import json
-import logging
-import math
 from pathlib import Path
 import re
 from tempfile import TemporaryDirectory
@@ -19,11 +14,11 @@ import warnings
 import zipfile
 
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files import check_exists, open_input, warn_of_unknown, write_output
+from lava_ros.files import check_exists, open_input, write_output
 from lava_ros.files.csv import format_table
 from lava_ros.files.optional import require
-
-_LOG = logging.getLogger(__name__)
+from lava_ros.files.reader import read_in_process
+from lava_ros.files.systems import plain_system
 
 #: Maximum size of an unpacked file [bytes].
 MAX_BYTES = 256 * 2**20
@@ -79,21 +74,6 @@ ENDINGS = tuple(f'.{ending}' for ending in (*FORMATS, *ALIASES, *ARCHIVES))
 #: Parts of a Shapefile that are read and written; the first three are required.
 _PARTS = ('.shp', '.shx', '.dbf', '.prj', '.cpg')
 
-#: Attributes of KML features for drawing.
-_OF_KML = frozenset((
-    'id', 'description', 'Description', 'snippet', 'altitudeMode', 'tessellate', 'extrude',
-    'visibility', 'drawOrder', 'icon', 'gx_media_links',
-))
-
-#: Members of GeoJSON objects by their type; others have no effect.
-_MEMBERS = {
-    'FeatureCollection': (
-        'type', 'features', 'bbox', 'name', 'description', 'crs', 'xy_coordinate_resolution'
-    ),
-    'Feature': ('type', 'id', 'geometry', 'properties', 'bbox'),
-}
-_GEOMETRY = ('type', 'coordinates', 'geometries', 'bbox')
-
 #: A feature: name in errors, geometry of GeoJSON, definition of the coordinate system (None:
 #: unknown), and attributes.
 Item = tuple[str, Mapping[str, Any] | None, str | None, Mapping[str, Any]]
@@ -103,109 +83,22 @@ def read_vectors(field: str, path: Path) -> list[Item]:
     """Read the features of all layers of a file in two dimensions, and log warnings of GDAL.
 
     Raises:
-        LavaError: If the file cannot be read, is too large, or is not of the format of its suffix;
+        LavaError: If the file cannot be read, is too large, is not of the format of its suffix, or
+            defines a coordinate system otherwise than by a code, an OGC name or well-known text;
             or if pyogrio is not installed. Errors name ``field``.
     """
     require('pyogrio', field, str(path))
     known, contents = _content(field, path)
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter('always')
-        try:
-            result = [item for data in contents for item in _read(known, data, path)]
-        except LavaError:
-            raise
-        # the errors of pyogrio have no common class
-        except Exception as error:
-            expected = f'a file of {known.name} that GDAL can read ({_message(error, path)})'
-            raise LavaError(field, str(path), expected) from error
-    # GDAL warns that a file in memory has no suffix
-    texts = {_message(item.message, path) for item in told} - {''}
-    for text in sorted(text for text in texts if 'file extension' not in text):
-        _LOG.warning(f'{path}: {text}')
-    return result
-
-
-def _message(message: object, path: Path) -> str:
-    """Return a message of GDAL with the name of the file instead of its path in memory."""
-    return re.sub(r"/vsi[^\s']+", path.name, str(message))
-
-
-def _read(known: Format, data: bytes, path: Path) -> list[Item]:
-    """Read the features of all layers of a file in memory."""
-    from pyogrio import list_layers, raw, read_info
-
-    layers = list_layers(data)
-    if len(layers) > MAX_LAYERS:
-        raise LavaError(f'layers of {path}', len(layers), f'at most {MAX_LAYERS}')
-    result: list[Item] = []
-    named = _check_members(path, data) if known.ending == 'geojson' else None
-    for index, (layer, kind) in enumerate(layers):
-        if kind is None:
-            continue
-        driver = read_info(data, layer=index)['driver']
-        if driver not in known.readers:
-            raise LavaError(str(path), f'a file of {driver}', f'a file of {known.name}')
-        meta, _, geometry, values = raw.read(data, layer=index, force_2d=True)
-        # without a folder in a KML file, the layer has the name of the file in memory
-        has_name = known.has_layers and not str(layer).startswith('pyogrio_')
-        where = f'{path}, {layer if has_name else "feature"}'
-        for number, item in enumerate(_as_geojson(meta, geometry, values)):
-            properties = {
-                name: value for name, value in (item['properties'] or {}).items()
-                if value is not None and (known.ending != 'kml' or name not in _OF_KML)
-            }
-            crs = named or meta['crs']
-            result.append((f'{where} {number}', item['geometry'], crs, properties))
-    return result
-
-
-def _check_members(path: Path, data: bytes) -> str | None:
-    """Warn of GeoJSON members that GDAL ignores, and raise LavaError for ambiguous ones.
-
-    Returns the coordinate system in a file before RFC 7946: GDAL replaces an unknown one by
-    degrees.
-    """
-    others: list[str] = []
-
-    def check(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        members = dict(pairs)
-        if len(members) < len(pairs):
-            names = [name for name, _ in pairs]
-            twice = next(name for name in names if names.count(name) > 1)
-            raise LavaError(f'{path}, {twice}', 'given twice', 'each member once')
-        for name, value in members.items():
-            if isinstance(value, float) and not math.isfinite(value):
-                raise LavaError(f'{path}, {name}', value, 'a finite number')
-        known = _MEMBERS.get(str(members.get('type')), members)
-        for name in ('properties', 'geometry') if known is _MEMBERS['Feature'] else ():
-            if not isinstance(members.get(name), dict | None):
-                raise LavaError(f'{path}, {name}', members[name], 'an object, or null')
-            if name == 'geometry':
-                others.extend(key for key in members.get(name) or () if key not in _GEOMETRY)
-        others.extend(name for name in members if name not in known)
-        return members
-
-    system = json.loads(data, object_pairs_hook=check).get('crs')
-    warn_of_unknown(path, 'members', others)
-    return system and str(system['properties']['name'])
-
-
-def _as_geojson(meta: Any, geometry: Any, values: Any) -> list[dict[str, Any]]:
-    """Convert features of pyogrio to GeoJSON, without a change of coordinates."""
-    from pyogrio import raw
-
-    if not len(geometry):
-        return []
-    text = io.BytesIO()
-    with warnings.catch_warnings():
-        # pyogrio warns that there is no coordinate system
-        warnings.simplefilter('ignore')
-        raw.write(
-            text, geometry, values, meta['fields'], driver='GeoJSON', geometry_type='Unknown',
-            layer_options={'SIGNIFICANT_FIGURES': '17'},
-        )
-    features: list[dict[str, Any]] = json.loads(text.getvalue())['features']
-    return features
+    files = [(f'{number}.{known.ending}', data) for number, data in enumerate(contents)]
+    answer = read_in_process(field, path, 'vectors', files)
+    systems = {
+        system: system and plain_system(f'{path}, crs', system)
+        for _, _, system, _ in answer.data['result']
+    }
+    return [
+        (where, geometry, systems[system], properties)
+        for where, geometry, system, properties in answer.data['result']
+    ]
 
 
 def _content(field: str, path: Path) -> tuple[Format, list[bytes]]:
@@ -358,13 +251,8 @@ def geometries_of_wkt(field: str, texts: Sequence[str]) -> list[Mapping[str, Any
         LavaError: If pyogrio is not installed. The error names ``field``.
     """
     require('pyogrio', field, 'well-known text')
-    from pyogrio import raw
-
-    with TemporaryDirectory() as temporary, warnings.catch_warnings():
-        # the caller reports invalid text
-        warnings.simplefilter('ignore')
-        place = Path(temporary, 'a.csv')
-        rows = ({'WKT': text, 'row': 0} for text in texts)
-        place.write_text(format_table(['WKT', 'row'], rows), encoding='utf-8')
-        meta, _, geometry, values = raw.read(place, force_2d=True)
-    return [item['geometry'] for item in _as_geojson(meta, geometry, values)]
+    rows = ({'WKT': text, 'row': 0} for text in texts)
+    table = format_table(['WKT', 'row'], rows).encode()
+    answer = read_in_process(field, 'well-known text', 'wkt', [('a.csv', table)])
+    found: list[Mapping[str, Any] | None] = answer.data['result']
+    return found

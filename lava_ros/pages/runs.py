@@ -19,7 +19,7 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import open_raster
+from lava_ros.files.rasters import read_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.sentinels import CalledEffect
@@ -343,9 +343,8 @@ def _raster(
     path: Path, shape: tuple[int, ...], least: float = -MAX_ELEVATION, most: float = MAX_ELEVATION
 ) -> tuple[np.ndarray, dict[str, str]]:
     """Return a map of an ensemble, NaN without data, and its tags."""
-    with open_raster('a map', path) as source:
-        values = np.flipud(source.read(1, masked=True).astype(np.float64).filled(np.nan))
-        tags = dict(source.tags())
+    source = read_raster('a map', path, kind=np.float64)
+    values, tags = np.flipud(source.values[0].filled(np.nan)), dict(source.tags)
     if values.shape != shape:
         raise ValueError(f'{path.name} has other cells than {MANIFEST}')
     wrong = values[(values < least) | (values > most)]

@@ -17,7 +17,8 @@ from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input
 from lava_ros.files.columns import LENGTHS, normal_unit
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import open_raster, PICTURES
+from lava_ros.files.raster_formats import PICTURES
+from lava_ros.files.rasters import read_raster
 from lava_ros.scene.features import Feature, read_features
 from lava_ros.scene.projection import coordinate_system, horizontal, on_terrain, vertical_unit
 from lava_ros.scene.terrain import Terrain
@@ -68,26 +69,30 @@ def read_band(
         LavaError: If the file cannot be read, has several bands, no numbers or no position, or if
             lengths have 8 bits, an unknown unit or two units.
     """
-    with open_raster(field, path) as source:
-        stored, scale, offset = np.dtype(source.dtypes[0]), source.scales[0], source.offsets[0]
-        expected = ''
-        if source.count != 1:
-            expected = f'a raster with one band of {lengths or "numbers"}, not {source.count}'
-        elif stored.kind not in 'iuf':
-            expected = f'numbers, not {stored}'
-        elif lengths and stored.itemsize == 1 and (scale, offset) == (1.0, 0.0):
-            expected = f'{lengths}: {stored} is the type of a picture or a mask '
-            expected += '(gdal_translate -ot Int16 if these are lengths)'
-        if expected:
-            raise LavaError(field, str(path), expected)
-        _check_placed(field, path, source.transform)
-        unit, crs = _unit_of(source, path, lengths) if lengths else 1.0, source.crs
-        return Band(
-            source.read(1, masked=True, out_dtype=kind), scale * unit, offset * unit,
-            # a vertical system in feet no longer holds
-            source.transform, crs if unit == 1.0 or not crs else horizontal(crs),
-            source.descriptions[0] or '', source.tags(),
-        )
+    source = read_raster(field, path, kind=kind)
+    stored, scale, offset = np.dtype(source.dtypes[0]), source.scales[0], source.offsets[0]
+    expected = ''
+    if source.count != 1:
+        expected = f'a raster with one band of {lengths or "numbers"}, not {source.count}'
+        expected += ' (gdal_translate -b 1 keeps the first one'
+        if 'alpha' in source.colours:
+            expected += f'; band {source.colours.index("alpha") + 1} only marks cells with data'
+        expected += ')'
+    elif stored.kind not in 'iuf':
+        expected = f'numbers, not {stored}'
+    elif lengths and stored.itemsize == 1 and (scale, offset) == (1.0, 0.0):
+        expected = f'{lengths}: {stored} is the type of a picture or a mask '
+        expected += '(gdal_translate -ot Int16 if these are lengths)'
+    if expected:
+        raise LavaError(field, str(path), expected)
+    _check_placed(field, path, source.place)
+    unit, crs = _unit_of(source, path, lengths) if lengths else 1.0, source.crs
+    return Band(
+        source.values[0], scale * unit, offset * unit,
+        # a vertical system in feet no longer holds
+        source.place, crs if unit == 1.0 or not crs else horizontal(crs),
+        source.descriptions[0] or '', dict(source.tags),
+    )
 
 
 def _check_placed(field: str, path: str | Path, place: Any) -> None:
@@ -204,25 +209,23 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture:
     Raises:
         LavaError: If the file cannot be read, or does not have 8 bits a colour.
     """
-    with open_raster(field, path, PICTURES) as source:
-        if not source.transform.is_identity:
-            _check_placed(field, path, source.transform)
-        if set(source.dtypes) != {'uint8'}:
-            raise LavaError(field, path, f'8 bits a colour, not {source.dtypes[0]}')
-        step = max(source.shape) // MAX_PIXELS + 1
-        rows, columns = (-(-side // step) for side in source.shape)
-        bands = source.read(out_shape=(source.count, rows, columns), masked=True)
-        place = source.transform
-        is_placed = not place.is_identity
-        place *= place.scale(source.width / columns, source.height / rows)
-        if source.colorinterp[0].name == 'palette':
-            palette = np.zeros((256, 4), np.uint8)
-            for number, colour in source.colormap(1).items():
-                palette[number] = colour
-            numbers = bands[0]
-            bands = [np.ma.array(palette[numbers.data, i], mask=numbers.mask) for i in range(3)]
-        bands = bands[:3] if len(bands) > 2 else [bands[0]] * 3
-        return PlacedPicture(path, bands, place if is_placed else None, source.crs)
+    source = read_raster(field, path, PICTURES, max_bands=4, max_side=MAX_PIXELS)
+    place, bands = source.place, source.values
+    if not place.is_identity:
+        _check_placed(field, path, place)
+    if set(source.dtypes) != {'uint8'}:
+        raise LavaError(field, path, f'8 bits a colour, not {source.dtypes[0]}')
+    is_placed = not place.is_identity
+    rows, columns = np.divide(source.shape, bands.shape[1:])
+    place *= place.scale(columns, rows)
+    if source.colours[0] == 'palette':
+        palette = np.zeros((256, 4), np.uint8)
+        for number, colour in source.palette.items():
+            palette[number] = colour
+        numbers = bands[0]
+        bands = [np.ma.array(palette[numbers.data, i], mask=numbers.mask) for i in range(3)]
+    bands = bands[:3] if len(bands) > 2 else [bands[0]] * 3
+    return PlacedPicture(path, bands, place if is_placed else None, source.crs)
 
 
 def resampled(

@@ -1,0 +1,8 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A process that reads untrusted files with GDAL, and returns arrays and text."""
+
+from lava_ros.files.reader.client import Answer, read_in_process
+
+__all__ = ['Answer', 'read_in_process']

@@ -1,0 +1,212 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The side of the reader process in commands and nodes.
+
+A process starts its reader with its first file, and all its threads share it. A request has the
+name of a task, its options, and files by descriptor: the reader opens none. The answer is JSON and
+arrays in memory that both processes share.
+"""
+
+from collections.abc import Iterable
+import fcntl
+import json
+import logging
+import mmap
+import os
+from pathlib import Path
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from tempfile import TemporaryFile
+import threading
+from typing import Any, BinaryIO, NamedTuple
+import weakref
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.files import open_input
+from lava_ros.files.reader.confinement import MEMORY_LIMIT, SWITCHES, TIME_LIMIT
+from lava_ros.files.reader.memory import MAP_FLAGS
+
+#: Length of a request; place and length of the JSON of an answer.
+REQUEST, ANSWER = struct.Struct('<I'), struct.Struct('<QQ')
+
+#: Maximum size of an answer [bytes].
+MAX_ANSWER = 8 << 30
+
+#: Types of arrays in an answer.
+KINDS = (
+    'bool', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64', 'uint64', 'float32',
+    'float64',
+)
+
+#: Code of the process. Its first arguments are the socket and the import path.
+_CODE = (
+    'import sys; sys.path[:] = sys.argv[2:]; '
+    'from lava_ros.files.reader.process import main; main(int(sys.argv[1]))'
+)
+
+#: A file for the reader: its name there, and its path or its bytes.
+File = tuple[str, Path | bytes]
+
+
+class Answer(NamedTuple):
+    """Result of a task: plain data, and arrays."""
+
+    data: Any
+    arrays: list[np.ndarray]
+
+
+class _Reader:
+    """A running reader process."""
+
+    def __init__(self) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            paths = [os.path.abspath(item) for item in sys.path]
+            # the pipe ends with this process, which ends the reader
+            self.process = subprocess.Popen(
+                [sys.executable, '-c', _CODE, str(theirs.fileno()), *paths],
+                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()], cwd='/', start_new_session=True,
+                env={**os.environ, **SWITCHES},
+            )
+        self.channel = ours
+        self.owner = os.getpid()
+        self._finalizer = weakref.finalize(self, _end, self.process, ours, self.owner)
+
+    @property
+    def is_usable(self) -> bool:
+        """True if the process runs and belongs to this one, not to its parent."""
+        return self.owner == os.getpid() and self.process.poll() is None
+
+    def end(self) -> int:
+        """End the process, and return its exit status."""
+        self._finalizer()
+        return self.process.returncode
+
+    def ask(self, request: dict[str, Any], files: Iterable[File]) -> Answer:
+        """Send a request and its files, and return the answer.
+
+        Raises:
+            EOFError: If the reader ended.
+        """
+        with _shared_file() as shared:
+            try:
+                items = list(files)
+                text = json.dumps({**request, 'files': [name for name, _ in items]}).encode()
+                self.channel.sendall(REQUEST.pack(len(text)) + text)
+                socket.send_fds(self.channel, [b'.'], [shared.fileno()])
+                for _, content in items:
+                    with _opened(content) as file:
+                        socket.send_fds(self.channel, [b'.'], [file.fileno()])
+                place, length = ANSWER.unpack(_receive(self.channel, ANSWER.size))
+            except (BrokenPipeError, ConnectionResetError) as error:
+                raise EOFError from error
+            return _read_answer(shared, place, length)
+
+
+def _end(process: subprocess.Popen[bytes], channel: socket.socket, owner: int) -> None:
+    channel.close()
+    assert process.stdin is not None
+    process.stdin.close()
+    if owner == os.getpid():
+        process.kill() if process.poll() is None else None
+        process.wait()
+
+
+_LOCK = threading.Lock()
+_readers: list[_Reader] = []
+
+
+def read_in_process(
+    field: str, value: object, task: str, files: Iterable[File], **options: Any
+) -> Answer:
+    """Let the reader process do a task with files.
+
+    Args:
+        field: Name of the field in errors.
+        value: Value of the field in errors.
+        task: A task of ``process.TASKS``.
+        files: Names in the reader, and the path or the bytes of each file.
+        options: Further arguments of the task, plain data.
+
+    Raises:
+        LavaError: As the task, or if a file needs more time or memory than allowed.
+        OSError: If a file cannot be opened.
+    """
+    request = {'task': task, 'field': field, 'path': str(value), **options}
+    with _LOCK:
+        if not (_readers and _readers[0].is_usable):
+            _readers[:] = [_Reader()]
+        reader = _readers[0]
+        try:
+            answer = reader.ask(request, files)
+        except BaseException as error:
+            # an interrupted exchange cannot be continued
+            status = reader.end()
+            _readers.clear()
+            if isinstance(error, EOFError):
+                raise LavaError(field, str(value), _limit(status)) from error
+            raise
+    for name, level, message in answer.data.get('log', ()):
+        logging.getLogger(str(name)).log(int(level), '%s', message)
+    if 'error' in answer.data:
+        raise LavaError(*answer.data['error'])
+    return answer
+
+
+def _limit(status: int) -> str:
+    """Describe a valid file by the way in which the reader ended."""
+    if -status == signal.SIGXCPU:
+        return TIME_LIMIT
+    if -status in (signal.SIGKILL, signal.SIGABRT, 0):
+        return MEMORY_LIMIT
+    return f'an undamaged file: its reader ended with signal {-status}'
+
+
+def _shared_file() -> BinaryIO:
+    """Return an empty file in memory."""
+    if not hasattr(os, 'memfd_create'):
+        return TemporaryFile()  # type: ignore[return-value]
+    return os.fdopen(os.memfd_create('lava', os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING), 'w+b')
+
+
+def _opened(content: Path | bytes) -> BinaryIO:
+    if isinstance(content, Path):
+        return open_input(content)
+    file = _shared_file()
+    file.write(content)
+    file.flush()
+    return file
+
+
+def _receive(channel: socket.socket, size: int) -> bytes:
+    data = b''
+    while len(data) < size:
+        more = channel.recv(size - len(data))
+        if not more:
+            raise EOFError
+        data += more
+    return data
+
+
+def _read_answer(shared: BinaryIO, place: int, length: int) -> Answer:
+    if hasattr(os, 'memfd_create'):
+        # access to memory that the reader cuts off would end this process
+        fcntl.fcntl(shared, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)
+    size = os.fstat(shared.fileno()).st_size
+    if not place + length <= size <= MAX_ANSWER:
+        raise EOFError
+    memory = mmap.mmap(shared.fileno(), size, MAP_FLAGS)
+    data = json.loads(memory[place : place + length])
+    arrays = [
+        np.ndarray(tuple(shape), validation.choice('type', kind, KINDS), memory, int(offset))
+        for kind, shape, offset in data.get('arrays', ())
+    ]
+    return Answer(data, arrays)

@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Memory that the reader process shares with the process that asked: files and answers."""
+
+import math
+import mmap
+import os
+
+import numpy as np
+
+from lava_ros.files.reader.confinement import opening
+
+#: Flags of shared memory: all pages at once, where the system can.
+MAP_FLAGS = mmap.MAP_SHARED | getattr(mmap, 'MAP_POPULATE', 0)
+
+
+class Content:
+    """A file that the process received.
+
+    Attributes:
+        descriptor: Its descriptor.
+        data: Its bytes, which are read when they are used.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        """Map an open file."""
+        self.descriptor = descriptor
+        size = os.fstat(descriptor).st_size
+        # an empty file cannot be mapped
+        memory = mmap.mmap(descriptor, size, access=mmap.ACCESS_READ) if size else b''
+        self.data = np.frombuffer(memory, np.uint8)
+
+    def close(self) -> None:
+        """Close the file; its bytes remain."""
+        os.close(self.descriptor)
+
+
+class Output:
+    """A file in memory with arrays and a text.
+
+    Attributes:
+        arrays: Type, shape and place of each array.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        """Write into an open, empty file."""
+        self._file = descriptor
+        self._size = 0
+        self.arrays: list[tuple[str, tuple[int, ...], int]] = []
+
+    def array(self, kind: str, shape: tuple[int, ...]) -> np.ndarray:
+        """Add an array, and return it to be filled."""
+        dtype = np.dtype(kind)
+        memory, place = self._more(math.prod(shape) * dtype.itemsize)
+        self.arrays.append((dtype.name, shape, place))
+        return np.ndarray(shape, dtype, memory)
+
+    def write(self, text: bytes) -> tuple[int, int]:
+        """Add a text, and return its place and length."""
+        place = self._size
+        os.lseek(self._file, place, os.SEEK_SET)
+        written = 0
+        while written < len(text):
+            written += os.write(self._file, memoryview(text)[written:])
+        return place, len(text)
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._file)
+
+    def _more(self, size: int) -> tuple[mmap.mmap, int]:
+        place = self._size
+        pages = -(-max(size, 1) // mmap.PAGESIZE)
+        self._size += pages * mmap.PAGESIZE
+        os.ftruncate(self._file, self._size)
+        with opening():
+            memory = mmap.mmap(self._file, pages * mmap.PAGESIZE, MAP_FLAGS, offset=place)
+        return memory, place

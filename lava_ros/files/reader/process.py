@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The reader process: reads the files of one request after another, in memory."""
+
+from collections.abc import Callable, Mapping
+import json
+import logging
+import os
+import socket
+import sys
+import threading
+from typing import Any
+
+from lava_ros.errors import LavaError, refusing
+from lava_ros.files.reader import confinement, rasters, vectors
+from lava_ros.files.reader.client import ANSWER, REQUEST
+from lava_ros.files.reader.gdal import FOLDER
+from lava_ros.files.reader.memory import Content, Output
+
+#: A task: takes the contents of files by name, the output, and its options; returns plain data.
+Task = Callable[..., Any]
+
+TASKS: Mapping[str, tuple[Task, Callable[[], None]]] = {
+    'raster': (rasters.read, rasters.prepare),
+    'tiles': (rasters.tile_names, rasters.prepare),
+    'vectors': (vectors.read, vectors.prepare),
+    'wkt': (vectors.read_wkt, vectors.prepare),
+}
+
+
+class _Log(logging.Handler):
+    """Collects the warnings of a task for the process that logs them."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.found: list[tuple[str, int, str]] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.found.append((record.name, record.levelno, _plain(record.getMessage())))
+
+
+def _plain(text: str) -> str:
+    """Return a message without the folder of the files in memory."""
+    return text.replace(f'{FOLDER}/', '')
+
+
+def main(channel: int) -> None:
+    """Answer requests from a socket until it ends."""
+    confinement.deny_network_and_programs()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    log = _Log()
+    for name in ('lava_ros', 'rasterio'):
+        logging.getLogger(name).addHandler(log)
+        logging.getLogger(name).setLevel(logging.WARNING)
+    with socket.socket(fileno=channel) as connection:
+        while request := _received(connection):
+            log.found.clear()
+            _answer(connection, request, log)
+
+
+def _end_with_parent() -> None:
+    """Wait for the end of the pipe from the parent, and end."""
+    os.read(sys.stdin.fileno(), 1)
+    os._exit(0)
+
+
+def _received(connection: socket.socket) -> dict[str, Any]:
+    """Return the next request; empty at the end."""
+    head = connection.recv(REQUEST.size, socket.MSG_WAITALL)
+    if len(head) < REQUEST.size:
+        return {}
+    (length,) = REQUEST.unpack(head)
+    request: dict[str, Any] = json.loads(connection.recv(length, socket.MSG_WAITALL))
+    return request
+
+
+def _received_file(connection: socket.socket) -> int:
+    _, (descriptor, *_), *_ = socket.recv_fds(connection, 1, 1)
+    return descriptor
+
+
+def _answer(connection: socket.socket, request: dict[str, Any], log: _Log) -> None:
+    output = Output(_received_file(connection))
+    files = {name: Content(_received_file(connection)) for name in request.pop('files')}
+    task, prepare = TASKS[request.pop('task')]
+    field, path = request['field'], request['path']
+    data: dict[str, Any] = {}
+    try:
+        prepare()
+        with (
+            confinement.limited(sum(item.data.size for item in files.values())),
+            refusing(field, path, 'a file that GDAL can read'),
+        ):
+            data['result'] = task(files, output, **request)
+    except LavaError as error:
+        value = error.value
+        is_plain = isinstance(value, str | int | float | None)
+        data['error'] = error.field, value if is_plain else repr(value), _plain(error.expected)
+    except MemoryError:
+        data['error'] = field, path, confinement.MEMORY_LIMIT
+    data |= {'log': log.found, 'arrays': output.arrays}
+    place, length = output.write(json.dumps(data).encode())
+    for item in (output, *files.values()):
+        item.close()
+    connection.sendall(ANSWER.pack(place, length))
+
