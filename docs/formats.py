@@ -6,7 +6,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from lava_ros.files import rasters, vectors
+from lava_ros.files import raster_formats, vectors
 from lava_ros.files.columns import COLUMNS
 from lava_ros.scene import effusion_rates, features, reshaping, vent_files
 
@@ -42,7 +42,7 @@ MEANINGS = {
 def raster_rows() -> Iterator[tuple[str, ...]]:
     """Yield a row for each raster format."""
     yield ('format', 'file names', 'read by GDAL driver', 'limits', 'written')
-    for item in rasters.FORMATS:
+    for item in raster_formats.FORMATS:
         names = ', '.join(f'`{suffix}`' for suffix in item.suffixes)
         yield (item.name, names, item.driver, item.notes, item.written)
     arrays = 'arrays with the names of `lava_ros.scene.terrain_files`'

@@ -17,7 +17,8 @@ _TEXT = re.compile(r'\s*[A-Za-z_]+\s*\[')
 
 #: Parts of well-known text that name a file, such as a grid of datum shifts.
 _FILES = re.compile(
-    r'PARAMETERFILE\s*\[[^\]]*|\w*(?:grids|geoid|file|model|init)=(?!@null\b)[^\s"]*',
+    r'PARAMETERFILE\s*\[[^\]]*|PROJ4_GRIDS"\s*,\s*"(?!@null")[^"]*|'
+    r'\w*(?:grids|geoid|file|model|init)=(?!@null\b)[^\s"]*',
     re.IGNORECASE,
 )
 

@@ -210,7 +210,8 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture:
         LavaError: If the file cannot be read, or does not have 8 bits a colour.
     """
     source = read_raster(field, path, PICTURES, max_bands=4, max_side=MAX_PIXELS)
-    place, bands = source.place, source.values
+    place: Any = source.place
+    bands: Any = source.values
     if not place.is_identity:
         _check_placed(field, path, place)
     if set(source.dtypes) != {'uint8'}:

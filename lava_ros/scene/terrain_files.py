@@ -77,7 +77,7 @@ def load_terrain(
 ) -> Terrain:
     """Read an elevation file, log its properties, and warn of suspect data.
 
-    The formats of ``files.rasters.FORMATS`` need rasterio. Files in degrees, and those whose
+    The formats of ``files.raster_formats.FORMATS`` need rasterio. Files in degrees, and those whose
     projection stretches lengths (Web Mercator), are reprojected to their UTM zone. Cells become
     square with the shorter side. Elevations in feet, by the unit of the band, the vertical
     coordinate system or an ESRI ``.prj`` file, become metres.

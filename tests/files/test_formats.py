@@ -6,7 +6,7 @@
 from pathlib import Path
 
 from lava_ros.files.columns import COLUMNS
-from lava_ros.files.rasters import FORMATS
+from lava_ros.files.raster_formats import FORMATS
 from scripts import load_script
 
 PAGE = Path(__file__).parents[2] / 'docs/FORMATS.md'

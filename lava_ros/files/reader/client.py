@@ -173,7 +173,7 @@ def _limit(status: int) -> str:
 def _shared_file() -> BinaryIO:
     """Return an empty file in memory."""
     if not hasattr(os, 'memfd_create'):
-        return TemporaryFile()  # type: ignore[return-value]
+        return TemporaryFile()
     return os.fdopen(os.memfd_create('lava', os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING), 'w+b')
 
 

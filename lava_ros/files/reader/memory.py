@@ -54,7 +54,8 @@ class Output:
         dtype = np.dtype(kind)
         memory, place = self._more(math.prod(shape) * dtype.itemsize)
         self.arrays.append((dtype.name, shape, place))
-        return np.ndarray(shape, dtype, memory)
+        result: np.ndarray = np.ndarray(shape, dtype, memory)
+        return result
 
     def write(self, text: bytes) -> tuple[int, int]:
         """Add a text, and return its place and length."""
@@ -73,7 +74,10 @@ class Output:
         place = self._size
         pages = -(-max(size, 1) // mmap.PAGESIZE)
         self._size += pages * mmap.PAGESIZE
-        os.ftruncate(self._file, self._size)
-        with opening():
-            memory = mmap.mmap(self._file, pages * mmap.PAGESIZE, MAP_FLAGS, offset=place)
+        try:
+            os.ftruncate(self._file, self._size)
+            with opening():
+                memory = mmap.mmap(self._file, pages * mmap.PAGESIZE, MAP_FLAGS, offset=place)
+        except OSError as error:
+            raise MemoryError from error
         return memory, place

@@ -101,7 +101,8 @@ def _answer(connection: socket.socket, request: dict[str, Any], log: _Log) -> No
         data['error'] = field, path, confinement.MEMORY_LIMIT
     data |= {'log': log.found, 'arrays': output.arrays}
     place, length = output.write(json.dumps(data).encode())
-    for item in (output, *files.values()):
+    output.close()
+    for item in files.values():
         item.close()
     connection.sendall(ANSWER.pack(place, length))
 

@@ -251,7 +251,7 @@ def _check_header(field: str, name: str, lines: Sequence[tuple[bytes, bytes]]) -
 
 def _count_numbers(field: str, name: str, content: np.ndarray) -> int:
     """Count the values of a text grid; raise LavaError for text, which GDAL reads as a number."""
-    data, begin, known, lines = memoryview(content), 0, NUMBER, []
+    data, begin, known, lines = memoryview(content), 0, NUMBER, []  # type: ignore[arg-type]
     if surfer := _SURFER.match(data):
         begin = surfer.end()
     while line := HEADER.match(data, begin):

@@ -1,0 +1,234 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The reader process: no network, no other files, limits, and its end."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+import ctypes
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+import os
+from pathlib import Path
+import struct
+import subprocess
+import sys
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from files.references import FORMS, write_other
+from files.test_rasters import GROUND, virtual_raster, write_format, write_ground
+from lava_ros.errors import LavaError
+from lava_ros.files.raster_formats import FORMATS, PICTURES
+from lava_ros.files.rasters import read_raster
+from lava_ros.files.reader import client, confinement
+from lava_ros.scene.features import load_features
+from lava_ros.scene.terrain_files import load_terrain
+from waiting import wait_until
+
+#: Event of inotify: a file was opened.
+IN_OPEN, IN_ISDIR = 0x20, 0x40000000
+
+
+@contextmanager
+def opened_names(*folders: Path) -> Iterator[list[str]]:
+    """Collect the names of the files that any process opens in folders."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    descriptor = libc.inotify_init1(os.O_NONBLOCK)
+    for folder in folders:
+        assert libc.inotify_add_watch(descriptor, os.fsencode(folder), IN_OPEN) >= 0
+    found: list[str] = []
+    yield found
+    with suppress(BlockingIOError):
+        while data := os.read(descriptor, 1 << 16):
+            while data:
+                _, mask, _, length = struct.unpack_from('iIII', data)
+                name = data[16 : 16 + length].rstrip(b'\0').decode()
+                found.extend([name] if not mask & IN_ISDIR else [])
+                data = data[16 + length :]
+    os.close(descriptor)
+
+
+@pytest.fixture(scope='module')
+def server() -> Iterator[Any]:
+    """Run an HTTP server that lists its requests."""
+    requests: list[str] = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            requests.append(self.path)
+            self.send_error(404)
+
+        do_HEAD = do_GET
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(('127.0.0.1', 0), Handler) as running:
+        running.requests = requests  # type: ignore[attr-defined]
+        threading.Thread(target=running.serve_forever, daemon=True).start()
+        yield running
+        running.shutdown()
+
+
+@pytest.fixture
+def no_reader() -> Iterator[None]:
+    """End the reader before and after a test that changes its limits."""
+
+    def end() -> None:
+        while client._readers:
+            client._readers.pop().end()
+
+    end()
+    yield
+    end()
+
+
+def read(path: Path) -> Any:
+    """Read a file as a command would read it."""
+    suffixes = {suffix for item in FORMATS for suffix in item.suffixes} - {'.gpkg', '.txt'}
+    if path.suffix == '.png':
+        return read_raster('picture', path, PICTURES, max_bands=4)
+    if path.suffix in suffixes or path.name == 'ground.gpkg':
+        return load_terrain(path)
+    return load_features('--overlay', path)
+
+
+def test_there_are_at_least_60_forms_of_references():
+    assert len(FORMS) >= 60
+
+
+@pytest.mark.parametrize('name', FORMS)
+def test_reader_follows_no_reference(tmp_path, name, server):
+    folder, other = tmp_path / 'folder', tmp_path / 'other'
+    folder.mkdir()
+    write_other(other)
+    target, form = FORMS[name]
+    places = {'{port}': str(server.server_port), '{other}': str(other)}
+    for mark, text in places.items():
+        target = target.replace(mark, text)
+    path = form(folder, target)
+    server.requests.clear()
+    with opened_names(folder, other) as found, suppress(LavaError):
+        read(path)
+    assert not server.requests
+    # the mosaics have one tile in their folder
+    own = {item.name for item in folder.iterdir() if item.stem == path.stem}
+    own |= {f'{path.name}.aux.xml', f'{path.name}.msk'}
+    own |= {'tile.tif', 'source.tif'} if path.suffix == '.vrt' else set()
+    assert path.name in found and set(found) <= own, found
+
+
+def test_two_files_have_one_reader(tmp_path):
+    path = write_ground(tmp_path / 'a.tif')
+    readers = []
+    for _ in range(2):
+        np.testing.assert_array_equal(read_raster('a', path).values[0], GROUND)
+        readers.append(client._readers[0].process.pid)
+    assert readers[0] == readers[1]
+
+
+def test_threads_share_the_reader(tmp_path):
+    path, found = write_ground(tmp_path / 'a.tif'), []
+
+    def work() -> None:
+        found.extend(float(read_raster('a', path).values.sum()) for _ in range(5))
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [float(GROUND.sum())] * 20
+
+
+def _mosaic(folder: Path, cells: int, count: int) -> Path:
+    """Write a mosaic of many sources that overlap."""
+    write_ground(folder / 'tile.tif')
+    head, source, tail = virtual_raster('tile.tif').partition('<SimpleSource>')[0], '', ''
+    head = head.replace('rasterXSize="30" rasterYSize="40"',
+                        f'rasterXSize="{cells}" rasterYSize="{cells}"')
+    source = (
+        '<ComplexSource resampling="cubic"><SourceFilename relativeToVRT="1">tile.tif'
+        '</SourceFilename><SrcRect xOff="0" yOff="0" xSize="30" ySize="40"/>'
+        f'<DstRect xOff="0" yOff="0" xSize="{cells}" ySize="{cells}"/></ComplexSource>'
+    )
+    tail = '</VRTRasterBand></VRTDataset>'
+    (folder / 'a.vrt').write_text(head + count * source + tail)
+    return folder / 'a.vrt'
+
+
+def test_reader_that_reaches_a_limit_ends_in_one_sentence(tmp_path, no_reader, monkeypatch):
+    path = _mosaic(tmp_path, 10_000, 3000)
+    code = 'import lava_ros.files.reader.confinement as c; c.CPU_TIME = 2; '
+    monkeypatch.setattr(client, '_CODE', client._CODE.replace('from', f'{code}from', 1))
+    with pytest.raises(LavaError, match='s of CPU time') as caught:
+        load_terrain(path)
+    assert '\n' not in str(caught.value) and str(path) in str(caught.value)
+    # the next file has a new reader
+    assert load_terrain(tmp_path / 'tile.tif').shape == GROUND.shape
+
+
+def test_reader_without_memory_ends_in_one_sentence(tmp_path, no_reader, monkeypatch):
+    write_raster_of_zeros(tmp_path / 'a.tif')
+    code = 'import lava_ros.files.reader.confinement as c; c.MEMORY = 1 << 28; '
+    monkeypatch.setattr(client, '_CODE', client._CODE.replace('from', f'{code}from', 1))
+    with pytest.raises(LavaError, match='GiB of memory'):
+        load_terrain(tmp_path / 'a.tif')
+    assert load_terrain(write_ground(tmp_path / 'b.tif')).shape == GROUND.shape
+
+
+def write_raster_of_zeros(path: Path) -> None:
+    """Write a small file with 10,000 x 10,000 cells."""
+    import rasterio
+
+    with rasterio.open(path, 'w', driver='GTiff', width=10_000, height=10_000, count=1,
+                       dtype='float64', compress='deflate', sparse_ok=True):
+        pass
+
+
+@pytest.mark.skipif(not sys.platform.startswith('linux'), reason='a system call filter of Linux')
+def test_reader_has_no_sockets_programs_or_files():
+    code = (
+        'import os, socket\n'
+        'from lava_ros.files.reader.confinement import deny_network_and_programs, limited\n'
+        'print(deny_network_and_programs())\n'
+        'def tried(action):\n'
+        '    try: action()\n'
+        '    except OSError as error: print(error.strerror)\n'
+        'tried(socket.socket)\n'
+        'tried(lambda: os.execv("/bin/true", ["true"]))\n'
+        'tried(lambda: os.kill(os.getppid(), 0))\n'
+        'with limited(0): tried(lambda: os.open("/dev/null", os.O_RDONLY))\n'
+    )
+    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines() == ['True', *['Permission denied'] * 3, 'Too many open files']
+
+
+def test_reader_ends_with_its_process(tmp_path):
+    path = write_ground(tmp_path / 'a.tif')
+    code = (
+        'import os, signal\n'
+        'from lava_ros.files.rasters import read_raster\n'
+        'from lava_ros.files.reader import client\n'
+        f'read_raster("a", {str(path)!r})\n'
+        'print(client._readers[0].process.pid, flush=True)\n'
+        'os.kill(os.getpid(), signal.SIGKILL)\n'
+    )
+    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+    reader = int(run.stdout)
+    wait_until(lambda: not Path(f'/proc/{reader}/cmdline').exists()
+               or not Path(f'/proc/{reader}/cmdline').read_bytes())
+
+
+def test_switches_turn_off_the_network_of_gdal():
+    assert confinement.SWITCHES['PROJ_NETWORK'] == 'OFF'
+
+
+def test_sparse_formats_keep_their_parts(tmp_path):
+    path = write_format(tmp_path, 'ESRI binary grid')
+    with opened_names(tmp_path) as found:
+        load_terrain(path)
+    assert {'ground.flt', 'ground.hdr', 'ground.prj'} <= set(found)
