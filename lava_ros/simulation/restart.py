@@ -7,6 +7,9 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint_contents import (
+    capacity_for, check_conserved, check_contents,
+)
 from lava_ros.simulation.particles.layout import fitting
 from lava_ros.simulation.solver import Solver
 from lava_ros.simulation.step.vents import Emission
@@ -31,8 +34,10 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
     """Let a new solver of a checkpoint's scene, effects and accuracy continue from there.
 
     Raises:
-        LavaError: If an array is missing, or does not belong to the scene and the effects.
+        LavaError: If an array is missing, does not belong to the scene and the effects, or has
+            numbers that no simulation has.
     """
+    check_contents(checkpoint)
     parts: dict[str, dict[str, np.ndarray]] = {}
     for name, array in checkpoint.arrays.items():
         owner, _, own_name = name.partition('.')
@@ -40,7 +45,7 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
     # lava may have solidified before the effect was switched off
     if solver.raised is not None or 'solidified' in parts:
         solver.own_terrain().load(parts.pop('solidified', {}))
-    solver.state.load(parts.pop('state', {}), checkpoint.capacity)
+    solver.state.load(parts.pop('state', {}), capacity_for(checkpoint))
     vents = parts.pop('vents', {})
     emission = Emission.from_arrays(vents, len(checkpoint.scene.vents))
     solver.open_vents(checkpoint.since, emission)
@@ -59,3 +64,4 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
     solver.volume_before = checkpoint.emitted
     # the solver was made without the particles
     solver.cover()
+    check_conserved(solver.budget())

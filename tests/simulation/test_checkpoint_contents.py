@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Checkpoints with a valid checksum that no simulation has written."""
+
+from collections.abc import Callable
+from dataclasses import replace
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes
+from lava_ros.simulation.output.checkpoint_contents import FEW
+
+SLOPE = Terrain(np.tile(-np.arange(40.0), (40, 1)).astype(np.float32), 10.0)
+PARTICLES = 'state.particle'
+
+_checkpoints: dict[str, Checkpoint] = {}
+
+
+@pytest.fixture
+def checkpoint(device: str) -> Checkpoint:
+    """Return a checkpoint of lava that solidifies."""
+    if device not in _checkpoints:
+        lava = Lava(viscosity=1e4, solidus=1300.0)
+        scene = Scene(SLOPE, (Vent((100.0, 200.0), 5.0, temperature=1360.0),), lava)
+        simulation = Simulation(scene, effects={'solidification': True}, device=device)
+        simulation.advance(600.0)
+        _checkpoints[device] = simulation.checkpoint()
+    return _checkpoints[device]
+
+
+def column(number: int, edit: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function that changes a column of an array."""
+
+    def change(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[:, number] = edit(values[:, number])
+        return values
+
+    return change
+
+
+def with_array(checkpoint: Checkpoint, name: str, edit: Callable[[Any], Any]) -> Checkpoint:
+    """Return a checkpoint with a changed array, as read from its bytes."""
+    arrays = {**checkpoint.arrays, name: edit(checkpoint.arrays[name])}
+    return from_bytes(replace(checkpoint, arrays=arrays).to_bytes())
+
+
+@pytest.mark.parametrize(('name', 'edit'), [
+    (PARTICLES, column(2, lambda volume: 10.0 * volume)),
+    (PARTICLES, column(2, lambda volume: 0.5 * volume)),
+    (PARTICLES, column(2, lambda volume: 0.0 * volume)),
+    (PARTICLES, column(2, lambda volume: 1e30 + volume)),
+    (PARTICLES, column(3, lambda temperature: 0.0 * temperature)),
+    (PARTICLES, column(3, lambda temperature: -temperature)),
+    (PARTICLES, column(3, lambda temperature: 1e6 + temperature)),
+    (PARTICLES, column(0, lambda x: x + 1e5)),
+    (PARTICLES, column(1, lambda y: y + 1e30)),
+    ('state.remainder', lambda values: values + 1e30),
+    ('state.temperature_remainder', lambda values: values + 1e30),
+    ('state.left', lambda values: values + 1e300),
+    ('state.left', lambda values: values - 100.0),
+    ('vents.volume', lambda values: values + 1e300),
+    ('vents.released', lambda values: 3 * values),
+    ('arrived.times', lambda values: values + 1e6),
+    ('solidified.deposit', lambda values: values + 2**62),
+    ('solidified.placed', lambda values: values + 2**50),
+])
+def test_refuses_numbers_that_no_simulation_has(name, edit, checkpoint, device):
+    changed = with_array(checkpoint, name, edit)
+    with pytest.raises(LavaError, match='checkpoint[.]') as caught:
+        Simulation.resume(changed, device=device)
+    assert re.search(f'{name}|checkpoint.volume', str(caught.value))
+
+
+@pytest.mark.parametrize('change', [
+    {'emitted': -1e9}, {'emitted': 1e9}, {'since': -1e9}, {'since': 1e9}, {'since': 601.0},
+    {'time': 0.0},
+])
+def test_refuses_volumes_and_times_that_do_not_add_up(change, checkpoint, device):
+    changed = from_bytes(replace(checkpoint, **change).to_bytes())
+    with pytest.raises(LavaError, match='checkpoint[.]'):
+        Simulation.resume(changed, device=device)
+
+
+@pytest.mark.parametrize('capacity', [2**31 - 1, 200_000_000])
+def test_capacity_is_bounded_by_the_particles(capacity, checkpoint, device):
+    changed = from_bytes(replace(checkpoint, capacity=capacity).to_bytes())
+    simulation = Simulation.resume(changed, device=device)
+    assert simulation.solver.state.capacity == FEW
+    simulation.advance(900.0)
+    expected = Simulation.resume(checkpoint, device=device)
+    expected.advance(900.0)
+    assert simulation.budget() == expected.budget()
