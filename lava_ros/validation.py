@@ -7,11 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, MISSING
 from datetime import datetime
 import math
+import re
 from typing import Any, TypeVar
 
 from lava_ros.errors import LavaError
 
 Built = TypeVar('Built')
+
+_DECIMAL_COMMA = re.compile(r'\s*[-+]?\d+,\d+\s*')
 
 
 def number(
@@ -44,7 +47,19 @@ def number(
     suffix = f' {unit}' if unit else ''
     limits = {'above': above, 'at least': at_least, 'at most': at_most}
     phrases = [f' {word} {limit:g}{suffix}' for word, limit in limits.items() if limit is not None]
-    raise LavaError(field, value, f'a finite number{" and".join(phrases) or suffix}')
+    expected = f'a finite number{" and".join(phrases) or suffix}'
+    raise LavaError(field, value, expected + _slip(value, at_least, at_most, unit))
+
+
+def _slip(value: object, least: float | None, most: float | None, unit: str) -> str:
+    """Return a remark about a decimal comma, or a temperature in Celsius; empty without either."""
+    if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value):
+        return f' with a decimal point: {value.strip().replace(",", ".")}'
+    if unit == 'K' and isinstance(value, int | float) and math.isfinite(value):
+        kelvin = value + 273.15
+        if (least is None or kelvin >= least) and (most is None or kelvin <= most):
+            return f' ({value:g} Celsius are {kelvin:g} K)'
+    return ''
 
 
 def whole(field: str, value: object, *, at_least: int, at_most: int) -> int:

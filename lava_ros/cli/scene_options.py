@@ -83,6 +83,10 @@ _PARTS: tuple[str | Argument, ...] = (
         '--fill-holes', None, 'fill pits and inner cells without data from the cells around them',
         action='store_true',
     ),
+    argument(
+        '--insist', None, 'accept numbers that cannot be, such as an effusion rate above any '
+        'known, with a warning', action='store_true',
+    ),
     *vent_arguments('scene'),
     *_TABLE,
     argument(

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros import validation
 from lava_ros.cli.options import seconds_of
 from lava_ros.cli.scene_options import RATE_OPTIONS
 from lava_ros.errors import LavaError
@@ -29,6 +30,8 @@ from lava_ros.scene.effusion_rates import (
     read_effusion_rates,
     series_of_rates,
 )
+from lava_ros.scene.likely_places import likely_place
+from lava_ros.scene.plausibility import check_date, doubts_of_scene, report
 from lava_ros.scene.projection import in_degrees, projected
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
@@ -66,7 +69,8 @@ def terrain_options(args: argparse.Namespace) -> dict[str, Any]:
             given['nodata'] = float(args.nodata)
         except ValueError:
             raise LavaError('--nodata', args.nodata, 'a number, or none') from None
-    given['fill_holes'] = getattr(args, 'fill_holes', None) or None
+    for name in ('fill_holes', 'insist'):
+        given[name] = getattr(args, name, None) or None
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -99,6 +103,7 @@ def _vents_of(path: str, rate: float | str | None, terrain: Terrain) -> Iterator
             if not terrain.covers(*terrain.to_map(*place)):
                 shown = 'easting {:.10g}, northing {:.10g}'.format(*place)
                 expected = f'a place {terrain.bounds(projected=True)}'
+                expected += likely_place(terrain, *place)
                 raise LavaError(f'a vent of {path} ({vent.name})', shown, expected)
         if vent.discharge is None and isinstance(rate, float):
             vent = replace(vent, discharge=rate * vent.part)
@@ -133,6 +138,8 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         data, terrain = read_scene(args.scene, terrain=terrain, options=given)
     elif terrain is None:
         for name, value in given.items():
+            if name == 'insist':
+                continue
             expected = 'left out without --terrain or a scene'
             raise LavaError(f'--{name.replace("_", "-")}', value, expected)
         terrain = demo_terrain()
@@ -142,6 +149,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         ]
     elif not getattr(args, 'no_vents', False):
         data['vents'] = [_usual_vent(terrain, position=_summit(terrain), name='summit')]
+    data['insist'] = data.get('insist', False) or bool(args.insist)
     changes, terrain = with_changes(_changes_of(args), Path(), terrain, given, prefix='')
     for name, items in changes.items():
         data[name] = [*data.get(name, []), *items]
@@ -176,6 +184,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
             rate = [(time, q / len(scene.vents)) for time, q in series_of_rates(rates)]
         changed = (replace(vent, discharge=rate) for vent in scene.vents)
         scene = replace(scene, vents=tuple(changed))
+        report(doubts_of_scene(scene), insist=data['insist'])
     _log_scene(scene)
     return scene
 
@@ -205,12 +214,19 @@ def onset_of(args: argparse.Namespace) -> Onset | None:
         LavaError: If it is not a date.
     """
     origin = Options(start=args.eruption_start).origin
-    return None if origin is None else Onset(origin)
+    if origin is None:
+        return None
+    if not isinstance(args.discharge, str):
+        # the reader of a table checks the date
+        check_date('--eruption-start', origin)
+    return Onset(origin)
 
 
 def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
     given = {name: getattr(args, name) for name in RATE_OPTIONS if getattr(args, name) is not None}
     if isinstance(args.discharge, str):
+        if not Path(args.discharge).exists() and args.discharge[:1] in '+-0123456789':
+            validation.number('--effusion-rate', args.discharge, unit='m3/s')
         given['start'] = given.pop('eruption_start', None)
         rates = read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
         check_start('--effusion-rate', rates)
@@ -236,6 +252,7 @@ def place_as_typed(
         expected = f'a place {terrain.bounds(projected=True)}'
         if is_geographic:
             expected += '; this is easting {:.0f}, northing {:.0f}'.format(*place)
+        expected += likely_place(terrain, x, y)
         raise LavaError(option, text.strip(), expected)
     return place
 
@@ -253,6 +270,9 @@ def _coordinates(option: str, text: str) -> tuple[float, float]:
         with suppress(LavaError):
             return angle('', first, 'longitude'), angle('', second, 'latitude')
     expected = 'longitude,latitude [degrees] or easting,northing [m]'
+    parts = text.split(',')
+    if len(parts) == 4 and all(part.strip(' +-').isdecimal() for part in parts):
+        expected += ', with decimal points: {}.{},{}.{}'.format(*map(str.strip, parts))
     raise LavaError(option, text.strip(), expected)
 
 

@@ -27,7 +27,7 @@ from lava_ros.hindcast.tables import (
     series_of,
 )
 from lava_ros.maps.onset import Onset
-from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
+from lava_ros.scene import check_plausible, ENVIRONMENT, Scene, Terrain, Vent
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
     Options,
@@ -247,7 +247,7 @@ def load_case(
         uncertainty=_uncertainty(options, error_of_rates(rates)),
         **{key: options[key] for key in ENVIRONMENT if key in options},
     )
-    warn_of_celsius(scene)
+    check_plausible(scene)
     volume = sum(vent.volume_between(0.0, end - start) for vent in scene.vents)
     check_discharge(volume, float(footprint.sum()) * ground.resolution**2)
     name = folder.resolve().name

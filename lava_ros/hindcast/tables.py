@@ -14,7 +14,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.scene.effusion_rates import Interval
-from lava_ros.scene.projection import is_degrees
+from lava_ros.scene.likely_places import likely_place
 from lava_ros.scene.terrain_files import HIGHEST
 from lava_ros.scene.vent_files import VentRow
 
@@ -104,7 +104,7 @@ def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarra
     for name, place in ((vent.name, place) for vent in vents for place in vent.places):
         cell = ground.cell_at(*ground.to_map(*place))
         if cell is None:
-            expected = f'a place {ground.bounds(projected=True)}{_other_system(place, ground)}'
+            expected = f'a place {ground.bounds(projected=True)}{likely_place(ground, *place)}'
             raise LavaError(f'{name!r} of vent.csv', place, expected)
         if not ground.has_data[cell]:
             expected = 'a place where the elevation has data: this cell has none'
@@ -148,16 +148,3 @@ def check_discharge(volume: float, area: float) -> None:
 def _distance(cells: Sequence[tuple[int, int]], footprint: np.ndarray) -> float:
     covered = np.argwhere(footprint)
     return min(float(np.hypot(*(covered - cell).T).min()) for cell in cells)
-
-
-def _other_system(place: tuple[float, float], ground: Terrain) -> str:
-    """Return a possible reason why a position is far away."""
-    x, y = ground.to_map(*place)
-    x0, y0, x1, y1 = ground.extent
-    if is_degrees(place) and sum(map(abs, ground.offset)) > 1e3:
-        hint = ': these are degrees of another place (longitude comes first), or the elevation '
-        return hint + 'has no coordinate system (epsg in case.yaml)'
-    away = math.hypot(x - 0.5 * (x0 + x1), y - 0.5 * (y0 + y1))
-    if away > 10.0 * max(x1 - x0, y1 - y0):
-        return ': these are coordinates of another system, or another place'
-    return ''

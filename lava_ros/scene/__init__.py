@@ -4,10 +4,11 @@
 """Input of a simulation: terrain, lava, vents and their uncertainty."""
 
 from lava_ros.scene.lava import Lava
+from lava_ros.scene.plausibility import KELVIN
 from lava_ros.scene.scene import (
+    check_plausible,
     constants_of,
     ENVIRONMENT,
-    KELVIN,
     MAX_VENT_VISCOSITY,
     read_scene,
     Scene,
@@ -15,7 +16,6 @@ from lava_ros.scene.scene import (
     scene_from_yaml,
     scene_to_dict,
     suspicious_temperatures,
-    warn_of_celsius,
     with_changes,
 )
 from lava_ros.scene.terrain import (
@@ -49,6 +49,7 @@ __all__ = [
     'Scene',
     'Terrain',
     'Vent',
+    'check_plausible',
     'check_vents',
     'constants_of',
     'read_scene',
@@ -57,6 +58,5 @@ __all__ = [
     'scene_to_dict',
     'suspicious_temperatures',
     'vents_from_list',
-    'warn_of_celsius',
     'with_changes',
 ]

@@ -17,6 +17,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import Column, understood
 from lava_ros.files.csv import read_table
+from lava_ros.scene.plausibility import check_date
 from lava_ros.scene.uncertainty import Distribution
 from lava_ros.scene.vents import MAX_DISCHARGE
 
@@ -216,6 +217,8 @@ class _Clock:
 
     def __init__(self, origin: datetime | None) -> None:
         self.origin = origin
+        if origin is not None:
+            check_date('effusion_rate.start', origin)
         self._is_date: bool | None = None
 
     def seconds(self, where: str, column: Column, row: Mapping[str, str]) -> float:
@@ -233,6 +236,7 @@ class _Clock:
             return time
         if self.origin is None:
             self.origin = date
+            check_date(f'{where}, {column.header}', date)
             _LOG.warning(f'{where}: the eruption is taken to start with the first date, {text}')
         return (date - self.origin).total_seconds()
 

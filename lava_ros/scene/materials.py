@@ -16,6 +16,7 @@ from lava_ros.effects import drop_superseded, EFFECTS, possible
 from lava_ros.errors import LavaError
 from lava_ros.scene.composition import vft_constants
 from lava_ros.scene.lava import constant_units, Lava
+from lava_ros.scene.plausibility import SILICIC
 
 _LOG = logging.getLogger(__name__)
 
@@ -36,6 +37,9 @@ _OTHER_UNITS: Mapping[str, tuple[str, Callable[[float], float]]] = {
         ('Celsius', lambda value: value + 273.15),
     ),
 }
+
+#: Maximum ratio of a constant in another unit to the usual one.
+MAX_RATIO = 1e3
 
 #: Name of the material that has the other constants of a melt given by its composition.
 ANY_BASALT = 'basalt'
@@ -164,7 +168,11 @@ def _doubts(given: Iterable[str], lava: Lava, usual: Lava) -> Iterator[str]:
         elif name in _OTHER_UNITS and value > 0.0 < getattr(usual, name):
             other, convert = _OTHER_UNITS[name]
             expected, read = getattr(usual, name), convert(value)
-            if abs(math.log(read / expected)) < abs(math.log(value / expected)):
+            away = abs(math.log(read / expected))
+            # silicic lava is colder
+            if other == 'Celsius' and lava.viscosity_at(lava.reference_temperature) >= SILICIC:
+                continue
+            if away < min(abs(math.log(value / expected)), math.log(MAX_RATIO)):
                 yield (
                     f'{name} is {value:g} {units[name]}: {value:g} {other} would be {read:g} '
                     f'{units[name]}, closer to the usual {expected:g} {units[name]}'

@@ -28,6 +28,7 @@ from lava_ros.scene.emplaced import EmplacedFlow, flow_to_dict, read_flows
 from lava_ros.scene.events import check_same_grid, event_to_dict, read_events, TerrainEvent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import default_lava, lava_from_dict, with_material_in_lava
+from lava_ros.scene.plausibility import doubts_of_scene, KELVIN, report
 from lava_ros.scene.terrain import Terrain
 from lava_ros.scene.terrain_files import load_terrain, TERRAIN_OPTIONS, terrain_path
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict, uncertainty_to_dict
@@ -37,9 +38,6 @@ _LOG = logging.getLogger(__name__)
 
 #: Maximum viscosity of erupting lava [Pa s], including the effect of crystals.
 MAX_VENT_VISCOSITY = 1e15
-
-#: 0 Celsius [K].
-KELVIN = 273.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +131,7 @@ ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.meta
 
 #: Keys of a scene in a file.
 SCENE_KEYS = (
-    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', *ENVIRONMENT,
+    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', 'insist', *ENVIRONMENT,
 )
 
 
@@ -231,6 +229,7 @@ def read_scene(
     data = validation.keys('scene', read_yaml('scene', path), allowed=known_keys)
     data = with_material_in_lava('scene', data)
     ground = data.pop('terrain', None)
+    insist = validation.flag('scene.insist', data.get('insist', False))
     if terrain is None:
         known: dict[str, Any] = validation.keys(
             'scene.terrain',
@@ -239,7 +238,7 @@ def read_scene(
             required=['file'],
         )
         name = validation.text('scene.terrain.file', known.pop('file'), 'the name of a file')
-        options = known | dict(options or {})
+        options = {'insist': insist} | known | dict(options or {})
         terrain = load_terrain(terrain_path(name, path.parent), **options)
     elif isinstance(ground, Mapping) and 'offset' in ground:
         # positions remain those of the map frame of the scene
@@ -317,12 +316,13 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
     Args:
         data: Mapping with any of ``vents``, ``lava`` (as for ``materials.lava_from_dict``),
             ``ambient_temperature``, ``gravity``, ``uncertainty``, and ``emplaced_flows`` and
-            ``events`` as returned by ``with_changes``, and ``rate_error``, the distribution of a
+            ``events`` as returned by ``with_changes``, ``insist``, True to accept numbers that
+            cannot be, and ``rate_error``, the distribution of a
             factor on all effusion rates unless ``uncertainty`` has one.
         terrain: Terrain of the scene.
 
     Raises:
-        LavaError: If a field is not valid.
+        LavaError: If a field is not valid, or a number cannot be.
     """
     lava, _ = lava_from_dict('scene.lava', data.get('lava', {}))
     uncertain = uncertainty_from_dict(data.get('uncertainty', {}))
@@ -337,11 +337,16 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
         events=tuple(data.get('events', ())),
         **{name: data[name] for name in ENVIRONMENT if name in data},
     )
-    warn_of_celsius(scene)
+    check_plausible(scene, insist=validation.flag('scene.insist', data.get('insist', False)))
     return scene
 
 
-def warn_of_celsius(scene: Scene) -> None:
-    """Log a warning for each temperature in kelvin that is probably in Celsius."""
+def check_plausible(scene: Scene, *, insist: bool = False) -> None:
+    """Log a warning for each number that is hard to believe, with the likely slip.
+
+    Raises:
+        LavaError: If a number cannot be, unless the user insists.
+    """
     for text in suspicious_temperatures(scene):
         _LOG.warning(text)
+    report(doubts_of_scene(scene), insist=insist)

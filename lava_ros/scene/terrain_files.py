@@ -22,6 +22,7 @@ from lava_ros.files.optional import is_installed, require
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE
 from lava_ros.scene.on_terrain import read_band
+from lava_ros.scene.plausibility import doubts_of_sea, doubts_of_terrain, report
 from lava_ros.scene.projection import (
     coordinate_system,
     crop,
@@ -74,12 +75,13 @@ def load_terrain(
     window: tuple[float, float, float, float] | None = None,
     fill_holes: bool = False,
     nodata: float | str | None = None,
+    insist: bool = False,
 ) -> Terrain:
     """Read an elevation file, log its properties, and warn of suspect data.
 
-    The formats of ``files.raster_formats.FORMATS`` need rasterio. Files in degrees, and those whose
-    projection stretches lengths (Web Mercator), are reprojected to their UTM zone. Cells become
-    square with the shorter side. Elevations in feet, by the unit of the band, the vertical
+    The formats of ``files.raster_formats.FORMATS`` need rasterio. Files in degrees, and those
+    whose projection stretches lengths (Web Mercator), are reprojected to their UTM zone. Cells
+    become square with the shorter side. Elevations in feet, by the unit of the band, the vertical
     coordinate system or an ESRI ``.prj`` file, become metres.
 
     An .npz file has ``elevation`` and ``resolution``, and optionally ``origin``, ``offset``,
@@ -96,6 +98,7 @@ def load_terrain(
         fill_holes: True to interpolate enclosed cells without data, and pits of a single cell.
         nodata: Value of cells without data as stored in the file, in addition to that which the
             file declares; ``'none'`` if all undeclared values are ground.
+        insist: True to accept elevations and cells that cannot be.
 
     Raises:
         LavaError: If the file cannot be read, or its contents cannot be used.
@@ -134,6 +137,9 @@ def load_terrain(
     if fill_holes and wrong.any():
         terrain = replace(terrain, elevation=_interpolate(terrain, wrong))
     _log_summary(path, terrain, source.system, wrong, fill_holes)
+    report(doubts_of_terrain(terrain, path.name), insist=insist)
+    if nodata is None:
+        report(doubts_of_sea(source.elevation, path.name))
     return terrain
 
 

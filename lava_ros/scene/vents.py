@@ -16,6 +16,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene.lava import Lava
+from lava_ros.scene.likely_places import likely_place
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 #: Maximum discharge of a vent [m3/s]: a hundred times that of the largest flood basalts.
@@ -229,6 +230,7 @@ def vents_from_list(items: object, terrain: Terrain) -> tuple[Vent, ...]:
                 data[target] = terrain.to_map(*place)
                 if not terrain.covers(*terrain.to_map(*place)):
                     expected = f'a place {terrain.bounds(projected=True)}'
+                    expected += likely_place(terrain, *place)
                     raise LavaError(f'{where}.{source}', place, expected)
         if 'position' not in data:
             raise LavaError(f'{where}.position', None, 'a value: this key is required')

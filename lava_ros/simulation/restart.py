@@ -8,7 +8,9 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.checkpoint_contents import (
-    capacity_for, check_conserved, check_contents,
+    capacity_for,
+    check_conserved,
+    check_contents,
 )
 from lava_ros.simulation.particles.layout import fitting
 from lava_ros.simulation.solver import Solver

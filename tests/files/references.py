@@ -268,7 +268,9 @@ VECTORS: dict[str, tuple[str, Form]] = {
         'a.geojson', '<OGRVRTDataSource><OGRVRTLayer name="a"><SrcDataSource>TARGET'
         '</SrcDataSource></OGRVRTLayer></OGRVRTDataSource>'
     )),
-    'virtual layer as KML': ('file', _named('a.kml', '<OGRVRTDataSource>TARGET</OGRVRTDataSource>')),
+    'virtual layer as KML': ('file', _named(
+        'a.kml', '<OGRVRTDataSource>TARGET</OGRVRTDataSource>'
+    )),
     'system of a GeoPackage': ('plain address', _database(
         'UPDATE gpkg_spatial_ref_sys SET definition = ?'
     )),

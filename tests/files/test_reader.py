@@ -61,7 +61,7 @@ def server() -> Iterator[Any]:
             requests.append(self.path)
             self.send_error(404)
 
-        do_HEAD = do_GET
+        do_HEAD = do_GET  # noqa: N815
 
         def log_message(self, *_: object) -> None:
             pass
