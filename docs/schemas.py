@@ -54,6 +54,8 @@ MEANINGS = {
     'window': 'Part to keep: smallest easting and northing, largest easting and northing [m]',
     'fill_holes': 'Fill cells without data that data surround',
     'nodata': 'Value of cells without data that the file does not declare; none: all have data',
+    'insist': 'Accept numbers that cannot be, such as an effusion rate above any known, with a '
+    'warning',
     'vents': 'Points and lines at which lava is emitted',
     'name': 'Name in logs, messages and tables',
     'position': 'Position [x, y] in the map frame [m]',
@@ -335,6 +337,7 @@ def scene() -> Schema:
         'uncertainty': uncertainties(),
         'emplaced_flows': list_of(emplaced_flow()),
         'events': list_of(event(of_check(partial(validation.number, at_least=0.0)))),
+        'insist': FLAG,
         **surroundings(),
     }
     known = {name: known[name] for name in SCENE_KEYS}
@@ -368,6 +371,7 @@ def case_file() -> Schema:
             },
             'file': {'description': 'Mapped outline, like footprint.asc', 'type': 'string'},
         }, ['time', 'file']), 1),
+        'insist': FLAG,
     }
     known = {name: known[name] for name in case.KEYS}
     return mapping(

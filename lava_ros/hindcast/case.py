@@ -65,7 +65,7 @@ VENT_RADIUS = 1.5
 KEYS = (
     *('title', 'source', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
     *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
-    'effusion_rate', 'outlines',
+    'effusion_rate', 'outlines', 'insist',
 )
 
 
@@ -247,7 +247,8 @@ def load_case(
         uncertainty=_uncertainty(options, error_of_rates(rates)),
         **{key: options[key] for key in ENVIRONMENT if key in options},
     )
-    check_plausible(scene)
+    insist = validation.flag('case.insist', options.get('insist', False))
+    check_plausible(scene, insist=insist)
     volume = sum(vent.volume_between(0.0, end - start) for vent in scene.vents)
     check_discharge(volume, float(footprint.sum()) * ground.resolution**2)
     name = folder.resolve().name

@@ -69,7 +69,8 @@ def _slips(terrain: Terrain, x: float, y: float) -> Iterator[tuple[str, tuple[fl
     ):
         if terrain.has_system and is_degrees(place):
             yield from _transformed(words, terrain, DEGREES, place)
-    if terrain.has_system and (is_degrees((x, y)) or is_degrees((y, x))):
+    is_far = terrain.has_system or sum(map(abs, terrain.offset)) > 1e3
+    if is_far and (is_degrees((x, y)) or is_degrees((y, x))):
         return
     west, south = terrain.corner
     for words, place in (

@@ -27,10 +27,8 @@ FILE = 'materials.yaml'
 DEFAULT = 'etna_basalt'
 
 #: Units in which constants are often given by mistake, and the conversion to that of ``Lava``.
+#: Values in both units are credible; ``plausibility.RANGES`` has the constants of which one is.
 _OTHER_UNITS: Mapping[str, tuple[str, Callable[[float], float]]] = {
-    'density': ('g/cm3', lambda value: 1e3 * value),
-    'specific_heat': ('kJ/(kg K)', lambda value: 1e3 * value),
-    'latent_heat': ('kJ/kg', lambda value: 1e3 * value),
     'viscosity': ('log10 Pa s', lambda value: 10.0 ** min(value, 100.0)),
     **dict.fromkeys(
         ('reference_temperature', 'liquidus', 'solidus', 'crust_temperature'),

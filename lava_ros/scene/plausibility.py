@@ -110,6 +110,9 @@ RANGES: Mapping[str, Range] = {
         'J/(kg K)', (500.0, 2500.0), _ANY, 'measured in melts and rock',
         (Slip('kJ/(kg K)', 1e3), Slip('cal/(g K)', 4184.0)),
     ),
+    'latent_heat': Range(
+        'J/kg', (5e4, 1e6), _ANY, 'measured in melts', (Slip('kJ/kg', 1e3), Slip('cal/g', 4184.0)),
+    ),
     'gravity': Range(
         'm/s2', (0.5, 30.0), _ANY, 'from a small moon to Jupiter',
         (Slip('cm/s2', 0.01), Slip('mm/s2', 1e-3), Slip('g', 9.81)),
@@ -128,6 +131,10 @@ RANGES: Mapping[str, Range] = {
         (Slip('centimetres', 0.01), Slip('millimetres', 1e-3)),
     ),
 }
+
+
+#: Constants of a lava in ``RANGES``.
+_CONSTANTS = ('density', 'conductivity', 'specific_heat', 'latent_heat', 'yield_strength')
 
 
 class Doubt(NamedTuple):
@@ -204,8 +211,8 @@ def doubts_of_scene(scene: Any) -> Iterator[Doubt]:
         if index == 0:
             name = 'viscosity at the vent'
             yield from doubt_about(f'lava, {name}', viscosity, name)
-    for name in ('density', 'conductivity', 'specific_heat', 'yield_strength'):
-        # 0 switches the constant off
+    # 0 switches a constant off
+    for name in _CONSTANTS:
         if value := getattr(lava, name):
             yield from doubt_about(f'lava.{name}', value, name)
     yield from doubt_about('gravity', scene.gravity, 'gravity')

@@ -232,6 +232,25 @@ def test_rejects_a_header_without_position_or_cell_size(tmp_path, name):
             load_terrain(path)
 
 
+@pytest.mark.parametrize('order', [('xllcenter', 'yllcorner'), ('xllcorner', 'yllcenter')])
+@pytest.mark.parametrize('name', ['ESRI ASCII grid', 'ESRI binary grid'])
+def test_rejects_the_corner_of_one_axis_with_the_centre_of_the_other(tmp_path, name, order):
+    path = write_format(tmp_path, name)
+    header = path if path.suffix == '.asc' else path.with_suffix('.hdr')
+    values = dict(line.split()[:2] for line in header.read_text().splitlines()[:12])
+    west = values.get('xllcorner', values.get('ULXMAP'))
+    south = values.get('yllcorner', values.get('ULYMAP'))
+    lines = [f'{order[0]} {west}', f'{order[1]} {south}', *(
+        line for line in header.read_text().splitlines()
+        if not line.lower().startswith(('xll', 'yll', 'ul'))
+    )]
+    header.write_text('\n'.join(lines) + '\n')
+    with pytest.raises(LavaError, match=f'is .({" and ".join(order)}|{" and ".join(order[::-1])}).'):
+        load_terrain(path)
+    header.write_text(header.read_text().replace(order[1], f'y{order[0][1:]}'))
+    assert load_terrain(path).shape == GROUND.shape
+
+
 def test_rejects_a_damaged_coordinate_system(tmp_path):
     path = write_format(tmp_path, 'Erdas Imagine')
     data = bytearray(path.read_bytes())

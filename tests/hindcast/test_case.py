@@ -184,7 +184,7 @@ def test_reads_a_case_in_degrees(tmp_path):
     east, north = np.add(case.scene.vents[0].position, case.scene.terrain.offset)
     assert (east, north) == pytest.approx(VENT, abs=0.01)
     (folder / 'vent.csv').write_text(f'x,y\n{y},{x}\n')
-    with pytest.raises(LavaError, match=rf'{y}.*longitude comes first'):
+    with pytest.raises(LavaError, match=rf'{y}.*longitude first'):
         load_case(folder)
 
 

@@ -11,6 +11,7 @@ import zipfile
 import numpy as np
 import pytest
 import rasterio
+from rasterio.enums import ColorInterp
 from rasterio.transform import Affine, from_origin
 from rasterio.warp import transform as transform_points
 
@@ -350,3 +351,25 @@ def test_warns_of_enclosed_holes_and_pits_and_fills_them(tmp_path, caplog):
 def test_rejects_places_outside_the_domain_of_a_projection(place):
     with pytest.raises(LavaError, match='longitude, latitude is .* in the domain of EPSG:32633'):
         projected(Terrain(np.zeros((2, 2)), 10.0, epsg=32633), *place)
+
+
+def test_an_alpha_band_is_refused_with_a_remedy(tmp_path):
+    bands = np.stack((np.full((4, 5), 700.0), np.full((4, 5), 255.0))).astype(np.float32)
+    path = write_raster(tmp_path / 'a.tif', bands)
+    with rasterio.open(path, 'r+') as file:
+        file.colorinterp = [ColorInterp.gray, ColorInterp.alpha]
+    with pytest.raises(LavaError, match='-b 1 keeps the first one; band 2 only marks cells'):
+        load_terrain(path)
+
+
+def test_longitudes_beyond_180_degrees_are_those_of_the_western_hemisphere(tmp_path):
+    elevation = 700.0 + np.add.outer(np.arange(60.0), np.arange(50.0))
+    found = []
+    for west in (-72.0, 288.0):
+        place = {'crs': 'EPSG:4326', 'cell': 1e-3, 'north_west': (west, -39.0)}
+        path = write_raster(tmp_path / 'a.tif', np.float32(elevation), **place)
+        found.append(load_terrain(path))
+    one, other = found
+    assert one.epsg == other.epsg == 32719
+    assert one.offset == pytest.approx(other.offset, abs=one.resolution)
+    np.testing.assert_allclose(one.elevation, other.elevation, atol=2.0)

@@ -240,12 +240,11 @@ def _check_header(field: str, name: str, lines: Sequence[tuple[bytes, bytes]]) -
         if tuple(found) in groups:
             continue
         known = ', or '.join(' and '.join(group) for group in groups)
-        lacking = next((group for group in groups if set(found) < set(group)), None)
-        label = f'{field}, {(lacking or groups[0])[-1]} of {name}'
-        if lacking:
-            (label, *_) = (f'{field}, {item} of {name}' for item in lacking if item not in found)
+        lacking = next((group for group in groups if set(found) < set(group)), ())
+        absent = next((item for item in lacking if item not in found), None)
         raise LavaError(
-            label, None if lacking else ' and '.join(found), f'a line of the header: {known}'
+            f'{field}, {absent or found[-1]} of {name}', None if absent else ' and '.join(found),
+            f'a line of the header: {known}',
         )
 
 
