@@ -15,7 +15,7 @@ from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.raster_formats import FORMATS, RasterFormat, TILE_DRIVERS
-from lava_ros.files.reader import read_in_process
+from lava_ros.files.reader import read_in_process, start
 from lava_ros.files.reader.client import File
 from lava_ros.files.systems import plain_system
 
@@ -79,6 +79,7 @@ def read_raster(
             cells, missing data, references to other folders, or text among its values; or if
             rasterio is not installed.
     """
+    start()
     require('rasterio', field, str(path))
     from rasterio.crs import CRS
     from rasterio.transform import Affine

@@ -17,7 +17,7 @@ from lava_ros.errors import LavaError, refusing
 from lava_ros.files import check_exists, open_input, write_output
 from lava_ros.files.csv import format_table
 from lava_ros.files.optional import require
-from lava_ros.files.reader import read_in_process
+from lava_ros.files.reader import read_in_process, start
 from lava_ros.files.systems import plain_system
 
 #: Maximum size of an unpacked file [bytes].
@@ -87,6 +87,7 @@ def read_vectors(field: str, path: Path) -> list[Item]:
             defines a coordinate system otherwise than by a code, an OGC name or well-known text;
             or if pyogrio is not installed. Errors name ``field``.
     """
+    start()
     require('pyogrio', field, str(path))
     known, contents = _content(field, path)
     files = [(f'{number}.{known.ending}', data) for number, data in enumerate(contents)]

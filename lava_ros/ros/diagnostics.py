@@ -20,6 +20,7 @@ from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.scene import suspicious_temperatures, Terrain
+from lava_ros.scene.plausibility import doubts_of_scene
 from lava_ros.scene.projection import system_name
 from lava_ros.scene.vents import are_in_place
 from lava_ros.simulation.output.inundation import inundated_cells
@@ -293,7 +294,8 @@ class NodeLog:
         discharge = sum(vent.discharge_at(view.time) for vent in vents)
         self._log_change('vents', places, f'vents: {len(vents)}, {discharge:g} m3/s')
         # the topics use Celsius
-        doubts = suspicious_temperatures(scene, is_celsius=True)[:3]
+        doubts = suspicious_temperatures(scene, is_celsius=True)
+        doubts = [*doubts, *(doubt.text for doubt in doubts_of_scene(scene))][:3]
         self._log_change('doubts', [*map(_wording, doubts)], '; '.join(doubts), 'warning')
         names = [name for name, text in effects.items() if is_on(text)]
         self._log_change('effects', names, f'effects: {", ".join(names) or "none"}')

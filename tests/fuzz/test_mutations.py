@@ -123,3 +123,29 @@ def test_extreme_values_and_damaged_bytes_are_read_or_refused(
         result, _ = outcome(document, path, caplog)
         row['refused'] += result is None
         assert result is None or kind == 'rasters' or not has_nan(result)
+
+
+#: Documents that GDAL reads, in the reader process.
+OF_GDAL = [
+    number for number, item in enumerate(DOCUMENTS)
+    if item.kind == 'vectors' or (item.kind == 'rasters' and item.write is not DOCUMENTS[0].write)
+]
+
+
+@pytest.mark.parametrize('number', OF_GDAL)
+@settings(max_examples=max(1, settings.default.max_examples // 10), phases=[Phase.generate])
+@given(seed=st.integers(0, 2**63))
+def test_damaged_files_of_each_format_leave_the_reader_usable(
+    number: int, seed: int, folder: Any, whole: Any, trial: Any, caplog: Any
+) -> None:
+    chance, document = random.Random(seed), DOCUMENTS[number]
+    expected = whole(number)
+    path = document.write(folder(), document.tree)
+    part = chance.choice(sorted(path.parent.glob(f'{path.stem}.*')))
+    content = part.read_bytes()
+    part.write_bytes(damaged(chance, content))
+    with trial(document.kind) as row:
+        result, _ = outcome(document, path, caplog)
+        row['refused'] += result is None
+        part.write_bytes(content)
+        assert outcome(document, path, caplog)[0] == expected

@@ -3,6 +3,6 @@
 
 """A process that reads untrusted files with GDAL, and returns arrays and text."""
 
-from lava_ros.files.reader.client import Answer, read_in_process
+from lava_ros.files.reader.client import Answer, read_in_process, start
 
-__all__ = ['Answer', 'read_in_process']
+__all__ = ['Answer', 'read_in_process', 'start']

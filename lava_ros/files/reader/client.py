@@ -124,6 +124,18 @@ _LOCK = threading.Lock()
 _readers: list[_Reader] = []
 
 
+def start() -> None:
+    """Start the reader, which then loads GDAL while this process does other work."""
+    with _LOCK:
+        _running()
+
+
+def _running() -> _Reader:
+    if not (_readers and _readers[0].is_usable):
+        _readers[:] = [_Reader()]
+    return _readers[0]
+
+
 def read_in_process(
     field: str, value: object, task: str, files: Iterable[File], **options: Any
 ) -> Answer:
@@ -142,9 +154,7 @@ def read_in_process(
     """
     request = {'task': task, 'field': field, 'path': str(value), **options}
     with _LOCK:
-        if not (_readers and _readers[0].is_usable):
-            _readers[:] = [_Reader()]
-        reader = _readers[0]
+        reader = _running()
         try:
             answer = reader.ask(request, files)
         except BaseException as error:
@@ -167,6 +177,8 @@ def _limit(status: int) -> str:
         return TIME_LIMIT
     if -status in (signal.SIGKILL, signal.SIGABRT, 0):
         return MEMORY_LIMIT
+    if status > 0:
+        return f'an installation in which files can be read: the reader ended with status {status}'
     return f'an undamaged file: its reader ended with signal {-status}'
 
 

@@ -3,7 +3,7 @@
 
 """The reader process: reads the files of one request after another, in memory."""
 
-from collections.abc import Callable, Mapping
+from importlib import import_module
 import json
 import logging
 import os
@@ -13,19 +13,18 @@ import threading
 from typing import Any
 
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files.reader import confinement, rasters, vectors
+from lava_ros.files.reader import confinement
 from lava_ros.files.reader.client import ANSWER, REQUEST
 from lava_ros.files.reader.gdal import FOLDER
 from lava_ros.files.reader.memory import Content, Output
 
-#: A task: takes the contents of files by name, the output, and its options; returns plain data.
-Task = Callable[..., Any]
-
-TASKS: Mapping[str, tuple[Task, Callable[[], None]]] = {
-    'raster': (rasters.read, rasters.prepare),
-    'tiles': (rasters.tile_names, rasters.prepare),
-    'vectors': (vectors.read, vectors.prepare),
-    'wkt': (vectors.read_wkt, vectors.prepare),
+#: Module and function of each task, which takes the contents of files by name, the output, and its
+#: options, and returns plain data. A module is loaded with its first task.
+TASKS = {
+    'raster': ('rasters', 'read'),
+    'tiles': ('rasters', 'tile_names'),
+    'vectors': ('vectors', 'read'),
+    'wkt': ('vectors', 'read_wkt'),
 }
 
 
@@ -83,16 +82,17 @@ def _received_file(connection: socket.socket) -> int:
 def _answer(connection: socket.socket, request: dict[str, Any], log: _Log) -> None:
     output = Output(_received_file(connection))
     files = {name: Content(_received_file(connection)) for name in request.pop('files')}
-    task, prepare = TASKS[request.pop('task')]
+    module_name, function = TASKS[request.pop('task')]
+    module = import_module(f'{__package__}.{module_name}')
     field, path = request['field'], request['path']
     data: dict[str, Any] = {}
     try:
-        prepare()
+        module.prepare()
         with (
             confinement.limited(sum(item.data.size for item in files.values())),
             refusing(field, path, 'a file that GDAL can read'),
         ):
-            data['result'] = task(files, output, **request)
+            data['result'] = getattr(module, function)(files, output, **request)
     except LavaError as error:
         value = error.value
         is_plain = isinstance(value, str | int | float | None)
