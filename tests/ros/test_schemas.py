@@ -92,6 +92,8 @@ VALID = {
                 {'position': [100.0, 90.0], 'discharge': [[0.0, 3.0], [5.0, 0.0]]},
             ],
             'uncertainty': {**UNCERTAINTY, 'effusion_rate': UNIFORM},
+            # the schema has no limits of credible values
+            'insist': True,
         },
         {'terrain': {'file': 'ground.npz'}, 'uncertainty': {'discharge': UNIFORM}},
         {'terrain': {'file': 'ground.npz'}, 'material': 'etna_basalt'},
@@ -120,7 +122,7 @@ VALID = {
             'vent_temperature': 1360.0, 'vent_radius': 25.0,
             **{name: value for name, value in constants_of(None).items() if name != 'lava'},
             'start': 0.0, 'end': 9000.0, 'epsg': 32633, 'nodata': -9999, 'fill_holes': True,
-            'low_pass': 40.0, 'uncertainty': {'effusion_rate': UNIFORM},
+            'low_pass': 40.0, 'insist': True, 'uncertainty': {'effusion_rate': UNIFORM},
             'events': [
                 {'time': 600.0, 'terrain': 'elevation.asc'},
                 {
