@@ -14,7 +14,8 @@ import yaml
 from command_line import lava
 from geodata import write_raster, write_scene
 from lava_ros.errors import LavaError
-from lava_ros.scene import scene_from_yaml
+from lava_ros.scene import scene_from_dict, scene_from_yaml, Terrain
+from lava_ros.scene.materials import materials
 from lava_ros.scene.plausibility import check_date, RANGES
 from lava_ros.scene.terrain_files import load_terrain
 
@@ -272,6 +273,14 @@ def test_unusual_scenes_are_right(tmp_path, name):
 def test_unusual_terrains_are_right(tmp_path, elevation, cell, caplog):
     load_terrain(write_raster(tmp_path / 'm.tif', np.float32(elevation), cell=cell))
     assert 'unusually' not in caplog.text and 'would be' not in caplog.text
+
+
+@pytest.mark.parametrize('name', materials())
+def test_named_lavas_are_credible(name, caplog):
+    ground = Terrain(np.zeros((10, 20)), 10.0)
+    data = {'lava': {'material': name}, 'vents': [{'position': [50.0, 50.0], 'discharge': 10.0}]}
+    assert scene_from_dict(data, ground).vents
+    assert not caplog.records
 
 
 def test_user_may_insist(tmp_path):
