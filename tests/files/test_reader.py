@@ -9,6 +9,7 @@ import ctypes
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import os
 from pathlib import Path
+import re
 import struct
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from lava_ros.files.rasters import read_raster
 from lava_ros.files.reader import client, confinement
 from lava_ros.scene.features import load_features
 from lava_ros.scene.terrain_files import load_terrain
+from project import MODULES
 from waiting import wait_until
 
 #: Event of inotify: a file was opened.
@@ -232,3 +234,11 @@ def test_sparse_formats_keep_their_parts(tmp_path):
     with opened_names(tmp_path) as found:
         load_terrain(path)
     assert {'ground.flt', 'ground.hdr', 'ground.prj'} <= set(found)
+
+
+def test_only_the_reader_opens_files_with_gdal():
+    opens = re.compile(r'rasterio\.open\(|list_layers\(|read_info\(|raw\.read\((?!text\.encode)')
+    found = {
+        name for name, path in MODULES.items() if opens.search(path.read_text(encoding='utf-8'))
+    }
+    assert found == {'lava_ros.files.reader.rasters', 'lava_ros.files.reader.vectors'}
