@@ -24,7 +24,7 @@ from files.test_rasters import GROUND, virtual_raster, write_format, write_groun
 from lava_ros.errors import LavaError
 from lava_ros.files.raster_formats import FORMATS, PICTURES
 from lava_ros.files.rasters import read_raster
-from lava_ros.files.reader import client, confinement
+from lava_ros.files.reader import client
 from lava_ros.scene.features import load_features
 from lava_ros.scene.terrain_files import load_terrain
 from project import MODULES
@@ -225,11 +225,20 @@ def test_reader_ends_with_its_process(tmp_path):
                or not Path(f'/proc/{reader}/cmdline').read_bytes())
 
 
-def test_switches_turn_off_the_network_of_gdal():
-    assert confinement.SWITCHES['PROJ_NETWORK'] == 'OFF'
+@pytest.mark.parametrize('name', ['metadata of a GeoTIFF, address', 'overviews of a GeoTIFF'])
+def test_reader_without_a_filter_follows_no_reference(
+    tmp_path, name, server, no_reader, monkeypatch
+):
+    code = 'import lava_ros.files.reader.confinement as c; '
+    code += 'c.deny_network_and_programs = lambda: False; '
+    monkeypatch.setattr(client, '_CODE', client._CODE.replace('from', f'{code}from', 1))
+    target, form = FORMS[name]
+    server.requests.clear()
+    assert read(form(tmp_path, target.replace('{port}', str(server.server_port)))).epsg == 32633
+    assert not server.requests
 
 
-def test_sparse_formats_keep_their_parts(tmp_path):
+def test_binary_grid_has_its_parts(tmp_path):
     path = write_format(tmp_path, 'ESRI binary grid')
     with opened_names(tmp_path) as found:
         load_terrain(path)
