@@ -225,17 +225,31 @@ def test_reader_ends_with_its_process(tmp_path):
                or not Path(f'/proc/{reader}/cmdline').read_bytes())
 
 
-@pytest.mark.parametrize('name', ['metadata of a GeoTIFF, address', 'overviews of a GeoTIFF'])
-def test_reader_without_a_filter_follows_no_reference(
-    tmp_path, name, server, no_reader, monkeypatch
-):
-    code = 'import lava_ros.files.reader.confinement as c; '
-    code += 'c.deny_network_and_programs = lambda: False; '
-    monkeypatch.setattr(client, '_CODE', client._CODE.replace('from', f'{code}from', 1))
-    target, form = FORMS[name]
+@pytest.mark.parametrize(('limit', 'is_reached'), [
+    ('nullcontext()', True), ('limited(0)', False), ('filtered()', False),
+])
+@pytest.mark.parametrize('place', ['/vsicurl/http://127.0.0.1:{port}/a.tif', '{folder}/a.tif'])
+def test_limits_deny_addresses_and_files(tmp_path, server, limit, is_reached, place):
+    write_ground(tmp_path / 'a.tif')
+    place = place.format(port=server.server_port, folder=tmp_path)
+    code = (
+        'from contextlib import nullcontext\n'
+        'import rasterio\n'
+        'from lava_ros.files.reader.confinement import deny_network_and_programs, limited\n'
+        'def filtered():\n'
+        '    assert deny_network_and_programs()\n'
+        '    return nullcontext()\n'
+        f'with {limit}:\n'
+        f'    try: rasterio.open({place!r})\n'
+        '    except rasterio.errors.RasterioIOError: pass\n'
+    )
     server.requests.clear()
-    assert read(form(tmp_path, target.replace('{port}', str(server.server_port)))).epsg == 32633
-    assert not server.requests
+    with opened_names(tmp_path) as found:
+        subprocess.run([sys.executable, '-c', code], check=True)
+    # the filter allows files
+    is_address = 'http' in place
+    assert bool(server.requests) == (is_address and is_reached)
+    assert ('a.tif' in found) == (not is_address and limit != 'limited(0)')
 
 
 def test_binary_grid_has_its_parts(tmp_path):
