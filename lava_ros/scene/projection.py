@@ -17,6 +17,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import MAX_CELLS
 from lava_ros.files.optional import is_installed, require
+from lava_ros.files.systems import plain_system
 from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
 
 _LOG = logging.getLogger(__name__)
@@ -90,7 +91,7 @@ def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:
     with refusing(name, shown, 'a coordinate system GDAL knows', rasterio.errors.CRSError):
         if epsg is not None:
             return rasterio.crs.CRS.from_epsg(epsg)
-        return horizontal(rasterio.crs.CRS.from_wkt(wkt))
+        return horizontal(rasterio.crs.CRS.from_wkt(plain_system(name, str(wkt))))
 
 
 def system_words(epsg: int | None, wkt: str | None) -> str:

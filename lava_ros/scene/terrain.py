@@ -12,6 +12,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.systems import plain_system
 
 #: Maximum number of cells along a side: users of nav_msgs/MapMetaData index with 16-bit integers.
 MAX_SIDE_CELLS = 32767
@@ -114,6 +115,8 @@ class Terrain:
         ):
             expected = f'a coordinate system in WKT, at most {MAX_WKT} characters, or None'
             raise LavaError('terrain.wkt', str(self.wkt)[:40], expected)
+        if self.wkt is not None:
+            plain_system('terrain.wkt', self.wkt)
 
     @property
     def has_system(self) -> bool:

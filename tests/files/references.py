@@ -18,7 +18,7 @@ import numpy as np
 import rasterio
 from rasterio.shutil import copy
 
-from files.test_rasters import virtual_raster, WMS, write_format, write_ground
+from files.test_rasters import GROUND, virtual_raster, WMS, write_format, write_ground
 from geodata import feature, write_features, write_raster
 from scene.test_vent_files import POINTS
 from scene.test_vent_files import write as write_vector
@@ -109,6 +109,20 @@ def _projection(folder: Path, target: str) -> Path:
     path = write_format(folder, 'ESRI ASCII grid')
     Path(f'{path}.aux.xml').unlink()
     _written(path.with_suffix('.prj'), target)
+    return path
+
+
+def _shifted(target: str) -> str:
+    """Return the definition of a system whose datum is shifted by a grid."""
+    return (
+        'PROJCS["a",GEOGCS["b",DATUM["c",SPHEROID["d",6378137,298.257],EXTENSION["PROJ4_GRIDS","'
+        f'{target}"]],PRIMEM["e",0],UNIT["f",0.0174532925199433]],PROJECTION["Transverse_Mercator"'
+        '],PARAMETER["central_meridian",15],UNIT["metre",1]]'
+    )
+
+
+def _arrays(path: Path, **more: str) -> Path:
+    np.savez(path, elevation=GROUND, resolution=10.0, **more)
     return path
 
 
@@ -211,11 +225,15 @@ MORE_RASTERS: dict[str, tuple[str, Form]] = {
         'Surfer 6 text grid', lambda target: f'<SRS>{target}</SRS>'
     )),
     'system in a projection file': ('plain address', _projection),
-    'grid of datum shifts in a projection file': ('file', lambda folder, target: _projection(
-        folder, f'PROJCS["a",GEOGCS["b",DATUM["c",SPHEROID["d",6378137,298.257],EXTENSION["PROJ4_'
-        f'GRIDS","{target}"]],PRIMEM["e",0],UNIT["f",0.0174532925199433]],PROJECTION["Transverse_'
-        'Mercator"],PARAMETER["central_meridian",15],UNIT["metre",1]]',
-    )),
+    'grid of datum shifts in a projection file': (
+        'file', lambda folder, target: _projection(folder, _shifted(target)),
+    ),
+    'grid of datum shifts of an npz file': (
+        'file', lambda folder, target: _arrays(folder / 'ground.npz', wkt=_shifted(target)),
+    ),
+    'link as the system of an npz file': (
+        'plain address', lambda folder, target: _arrays(folder / 'ground.npz', wkt=target),
+    ),
     'system of a virtual raster': ('plain address', _virtual(
         _MEMBER.replace('EPSG:32633', 'TARGET')
     )),

@@ -93,7 +93,7 @@ def read(path: Path) -> Any:
     suffixes = {suffix for item in FORMATS for suffix in item.suffixes} - {'.gpkg', '.txt'}
     if path.suffix == '.png':
         return read_raster('picture', path, PICTURES, max_bands=4)
-    if path.suffix in suffixes or path.name == 'ground.gpkg':
+    if path.suffix in (*suffixes, '.npz') or path.name == 'ground.gpkg':
         return load_terrain(path)
     return load_features('--overlay', path)
 
