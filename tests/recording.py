@@ -155,7 +155,9 @@ def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
         'offset_easting': repr(snapshot.terrain.offset[0]),
         'offset_northing': repr(snapshot.terrain.offset[1]),
         **budget.texts(), 'mean_speed': '50', 'spacing_m': '2.5', 'flow_width_m': '40',
-        'particles_across': '16', 'footprint_error': '0.15', 'particles': '1', 'steps': '1',
+        'particles_across': '16', 'numerical_error': '15 % of the inundated area',
+        'numerical_error_inundated': '0.15', 'numerical_error_standing': '0.12',
+        'particles': '1', 'steps': '1',
         'highest_temperature_c': repr(
             float(np.fmax.reduce(snapshot.temperature, axis=None)) - ZERO_CELSIUS
         ),

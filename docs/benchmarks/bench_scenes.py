@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -66,77 +67,78 @@ MELT = _lava(
 VENT = (0.3, 0.2)
 
 
-def scenes() -> tuple[BenchScene, ...]:
-    """Build the scenes."""
+def scenes(finer: int = 1) -> tuple[BenchScene, ...]:
+    """Build the scenes, with the ground sampled on cells smaller by a factor ``finer``."""
+    on = partial(ground, finer=finer)
     return (
         # fluid lava on a plain
-        bench_scene('plain', 1000.0, ground((-200.0, 200.0), (-200.0, 200.0), 4.0, _plane(0.0)),
+        bench_scene('plain', 1000.0, on((-200.0, 200.0), (-200.0, 200.0), 4.0, _plane(0.0)),
                     FLUID, Vent(VENT, 20.0)),
         # basalt on a slope of 3 degrees that radiates and stiffens
         bench_scene('gentle_slope', 2400.0,
-                    ground((-300.0, 100.0), (-200.0, 200.0), 3.2, _plane(0.052)), BASALT,
+                    on((-300.0, 100.0), (-200.0, 200.0), 3.2, _plane(0.052)), BASALT,
                     Vent(VENT, 10.0)),
         # melt with crystals down a valley with sides of 22 degrees
         bench_scene('valley', 1200.0,
-                    ground((-1200.0, 100.0), (-100.0, 100.0), 3.0, _valley(0.14, 0.4)), MELT,
+                    on((-1200.0, 100.0), (-100.0, 100.0), 3.0, _valley(0.14, 0.4)), MELT,
                     Vent(VENT, 20.0)),
         # basalt on the crest of a ridge with flanks of 11 degrees
         bench_scene('ridge', 1200.0,
-                    ground((-400.0, 400.0), (-200.0, 200.0), 3.0, _ridge(0.2, 30.0)),
+                    on((-400.0, 400.0), (-200.0, 200.0), 3.0, _ridge(0.2, 30.0)),
                     _lava(BASALT, viscosity=5000.0), Vent(VENT, 20.0)),
         # lava that thins under shear on rough ground
         bench_scene(
-            'rough', 1800.0, ground((-350.0, 100.0), (-200.0, 200.0), 3.2, _rough(0.08, 1.5)),
+            'rough', 1800.0, on((-350.0, 100.0), (-200.0, 200.0), 3.2, _rough(0.08, 1.5)),
             _lava(BASALT, viscosity=4000.0, flow_index=0.8, arrhenius=0.02), Vent(VENT, 15.0),
         ),
         # fluid lava that fills a crater
         bench_scene('crater', 600.0,
-                    ground((-120.0, 120.0), (-120.0, 120.0), 3.0, _crater(100.0, 15.0)), FLUID,
+                    on((-120.0, 120.0), (-120.0, 120.0), 3.0, _crater(100.0, 15.0)), FLUID,
                     Vent((60.3, 0.2), 30.0)),
         # fluid lava down a slope of 8 degrees
-        bench_scene('fast', 400.0, ground((-900.0, 100.0), (-150.0, 150.0), 2.2, _plane(0.14)),
+        bench_scene('fast', 400.0, on((-900.0, 100.0), (-150.0, 150.0), 2.2, _plane(0.14)),
                     FLUID, Vent(VENT, 20.0)),
         # stiff, thick lava above its liquidus, finely resolved
-        bench_scene('dome', 600.0, ground((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
+        bench_scene('dome', 600.0, on((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
                     _lava(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0), Vent(VENT, 50.0)),
         # lava with a strong crust, and a strength that grows as it cools, on a slope of 6 degrees
-        bench_scene('strong', 3600.0, ground((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
+        bench_scene('strong', 3600.0, on((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
                     _lava(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02,
                           crust_strength=1e5),
                     Vent(VENT, 15.0)),
         # a toe with a crust that freezes
-        bench_scene('lobe', 45000.0, ground((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
+        bench_scene('lobe', 45000.0, on((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
                     _lava(BASALT, viscosity=1e4, conductivity=5.0, crust=True),
                     Vent((0.03, 0.02), 0.002, radius=0.4)),
         # a fissure and two vents on rough ground
         bench_scene('fissure', 1200.0,
-                    ground((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
+                    on((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
                     _lava(BASALT, viscosity=3000.0),
                     Vent((0.3, -80.2), 15.0, end=(20.3, 80.2), radius=5.0),
                     Vent((40.3, 120.2), 8.0), Vent((-120.3, -90.2), 5.0, temperature=1400.0)),
         # basalt down 2000 m at 27 degrees
         bench_scene('mountain', 1500.0,
-                    ground((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
+                    on((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
                     _lava(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
                     Vent(VENT, 60.0)),
         # weak lava down a gully of 0.9 degrees between walls of 35
         bench_scene('gully', 2400.0,
-                    ground((-500.0, 60.0), (-90.0, 90.0), 5.0, _gully(0.016, 0.7, 16.0)),
+                    on((-500.0, 60.0), (-90.0, 90.0), 5.0, _gully(0.016, 0.7, 16.0)),
                     _lava(BASALT, viscosity=4000.0, arrhenius=0.02, yield_strength=8.0),
                     Vent(VENT, 12.0, radius=10.0)),
         # a discharge that falls, and lava that freezes where it comes to rest
         bench_scene('fading', 14400.0,
-                    ground((-400.0, 80.0), (-160.0, 160.0), 4.0, _plane(0.08)),
+                    on((-400.0, 80.0), (-160.0, 160.0), 4.0, _plane(0.08)),
                     _lava(BASALT, arrhenius=0.03, solidus=1300.0),
                     Vent(VENT, ((0.0, 10.0), (900.0, 4.0), (2400.0, 1.0), (4800.0, 0.0)))),
         # lava on a slope of 30 degrees in wind
         bench_scene('steep_slope', 240.0,
-                    ground((-600.0, 60.0), (-80.0, 80.0), 3.0, _plane(0.577)),
+                    on((-600.0, 60.0), (-80.0, 80.0), 3.0, _plane(0.577)),
                     _lava(BASALT, viscosity=8000.0, crust_strength=1e3), Vent(VENT, 10.0),
                     wind_speed=3.0),
         # two streams that flow twelve times longer than was assumed
         bench_scene('longer', 600.0,
-                    ground((-400.0, 80.0), (-160.0, 160.0), 4.0, _rough(0.05, 0.5)),
+                    on((-400.0, 80.0), (-160.0, 160.0), 4.0, _rough(0.05, 0.5)),
                     _lava(BASALT, viscosity=3000.0, arrhenius=0.01, yield_rate=0.01),
                     Vent((0.3, -60.2), 1.5), Vent((20.3, 60.2), 0.8), duration=7200.0),
     )
@@ -152,14 +154,25 @@ def bench_scene(
 
 
 def ground(
-    x_range: tuple[float, float], y_range: tuple[float, float], resolution: float, surface: Surface
+    x_range: tuple[float, float], y_range: tuple[float, float], resolution: float,
+    surface: Surface, *, finer: int = 1,
 ) -> Terrain:
-    """Return the terrain of a surface z(x, y) over a rectangle [m]."""
+    """Return the terrain of a surface z(x, y) over a rectangle [m].
+
+    Args:
+        x_range: Extent along x [m].
+        y_range: Extent along y [m].
+        resolution: Side of a cell [m].
+        surface: The surface.
+        finer: Number of smaller cells, along a side, in place of each cell.
+    """
     x, y = (
-        np.arange(first + 0.5 * resolution, last, resolution) for first, last in (x_range, y_range)
+        first + (np.arange(finer * len(np.arange(first + 0.5 * resolution, last, resolution)))
+                 + 0.5) * resolution / finer
+        for first, last in (x_range, y_range)
     )
     height = surface(*np.meshgrid(x, y))
-    return Terrain(height, resolution, (x_range[0], y_range[0]))
+    return Terrain(height, resolution / finer, (x_range[0], y_range[0]))
 
 
 def _plane(slope: float) -> Surface:

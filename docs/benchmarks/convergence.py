@@ -9,9 +9,7 @@
 The footprint of a scene is the area that at least half of several rotated and mirrored runs
 inundate (hindcast/replicates.py). Decimetres decide where a flow branches, so a single run's
 choice is chance. The agreement of the footprints of two halves of the runs shows how far
-footprints of the same resolution differ by chance. The expected error of a single run
-(hindcast/expected_error.py) is listed with its difference from a run with much finer particles,
-the actual error.
+footprints of the same resolution differ by chance.
 """
 
 import argparse
@@ -28,9 +26,8 @@ from choice import jaccard, noise
 import numpy as np
 
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.expected_error import difference, estimate_error
-from lava_ros.hindcast.replicates import agreement, run_replicates
-from lava_ros.hindcast.run import Result, Settings, simulate
+from lava_ros.hindcast.replicates import run_replicates
+from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import Score, score_case
 from lava_ros.scene import Scene
 from lava_ros.simulation.presets import PRESETS
@@ -41,8 +38,6 @@ from lava_ros.verification.rows import write_csv
 #: Presets, from coarse to fine; all are compared with the last.
 LADDER = ('draft', 'standard', 'fine')
 
-#: Refinement of the runs that single runs are compared with.
-FINEST = 2.83
 
 def case_of(name: str, scene: Scene, horizon: float) -> Case:
     """Return a case without a mapped flow field."""
@@ -52,17 +47,12 @@ def case_of(name: str, scene: Scene, horizon: float) -> Case:
 
 
 def _footprint(
-    case: Case, preset: str, device: str, runs: int, finest: Result
+    case: Case, preset: str, device: str, runs: int
 ) -> tuple[np.ndarray, np.ndarray, Score, dict[str, Any]]:
-    """Return cells inundated by each run at a preset, majority footprint, score, and costs.
-
-    The costs include the expected and the actual error of a single run.
-    """
+    """Return cells inundated by each run at a preset, majority footprint, score, and costs."""
     settings = Settings(preset, device=device, maps=1)
     results = run_replicates(case, settings, runs)
     alone = simulate(case, settings)
-    several = agreement(case, [result.snapshot for result in results])
-    expected = estimate_error(case, settings, alone, several)
     maps = np.nan_to_num([result.snapshot.thickness for result in results])
     each = np.array([result.snapshot.inundated for result in results])
     majority = each.mean(axis=0) >= 0.5
@@ -71,24 +61,13 @@ def _footprint(
         'seconds': alone.wall_time,
         'particles': max(result.most_particles for result in results),
         'evaluations': alone.snapshot.steps.evaluations,
-        # before the run, and with an additional pilot run
-        'predicted_particles': alone.resolution.particle_error,
-        'expected_particles': expected.particles,
-        'expected_cells': expected.cells,
-        'expected_effects': expected.effects,
-        'chance': expected.chance,
-        'actual': difference(alone.snapshot.inundated, finest.snapshot.inundated),
     }
     return each, majority, score_case(case, maps.mean(axis=0), majority), cost
 
 
 def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
     """Run a case at each preset, rotated and mirrored."""
-    standard = resolution_of(case.scene, PRESETS['standard'].accuracy, horizon=case.duration)
-    finest_run = simulate(
-        case, Settings('standard', standard.spacing / FINEST, device, maps=1)
-    )
-    found = {preset: _footprint(case, preset, device, runs, finest_run) for preset in LADDER}
+    found = {preset: _footprint(case, preset, device, runs) for preset in LADDER}
     _, finest, best, _ = found[LADDER[-1]]
     for preset, (each, cells, judged, cost) in found.items():
         resolution = resolution_of(case.scene, PRESETS[preset].accuracy, horizon=case.duration)

@@ -256,6 +256,92 @@ def masks() -> Iterator[Line]:
         )
 
 
+#: Names of the areas in numerical_error.csv, and the number of particles across of its table.
+AREAS, MAP_ACROSS = ('inundated', 'standing'), 16.0
+
+
+def numerical_error() -> Iterator[Line]:
+    """Yield the stated and the actual error of a run of each scene, about as fine as for maps."""
+    yield (
+        'scene', 'cells', 'particles', 'partners', 'inundated area: stated',
+        'by particles, ground',
+        'actual', 'standing: stated', 'actual',
+    )
+    rows = lines_of('numerical_error.csv')
+    for scene in dict.fromkeys(row['scene'] for row in rows):
+        row = min(
+            (row for row in rows if row['scene'] == scene),
+            key=lambda row: abs(float(row['across']) / MAP_ACROSS - 1.0),
+        )
+        cost = float(row['partners_cpu_s']) / float(row['cpu_s'])
+        yield (
+            scene.replace('_', ' '),
+            f'{float(row["cell_m"]):g} m',
+            f'{int(row["particles"]):,}',
+            f'{100.0 * cost:.0f} % of the time',
+            f'{_percent(row["inundated_stated"])} %',
+            f'{_percent(row["inundated_particles"])}, {_percent(row["inundated_ground"])}',
+            f'**{_percent(row["inundated_actual"])} %**',
+            f'{_percent(row["standing_stated"])} %',
+            f'**{_percent(row["standing_actual"])} %**',
+        )
+
+
+def numerical_error_counts() -> Iterator[Line]:
+    """Yield how many stated errors are close to the actual ones."""
+    yield (
+        'area', 'runs', 'within a factor of 2', 'within a factor of 3',
+        'largest stated over actual', 'smallest',
+    )
+    rows = lines_of('numerical_error.csv')
+    for name in AREAS:
+        ratios = [float(row[f'{name}_ratio']) for row in rows]
+        yield (
+            name, f'{len(ratios)}', f'{sum(0.5 <= ratio <= 2.0 for ratio in ratios)}',
+            f'{sum(1.0 / 3.0 <= ratio <= 3.0 for ratio in ratios)}',
+            f'{max(ratios):.2g}', f'{min(ratios):.2g}',
+        )
+
+
+def _percent(fraction: str) -> str:
+    return f'{float(f"{100.0 * float(fraction):.2g}"):g}'
+
+
+def plans() -> Iterator[Line]:
+    """Yield how much of its time planning takes, and how near its predictions are."""
+    rows = lines_of('plan.csv')
+
+    def spread(values: Iterable[float], unit: str = ' %') -> tuple[str, str]:
+        ordered = [float(f'{value:.2g}') for value in sorted(values)]
+        middle = ordered[len(ordered) // 2]
+        return f'{ordered[0]:g} to {ordered[-1]:g}{unit}', f'{middle:g}{unit}'
+
+    def ratio(name: str, other: str, kept: Iterable[Mapping[str, str]]) -> Iterator[float]:
+        return (float(row[name]) / float(row[other]) for row in kept)
+
+    used = [row for row in rows if row['is_finest'] == 'False']
+    yield (f'{len(rows)} plans', 'range', 'median')
+    yield (
+        'planning, of the time', *spread(float(row['planning_of_time_percent']) for row in rows)
+    )
+    yield (
+        'time taken over predicted, of runs above 0.1 s',
+        *spread(
+            ratio('taken_s', 'planned_s', [r for r in rows if float(r['taken_s']) > 0.1]), ''
+        ),
+    )
+    yield (
+        f'time taken, of the time, of the {len(used)} plans that are not limited by the ground',
+        *spread(float(row['taken_of_time_percent']) for row in used),
+    )
+    late = sum(float(row['taken_of_time_percent']) > 100.0 for row in rows)
+    yield 'runs that take more than the time', f'{late} of {len(rows)}', ''
+    yield (
+        'error predicted over that by the partner runs of the planned run',
+        *spread(ratio('error_planned_percent', 'error_measured_percent', rows), ''),
+    )
+
+
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
@@ -266,6 +352,10 @@ PAGES: Mapping[str, Tables] = {
     'MODEL.md': {'kernel_radii': kernel_radii},
     'PERFORMANCE.md': {'steps': steps, 'members': members},
     'NAV2.md': {'rolling_windows': rolling_windows, 'masks': masks},
+    'benchmarks/README.md': {
+        'plans': plans, 'numerical_error': numerical_error,
+        'numerical_error_counts': numerical_error_counts,
+    },
 }
 
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from lava_ros.maps.forecast import HazardMaps
     from lava_ros.scene import Scene
     from lava_ros.scene.reshaping import Barrier
+    from lava_ros.simulation.numerical_error import NumericalError
 
 #: Default simulated time of a member.
 HORIZON = '6h'
@@ -112,9 +113,12 @@ def ensemble(args: argparse.Namespace) -> int:
     folder with_barriers has the maps of these runs, and the folder comparison what the barriers
     change.
     """
+    import numpy as np
+
     from lava_ros.cli.scenes import onset_of
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
+    from lava_ros.forecast.ensemble_error import measure_ensemble_error
     from lava_ros.forecast.member_scenes import check_members
     from lava_ros.forecast.rasters import observed_in_file, write_atlas
     from lava_ros.forecast.sampling import (
@@ -129,6 +133,7 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.scene.on_terrain import read_raster_on
     from lava_ros.scene.projection import coordinate_system
     from lava_ros.scene.uncertainty import uncertainty_to_dict
+    from lava_ros.simulation.numerical_error import mean_difference, NOT_MEASURED
 
     if (args.observed is None) != (args.observed_at is None):
         expected = 'a time together with --observed, and neither without the other'
@@ -163,11 +168,15 @@ def ensemble(args: argparse.Namespace) -> int:
     name = Path(args.scene or args.terrain or 'demo').name
     onset = onset_of(args) if case is None else case.onset
     store = Store(output, plan, **kept)
+    error: NumericalError | None = None
 
     def write_maps(
         maps: HazardMaps, folder: Path = output, seen: str = 'none', *, store: Store = store
     ) -> list[str]:
-        plan, tags = store.plan, {'seed': str(args.seed)}
+        plan, tags = store.plan, {
+            'seed': str(args.seed),
+            'numerical_error': NOT_MEASURED if error is None else error.brief(),
+        }
         origin = Provenance(
             name, tuple(plan.effects), args.preset, observation=seen,
             onset=onset,
@@ -200,7 +209,13 @@ def ensemble(args: argparse.Namespace) -> int:
     done = run_all(store, output)
     wall = time.monotonic() - started
     plan = store.plan
+    if args.scheduler is None:
+        error = measure_ensemble_error(plan, done.maps.members, output, device=args.device)
     report = summarize(args, plan, done.maps, done, wall, where)
+    report['numerical_error'] = None if error is None else error.as_dict()
+    report['difference_of_members'] = mean_difference(
+        0.01 * np.nan_to_num(done.maps.probability), done.maps.members
+    )
     if scene.uncertainty.eruption:
         lengths = [member.eruption[0] for member in members if member.eruption]
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
@@ -279,7 +294,7 @@ def ensemble(args: argparse.Namespace) -> int:
         }
     report['files'] = files
     write_json(report, args.json)
-    print_report(report, plan)
+    print_report(report, plan, error)
     return 0
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from lava_ros.forecast.probability import Footprint
     from lava_ros.hindcast.case import Case
     from lava_ros.maps.forecast import HazardMaps
+    from lava_ros.simulation.numerical_error import NumericalError
 
 #: Reliability of the probabilities at dated outlines, in the folder of the maps.
 RELIABILITY = 'reliability.png'
@@ -123,8 +124,13 @@ def describe_agreement(done: Ensemble, observation: str) -> dict[str, Any]:
     }
 
 
-def print_report(report: dict[str, Any], plan: Plan) -> None:
-    """Print the report of the command."""
+def print_report(
+    report: dict[str, Any], plan: Plan, error: NumericalError | None = None
+) -> None:
+    """Print the report of the command, with the numerical error of the members."""
+    from lava_ros.maps.numbers import percent
+    from lava_ros.simulation.numerical_error import error_text
+
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
     print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} from before')
@@ -137,6 +143,11 @@ def print_report(report: dict[str, Any], plan: Plan) -> None:
     print(
         f'standard error of a probability of 50 %: {report["sampling_error_percent"]:.2g} '
         f'percentage points, from {report["members"]} members'
+    )
+    print(f'numerical error of a member: {error_text(error)}')
+    print(
+        'uncertain inputs: two members differ by '
+        f'{percent(report["difference_of_members"])} of the inundated area on average'
     )
     print(f'effects of all members: {", ".join(plan.effects) or "none"}')
     for item in plan.switched_on:

@@ -23,11 +23,11 @@ from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
     from lava_ros.hindcast.case import Case
-    from lava_ros.hindcast.expected_error import ExpectedError
     from lava_ros.hindcast.run import Result, Run, Settings
     from lava_ros.hindcast.score import Score
     from lava_ros.scene import Terrain
     from lava_ros.scene.vent_files import VentRow
+    from lava_ros.simulation.numerical_error import NumericalError
 
 #: Files and folders of a hindcast in its folder.
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
@@ -55,10 +55,9 @@ def hindcast(args: argparse.Namespace) -> int:
     covers with the footprint. The same command continues an interrupted run.
     """
     from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.expected_error import estimate_error
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
-    from lava_ros.hindcast.run import Run, Settings, UNFINISHED
+    from lava_ros.hindcast.run import measure_run_error, Run, Settings, UNFINISHED
     from lava_ros.hindcast.score import score_case
     from lava_ros.maps.plot import duration
 
@@ -101,17 +100,17 @@ def hindcast(args: argparse.Namespace) -> int:
             )
         several = agreement(case, [item.snapshot for item in results])
     outlines, dated = _dated(case, results)
-    expected = estimate_error(case, settings, result, several)
+    error = measure_run_error(case, settings, result)
     picture, page = output / PICTURE, output / PAGE
     for suffix in ('.tif', '.qml'):
         # of an earlier hindcast with --runs
         (output / 'runs').with_suffix(suffix).unlink(missing_ok=True)
     files = write_maps(case, settings, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
-    write_page(case, settings, result, judged, picture, page, expected, several, dated)
+    write_page(case, settings, result, judged, picture, page, error, several, dated)
     files = [*files, picture, page, *_write_bag(case, settings, run, result, output / BAG)]
     shutil.rmtree(unfinished, ignore_errors=True)
-    data = _as_dict(case, settings, result, judged, expected)
+    data = _as_dict(case, settings, result, judged, error)
     if several is not None:
         data['runs'] = several.as_dict()
     if outlines:
@@ -120,7 +119,7 @@ def hindcast(args: argparse.Namespace) -> int:
     print(case.title)
     hottest = max(vent.temperature for vent in case.scene.vents)
     rows = [('lava', f'{case.material.name}, {hottest:g} K at the vents')]
-    rows += facts(judged, expected, several, dated).items()
+    rows += facts(judged, result, error, several, dated).items()
     rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
         print(f'  {term:26} {value}')
@@ -211,7 +210,7 @@ def _write_bag(
 
 
 def _as_dict(
-    case: Case, settings: Settings, result: Result, judged: Score, expected: ExpectedError
+    case: Case, settings: Settings, result: Result, judged: Score, error: NumericalError
 ) -> dict[str, Any]:
     from lava_ros.simulation.selection import decision_as_dict
 
@@ -236,7 +235,8 @@ def _as_dict(
         'decisions': [decision_as_dict(item) for item in result.decisions],
         'accuracy': asdict(result.accuracy),
         'resolution': asdict(result.resolution),
-        'expected_error': expected.as_dict(),
+        'numerical_error': error.as_dict(),
+        'effects_error': result.effects_error,
         'cell_m': case.scene.terrain.resolution * settings.coarseness(case),
         'composition': {name: one.value for name, one in case.material.composition.items()},
         'lava': asdict(case.scene.lava),

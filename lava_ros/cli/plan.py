@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import write_json
+from lava_ros.cli.console import table_lines, write_json
 from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.scene_options import SCENE
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
-    from lava_ros.forecast.pilot_runs import Pilot
+    from lava_ros.forecast.planning import RunPlan
 
 
 @command(
@@ -32,15 +32,15 @@ if TYPE_CHECKING:
 def plan(args: argparse.Namespace) -> int:
     """Find the accuracy that a run, or an ensemble, can have in a given time.
 
-    The command makes coarse pilot runs of a scene on this machine. It prints the preset and the
-    spacing with which the run takes the given time, the number of members that an ensemble can
-    have, and the expected errors: the numerical error as a fraction of the covered area, and the
-    sampling error of a probability.
+    The command makes coarse pilot runs of a scene on this machine, in at most 15 % of the given
+    time. It prints a table of particle spacings with the numerical error and its parts, and the
+    time that a run takes; the preset and the spacing of the finest run that fits; and the number
+    of members that an ensemble can have, with the sampling error of a probability.
     """
     from lava_ros.cli.scenes import log_resolution, scene_from_arguments
-    from lava_ros.forecast.pilot_runs import spacing_at
     from lava_ros.forecast.planning import plan_within
     from lava_ros.forecast.sampling import MAX_MEMBERS
+    from lava_ros.maps.numbers import percent
     from lava_ros.simulation.presets import preset_accuracy
 
     within = seconds_of('--within', args.within)
@@ -51,39 +51,60 @@ def plan(args: argparse.Namespace) -> int:
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
         members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
     scene = scene_from_arguments(args)
-
-    def report(pilot: Pilot) -> None:
-        spacing = spacing_at(scene, pilot.refinement, horizon)
-        print(
-            f'pilot: spacing {spacing:.3g} m took {pilot.spent:.3g} s'
-            + ('' if pilot.is_done else f', stopped: it would take {pilot.wall_time:.3g} s'),
-            flush=True,
-        )
-
     try:
         found = plan_within(
             scene, within=within, horizon=horizon, members=members, device=args.device,
-            may_force=True, on_pilot=report,
+            on_pilot=lambda pilot: print(
+                f'pilot: spacing {pilot.spacing:.3g} m took {pilot.wall_time:.2g} s', flush=True
+            ),
         )
     except LavaError as error:
         if error.field != 'within':
             raise
         raise LavaError('--within', args.within, error.expected) from None
-    print(f'preset {found.preset}, spacing {found.spacing:.3g} m')
-    for name, is_on in found.forced.items():
-        state = 'on' if is_on else 'off'
-        print(f'effect {name} {state}: the choice for the scene takes too long at this spacing')
+    print('\n'.join(table_lines(_table(found), '>>>>>>>')))
+    print(f'{found.pilots} pilots took {found.spent:.2g} s')
+    print(f'plan: preset {found.preset}, spacing {found.spacing:.3g} m')
     print(
         f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
-        f'{within:g} s' + ('; more time would not help' if found.is_finest else '')
+        f'{within:g} s'
     )
-    print(
-        f'numerical error: about {100.0 * found.error:.2g} % of the covered area, and '
-        f'{100.0 * found.cell_error:.2g} % by the cells of {scene.terrain.resolution:g} m'
-    )
+    print(f'numerical error: {found.numerical_error.text()}')
+    if found.inputs:
+        changes = [f'{name} changes {percent(value)}' for name, value in found.inputs.items()]
+        print(f'for comparison, {", ".join(changes)} of it')
     if found.members > 1:
         print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
-    log_resolution(scene, accuracy, found.forced, horizon)
-    write_json(asdict(found), args.json)
+    log_resolution(scene, accuracy, {}, horizon)
+    write_json(_as_dict(found), args.json)
     return 0
+
+
+def _table(found: RunPlan) -> list[list[str]]:
+    """Return the rows of the runs that could be made, with a head."""
+    from lava_ros.maps.numbers import percent, seconds
+
+    cell = found.numerical_error.cell
+    head = [
+        'spacing', 'inundated area', 'particles', f'cells of {cell:g} m', 'standing area', 'time',
+        '',
+    ]
+    rows = []
+    for item in found.options:
+        area = item.error.inundated
+        rows.append([
+            f'{item.spacing:.3g} m', percent(area.total), percent(area.particles),
+            percent(area.ground), percent(item.error.standing.total), seconds(item.wall_time),
+            '<- plan' if item.refinement == found.refinement else '',
+        ])
+    return [head, *rows]
+
+
+def _as_dict(found: RunPlan) -> dict[str, Any]:
+    """Return a plan as plain data."""
+    plain = asdict(found) | {'numerical_error': found.numerical_error.as_dict()}
+    plain['options'] = [
+        asdict(item) | {'error': item.error.as_dict()} for item in found.options
+    ]
+    return plain

@@ -14,12 +14,12 @@ import numpy as np
 
 import lava_ros
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.expected_error import ExpectedError
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.score import Score
 from lava_ros.maps.frames import frame_of
 from lava_ros.maps.gis import Provenance, write_grid
+from lava_ros.maps.numbers import percent
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
 from lava_ros.maps.sheet import draw_sheet, Panel
@@ -28,6 +28,7 @@ from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.scene.projection import system_words
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.numerical_error import NumericalError
 from lava_ros.simulation.output.inundation import raise_peak
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.selection import Decision
@@ -42,7 +43,7 @@ def write_page(
     judged: Score,
     picture: Path,
     output: Path,
-    expected: ExpectedError,
+    error: NumericalError,
     several: Agreement | None = None,
     dated: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
@@ -61,7 +62,7 @@ def write_page(
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
         warnings=warnings(case, result),
-        facts=facts(judged, expected, several, dated),
+        facts=facts(judged, result, error, several, dated),
         shows='Map of hits, misses and false alarms',
         lava=note,
         constants=constants,
@@ -71,11 +72,11 @@ def write_page(
 
 
 def facts(
-    judged: Score, expected: ExpectedError, several: Agreement | None = None,
+    judged: Score, result: Result, error: NumericalError, several: Agreement | None = None,
     dated: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, str]:
     """Return the comparison as text by label; ``dated`` adds the scores of dated outlines."""
-    result = {
+    texts = {
         'Jaccard': f'{judged.jaccard:.3f}',
         'fit index': f'{judged.fit:.3f}',
         'recall': f'{judged.recall:.3f}',
@@ -88,19 +89,21 @@ def facts(
         'volume': f'{judged.volume / 1e6:.3g} million m³',
         'mean thickness': f'{judged.mean_thickness:.1f} m '
         f'(mapped area: {judged.mapped_thickness:.1f} m)',
-        'expected error': expected.text(),
+        'numerical error': error.text(),
+        'effects left out': f'{percent(result.effects_error)} of the inundated area',
         'median, largest thickness': f'{judged.median_thickness:.1f} m, {judged.thickest:.1f} m',
     }
     if several is not None:
         found = several.as_dict()
-        result[f'Jaccard of {found["count"]} runs'] = (
+        texts[f'Jaccard of {found["count"]} runs'] = (
             f'{found["mean"]:.3f} on average, standard deviation '
             f'{found["standard_deviation"]:.3f}, {found["lowest"]:.3f} to {found["highest"]:.3f}'
         )
-        result['Jaccard of their majority'] = (
+        texts['Jaccard of their majority'] = (
             f'{several.majority.jaccard:.3f} (where at least half of them have lava)'
         )
-    return {**result, **dated}
+        texts['difference of two of them'] = f'{percent(several.chance)} on average'
+    return {**texts, **dated}
 
 
 def warnings(case: Case, result: Result) -> list[str]:

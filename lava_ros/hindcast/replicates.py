@@ -25,6 +25,7 @@ from lava_ros.hindcast.run import Result, Run, Settings
 from lava_ros.hindcast.score import Score, score_case
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.batch import side_by_side
+from lava_ros.simulation.numerical_error import mean_difference
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.setup.defaults import device_of
 
@@ -93,11 +94,17 @@ class Agreement:
     thickness: np.ndarray
     majority: Score
 
+    @property
+    def chance(self) -> float:
+        """Mean difference of two of the runs: the cells of only one over those of either."""
+        return mean_difference(self.share, len(self.scores))
+
     def as_dict(self) -> dict[str, Any]:
         """Return the scores as plain data."""
         found = np.array([item.jaccard for item in self.scores])
         return {
             'count': len(found),
+            'chance': self.chance,
             'jaccard': found.tolist(),
             'mean': float(found.mean()),
             'standard_deviation': float(found.std(ddof=1)) if len(found) > 1 else 0.0,

@@ -16,16 +16,18 @@ import time as wall_clock
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import EFFECTS
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import replacing, write_output
 from lava_ros.files.npz import read_arrays
+from lava_ros.forecast.partner_runs import measure_error
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened, GRIDS, grids_of, refined
-from lava_ros.scene import scene_to_dict, Terrain
+from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.numerical_error import Areas, NumericalError
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution
@@ -242,16 +244,9 @@ class Run:
     @cached_property
     def _simulation(self) -> Simulation:
         # made on first use, because it may have to be compiled
-        case = self.case
-        # an event before the start is applied at the start
-        events = tuple(
-            TerrainEvent(max(event.time - case.start, 0.0), event.text, event.terrain)
-            for event in case.events
-        )
-        scene = replace(case.scene, events=events)
         with self._timed():
             return Simulation(
-                scene.on(lambda terrain: coarsened(terrain, self._coarseness)),
+                _simulated_scene(self.case, self._coarseness),
                 effects={**FORCED, **self.settings.forced},
                 accuracy=self.settings.accuracy(self.case),
                 device=self.settings.device,
@@ -337,6 +332,38 @@ def simulate(case: Case, settings: Settings) -> Result:
     for _ in run.parts():
         pass
     return run.result()
+
+
+def measure_run_error(case: Case, settings: Settings, result: Result) -> NumericalError:
+    """Measure the numerical error of a run with its partner runs.
+
+    Args:
+        case: The case.
+        settings: Settings of the run.
+        result: Result of the run.
+    """
+    coarseness = settings.coarseness(case)
+    return measure_error(
+        _simulated_scene(case, coarseness),
+        Areas.of(result.snapshot),
+        result.snapshot.time,
+        accuracy=result.accuracy,
+        effects=Effects(**{name: name in result.effects for name in EFFECTS}),
+        horizon=case.duration,
+        device=settings.device,
+        areas=lambda partner: Areas.of(refined(partner, case.scene.terrain, coarseness)),
+    )
+
+
+def _simulated_scene(case: Case, coarseness: int) -> Scene:
+    """Return the scene of a case, with its events, on cells larger by ``coarseness``."""
+    # an event before the start is applied at the start
+    events = tuple(
+        TerrainEvent(max(event.time - case.start, 0.0), event.text, event.terrain)
+        for event in case.events
+    )
+    scene = replace(case.scene, events=events)
+    return scene.on(lambda terrain: coarsened(terrain, coarseness))
 
 
 def _write(path: Path, snapshot: Snapshot) -> None:

@@ -81,12 +81,12 @@ class DutyCycle:
 
 
 class ForecastProcess:
-    """A child process that runs ``lava_ros.forecast.process`` and ends with its parent.
+    """A child process that runs a module, and ends with its parent.
 
     Messages are pickled, which is safe because no other process has an end of the connection.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, module: str = 'lava_ros.forecast.process') -> None:
         """Start the process."""
         package = str(Path(lava_ros.__file__).resolve().parents[1])
         paths = [package, *filter(None, [os.environ.get('PYTHONPATH')])]
@@ -94,7 +94,7 @@ class ForecastProcess:
         # the node handles Ctrl+C in a terminal and then closes the connection
         with other_end, interrupts_withheld():
             self._child = subprocess.Popen(
-                [sys.executable, '-m', 'lava_ros.forecast.process', str(other_end.fileno())],
+                [sys.executable, '-m', module, str(other_end.fileno())],
                 stdin=subprocess.DEVNULL,
                 # compilers and drivers may write to stdout
                 stdout=sys.__stderr__,
@@ -127,20 +127,20 @@ class ForecastProcess:
             reason = 'or no longer answers' if status is None else f'exit status {status}'
             if status is not None and status < 0:
                 reason = f'killed by signal {-status}'
-            text = f'the process of the forecasts has ended ({reason})'
+            text = f'the process has ended ({reason})'
             raise ChildProcessError(text) from error
 
-    def end(self) -> None:
-        """End the process, in the middle of a step if necessary."""
+    def end(self, timeout: float = _END_TIMEOUT) -> None:
+        """End the process, after ``timeout`` [s] in the middle of a step."""
         self._connection.close()
-        if self._exit_status() is None:
+        if self._exit_status(timeout) is None:
             self._child.kill()
             self._child.wait()
 
-    def _exit_status(self) -> int | None:
+    def _exit_status(self, timeout: float = _END_TIMEOUT) -> int | None:
         """Wait for the end of the process; return None if it does not end in time."""
         with suppress(subprocess.TimeoutExpired):
-            return self._child.wait(_END_TIMEOUT)
+            return self._child.wait(timeout)
         return None
 
 

@@ -72,6 +72,8 @@ class SessionView:
         accuracy: Resolution of the simulation, None without one.
         scene: Current scene, None without a terrain.
         schedule: Its vents with their discharges over the whole run, including earlier vents.
+        repeatable: Scene at the start, which with ``schedule`` repeats the run; None without one,
+            and after a change of the ground under lava.
         origin: Checkpoint from which the simulation was resumed, None if it started at time 0.
         effects: Table of effects (``effect_table``), empty without a simulation.
         resolution: Expected resolution of the flow, None without a simulation.
@@ -87,6 +89,7 @@ class SessionView:
     accuracy: Accuracy | None = None
     scene: Scene | None = None
     schedule: tuple[Vent, ...] = ()
+    repeatable: Scene | None = None
     origin: Origin | None = None
     effects: Mapping[str, str] = field(default_factory=dict)
     resolution: Resolution | None = None
@@ -192,6 +195,7 @@ class SimulationSession:
         self._before_events = None
         self._note_change(
             scene=scene,
+            repeatable=scene,
             schedule=schedule(before or scene.vents, scene.vents, simulation.time),
             origin=origin,
             device=simulation.device,
@@ -273,7 +277,12 @@ class SimulationSession:
             self.simulation.set_terrain(terrain)
         if self._before_events is not None:
             self._before_events = terrain, self._before_events[1]
-        self._note_change(is_noise=self._is_like_counted(scene), scene=scene)
+        is_noise = self._is_like_counted(scene)
+        repeatable = self.view.repeatable
+        if repeatable is not None and not is_noise:
+            is_bare = self.simulation is not None and self._is_without_lava()
+            repeatable = replace(repeatable, terrain=terrain) if is_bare else None
+        self._note_change(is_noise=is_noise, scene=scene, repeatable=repeatable)
         return True
 
     def set_vents(self, vents: tuple[Vent, ...]) -> None:

@@ -34,6 +34,7 @@ from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.projection import system_words
 from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.numerical_error import brief_text, NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 
 _LOG = logging.getLogger(__name__)
@@ -238,9 +239,10 @@ def _model(recording: Recording) -> dict[str, str]:
         values = moments[-1].values
         if 'spacing_m' in values:
             words[0] += f' {values["spacing_m"]} m apart'
-        error = moments[-1].number('footprint_error')
-        if math.isfinite(error):
-            words.append(f'expected error of the footprint {100.0 * error:.2g} %')
+        errors = (
+            moments[-1].number(f'numerical_error_{name}') for name in ('inundated', 'standing')
+        )
+        words.append(f'numerical error {brief_text(*errors)}')
     return {'model': ', '.join(words), **_processes(effects_on(description) or ())}
 
 
@@ -317,7 +319,8 @@ def _ensemble(folder: Path) -> Run:
         **({'weighted by': observation} if observation != 'none' else {}),
         'uncertain': _uncertain(known.get('uncertainty') or {}) or 'nothing of the scene',
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
-        f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}',
+        f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}, '
+        f'numerical error {tags.get("numerical_error", NOT_MEASURED)}',
         **_processes(on),
         **({'switched on': '; '.join(reasons)} if reasons else {}),
         **_ground(frame),

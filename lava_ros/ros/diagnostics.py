@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
 from lava_ros.live.ensemble_forecasts import ForecastStatus
+from lava_ros.live.error_measurement import ErrorMeasurement
 from lava_ros.live.recording_control import RecordingControl
 from lava_ros.live.session import is_on, SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
@@ -46,12 +47,13 @@ def simulation_status(
     frame_stamp_ns: int,
     resolution: Resolution | None = None,
     clock: Mapping[str, str] = MappingProxyType({}),
+    error: Mapping[str, str] = MappingProxyType({}),
 ) -> DiagnosticStatus:
     """Return the status of the simulation.
 
     ``snapshot`` is the last one published, in maps stamped ``frame_stamp_ns`` [ns]. ``resolution``
     describes how well the particles resolve the flow. ``clock`` contains the warnings about the
-    clock (``ClockWatch.look``).
+    clock (``ClockWatch.look``), and ``error`` the values of the numerical error.
     """
     state = worker.state
     level, message = _LEVELS.get(state, OK), state.value
@@ -93,8 +95,8 @@ def simulation_status(
             'spacing_m': f'{resolution.spacing:.4g}',
             'flow_width_m': f'{resolution.width:.4g}',
             'particles_across': f'{resolution.across:.3g}',
-            'footprint_error': f'{resolution.error:.2g}',
         }
+    values |= error
     if snapshot is not None:
         values |= snapshot_values(snapshot, frame_stamp_ns)
         terrain = snapshot.terrain
@@ -106,6 +108,21 @@ def simulation_status(
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)
+
+
+def error_values(measurement: ErrorMeasurement) -> dict[str, str]:
+    """Return the status values of the numerical error; without a measurement only its text."""
+    error, texts = measurement.latest, {'numerical_error': measurement.text()}
+    if error is not None:
+        area = error.inundated
+        texts |= {
+            'numerical_error_inundated': f'{area.total:.2g}',
+            'numerical_error_standing': f'{error.standing.total:.2g}',
+            'numerical_error_particles': f'{area.particles:.2g}',
+            'numerical_error_ground': f'{area.ground:.2g}',
+            'numerical_error_time_s': repr(error.time),
+        }
+    return texts
 
 
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
@@ -214,7 +231,7 @@ def deadline_status(
             'spacing_m': '' if plan is None else f'{plan.spacing:.4g}',
             'members': '' if choice.members is None else choice.members,
             'expected_s': '0' if plan is None else f'{plan.wall_time:.3g}',
-            'expected_error': '0' if plan is None else f'{plan.error:.2g}',
+            'numerical_error': '' if plan is None else plan.numerical_error.text(),
             'expected_sampling_error': f'{choice.sampling_error:.2g}',
             'choosing_took_s': f'{choice.spent:.3g}',
         }

@@ -231,6 +231,12 @@ class Settings:
         'simulation falls behind the clock [s/s]',
         (0.01, 1.0),
     )
+    error_share: float = _parameter(
+        0.1,
+        "Maximum fraction of one core's time for the partner runs that measure the numerical "
+        'error; 0: not measured [s/s]',
+        (0.0, 1.0),
+    )
     ensemble_members: int = _fixed(
         0,
         'Number of members of the ensembles computed in addition to forecasts; they differ in the '

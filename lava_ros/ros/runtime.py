@@ -16,6 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.live.catch_up import Published
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch
+from lava_ros.live.error_measurement import ErrorMeasurement
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.recording_control import BagSettings, RecordingControl
 from lava_ros.live.worker import SimulationWorker
@@ -129,6 +130,7 @@ class NodeRuntime:
             choice=lambda: factory.choice,
             features=features,
         )
+        self._error = ErrorMeasurement(self.worker, share=lambda: self._settings.error_share)
         self._places = PlaceTopic(graph, features)
         for rate in sorted(self._layers.rates | self._forecasts.rates):
             graph.create('timer', 1.0 / rate, lambda rate=rate: self._mark_due(rate))
@@ -153,6 +155,7 @@ class NodeRuntime:
         self._begin(startup)
         # Start the threads last, so that an error above leaves none running.
         self.worker.start()
+        self._error.start()
         if settings.forecast_horizon:
             self._forecasts.forecaster.start()
 
@@ -193,6 +196,7 @@ class NodeRuntime:
             # a run that could not be resumed, for example without its GPU, may be tried again
             if self.failure is None:
                 self._bags.end_run()
+            self._error.stop(STOP_TIMEOUT)
             self._forecasts.forecaster.stop(STOP_TIMEOUT)
             self.worker.stop(STOP_TIMEOUT)
             self._graph.destroy()
@@ -413,6 +417,7 @@ class NodeRuntime:
                     frame_stamp_ns=self._layers.shown_stamp_ns,
                     resolution=self.worker.session.measured_resolution,
                     clock=clock,
+                    error=diagnostics.error_values(self._error),
                 ),
                 diagnostics.effects_status(view.effects),
                 self.inputs.status(self._scene.warning()),

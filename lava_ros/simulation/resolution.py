@@ -38,13 +38,6 @@ MIN_SPACING = 1.0 / 16.0
 #: Minimum number of particles across a resolved flow.
 MIN_ACROSS = 9.0
 
-#: Factor E and exponent P of the footprint error from the particles, E (d / h)^P d / w, with the
-#: particle spacing d, the thickness h and the width w (docs/benchmarks/README.md, expected error).
-PARTICLE_ERROR = 0.58, 0.4
-
-#: Footprint error from the terrain's cells, over their size as a fraction of the width.
-CELL_ERROR = 0.7
-
 #: Maximum Reynolds number rho u h / mu of laminar flow in a channel (Chow 1959, Open-Channel
 #: Hydraulics).
 LAMINAR = 500.0
@@ -87,23 +80,6 @@ class Resolution:
     extent: float = math.inf
 
     @property
-    def particle_error(self) -> float:
-        """Expected error of the footprint from the particles, 1 - Jaccard index."""
-        scale, power = PARTICLE_ERROR
-        distance = self.width / self.across
-        return min(scale * (distance / self.thickness) ** power / self.across, 1.0)
-
-    @property
-    def cell_error(self) -> float:
-        """Expected error of the footprint from the terrain's cells, 1 - Jaccard index."""
-        return min(CELL_ERROR * self.cell / self.width, 1.0)
-
-    @property
-    def error(self) -> float:
-        """Expected error of the footprint, 1 - Jaccard index with that of a perfect resolution."""
-        return min(math.hypot(self.particle_error, self.cell_error), 1.0)
-
-    @property
     def is_coarse(self) -> bool:
         """True if the flow is under-resolved."""
         return self.across < MIN_ACROSS
@@ -137,16 +113,9 @@ class Resolution:
             reason = 'the width of the flow is unknown: no effusion rate'
             return f'spacing {self.spacing:.3g} m; {reason}'
         # 180 and not 1.8e+02
-        width, across, error, particles, cells = (
-            float(f'{value:.2g}')
-            for value in (
-                self.width, self.across, 100.0 * self.error, 100.0 * self.particle_error,
-                100.0 * self.cell_error,
-            )
-        )
+        width, across = (float(f'{value:.2g}') for value in (self.width, self.across))
         text = f'{across:g} particles across a flow about {width:g} m wide'
-        text += f' (spacing {self.spacing:.3g} m): expected error of the footprint {error:g} %'
-        text += f' ({particles:g} % by the particles, {cells:g} % by cells of {self.cell:g} m)'
+        text += f' (spacing {self.spacing:.3g} m)'
         limited = ['the largest number of particles limits the spacing']
         notes = self.warnings() + (limited if self.limit == 'particles' else [])
         return '; '.join([text, *notes])

@@ -62,7 +62,8 @@ def test_plot_describes_a_bag(bag, tmp_path, undrawn):
     assert output['title'] == 'Lava flow after 13 min'
     assert output['maps'] == ['Lava thickness', 'Temperature', 'Hazard index']
     notes = output['notes']
-    assert 'expected error of the footprint 15 %' in notes.pop('model')
+    error = 'numerical error 15 % of the inundated area, 12 % of the standing area'
+    assert error in notes.pop('model')
     assert notes.items() >= {
         'computed': '2026-09-21', 'effusion rate': '10 m³/s', 'elevation': 'maps in cells of 5 m',
         'coordinates': 'WGS 84 / UTM zone 33N (EPSG:32633)', 'volume emitted': '6,170 m³',

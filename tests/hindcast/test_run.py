@@ -14,7 +14,7 @@ from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
-from lava_ros.hindcast.run import Run, Settings, simulate
+from lava_ros.hindcast.run import measure_run_error, Run, Settings, simulate
 from lava_ros.hindcast.score import score_case
 from lava_ros.scene import Terrain
 from lava_ros.simulation.accuracy import Accuracy
@@ -336,3 +336,17 @@ def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley):
         np.testing.assert_array_equal(direction.rotate_back(case.footprint), valley.footprint)
     quarter = Orientation(1).rotate(valley).scene.terrain.elevation
     assert np.median(np.diff(quarter, axis=1)) < 0.0
+
+
+def test_numerical_error_of_a_run_is_measured_on_its_own_cells(valley):
+    settings = replace(SETTINGS, spacing=40.0)
+    assert settings.coarseness(valley) > 1
+    result = simulate(valley, settings)
+    found = measure_run_error(valley, settings, result)
+    assert found.cell == valley.scene.terrain.resolution * settings.coarseness(valley)
+    assert (found.spacing, found.time) == (40.0, result.snapshot.time)
+    finer = replace(SETTINGS, spacing=6.0)
+    better = measure_run_error(valley, finer, simulate(valley, finer))
+    assert 0.0 < better.inundated.particles < found.inundated.particles < 1.0
+    # larger cells lower a parabolic valley evenly
+    assert better.inundated.ground == better.standing.ground == 0.0

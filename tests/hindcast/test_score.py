@@ -198,4 +198,4 @@ def test_tables_in_the_documents_match_the_measurements():
         page = (SCRIPT.parents[1] / name).read_text(encoding='utf-8')
         assert script.written(page, tables) == page
         assert name != 'VALIDATION.md' or '| etna_basalt | 2001 |' in page
-    assert {'VALIDATION.md', 'PERFORMANCE.md'} == set(script.PAGES)
+    assert {'VALIDATION.md', 'PERFORMANCE.md', 'benchmarks/README.md'} <= set(script.PAGES)

@@ -215,7 +215,7 @@ def test_killed_process_of_low_priority_is_reported_and_replaced(bench):
     old, bench.rules = bench.forecaster.latest, RULES
     os.kill(bench.started[-1], signal.SIGKILL)
     error = wait_until(lambda: bench.forecaster.status.error)
-    assert error == 'the process of the forecasts has ended (killed by signal 9)'
+    assert error == 'the process has ended (killed by signal 9)'
     bench.forecast(lambda item: item is not old)
     assert bench.forecaster.status.error == ''
     assert len(bench.started) == before + 1

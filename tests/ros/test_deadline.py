@@ -16,9 +16,12 @@ from lava_ros.ros import diagnostics
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.startup_inputs import SimulationFactory
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.numerical_error import AreaError, NumericalError
 from lava_ros.simulation.presets import preset_accuracy
 
 SCENE = Scene(Terrain(np.zeros((10, 10)), 10.0), (Vent((50.0, 50.0), 5.0),), lava=Lava())
+
+ERROR = NumericalError(AreaError(0.02, 0.01), AreaError(0.01, 0.0), 25.0, 10.0, 600.0)
 
 SETTINGS = Settings(
     device='cpu', forecast_horizon=600.0, ensemble_members=8, deadline=20.0, preset='draft'
@@ -37,7 +40,7 @@ def planned_members(monkeypatch):
             raise LavaError('within', within, 'about 31 s: that is what the coarsest take')
         return RunPlan(
             preset='draft', spacing=25.0, refinement=0.4, members=members or 13, wall_time=9.0,
-            error=0.02, cell_error=0.0, sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
+            numerical_error=ERROR, sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
         )
 
     monkeypatch.setattr(affordable, 'plan_within', plan_within)
@@ -56,7 +59,7 @@ def test_deadline_chooses_the_finest_plan_in_time(planned_members):
     assert status.level == status.OK and status.message == choice.reason
     late = diagnostics.deadline_status(20.0, choice, took=30.0)
     assert late.level == status.WARN and late.message.startswith('late: the newest took 30 s')
-    assert {item.key: item.value for item in late.values}['expected_error'] == '0.02'
+    assert {item.key: item.value for item in late.values}['numerical_error'] == ERROR.text()
 
 
 def test_deadline_reduces_the_number_of_members(planned_members):

@@ -26,6 +26,7 @@ from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.summary import RunSummary
 from lava_ros.scene.projection import system_name
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.numerical_error import NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import MIN_ACROSS
@@ -190,10 +191,8 @@ def accuracy_table(recording: Recording, description: Mapping[str, Any]) -> Tabl
     ):
         if key in run.values:
             rows.append((term, f'{run.values[key]}{unit}'))
-    error = run.number('footprint_error')
-    if math.isfinite(error):
-        rows.append(('expected error of the footprint', percent(error)))
     rows += [
+        ('numerical error', run.values.get('numerical_error', NOT_MEASURED)),
         ('particles at the end', run.values.get('particles', 'unknown')),
         ('steps', run.values.get('steps', 'unknown')),
         ('device', recording.bag.custom_data.get('device') or 'unknown'),

@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The numerical error of a run, measured with pairs of runs that differ in one respect.
+
+The error of an area is one minus the Jaccard index of the area and that of a run with very fine
+particles on very fine ground. Two partner runs measure it (forecast/partner_runs.py):
+
+    particles   the run, and one with particles COARSER times as far apart
+    ground      that one, and another one on ground of cells twice as large (coarse_ground.py)
+
+Errors of areas multiply: the Jaccard index of the run and a much finer one is that of the run and
+a coarser one, J, to the power 1 / r. With an error -ln J proportional to h^p and a partner coarser
+by c, r = c^p - 1 (Richardson 1911). docs/benchmarks/numerical_error.csv compares the orders p that
+are used here with actual errors.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lava_ros.simulation.output.snapshot import Snapshot
+
+#: Particle spacing of a partner run over that of the run; it takes about 1/16 of the time.
+COARSER = 2.5
+
+#: Statement in place of an error that no pair of runs has measured.
+NOT_MEASURED = 'not yet measured'
+
+
+class Areas(NamedTuple):
+    """The area inundated so far and that with standing lava, or a number for each.
+
+    An area is a mask of cells, or the fraction of each cell, shape [rows, columns].
+    """
+
+    inundated: Any
+    standing: Any
+
+    @classmethod
+    def of(cls, snapshot: Snapshot) -> 'Areas':
+        """Return the areas of a snapshot."""
+        return cls(np.nan_to_num(snapshot.inundated), np.nan_to_num(snapshot.standing))
+
+
+#: Powers of the particle spacing in the errors of both areas. Lava that stands has forgotten how
+#: its front arrived, and converges faster.
+PARTICLE_ORDERS = Areas(1.5, 1.85)
+
+#: Powers of the cell size in the errors from the ground: that of the spline on smooth ground. On
+#: rough ground elevations converge more slowly, but smaller bumps turn less lava aside.
+GROUND_ORDERS = Areas(2.0, 2.0)
+
+#: Reductions of a pair whose second run is exact.
+EXACT = Areas(1.0, 1.0)
+
+
+class Pair(NamedTuple):
+    """Areas of two runs that differ in one respect.
+
+    ``reductions`` are r, as in the module's docstring: c^p - 1 for errors of order p and a second
+    run coarser by c (``richardson``), ``EXACT`` for a second run that is exact.
+    """
+
+    one: Areas
+    other: Areas
+    reductions: Areas
+
+    def errors(self) -> Areas:
+        """Return the error of each area, from 0 to 1."""
+        return Areas(*(
+            scaled(difference(one, other), 1.0 / reduction)
+            for one, other, reduction in zip(*self, strict=True)
+        ))
+
+
+@dataclass(frozen=True)
+class AreaError:
+    """Numerical error of one area, a fraction of it.
+
+    Attributes:
+        particles: Part of the particle spacing.
+        ground: Part of the ground's cells; NaN if the terrain is too small to coarsen.
+    """
+
+    particles: float
+    ground: float
+
+    @property
+    def total(self) -> float:
+        """Root of the sum of the squares of the parts, at most 1."""
+        return min(math.hypot(self.particles, np.nan_to_num(self.ground)), 1.0)
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Return the parts and the total; None for an unknown part."""
+        ground = None if math.isnan(self.ground) else self.ground
+        return {'particles': self.particles, 'ground': ground, 'total': self.total}
+
+
+@dataclass(frozen=True)
+class NumericalError:
+    """The numerical error of a run, and what it was measured from.
+
+    Attributes:
+        inundated: Error of the area inundated so far.
+        standing: Error of the area with standing lava.
+        spacing: Particle spacing of the run [m].
+        cell: Size of the terrain's cells [m].
+        time: Simulated time at which the runs are compared [s].
+        cost: Time of the partner runs [s].
+    """
+
+    inundated: AreaError
+    standing: AreaError
+    spacing: float
+    cell: float
+    time: float
+    cost: float = math.nan
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the error as plain data, fractions of the areas."""
+        return {
+            **{name: getattr(self, name).as_dict() for name in Areas._fields},
+            'spacing_m': self.spacing,
+            'cell_m': self.cell,
+            'time_s': self.time,
+        }
+
+    @classmethod
+    def from_dict(cls, plain: Mapping[str, Any]) -> 'NumericalError':
+        """Return the error of plain data (``as_dict``)."""
+        inundated, standing = (
+            AreaError(
+                plain[name]['particles'],
+                math.nan if plain[name]['ground'] is None else plain[name]['ground'],
+            )
+            for name in Areas._fields
+        )
+        return cls(
+            inundated, standing, plain['spacing_m'], plain['cell_m'], plain['time_s']
+        )
+
+    def text(self) -> str:
+        """Format the error as one line."""
+        words = [
+            f'{_percent(area.total)} of the {name} area ({", ".join(self._parts(area))})'
+            for name, area in zip(Areas._fields, (self.inundated, self.standing), strict=True)
+        ]
+        return '; '.join([*words, *filter(None, [self.advice()])])
+
+    def brief(self) -> str:
+        """Format the totals, for a page with little space."""
+        return brief_text(self.inundated.total, self.standing.total)
+
+    def _parts(self, area: AreaError) -> list[str]:
+        ground = 'unknown' if math.isnan(area.ground) else _percent(area.ground)
+        return [
+            f'particles {_percent(area.particles)}', f'cells of {self.cell:g} m {ground}'
+        ]
+
+    def advice(self) -> str:
+        """Return what limits the accuracy of the inundated area; empty if it is the particles."""
+        area = self.inundated
+        finest = area.total - np.nan_to_num(area.ground)
+        if not area.ground > area.particles:
+            return ''
+        return (
+            f'finer particles change the error by less than {_percent(finest, up=True)}: '
+            f"the ground's cells make {_percent(area.ground)}"
+        )
+
+
+def error_text(error: NumericalError | None) -> str:
+    """Return the text of an error, or that it is not yet measured."""
+    return NOT_MEASURED if error is None else error.text()
+
+
+def brief_text(inundated: float, standing: float) -> str:
+    """Return the text of the errors of both areas, NaN if they are not yet measured."""
+    if math.isnan(inundated):
+        return NOT_MEASURED
+    whole = f'{_percent(inundated)} of the inundated area'
+    return f'{whole}, {_percent(standing)} of the standing area'
+
+
+def _percent(value: float, *, up: bool = False) -> str:
+    """Format a fraction as a percentage with two digits, rounded or rounded up."""
+    shown = 100.0 * value
+    if up and shown > 0.0:
+        unit = 10.0 ** (math.floor(math.log10(shown)) - 1)
+        shown = math.ceil(shown / unit) * unit
+    # 37 and not 3.7e+01
+    return f'{float(f"{shown:.2g}"):g} %'
+
+
+def error_of(
+    pairs: Mapping[str, Pair], *, spacing: float, cell: float, time: float, cost: float = math.nan
+) -> NumericalError:
+    """Return the error of a run from its pairs by part, ``particles`` and ``ground``.
+
+    A missing part is unknown. The other arguments are those of ``NumericalError``.
+    """
+    errors = {name: pair.errors() for name, pair in pairs.items()}
+    unknown = Areas(math.nan, math.nan)
+    particles, ground = (errors.get(name, unknown) for name in ('particles', 'ground'))
+    inundated, standing = map(AreaError, particles, ground)
+    return NumericalError(inundated, standing, spacing, cell, time, cost)
+
+
+def difference(one: np.ndarray, other: np.ndarray) -> float:
+    """Return one minus the Jaccard index of two areas, masks or fractions of cells; 0 for none."""
+    either = float(np.maximum(one, other).sum(dtype=np.float64))
+    both = float(np.minimum(one, other).sum(dtype=np.float64))
+    return 1.0 - both / either if either else 0.0
+
+
+def mean_difference(fraction: np.ndarray, runs: float = math.inf) -> float:
+    """Return the mean difference of two of some runs, from their fraction in each cell.
+
+    ``runs`` is their number, infinite for a distribution from which they are drawn.
+    """
+    apart = float((2.0 * fraction * (1.0 - fraction)).sum()) / (1.0 - 1.0 / max(runs, 2.0))
+    return apart / max(float(fraction.sum()) + 0.5 * apart, 1e-9)
+
+
+def scaled(error: float, factor: float) -> float:
+    """Return an error, 1 - J, whose logarithm -ln J is larger by a factor."""
+    return 1.0 - (1.0 - error) ** factor
+
+
+def richardson(ratio: float, orders: Areas) -> Areas:
+    """Return the ``reductions`` of a pair whose spacings have a ratio, for given orders."""
+    return Areas(*(ratio**order - 1.0 for order in orders))

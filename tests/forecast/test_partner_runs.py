@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Partner runs of a run, and the numerical error that they measure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.forecast.ensemble_error import FILE, measure_ensemble_error, MIN_MEMBERS
+from lava_ros.forecast.members import make_plan
+from lava_ros.forecast.partner_process import measure
+from lava_ros.forecast.partner_runs import measure_error
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.events import TerrainEvent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.numerical_error import Areas, COARSER, Pair, PARTICLE_ORDERS, richardson
+
+X, Y = np.meshgrid(np.arange(60) * 5.0, np.arange(40) * 5.0)
+
+#: Fluid lava on a slope with bumps, resolved by eight cells.
+BUMPY = Scene(
+    Terrain(0.1 * X + 0.8 * np.sin(X / 6.0) * np.sin(Y / 7.0), 5.0),
+    (Vent((230.3, 100.2), 5.0),),
+    lava=Lava(viscosity=1000.0),
+)
+SMOOTH = replace(BUMPY, terrain=Terrain(0.1 * X, 5.0))
+ACCURACY = Accuracy(spacing=4.0, thickness=1.0)
+END = 300.0
+PLAIN = Effects()
+
+
+def run(scene, accuracy, device, effects=PLAIN):
+    """Return the areas at the end of a run."""
+    simulation = Simulation(
+        scene, accuracy=accuracy, effects=effects, device=device, horizon=END
+    )
+    simulation.advance(END)
+    return Areas.of(simulation.snapshot())
+
+
+def options(device):
+    return {'accuracy': ACCURACY, 'effects': PLAIN, 'horizon': END, 'device': device}
+
+
+def test_particles_part_is_that_of_a_coarser_run(device):
+    areas = run(SMOOTH, ACCURACY, device)
+    found = measure_error(SMOOTH, areas, END, **options(device))
+    coarser = run(SMOOTH, replace(ACCURACY, spacing=COARSER * 4.0), device)
+    expected = Pair(areas, coarser, richardson(COARSER, PARTICLE_ORDERS)).errors()
+    assert found.inundated.particles == expected.inundated > 0.0
+    assert found.standing.particles == expected.standing > 0.0
+    # the coarser ground of a plane is the same plane but for rounding
+    assert found.inundated.ground < 0.01
+    assert (found.spacing, found.cell, found.time) == (4.0, 5.0, END) and found.cost > 0.0
+
+
+def test_ground_part_is_larger_on_bumps_and_independent_of_the_particles(device):
+    found = measure_error(BUMPY, run(BUMPY, ACCURACY, device), END, **options(device))
+    assert 0.05 < found.inundated.ground < 0.5
+    assert 0.05 < found.standing.ground < 0.5
+    again = measure_error(BUMPY, run(BUMPY, ACCURACY, device), END, **options(device))
+    assert again.as_dict() == found.as_dict() or device != 'cpu'
+
+
+def test_partner_runs_have_the_events_of_the_scene(device):
+    # the ground becomes bumpy at the start
+    later = replace(SMOOTH, events=(TerrainEvent(0.0, 'bumps', BUMPY.terrain),))
+    found = measure_error(later, run(later, ACCURACY, device), END, **options(device))
+    assert found.inundated.ground > 0.05
+
+
+def test_process_rests_and_finds_the_same_error(monkeypatch):
+    rests = []
+    monkeypatch.setattr('lava_ros.forecast.partner_process.time.sleep', rests.append)
+    monkeypatch.setattr('lava_ros.forecast.partner_process.SLICE_WALL_TIME', 0.0)
+    areas = run(SMOOTH, ACCURACY, 'cpu')
+    found = measure(share=0.25, scene=SMOOTH, run=areas, time=END, **options('cpu'))
+    expected = measure_error(SMOOTH, areas, END, **options('cpu'))
+    assert found.as_dict() == expected.as_dict()
+    # three times as long as it computes
+    assert sum(rests) == pytest.approx(3.0 * found.cost, rel=0.5)
+
+
+def test_error_of_an_ensemble_is_that_of_its_scene_and_is_kept(tmp_path, monkeypatch):
+    plan = make_plan(SMOOTH, horizon=END, accuracy=ACCURACY)
+    assert measure_ensemble_error(plan, MIN_MEMBERS - 1, tmp_path) is None
+    found = measure_ensemble_error(plan, MIN_MEMBERS, tmp_path, device='cpu')
+    areas = run(SMOOTH, ACCURACY, 'cpu', plan.effects)
+    expected = measure_error(
+        SMOOTH, areas, END, **{**options('cpu'), 'effects': plan.effects}
+    )
+    assert found.as_dict() == expected.as_dict()
+    monkeypatch.setattr('lava_ros.forecast.ensemble_error.measure_error', None)
+    assert measure_ensemble_error(plan, 2, tmp_path).as_dict() == found.as_dict()
+    (tmp_path / FILE).unlink()
+    without = replace(plan, scene=replace(SMOOTH, vents=()))
+    assert measure_ensemble_error(without, 99, tmp_path) is None
