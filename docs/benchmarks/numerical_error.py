@@ -32,9 +32,9 @@ from lava_ros.simulation.numerical_error import (
     COARSER,
     difference,
     error_of,
-    GROUND_ORDERS,
+    GROUND_ORDER,
     Pair,
-    PARTICLE_ORDERS,
+    PARTICLE_ORDER,
     richardson,
 )
 from lava_ros.simulation.presets import preset_accuracy
@@ -152,8 +152,8 @@ def compare(item: BenchScene, finest: Terrain, folder: Path) -> Iterator[dict[st
         three, most, _ = runs.run(f'{level}_C', COARSER * distance, '2c')
         stated = error_of(
             {
-                'particles': Pair(one, two, richardson(COARSER, PARTICLE_ORDERS)),
-                'ground': Pair(two, three, richardson(2.0, GROUND_ORDERS)),
+                'particles': Pair(one, two, richardson(COARSER, PARTICLE_ORDER)),
+                'ground': Pair(two, three, richardson(2.0, GROUND_ORDER)),
             },
             spacing=distance, cell=item.scene.terrain.resolution, time=item.duration,
         )

@@ -21,10 +21,10 @@ from lava_ros.simulation.numerical_error import (
     Areas,
     COARSER,
     error_of,
-    GROUND_ORDERS,
+    GROUND_ORDER,
     NumericalError,
     Pair,
-    PARTICLE_ORDERS,
+    PARTICLE_ORDER,
     richardson,
 )
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -73,9 +73,9 @@ def measuring(
         yield from simulation.advancing(time)
         others.append(areas(simulation.snapshot()))
         if part == 'particles':
-            pairs[part] = Pair(run, others[0], richardson(COARSER, PARTICLE_ORDERS))
+            pairs[part] = Pair(run, others[0], richardson(COARSER, PARTICLE_ORDER))
         else:
-            pairs[part] = Pair(others[0], others[1], richardson(2.0, GROUND_ORDERS))
+            pairs[part] = Pair(others[0], others[1], richardson(2.0, GROUND_ORDER))
     return error_of(
         pairs, spacing=accuracy.spacing, cell=scene.terrain.resolution, time=time,
         cost=clock() - begun,

@@ -7,7 +7,7 @@ Coarse pilots (pilot_runs.py) run first, each finer than the one before, in at m
 ``PLANNING_FRACTION`` of the time. The difference of the last ones is the particles' part of the
 numerical error, and that of the one before it from a run on coarser ground the ground's part
 (simulation/numerical_error.py). The particles' part is proportional to the spacing to the power
-``PARTICLE_ORDERS``; the ground's part does not depend on it.
+``PARTICLE_ORDER``; the ground's part does not depend on it.
 
 Members of an ensemble share the time. The probability from n members has a sampling error of up to
 1 / (2 sqrt(n)). If n is not given, it is the number with the smallest sum of both errors.
@@ -41,10 +41,10 @@ from lava_ros.simulation.numerical_error import (
     COARSER,
     difference,
     error_of,
-    GROUND_ORDERS,
+    GROUND_ORDER,
     NumericalError,
     Pair,
-    PARTICLE_ORDERS,
+    PARTICLE_ORDER,
     richardson,
     scaled,
 )
@@ -284,10 +284,10 @@ class _Search:
         partner = min(
             self.pilots[:-1], key=lambda pilot: abs(math.log(pilot.spacing / wanted))
         )
-        reduction = richardson(partner.spacing / finest.spacing, PARTICLE_ORDERS)
+        reduction = richardson(partner.spacing / finest.spacing, PARTICLE_ORDER)
         pairs = {'particles': Pair(finest.areas, partner.areas, reduction)}
         if coarse is not None:
-            pairs['ground'] = Pair(before.areas, coarse.areas, richardson(2.0, GROUND_ORDERS))
+            pairs['ground'] = Pair(before.areas, coarse.areas, richardson(2.0, GROUND_ORDER))
         return error_of(
             pairs, spacing=finest.spacing, cell=self.scene.terrain.resolution, time=self.horizon,
             cost=self.spent,
@@ -313,10 +313,8 @@ class _Search:
         """Return the numerical error of a run."""
         ratio = self.pilots[-1].refinement / refinement
         inundated, standing = (
-            replace(area, particles=scaled(area.particles, ratio**order))
-            for area, order in zip(
-                (self._error.inundated, self._error.standing), PARTICLE_ORDERS, strict=True
-            )
+            replace(area, particles=scaled(area.particles, ratio**PARTICLE_ORDER))
+            for area in (self._error.inundated, self._error.standing)
         )
         spacing = spacing_at(self.scene, refinement, self.horizon)
         return replace(self._error, inundated=inundated, standing=standing, spacing=spacing)
@@ -332,7 +330,7 @@ class _Search:
         area, finest = self._error.inundated, self.pilots[-1].refinement
         if not area.ground > 0.0 or not area.particles > 0.0:
             return FINEST
-        scale = (area.particles / (USEFUL * area.ground)) ** (1.0 / PARTICLE_ORDERS.inundated)
+        scale = (area.particles / (USEFUL * area.ground)) ** (1.0 / PARTICLE_ORDER)
         return min(max(scale * finest, self.first), FINEST)
 
     def choose(self, members: int | None) -> tuple[float, int]:

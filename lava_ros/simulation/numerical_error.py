@@ -46,34 +46,33 @@ class Areas(NamedTuple):
         return cls(np.nan_to_num(snapshot.inundated), np.nan_to_num(snapshot.standing))
 
 
-#: Powers of the particle spacing in the errors of both areas. Lava that stands has forgotten how
-#: its front arrived, and converges faster.
-PARTICLE_ORDERS = Areas(1.5, 1.85)
+#: Power of the particle spacing in the errors of both areas (docs/benchmarks/README.md).
+PARTICLE_ORDER = 1.5
 
-#: Powers of the cell size in the errors from the ground: that of the spline on smooth ground. On
+#: Power of the cell size in the errors from the ground: that of the spline on smooth ground. On
 #: rough ground elevations converge more slowly, but smaller bumps turn less lava aside.
-GROUND_ORDERS = Areas(2.0, 2.0)
+GROUND_ORDER = 2.0
 
-#: Reductions of a pair whose second run is exact.
-EXACT = Areas(1.0, 1.0)
+#: Reduction of a pair whose second run is exact.
+EXACT = 1.0
 
 
 class Pair(NamedTuple):
     """Areas of two runs that differ in one respect.
 
-    ``reductions`` are r, as in the module's docstring: c^p - 1 for errors of order p and a second
+    ``reduction`` is r, as in the module's docstring: c^p - 1 for errors of order p and a second
     run coarser by c (``richardson``), ``EXACT`` for a second run that is exact.
     """
 
     one: Areas
     other: Areas
-    reductions: Areas
+    reduction: float
 
     def errors(self) -> Areas:
         """Return the error of each area, from 0 to 1."""
         return Areas(*(
-            scaled(difference(one, other), 1.0 / reduction)
-            for one, other, reduction in zip(*self, strict=True)
+            scaled(difference(one, other), 1.0 / self.reduction)
+            for one, other in zip(self.one, self.other, strict=True)
         ))
 
 
@@ -231,6 +230,6 @@ def scaled(error: float, factor: float) -> float:
     return 1.0 - (1.0 - error) ** factor
 
 
-def richardson(ratio: float, orders: Areas) -> Areas:
-    """Return the ``reductions`` of a pair whose spacings have a ratio, for given orders."""
-    return Areas(*(ratio**order - 1.0 for order in orders))
+def richardson(ratio: float, order: float) -> float:
+    """Return the ``reduction`` of a pair whose spacings have a ratio, for errors of an order."""
+    return ratio**order - 1.0

@@ -17,7 +17,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.numerical_error import Areas, COARSER, Pair, PARTICLE_ORDERS, richardson
+from lava_ros.simulation.numerical_error import Areas, COARSER, Pair, PARTICLE_ORDER, richardson
 
 X, Y = np.meshgrid(np.arange(60) * 5.0, np.arange(40) * 5.0)
 
@@ -50,7 +50,7 @@ def test_particles_part_is_that_of_a_coarser_run(device):
     areas = run(SMOOTH, ACCURACY, device)
     found = measure_error(SMOOTH, areas, END, **options(device))
     coarser = run(SMOOTH, replace(ACCURACY, spacing=COARSER * 4.0), device)
-    expected = Pair(areas, coarser, richardson(COARSER, PARTICLE_ORDERS)).errors()
+    expected = Pair(areas, coarser, richardson(COARSER, PARTICLE_ORDER)).errors()
     assert found.inundated.particles == expected.inundated > 0.0
     assert found.standing.particles == expected.standing > 0.0
     # the coarser ground of a plane is the same plane but for rounding

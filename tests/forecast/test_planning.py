@@ -23,7 +23,7 @@ from lava_ros.forecast.planning import (
     USEFUL,
 )
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDERS
+from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
 
 X, Y = np.meshgrid(np.arange(60) * 10.0, np.arange(40) * 10.0)
 SCENE = Scene(
@@ -52,10 +52,10 @@ def _machine(monkeypatch, base=2e-4, each=1e-7, ground=GROUND):
         # on coarser ground the difference is three times the error
         is_coarse = scene.terrain is not SCENE.terrain
         more = max(scene.vents[0].peak / 20.0, scene.lava.viscosity / 1e6) - 1.0
-        error = PARTICLES * refinement**-PARTICLE_ORDERS.inundated
+        error = PARTICLES * refinement**-PARTICLE_ORDER
         error += more + 3.0 * ground * is_coarse
         cells = np.log(np.maximum(np.arange(4e6).reshape(1, -1), 1.0) / 1e6)
-        half = 0.5 * PARTICLES * refinement**-PARTICLE_ORDERS.standing
+        half = 0.5 * PARTICLES * refinement**-PARTICLE_ORDER
         areas = Areas(cells < error, cells < half)
         spacing = pilot_runs.spacing_at(SCENE, refinement, horizon)
         evaluations = round(800 * refinement)
@@ -83,10 +83,10 @@ def test_plan_uses_its_time_and_states_both_parts_of_its_error(monkeypatch, with
     assert _wall_time(plan.refinement) == pytest.approx(PLANNED_TIME_FRACTION * within, rel=0.1)
     assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.1)
     area, standing = plan.numerical_error.inundated, plan.numerical_error.standing
-    actual = PARTICLES * plan.refinement**-PARTICLE_ORDERS.inundated
+    actual = PARTICLES * plan.refinement**-PARTICLE_ORDER
     assert area.particles == pytest.approx(actual, rel=0.02)
     assert area.ground == pytest.approx(GROUND, rel=0.02)
-    half = 0.5 * PARTICLES * plan.refinement**-PARTICLE_ORDERS.standing
+    half = 0.5 * PARTICLES * plan.refinement**-PARTICLE_ORDER
     assert standing.particles == pytest.approx(half, rel=0.02) and standing.ground == 0.0
     assert plan.error == area.total
     assert plan.spacing == pilot_runs.spacing_at(SCENE, plan.refinement, 3600.0)
@@ -113,7 +113,7 @@ def test_options_show_the_error_and_the_time_of_other_spacings(monkeypatch):
     assert plan.spacing in spacings
     for item in plan.options:
         assert item.wall_time == pytest.approx(_wall_time(item.refinement), rel=0.15)
-        actual = PARTICLES * item.refinement**-PARTICLE_ORDERS.inundated
+        actual = PARTICLES * item.refinement**-PARTICLE_ORDER
         assert item.error.inundated.particles == pytest.approx(1.0 - np.exp(-actual), rel=0.02)
         assert item.error.inundated.ground == plan.numerical_error.inundated.ground
 
