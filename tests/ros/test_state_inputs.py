@@ -206,6 +206,8 @@ def test_node_warns_until_the_first_vents(local, monkeypatch):
     assert (status['level'], status['message']) == (0, 'all taken')
     # closed vents have been given
     node.publish('no_vents')
+    # the first vents restart the simulation
+    node.run_commands()
     node.run(1.0)
     assert node.status_now('inputs')['message'] == 'all taken'
     assert node.log.count(text) == 1, node.log
