@@ -3,6 +3,7 @@
 
 """Expected width, thickness and temperature along the steepest descent."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 import math
@@ -13,8 +14,11 @@ import pytest
 from lava_ros.effects import considered
 from lava_ros.hindcast.coarse import coarsened
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.materials import material_named
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.simulation.resolution import resolution_of, resolved_accuracy
+from lava_ros.simulation.selection import effects_for
 from lava_ros.simulation.setup.course import Course, course_of
 from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
 
@@ -200,3 +204,60 @@ def test_no_course_without_a_discharge():
     later = Vent((100.0, 300.0), ((0.0, 0.0), (7200.0, 5.0)))
     for vents in ((), (Vent((100.0, 300.0), 0.0),), (later,)):
         assert course_of(Scene(ground(5.0), vents, LAVA), horizon=HOUR) is None
+
+
+def gully(unknown: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Scene:
+    """Return a gully of 35 degrees without data where ``unknown`` of x and y [m] is true.
+
+    Rows and columns at the border without any data are left out.
+    """
+    x, y = np.meshgrid(np.arange(-197.5, 1400.0, 5.0), np.arange(-297.5, 300.0, 5.0))
+    elevation = 3000.0 - math.tan(math.radians(35.0)) * x + 0.6 * np.sqrt(y**2 + 16.0)
+    elevation[unknown(x, y)] = np.nan
+    rows, columns = (
+        np.flatnonzero(np.isfinite(elevation).any(axis=axis))[[0, -1]] + (0, 1) for axis in (1, 0)
+    )
+    origin = -200.0 + 5.0 * columns[0], -300.0 + 5.0 * rows[0]
+    terrain = Terrain(elevation[slice(*rows), slice(*columns)], 5.0, origin=origin)
+    lava = material_named('etna_basalt').lava
+    return Scene(terrain, (Vent((0.0, 0.0), 6.0, radius=6.0, temperature=1360.0),), lava)
+
+
+@pytest.mark.parametrize('unknown', [
+    pytest.param(lambda x, y: x < -60.0, id='border-behind'),
+    pytest.param(lambda x, y: x < -5.0, id='border-at-the-vent'),
+    pytest.param(lambda x, y: y > 25.0, id='border-on-the-left'),
+    pytest.param(lambda x, y: y < -25.0, id='border-on-the-right'),
+    pytest.param(lambda x, y: np.abs(y) > 25.0, id='border-on-both-sides'),
+    pytest.param(lambda x, y: (x < -5.0) | (y > 25.0), id='corner'),
+    pytest.param(lambda x, y: (x > 100.0) & (x < 160.0) & (np.abs(y - 45.0) < 25.0), id='hole'),
+    pytest.param(
+        lambda x, y: (np.random.default_rng(1).random(x.shape) < 0.1) & (np.hypot(x, y) > 8.0),
+        id='many-holes',
+    ),
+])
+def test_unknown_ground_away_from_the_lava_changes_neither_spacing_nor_effects(unknown):
+    accuracy = preset_accuracy('draft')
+
+    def found(unknown):
+        item = gully(unknown)
+        effects = effects_for(item, accuracy=accuracy, horizon=1.5 * HOUR)
+        return resolution_of(item, accuracy, horizon=1.5 * HOUR), effects
+
+    (resolution, effects), (expected, needed) = found(unknown), found(lambda x, y: x < -200.0)
+    assert effects == needed
+    assert resolution.width == pytest.approx(expected.width, rel=0.1)
+    assert resolution.spacing == pytest.approx(expected.spacing, rel=0.1)
+
+
+@pytest.mark.parametrize('distance', [10.0, 30.0, 100.0])
+def test_lava_that_soon_leaves_the_map_has_the_course_of_its_slope(distance):
+    near, far = (
+        course_of(gully(lambda x, y, end=end: x > end), horizon=1.5 * HOUR)
+        for end in (distance, 1e9)
+    )
+    first = len(near.columns.width)
+    assert near.fall > 0.0
+    assert first <= distance / 20.0 + 1
+    assert near.columns.ground_slope == pytest.approx(math.tan(math.radians(35.0)), rel=0.1)
+    assert near.columns.width == pytest.approx(far.columns.width[:first], rel=0.25)

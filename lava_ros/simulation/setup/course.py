@@ -19,7 +19,7 @@ the volume that its cross-sections take; lava colder than the solidus stops.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 import math
 from weakref import WeakKeyDictionary
 
@@ -31,6 +31,7 @@ from lava_ros.effects.heat import host_temperature
 from lava_ros.effects.laws import Rheology
 from lava_ros.effects.scales import Columns
 from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.simulation.setup.descent import averaged, descent, profiles, slope_at
 
 #: Quantile of the widths along the path: the narrow parts are those that must be resolved.
 NARROW = 0.25
@@ -38,18 +39,9 @@ NARROW = 0.25
 #: Maximum number of sources whose paths are followed, those with the largest discharges.
 MAX_SOURCES = 3
 
-#: Points of a path, and directions that are searched for the next one.
-_POINTS, _DIRECTIONS = 256, 64
-
 #: Size of the cells of the path, in scales of the thickness: lava buries smaller features. The
 #: terrain's cells are averaged to about that size.
 _CELL = 4.0
-
-#: Rows of larger cells that are averaged at a time.
-_STRIP = 64
-
-#: Distance between two points [cells], and radii over this distance for getting out of a pit.
-_STRIDE, _PITS = 4.0, (1, 2, 3, 4, 6, 8)
 
 #: Samples of a cross-section, an odd number.
 _SAMPLES = 97
@@ -219,14 +211,14 @@ def _follow(
     rheology = Rheology(lava, effects)
     viscosity = rheology.viscosity_at(source.temperature)
     scale = (3.0 * viscosity * source.discharge / weight) ** 0.25
-    terrain = _averaged(scene.terrain, round(_CELL * scale / scene.terrain.resolution))
+    terrain = averaged(scene.terrain, round(_CELL * scale / scene.terrain.resolution))
     x0, y0, x1, y1 = terrain.extent
     level = _HUPPERT * (weight * source.discharge**3 / (3.0 * viscosity)) ** 0.125
     level = max(level * math.sqrt(horizon), 2.0 * source.radius)
     level = min(level, math.hypot(x1 - x0, y1 - y0))
-    path, height = _descent(terrain, source.places.mean(axis=0))
+    path, height = descent(terrain, source.places.mean(axis=0))
     if len(path) < 3:
-        slope = _local_slope(scene.terrain, source.places.mean(axis=0))
+        slope = slope_at(scene.terrain, source.places.mean(axis=0))
         return _on_level_ground(source, scale, level, slope, effects), 0.0
     steps = np.hypot(*np.diff(path, axis=0).T)
     step = 0.5 * (steps[1:] + steps[:-1])
@@ -286,35 +278,6 @@ def _follow(
     return columns, float(height[0] - height[count])
 
 
-def _averaged(terrain: Terrain, factor: int) -> Terrain:
-    """Average a terrain over cells larger by a factor; drop incomplete ones at the border.
-
-    A larger cell has data if all of its cells have. Strips of rows save memory.
-    """
-    factor = min(factor, min(terrain.shape) // 2)
-    if factor <= 1:
-        return terrain
-    rows, columns = (side // factor for side in terrain.shape)
-    mean = np.empty((rows, columns))
-    for row in range(0, rows, _STRIP):
-        strip = terrain.elevation[row * factor : (row + _STRIP) * factor, : columns * factor]
-        count = min(_STRIP, rows - row)
-        blocks = strip[: count * factor].reshape(count, factor, columns, factor)
-        mean[row : row + count] = blocks.mean(axis=(1, 3), dtype=np.float64)
-    if not np.isfinite(mean).any():
-        return terrain
-    return replace(terrain, elevation=mean, resolution=terrain.resolution * factor)
-
-
-def _local_slope(terrain: Terrain, place: np.ndarray) -> float:
-    """Return the slope, rise over run, at a place [m] whose cell and neighbours have data."""
-    here = terrain.elevations_at(place)
-    steps = terrain.resolution * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    rise = np.abs(terrain.elevations_at(place + steps) - here) / terrain.resolution
-    rise = np.nan_to_num(rise)
-    return float(math.hypot(rise[:2].max(), rise[2:].max()))
-
-
 def _on_level_ground(
     source: _Source, scale: float, width: float, ground_slope: float, effects: Effects
 ) -> Columns:
@@ -353,34 +316,6 @@ def _cooled_on_the_way(
     return np.array(reached), age
 
 
-def _descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Return points of the steepest descent [m], shape [points, 2], and their elevation [m].
-
-    Each is the lowest point of a circle around the previous one, never backwards. In a pit the
-    circle widens. The path ends at the border, at a cell without data, and in a pit wider than
-    every circle.
-    """
-    angle = np.linspace(0.0, 2.0 * math.pi, _DIRECTIONS, endpoint=False)
-    directions = np.column_stack([np.cos(angle), np.sin(angle)])
-    step = _STRIDE * terrain.resolution
-    points = [np.array(start)]
-    heights = [float(_sampled(terrain, points[0][None])[0])]
-    ahead = np.ones(_DIRECTIONS, dtype=bool)
-    while len(points) < _POINTS:
-        for times in _PITS:
-            around = points[-1] + times * step * directions
-            height = np.where(ahead, _sampled(terrain, around), np.inf)
-            lowest = int(np.argmin(height)) if not np.isnan(height).any() else -1
-            if lowest < 0 or height[lowest] < heights[-1]:
-                break
-        if lowest < 0 or height[lowest] >= heights[-1]:
-            break
-        points.append(around[lowest])
-        heights.append(float(height[lowest]))
-        ahead = directions @ directions[lowest] > 0.0
-    return np.array(points), np.array(heights)
-
-
 def _normal_depth(
     terrain: Terrain, points: np.ndarray, along: np.ndarray, widest: np.ndarray, flux: np.ndarray,
     still: np.ndarray,
@@ -395,10 +330,7 @@ def _normal_depth(
     share = np.linspace(-0.5, 0.5, _SAMPLES)
     offset = widest[:, None] * share
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    places = points[:, None, :] + offset[:, :, None] * across[:, None, :]
-    ground = _sampled(terrain, places.reshape(-1, 2)).reshape(offset.shape)
-    # ground beyond the border or on cells without data does not confine lava
-    ground = np.where(np.isnan(ground), np.nanmax(ground), ground)
+    ground, _ = profiles(terrain, points, across, offset)
     middle = _SAMPLES // 2
     # there is lava where no higher ground lies between a sample and the path
     ground[:, middle:] = np.maximum.accumulate(ground[:, middle:], axis=1)
@@ -417,18 +349,3 @@ def _normal_depth(
     depth = np.maximum(high[:, None] - ground, 0.0)
     area = depth.sum(axis=1)
     return (depth > 0.0).sum(axis=1) * cell, area * cell, (depth**2).sum(axis=1) / area
-
-
-def _sampled(terrain: Terrain, places: np.ndarray) -> np.ndarray:
-    """Return elevations [m] at places (x, y), shape [places, 2]; NaN beyond the outer cells."""
-    rows, columns = terrain.shape
-    column, row = ((places - terrain.origin) / terrain.resolution - 0.5).T
-    inside = (column >= 0.0) & (row >= 0.0) & (column <= columns - 1) & (row <= rows - 1)
-    j = np.clip(column.astype(int), 0, max(columns - 2, 0))
-    i = np.clip(row.astype(int), 0, max(rows - 2, 0))
-    right, upper = np.minimum(j + 1, columns - 1), np.minimum(i + 1, rows - 1)
-    s, t = column - j, row - i
-    height = terrain.elevation
-    low = (1.0 - s) * height[i, j] + s * height[i, right]
-    high = (1.0 - s) * height[upper, j] + s * height[upper, right]
-    return np.where(inside, (1.0 - t) * low + t * high, np.nan)
