@@ -75,11 +75,13 @@ class Runs:
     Attributes:
         cells: The parts of cells (``PARTS``) that lava covers in each run at the end, bool, shape
             [runs, rows, columns].
+        thickness: Mean thickness of each run at the end, weighted by volume [m], shape [runs].
         effects: The effects that were on at the end.
         decisions: The decision about each effect.
     """
 
     cells: np.ndarray
+    thickness: np.ndarray
     effects: Effects
     decisions: tuple[Decision, ...]
 
@@ -89,6 +91,14 @@ def left_off(decisions: Sequence[Decision]) -> list[Decision]:
     return [
         item for item in decisions
         if not (item.is_on or math.isnan(item.value) or math.isinf(item.effect.threshold))
+    ]
+
+
+def left_on(decisions: Sequence[Decision]) -> list[Decision]:
+    """Return the decisions about effects that are on by their numbers and could be off."""
+    return [
+        item for item in decisions if item.is_on and math.isfinite(item.largest)
+        and item.effect.threshold > 0.0
     ]
 
 
@@ -177,7 +187,8 @@ def run_copies(
         refined(tile[::y, ::x]) > least
         for tile, (x, y) in zip(each, directions(count), strict=False)
     ]
-    return Runs(np.array(covered), simulation.effects, simulation.decisions())
+    mean = (each**2).sum(axis=(1, 2)) / each.sum(axis=(1, 2))
+    return Runs(np.array(covered), mean[:count], simulation.effects, simulation.decisions())
 
 
 def refined(values: np.ndarray) -> np.ndarray:
@@ -295,10 +306,29 @@ def compare(
         yield {
             'scene': item.name,
             'effect': decision.name,
+            'on': False,
             'expected': decision.value,
             'measured': decision.measured,
             'threshold': decision.effect.threshold,
             'stated': decision.cost,
+            **_difference(item.scene, one, other),
+            **_times(time, cost(item.scene, switches, **common)),
+            'chosen': ' '.join(one.effects),
+            'runs': runs,
+            'simulated_s': item.duration,
+        }
+    for decision in left_on(chosen.decisions):
+        switches = {decision.name: False}
+        other = run_copies(item.scene, runs, switches, **common)
+        one, time = base({})
+        yield {
+            'scene': item.name,
+            'effect': decision.name,
+            'on': True,
+            'expected': decision.value,
+            'measured': decision.measured,
+            'threshold': decision.effect.threshold,
+            'stated': 0.0,
             **_difference(item.scene, one, other),
             **_times(time, cost(item.scene, switches, **common)),
             'chosen': ' '.join(one.effects),
@@ -311,6 +341,7 @@ def compare(
     yield {
         'scene': item.name,
         'effect': ALL,
+        'on': False,
         'expected': math.nan,
         'measured': math.nan,
         'threshold': math.nan,
@@ -332,6 +363,10 @@ def _difference(scene: Scene, one: Runs, other: Runs) -> dict[str, float]:
     return {
         'changed': 1.0 - jaccard(footprint(one.cells), footprint(other.cells)),
         'chance': 1.0 - min(noise(one.cells), noise(other.cells)),
+        'thickness_changed': abs(other.thickness.mean() / one.thickness.mean() - 1.0),
+        'thickness_chance': 2.0 * math.hypot(*(
+            each.thickness.std(ddof=1) / each.thickness.mean() for each in (one, other)
+        )) / math.sqrt(len(one.thickness)),
         'front_m': fronts[0],
         'front_changed': abs(fronts[1] / fronts[0] - 1.0) if fronts[0] else math.nan,
         # area of the majority footprint with the chosen effects

@@ -43,9 +43,6 @@ MAPS = 24
 #: of first order: less than half as many evaluations, for the same scores (docs/VALIDATION.md).
 COURANT, INTEGRATOR = 2.0, 'rkl1'
 
-#: Maximum step over the duration of a run, if that is more than the usual maximum.
-MAX_STEP_FRACTION = 1e-3
-
 #: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
 #: that resolve waves during weeks of creeping flow. Lateral stress is in none of the models with
 #: which materials were calibrated, and takes six times as long (docs/VALIDATION.md).
@@ -98,9 +95,6 @@ class Settings:
         )
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant, integrator=self.integrator)
-        if accuracy.longest_step == Accuracy().longest_step:
-            longest = max(MAX_STEP_FRACTION * case.duration, accuracy.longest_step)
-            accuracy = replace(accuracy, longest_step=longest)
         forced = {**FORCED, **self.forced}
         return resolved_accuracy(accuracy, case.scene, forced, horizon=case.duration)
 

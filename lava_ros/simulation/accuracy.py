@@ -73,7 +73,10 @@ class Accuracy:
         0.5, 'Largest displacement in a step over the smaller of kernel radius and terrain cell',
         1e-4, 2.0,
     )
-    longest_step: float = number(60.0, 'Longest step', 1e-6, 1e9, 's')
+    longest_step: float | None = number(
+        None, 'Longest step; None: a fraction of the horizon in which new lava hardly stiffens '
+        '(resolution.py)', 1e-6, 1e9, 's',
+    )
     fixed_step: float | None = number(
         None, 'Step that overrides all limits, as 0.01 s in the paper; None: the limits decide',
         1e-9, 1e9, 's',

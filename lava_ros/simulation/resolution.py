@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Choice of the particle spacing by the width of the flow (course.py)."""
+"""Choice of the particle spacing by the width of the flow (course.py), and of the longest step."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -9,6 +9,9 @@ from dataclasses import dataclass, replace
 import math
 
 from lava_ros.effects import considered, EFFECTS, Effects
+from lava_ros.effects.heat import host_temperature
+from lava_ros.effects.laws import Rheology
+from lava_ros.effects.scales import footprint_change
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import (
@@ -47,6 +50,16 @@ THIN = 0.5
 
 #: Minimum area of a flow that has left its vent, in squares of the minimum resolved width.
 _EXTENDED = 2.0
+
+#: Maximum step over the horizon: maps, and ages in the laws of lava, are late by up to a step.
+MAX_STEP_FRACTION = 1.0 / 128.0
+
+#: Maximum change of the logarithm of the viscosity of new lava in a step. Lava moves with the
+#: viscosity at the start of a step, as if it were younger by half a step.
+MAX_STIFFENING = 0.2
+
+#: Bisections of the longest step: the last is 1e-6 of the first interval.
+_BISECTIONS = 20
 
 #: Maximum number of particles within the horizon at a refinement of 1, by a larger spacing.
 MOST_PARTICLES = 200_000
@@ -200,6 +213,51 @@ def resolution_of(
     return known(float(f'{max(wanted, least):.3g}'), limit)
 
 
+def longest_step_of(
+    scene: Scene, effects: Effects, thickness: float, *, horizon: float
+) -> float:
+    """Return the longest step [s] that the horizon and the heat balance of new lava allow.
+
+    The motion of the lava, which limits steps further, is not included. A change of the yield
+    strength counts as the change of the viscosity that changes as much of the inundated area.
+
+    Args:
+        scene: The scene.
+        effects: Effects of the lava.
+        thickness: Thickness of the lava across the flow [m].
+        horizon: Time span to consider [s].
+    """
+    rheology, after = Rheology(scene.lava, effects), host_temperature(scene, effects)
+    laws = (rheology.viscosity_at, 1.0), (rheology.strength_at, 1.0 / footprint_change(1.0))
+    temperatures = {vent.temperature for vent in scene.vents}
+
+    def stiffening(step: float) -> float:
+        """Return the largest change of new lava in a step, as that of the logarithm of mu."""
+        largest = 0.0
+        for hot in temperatures:
+            cold = after(
+                temperature=hot, age=0.0, step=step, normal_thickness=thickness, drop=0.0,
+                speed=0.0,
+            )
+            for law, weight in laws:
+                if (before := law(hot)) > 0.0:
+                    ratio = max(law(cold), 1e-300) / before
+                    largest = max(largest, weight * abs(math.log(ratio)))
+        return largest
+
+    longest = MAX_STEP_FRACTION * horizon
+    if stiffening(longest) <= MAX_STIFFENING:
+        return longest
+    shortest = 0.0
+    for _ in range(_BISECTIONS):
+        step = 0.5 * (shortest + longest)
+        if stiffening(step) > MAX_STIFFENING:
+            longest = step
+        else:
+            shortest = step
+    return longest
+
+
 def resolved_accuracy(
     accuracy: Accuracy,
     scene: Scene,
@@ -207,18 +265,23 @@ def resolved_accuracy(
     *,
     horizon: float = HORIZON,
 ) -> Accuracy:
-    """Return the accuracy with spacing and thickness filled in from the scales of a scene.
+    """Return the accuracy with spacing, thickness and longest step filled in for a scene.
 
     ``forced`` are the effects that a user has switched on or off, by name.
 
     Raises:
         LavaError: If they are out of range; it names what has led to them.
     """
-    if accuracy.spacing is not None and accuracy.thickness is not None:
-        return accuracy
-    found = resolution_of(scene, accuracy, forced, horizon=horizon)
-    with naming_the_cause(scene, accuracy):
-        return replace(accuracy, spacing=found.spacing, thickness=found.thickness)
+    if accuracy.spacing is None or accuracy.thickness is None:
+        found = resolution_of(scene, accuracy, forced, horizon=horizon)
+        with naming_the_cause(scene, accuracy):
+            accuracy = replace(accuracy, spacing=found.spacing, thickness=found.thickness)
+    if accuracy.longest_step is None:
+        assert accuracy.thickness is not None
+        effects = estimated_effects(scene, accuracy, forced)
+        longest = longest_step_of(scene, effects, accuracy.thickness, horizon=horizon)
+        accuracy = replace(accuracy, longest_step=float(f'{longest:.3g}'))
+    return accuracy
 
 
 @contextmanager

@@ -278,6 +278,7 @@ class Solver:
         # without room lava would wait in the vents, and come out all at once
         state = self.state
         _, steps, rates = self.vents.step_limits.T
+        assert self.accuracy.longest_step is not None
         most = (np.minimum(steps, self.accuracy.longest_step) * rates).max() / self.particle_volume
         # steps have at least two stages with RKL2
         ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))

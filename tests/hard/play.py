@@ -131,7 +131,7 @@ def play(
         for asked in _requirements(item, outcome, before, simulation):
             _require(outcome, *asked)
         if compare and item.halved:
-            _compare(item, outcome, accuracy, footprint(snapshot), device)
+            _compare(item, outcome, simulation.accuracy, footprint(snapshot), device)
     outcome.wall_time = wall_clock.monotonic() - start
     return outcome
 

@@ -121,7 +121,7 @@ def test_watch_detects_vents_with_overdue_lava():
 )
 def test_watch_detects_steps_that_are_too_short(effects, monkeypatch):
     longest = timestep.longest_step
-    monkeypatch.setattr(timestep, 'longest_step', lambda *of: 0.01 * longest(*of))
+    monkeypatch.setattr(timestep, 'longest_step', lambda *of: 1e-3 * longest(*of))
     simulation = _film(effects, flow_index=0.8)
     watch = Watch(simulation)
     simulation.advance(300.0)

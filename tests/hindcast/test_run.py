@@ -17,7 +17,6 @@ from lava_ros.hindcast.replicates import agreement, directions, Orientation, run
 from lava_ros.hindcast.run import measure_run_error, Run, Settings, simulate
 from lava_ros.hindcast.score import score_case
 from lava_ros.scene import Terrain
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from lava_ros.simulation.presets import PRESETS
@@ -59,7 +58,7 @@ def test_lava_flows_down_the_valley(valley, whole):
     assert times == [due for _, due in parts if due is not None]
     dues = (900, 1800, 2700, 3600)
     late = np.subtract(times, dues)
-    assert late.min() >= 0.0 and late.max() <= Accuracy().longest_step
+    assert late.min() >= 0.0 and late.max() <= SETTINGS.accuracy(valley).longest_step
     assert times[-1] == valley.duration
     result = run.result()
     judged = score_case(valley, result.snapshot.thickness, result.snapshot.inundated)

@@ -13,8 +13,10 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.scene import Lava, Vent
-from lava_ros.simulation import Particles
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.resolution import MAX_STEP_FRACTION, resolved_accuracy
 from solver import flat, incline, lattice, only, simulated
 
 LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
@@ -138,3 +140,40 @@ def test_solidification_is_of_first_order_in_time(device):
         delays.append(mean - np.average(due, weights=sample.volume))
     assert np.array(delays) == pytest.approx(0.5 * steps, rel=0.1)
     assert fitted_order(steps, delays) > 0.9
+
+
+def test_similar_flow_takes_the_same_steps_at_any_speed():
+    """Creep is similar: viscosity, the inverse of the effusion rate and time scale alike."""
+    y, x = np.mgrid[0:20, 0:40] * 10.0
+    valley = Terrain(500.0 - 0.16 * x + 0.0015 * (y - 95.0) ** 2, 10.0)
+    steps, volumes = [], []
+    for slowness in (1.0, 100.0):
+        lava = Lava(viscosity=2e4 * slowness, arrhenius=0.0, emissivity=0.0, convection=0.0)
+        scene = Scene(valley, (Vent((100.0, 95.0), 7.0 / slowness, radius=10.0),), lava)
+        simulation = Simulation(
+            scene, accuracy=Accuracy(spacing=12.0), device='cpu', horizon=1200.0 * slowness
+        )
+        simulation.advance(1200.0 * slowness)
+        steps.append(simulation.steps)
+        volumes.append(simulation.budget().emitted)
+    assert volumes[1] == pytest.approx(volumes[0])
+    assert steps[1] == pytest.approx(steps[0], rel=0.03)
+
+
+def test_longest_step_of_cooling_lava_does_not_change_the_flow():
+    """Lava that radiates for two days is as thick, and spreads as far, as with shorter steps."""
+    level = Terrain(np.zeros((60, 60)), 10.0)
+    lava = Lava(viscosity=3e5, arrhenius=0.02, density=2600.0)
+    scene = Scene(level, (Vent((300.0, 300.0), ((0.0, 4.0), (20000.0, 0.0)), radius=15.0),), lava)
+    horizon = 172800.0
+    automatic = resolved_accuracy(Accuracy(spacing=14.0), scene, horizon=horizon)
+    assert automatic.longest_step < MAX_STEP_FRACTION * horizon
+    found = []
+    for fraction in (1.0, 0.25):
+        accuracy = replace(automatic, longest_step=fraction * automatic.longest_step)
+        simulation = Simulation(scene, accuracy=accuracy, device='cpu', horizon=horizon)
+        simulation.advance(horizon)
+        sample = simulation.sample()
+        place = sample.position - 300.0
+        found.append((np.average(sample.thickness), math.sqrt((place**2).sum(axis=1).mean())))
+    assert found[0] == pytest.approx(found[1], rel=0.01)

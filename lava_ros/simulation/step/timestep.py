@@ -284,6 +284,7 @@ def longest_step(scene: Scene, accuracy: Accuracy, effects: Effects, reach: floa
 
     ``reach`` is the maximum displacement in a step [m].
     """
+    assert accuracy.longest_step is not None
     limits = device_parts(effects, 'step_limit').values()
     steps: list[float] = [limit(scene, accuracy, reach) for limit in limits]
     return min([accuracy.longest_step, *steps])

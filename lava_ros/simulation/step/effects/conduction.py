@@ -151,6 +151,7 @@ class AfterStep:
         # factor of V_j slope / (h_i + h_j) in the exchange rate with j
         self._factor = -4.0 * norm * diffusivity / (square * square)
         longest = accuracy.fixed_step or accuracy.longest_step
+        assert longest is not None
         self._rate = LARGEST_RATE * diffusivity / square
         self._sweeps = min(MAX_SWEEPS, max(1, math.ceil(longest * self._rate)))
         # launches are cached by their arguments: a new float would be another launch
