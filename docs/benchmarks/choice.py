@@ -311,6 +311,7 @@ def compare(
             'measured': decision.measured,
             'threshold': decision.effect.threshold,
             'stated': decision.cost,
+            'thickness_stated': decision.thickness_cost,
             **_difference(item.scene, one, other),
             **_times(time, cost(item.scene, switches, **common)),
             'chosen': ' '.join(one.effects),
@@ -329,6 +330,7 @@ def compare(
             'measured': decision.measured,
             'threshold': decision.effect.threshold,
             'stated': 0.0,
+            'thickness_stated': 0.0,
             **_difference(item.scene, one, other),
             **_times(time, cost(item.scene, switches, **common)),
             'chosen': ' '.join(one.effects),
@@ -346,6 +348,9 @@ def compare(
         'measured': math.nan,
         'threshold': math.nan,
         'stated': sum(decision.cost for decision in off if switches[decision.name]),
+        'thickness_stated': sum(
+            decision.thickness_cost for decision in off if switches[decision.name]
+        ),
         **_difference(item.scene, one, complete),
         **_times(time, cost(item.scene, switches, **common)),
         'chosen': ' '.join(one.effects),

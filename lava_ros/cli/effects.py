@@ -97,7 +97,8 @@ def _without(effect: Effect) -> str:
     """Describe the cost of leaving an effect out if its number is at the threshold."""
     if not effect.cost:
         return effect.admits
-    return f'{effect.admits}; {percent(effect.cost)} of the footprint'
+    footprint, thickness = percent(effect.cost), percent(effect.thickness_cost)
+    return f'{effect.admits}; {footprint} of the footprint, {thickness} of the thickness'
 
 
 def step_costs() -> dict[str, float]:

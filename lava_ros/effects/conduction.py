@@ -5,25 +5,36 @@
 
 import math
 
+import numpy as np
+
 from lava_ros.effects.effect import Array, Effect
 from lava_ros.effects.scales import Scales
 
 
-def _reach(scales: Scales) -> float:
-    """Return the distance that heat diffuses up to the horizon over the particle spacing."""
+def _reach(scales: Scales) -> np.ndarray:
+    """Return the distance that heat diffuses up to the horizon over half of the flow's width.
+
+    It counts as far as the coldest lava differs from the hottest: in viscosity, at most wholly.
+    """
     lava = scales.lava
     diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
-    return math.sqrt(diffusivity * scales.duration) / scales.spacing
+    reach = scales.over_half_width(math.sqrt(diffusivity * scales.duration))
+    cooled = scales.columns.temperature if scales.is_measured else scales.rest_temperature
+    coldest = min([float(cooled.min()), *(vent.temperature for vent in scales.scene.vents)])
+    contrast = scales.matters((scales.vent_temperature - coldest) / scales.warmth)
+    return reach * np.minimum(contrast, 1.0)
 
 
 EFFECT = Effect(
     rank=160,
     title='heat from column to column',
-    symbol='reach of heat over spacing',
+    symbol='reach of heat over half-width',
     number=_reach,
-    threshold=0.3,
-    admits='0.17 spacings that hot lava reaches into cold: 3 % of a flow 11 spacings wide',
+    fraction=0.5,
+    threshold=0.05,
+    admits='3 % of the width: heat of hot lava reaches that far into cold lava',
     cost=0.03,
+    thickness_cost=0.03,
     source='two half-spaces: heat exchanged, sqrt(a t / pi) of the heat of one',
     exists=lambda lava: lava.conductivity > 0.0,
     arrays={

@@ -141,6 +141,8 @@ class Effect:
         admits: Error of omitting the effect where the number is at the threshold.
         cost: That error as the largest fraction of the inundated area that changes: cells that
             lava covers either with or without the effect. It is proportional to the number.
+        thickness_cost: That error as the largest fraction of the mean thickness, such as the
+            height of a dome, that changes.
         source: Source of threshold and cost.
         no_case: Why no case of ``lava verify`` has it; empty if one does.
         exists: Function that returns True if a lava has the effect. An effect with an
@@ -178,6 +180,7 @@ class Effect:
     threshold: float = 0.0
     admits: str = ''
     cost: float = 0.0
+    thickness_cost: float = 0.0
     source: str = ''
     no_case: str = ''
     exists: Callable[[Lava], bool] = lambda lava: True

@@ -10,7 +10,7 @@ from lava_ros.effects.effect import Array, Effect
 EFFECT = Effect(
     rank=80,
     title='lateral viscous stress, as a sum',
-    symbol='h / l',
+    symbol='h / half-width',
     number=lambda scales: scales.lateral,
     needs_extent=True,
     threshold=math.inf,

@@ -4,17 +4,20 @@
 """Lateral stress by solving an equation (equations: simulation/step/effects/helmholtz.py)."""
 
 from lava_ros.effects.effect import Array, Effect
-from lava_ros.effects.scales import footprint_change
+from lava_ros.effects.scales import footprint_change, thickness_change
 
 EFFECT = Effect(
     rank=90,
     title='lateral viscous stress, solved',
     symbol='h / half-width',
     number=lambda scales: scales.lateral,
+    # chords at the margins are shorter than the flow is wide
+    fraction=0.5,
     needs_extent=True,
     threshold=0.22,
-    admits='5 % of the speed of the shortest waves: (pi h / 2 l)^2 / 2.5',
+    admits='5 % of the speed of the shortest waves: (pi h / w)^2 / 2.5, w the width',
     cost=footprint_change(0.05),
+    thickness_cost=thickness_change(0.05),
     source='docs/accuracy, lateral stress; docs/benchmarks/choice_lateral.csv',
     excludes={
         'green': 'they are one effect',

@@ -15,15 +15,21 @@ import numpy as np
 
 from lava_ros.effects.protocols import Lava, Rheology, Scene
 
-#: Fraction of the way to the solidus above which lava may solidify.
-FREEZING_THRESHOLD = 0.9
-
 #: Interval of the temperatures at which a law is evaluated [K]; in between its logarithm is
 #: interpolated.
 _STEP = 5.0
 
 #: The ends of the temperature range are multiples of this [K], so that tables can be reused.
 _RANGE = 50.0
+
+
+def thickness_change(speed: float) -> float:
+    """Return the maximum fraction of a mean thickness that a change of the speed changes.
+
+    The thickness of a flow is as the mobility to the power of -1/3 down a plane and between walls,
+    of -1/4 in a valley and on level ground, and of -1/2 where walls and length confine the flow.
+    """
+    return 0.5 * speed
 
 
 def footprint_change(speed: float) -> float:
@@ -122,10 +128,9 @@ class Scales(_OnDemand):
         rest_temperature: Temperature of each column after ``duration`` of radiation and convection
             from its bare surface at rest [K], shape [columns].
         fall: Largest difference of elevation along the flow [m].
-        kernel_radius: Radius of the smoothing kernel l [m].
-        spacing: Particle spacing [m].
         duration: Time from the start of the eruption to the horizon [s].
         is_extended: True if the flow has left its vent.
+        emitted: Fraction of the volume at the horizon that has been emitted.
         is_measured: True if the columns are those of a running simulation.
     """
 
@@ -135,10 +140,9 @@ class Scales(_OnDemand):
     vent_temperature: float
     rest_temperature: np.ndarray
     fall: float
-    kernel_radius: float
-    spacing: float
     duration: float
     is_extended: bool
+    emitted: float = 1.0
     is_measured: bool = False
 
     @property
@@ -176,13 +180,14 @@ class Scales(_OnDemand):
 
     @property
     def lateral(self) -> np.ndarray:
-        """Thickness over half of the flow's width.
+        """Thickness over half of the flow's width, its shortest wave; 0 where it is unknown."""
+        return self.over_half_width(self.columns.thickness)
 
-        Half of the width is the shortest wave of a flow; where the kernel is wider, or the width
-        is unknown, the kernel radius replaces it.
-        """
-        half = np.fmax(0.5 * self.columns.width, self.kernel_radius)
-        return self.columns.thickness / half
+    def over_half_width(self, length: np.ndarray | float) -> np.ndarray:
+        """Return a length [m] over half of the flow's width; 0 where the width is unknown."""
+        width = self.columns.width
+        is_known = width > 0.0
+        return np.where(is_known, 2.0 * length / np.where(is_known, width, 1.0), 0.0)
 
     @property
     def freezing(self) -> np.ndarray:

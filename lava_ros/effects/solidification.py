@@ -4,14 +4,13 @@
 """Solidification (equations: simulation/step/effects/solidification.py)."""
 
 from lava_ros.effects.effect import Array, Effect
-from lava_ros.effects.scales import FREEZING_THRESHOLD
 
 EFFECT = Effect(
     rank=170,
     title='columns that freeze become ground',
     symbol='fraction of the way to the solidus',
     number=lambda scales: scales.freezing,
-    threshold=FREEZING_THRESHOLD,
+    threshold=0.9,
     fraction=1.0,
     admits='nothing freezes',
     source='column at rest',

@@ -22,32 +22,18 @@ from typing import Any
 import numpy as np
 
 from lava_ros.effects.effect import Effect
-from lava_ros.effects.scales import footprint_change, FREEZING_THRESHOLD, Scales
-
-#: Slope of the side of solidified lava, in thicknesses over kernel radii: a column solidifies into
-#: a quadratic B-spline at least 0.65 / 1.5 of the radius wide, and the step at the end of a layer,
-#: smoothed with it, has its maximum value, 0.75 thicknesses over the width, as slope.
-FROZEN_SIDE = 0.75 * 1.5 / 0.65
-
-
-def _steepness(scales: Scales) -> np.ndarray:
-    """Return the slope of the ground below each column, or of sides that may solidify."""
-    slope, thickness = scales.columns.ground_slope, scales.columns.thickness
-    if scales.lava.solidus <= 0.0:
-        return slope
-    side = np.where(scales.freezing > FREEZING_THRESHOLD, FROZEN_SIDE * thickness, 0.0)
-    return np.maximum(slope, side / scales.kernel_radius)
-
+from lava_ros.effects.scales import footprint_change, thickness_change
 
 EFFECT = Effect(
     rank=10,
     title='thickness along steep slopes',
     symbol='slope',
-    number=_steepness,
+    number=lambda scales: scales.columns.ground_slope,
     threshold=math.tan(math.radians(5.0)),
     admits='1.5 % of the speed: 1 - cos^4',
     cost=footprint_change(0.015),
-    source='docs/MODEL.md, steep slopes; the sides of frozen lava count',
+    thickness_cost=thickness_change(0.015),
+    source='docs/MODEL.md, steep slopes; in a run the sides of frozen lava count',
     is_default=True,
 )
 

@@ -27,17 +27,19 @@ from lava_ros.effects.scales import Columns, Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness, FORMULATIONS
-from lava_ros.simulation.resolution import (
-    ACROSS,
-    estimated_effects,
-    is_extended,
-    resolution_of,
-)
+from lava_ros.simulation.resolution import estimated_effects
 from lava_ros.simulation.resolution import HORIZON as HORIZON
-from lava_ros.simulation.setup.course import course_of
+from lava_ros.simulation.setup.course import Course, course_of
 
 #: Points of the cooling of columns at rest, and the last excess over the first.
 _COOLING_POINTS, _MIN_EXCESS = 200, 1e-4
+
+#: Minimum area of a flow that has left its vent, over the squared width of its course.
+MIN_EXTENT = 0.4
+
+#: Minimum emitted fraction of the volume at the horizon for numbers of a running simulation. Less
+#: lava is not yet the flow, except where a single column decides.
+MIN_EMITTED = 0.1
 
 #: Heat flux of lava that loses none [W/m2].
 _MIN_FLUX = 1e-12
@@ -81,10 +83,20 @@ class Decision:
 
         It is also 0 if the scene has no such effect, and for effects that are on only by request.
         """
+        return self.effect.cost * self._excess
+
+    @property
+    def thickness_cost(self) -> float:
+        """Maximum fraction of the mean thickness that omitting the effect changes, as ``cost``."""
+        return self.effect.thickness_cost * self._excess
+
+    @property
+    def _excess(self) -> float:
+        """The largest number over the threshold; 0 without an error."""
         is_left_off = not (self.is_on or math.isnan(self.value))
         if not is_left_off or self.effect.threshold in (0.0, math.inf):
             return 0.0
-        return self.effect.cost * self.largest / self.effect.threshold
+        return self.largest / self.effect.threshold
 
     @property
     def reason(self) -> str:
@@ -124,25 +136,26 @@ def expected_scales(
     """
     accuracy = accuracy or Accuracy()
     effects = estimated_effects(scene, accuracy, forced)
-    resolution = resolution_of(scene, accuracy, forced, horizon=horizon)
     course = course_of(scene, effects, horizon=horizon)
     columns = _still_columns(scene, accuracy, effects) if course is None else course.columns
-    area = math.inf if course is None else float((columns.volume / columns.thickness).sum())
-    # a coarsely resolved flow still counts as extended once it has left its vent
-    distance = float(np.fmin(resolution.spacing, resolution.width / ACROSS))
+    area = math.inf
     if course is not None:
-        # a disc narrower than the flow of its course has not left its vent, however fine it is
-        distance *= course.width / resolution.width
+        emitted = sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
+        # stiff lava is no thicker than a hemisphere; what leaves the map counts
+        area = emitted / min(course.thickness, (1.5 * emitted / math.pi) ** (1.0 / 3.0))
     return scales_of(
         scene,
         effects,
         columns,
         fall=_relief(scene.terrain) if course is None else course.fall,
-        spacing=resolution.spacing,
-        kernel_radius=accuracy.ratio * resolution.spacing,
         duration=horizon,
-        is_extended=is_extended(area, distance),
+        is_extended=has_left_its_vent(area, course),
     )
+
+
+def has_left_its_vent(area: float, course: Course | None) -> bool:
+    """Return True if a flow of an area [m2] is about as long as its course is wide."""
+    return course is None or area >= MIN_EXTENT * course.width**2
 
 
 def scales_of(scene: Scene, effects: Effects, columns: Columns, **others: Any) -> Scales:
@@ -167,7 +180,7 @@ def _including(scales: Scales, name: str) -> Scales:
     effects = scales.rheology.effects
     if name in effects:
         return scales
-    kept = ('fall', 'spacing', 'kernel_radius', 'is_extended')
+    kept = ('fall', 'is_extended', 'emitted')
     return scales_of(
         scales.scene,
         compatible([name, *effects]),
@@ -315,8 +328,9 @@ def decide_by(
     for name, effect in EFFECTS.items():
         if effect.number is not None and name in names:
             value = math.nan
-            if name in there and effect.needs_extent and not scales.is_extended:
-                # nothing moves yet, so the number is undefined
+            is_early = scales.emitted < MIN_EMITTED and effect.fraction < 1.0
+            if name in there and (is_early or (effect.needs_extent and not scales.is_extended)):
+                # the number would be that of another flow
                 value = 0.0
             elif name in there:
                 own = effect.number(_including(scales, name))
@@ -366,6 +380,7 @@ def decision_as_dict(decision: Decision) -> dict[str, Any]:
         'without_it': effect.admits,
         # at the threshold; proportional to the number below it
         'footprint_without_it': effect.cost,
+        'thickness_without_it': effect.thickness_cost,
         'source': effect.source,
     }
 

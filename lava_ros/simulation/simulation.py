@@ -509,7 +509,10 @@ class Simulation:
             return None
         duration = max(self._horizon, self.time)
         effects = estimated_effects(self.scene, self.accuracy, self._all_forced)
-        return measured_scales(self.scene, effects, self.accuracy, sample, grids, duration)
+        return measured_scales(
+            self.scene, effects, sample, grids, duration=duration,
+            emitted=self.solver.emitted_fraction(duration),
+        )
 
     @property
     def _all_forced(self) -> dict[str, bool]:

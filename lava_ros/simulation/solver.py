@@ -260,6 +260,12 @@ class Solver:
         self.raise_top()
         return [row for number in closing for row in former.parting(number, waiting[number])]
 
+    def emitted_fraction(self, until: float) -> float:
+        """Return the volume of all lava so far over that at a later time [s]."""
+        volume = self.volume_before + self.vents.emitted(self.time)
+        later = sum(vent.volume_between(self.time, until) for vent in self.scene.vents)
+        return float(volume / max(volume + later, 1e-30))
+
     def open_vents(self, since: float, before: Emission) -> None:
         """Put the vents of the scene on the device.
 

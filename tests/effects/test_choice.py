@@ -12,8 +12,11 @@ import pytest
 
 from lava_ros.effects import EFFECTS
 from lava_ros.effects.laws import rheology_of
-from lava_ros.effects.scales import Columns, footprint_change, Scales
+from lava_ros.effects.scales import Columns, footprint_change, Scales, thickness_change
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.selection import decide_by, MIN_EMITTED
 
 DECIDED = [name for name, effect in EFFECTS.items() if effect.number is not None]
 
@@ -39,8 +42,8 @@ def scales(lava, rest, **columns):
     scene = Scene(Terrain(np.zeros((4, 4)), 10.0), (vent,), lava)
     return Scales(
         scene=scene, rheology=rheology_of(lava), columns=Columns(**values),
-        vent_temperature=HOT, rest_temperature=rest, fall=10.0, kernel_radius=5.0,
-        spacing=2.0, duration=3600.0, is_extended=True,
+        vent_temperature=HOT, rest_temperature=rest, fall=10.0,
+        duration=3600.0, is_extended=True,
     )
 
 
@@ -53,10 +56,12 @@ def test_cost_follows_from_the_admitted_error(name):
         assert effect.cost == 0.0
         return
     assert effect.threshold > 0.0 and effect.cost > 0.0
-    found = re.search(r'([0-9.]+) % of (the speed|the front|a flow)', effect.admits)
+    found = re.search(r'([0-9.]+) % of (the speed|the front|the width)', effect.admits)
     fraction = float(found[1]) / 100.0
     expected = footprint_change(fraction) if found[2] == 'the speed' else fraction
     assert effect.cost == pytest.approx(expected)
+    expected = thickness_change(fraction) if found[2] == 'the speed' else fraction
+    assert effect.thickness_cost == pytest.approx(expected)
 
 
 def test_effects_that_admit_no_error():
@@ -120,3 +125,29 @@ def test_laws_are_interpolated_accurately():
     melt = replace(RICH, crystals=0.0, arrhenius=0.0, vft_b=6500.0, vft_c=600.0)
     found = scales(melt, temperature).law(melt.viscosity_at, temperature)
     assert found == pytest.approx([melt.viscosity_at(t) for t in temperature], rel=1e-3)
+
+
+def test_little_of_the_lava_switches_no_effect_on():
+    """The thin lava of an early pile is not the flow; any frozen column is ground at once."""
+    lava = Lava(yield_strength=1e4, solidus=1400.0, arrhenius=0.04)
+    late = replace(scales(lava, [1300.0]), is_measured=True)
+    late = replace(late, columns=replace(late.columns, temperature=np.array([1350.0])))
+    names = ('yielding', 'solidification', 'helmholtz')
+    for fraction in (0.5 * MIN_EMITTED, MIN_EMITTED):
+        decisions = decide_by(replace(late, emitted=fraction), {}, Accuracy(), names=names)
+        found = {item.name: item.is_on for item in decisions}
+        assert found == {
+            'yielding': fraction == MIN_EMITTED, 'solidification': True, 'helmholtz': False,
+        }
+
+
+def test_measured_fraction_is_that_of_the_volume_at_the_horizon():
+    terrain = Terrain(np.zeros((20, 20)), 10.0)
+    vent = Vent((100.0, 100.0), ((0.0, 3.0), (100.0, 1.0), (200.0, 0.0)), radius=20.0)
+    simulation = Simulation(
+        Scene(terrain, (vent,)), device='cpu', horizon=1000.0, accuracy=Accuracy(spacing=10.0)
+    )
+    simulation.advance(100.0)
+    measured = simulation.measure_scales()
+    assert measured is not None
+    assert measured.emitted == pytest.approx(0.75)

@@ -146,7 +146,7 @@ def effects_on(scene, **arguments):
         (3.0, {'viscosity': 30.0}, {'inertia'}),
         (3.0, {'ground_conductivity': 2.0}, {'ground'}),
         (3.0, {'emissivity': 0.9, 'convection': 50.0, 'solidus': 1300.0},
-         {'cooling', 'solidification', 'steep'}),
+         {'cooling', 'solidification'}),
         (3.0, {'emissivity': 0.9, 'crust': True, 'conductivity': 2.0}, {'crust'}),
         (3.0, {'emissivity': 0.9, 'crust_cover': 0.9}, {'cover'}),
     ],
@@ -155,27 +155,15 @@ def test_effects_are_on_that_material_or_terrain_require(angle, changes, expecte
     assert effects_on(Scene(slope(angle), lava=replace(PLAIN, **changes))) == expected
 
 
-def test_lateral_stress_is_on_if_particles_resolve_the_thickness():
+def test_lateral_stress_is_on_where_the_flow_is_narrow():
     """The threshold changes the speed by 5 %."""
     threshold = EFFECTS['helmholtz'].threshold
     assert 0.045 < (0.5 * math.pi * threshold) ** 2 / LATERAL_DRAG < 0.05
-    scene = Scene(slope(3.0), lava=PLAIN)
-    thickness = expected_scales(scene).columns.thickness[0]
-    for ratio, expected in ((0.2, set()), (0.21, set()), (0.23, {'helmholtz'})):
-        accuracy = Accuracy(spacing=thickness / ratio / 3.0, ratio=3.0)
-        assert effects_on(scene, accuracy=accuracy) == expected
-
-
-def test_steep_is_on_if_particles_resolve_sides_of_frozen_lava():
-    lava = replace(PLAIN, emissivity=0.9, convection=50.0, solidus=1300.0)
-    frozen = Scene(slope(3.0), lava=lava)
-    thickness = expected_scales(frozen).columns.thickness[0]
-    # tan 5 degrees is the slope at h / l = 0.0506: 1.73 times that
-    for ratio, is_steep in ((0.048, False), (0.053, True)):
-        accuracy = Accuracy(spacing=thickness / ratio / 3.0, ratio=3.0)
-        assert ('steep' in effects_on(frozen, accuracy=accuracy)) is is_steep
-        warm = replace(frozen, lava=replace(lava, emissivity=0.0, convection=0.0))
-        assert 'steep' not in effects_on(warm, accuracy=accuracy)
+    for wall in (0.1, 0.25, 0.6):
+        valley = scene(ground(2.5, wall))
+        # a triangle has two thirds of its depth as mean thickness, weighted by volume
+        is_narrow = 2.0 / 3.0 * wall > threshold
+        assert ('helmholtz' in effects_on(valley, horizon=HOUR)) is is_narrow
 
 
 def test_fall_of_kilometres_switches_viscous_heating_on():
@@ -190,12 +178,13 @@ def test_cooling_is_on_only_for_a_long_horizon():
 
 
 def test_one_of_two_exclusive_effects_is_on():
-    fluid = Scene(slope(3.0), lava=replace(PLAIN, viscosity=30.0))
-    close = Accuracy(spacing=0.1)
-    assert effects_on(fluid, accuracy=close) == {'inertia'}
-    assert effects_on(fluid, accuracy=close, overrides={'green': True}) == {'green'}
-    assert effects_on(fluid, accuracy=close, overrides={'inertia': False}) == {'helmholtz'}
-    reasons = {item.name: item.reason for item in decide(fluid, accuracy=close)}
+    fluid = replace(scene(ground(2.5, 0.6), 1000.0), lava=replace(LAVA, viscosity=1e3))
+    rivals = {'inertia', 'helmholtz', 'green'}
+    for overrides, expected in (
+        ({}, 'inertia'), ({'green': True}, 'green'), ({'inertia': False}, 'helmholtz')
+    ):
+        assert effects_on(fluid, overrides=overrides) & rivals == {expected}
+    reasons = {item.name: item.reason for item in decide(fluid)}
     assert reasons['helmholtz'].endswith('but excluded by inertia')
 
 

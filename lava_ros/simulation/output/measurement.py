@@ -19,8 +19,8 @@ from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 from lava_ros.simulation.resolution import is_extended, Resolution
-from lava_ros.simulation.selection import scales_of
-from lava_ros.simulation.setup.course import NARROW
+from lava_ros.simulation.selection import has_left_its_vent, scales_of
+from lava_ros.simulation.setup.course import course_of, NARROW
 
 #: Maximum number of particles that are measured; of more, every n-th is.
 MAX_COLUMNS = 4096
@@ -30,20 +30,19 @@ MIN_MEASURED = 1e-6
 
 
 def measured_scales(
-    scene: Scene, effects: Effects, accuracy: Accuracy, sample: ParticleSample, grids: Any,
-    duration: float,
+    scene: Scene, effects: Effects, sample: ParticleSample, grids: Any, *, duration: float,
+    emitted: float,
 ) -> Scales:
     """Return the scales of the lava that still flows; each is measured when it is first read.
 
     Args:
         scene: The scene.
         effects: Effects that the estimates include.
-        accuracy: Its resolution, with all automatic values resolved.
         sample: The particles, at least one.
         grids: Maps on the device, as for a snapshot (``diagnostics.snapshot_of``).
         duration: Time from the start of the eruption to the horizon [s].
+        emitted: Fraction of the volume at the horizon that has been emitted.
     """
-    assert accuracy.spacing is not None
     some = slice(None, None, -(-len(sample.volume) // MAX_COLUMNS))
     terrain, cell = scene.terrain, scene.terrain.resolution
     here = _cells_of(terrain, sample.position[some])
@@ -72,13 +71,12 @@ def measured_scales(
         effects,
         columns,
         fall=fall,
-        spacing=accuracy.spacing,
-        kernel_radius=accuracy.ratio * accuracy.spacing,
         duration=duration,
+        emitted=emitted,
         is_measured=True,
-        is_extended=lambda: is_extended(
+        is_extended=lambda: has_left_its_vent(
             np.count_nonzero(standing_cells(thickness())) * cell**2,
-            float(np.median(np.sqrt(columns.volume / columns.thickness))),
+            course_of(scene, effects, horizon=duration),
         ),
     )
 

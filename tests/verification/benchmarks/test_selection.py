@@ -17,6 +17,7 @@ from scripts import load_script
 FOLDER = Path(__file__).parents[3] / 'docs/benchmarks'
 ACCURACY = preset_accuracy(DEFAULT)
 choice = load_script(FOLDER / 'choice.py')
+CHANGES = ('changed', 'chance', 'thickness_changed', 'thickness_chance')
 SCENES = {item.name: item for item in choice.scenes()}
 
 
@@ -32,8 +33,21 @@ def test_every_effect_is_on_in_a_scene_and_off_in_another():
     ]
     for name in EFFECTS:
         switches = {name in effects for effects in chosen}
-        expected = {False} if name in ('green', 'merging', 'wind') else {True, False}
-        assert switches == ({True} if name == 'ground' else expected), name
+        never = ('green', 'merging', 'wind', 'conduction')
+        assert switches == ({False} if name in never else {True, False}), name
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_choice_does_not_depend_on_the_resolution(name):
+    item, numbers = SCENES[name], []
+    for accuracy in (
+        *map(preset_accuracy, ('draft', DEFAULT, 'fine')),
+        *(preset_accuracy(DEFAULT, spacing=spacing) for spacing in (0.2, 20.0)),
+    ):
+        decisions = decide(item.scene, accuracy=accuracy, horizon=item.horizon)
+        numbers.append([(decision.value, decision.is_on) for decision in decisions])
+    for other in numbers[1:]:
+        np.testing.assert_equal(other, numbers[0])
 
 
 @pytest.mark.parametrize('table', ['cpu', 'h100'])
@@ -49,15 +63,35 @@ def test_committed_changes_are_within_the_stated_errors(table):
         )})
         assert found[-1]['effect'] == choice.ALL
         for row in found[:-1]:
-            assert row['effect'] not in chosen
-            effect = EFFECTS[row['effect']]
+            is_on = row.get('on') == 'True'
+            assert (row['effect'] in chosen) is is_on
+            effect, threshold = EFFECTS[row['effect']], float(row['threshold'])
             largest = np.fmax(float(row['expected']), float(row['measured']))
-            stated = effect.cost * largest / effect.threshold
+            if is_on:
+                assert largest > threshold
+                continue
+            stated = effect.cost * largest / threshold
             assert float(row['stated']) == pytest.approx(stated, rel=1e-4)
             # an excluded effect may be off although its number exceeds the threshold
             is_excluded = any(excluded_by(row['effect'], other) for other in chosen)
-            assert largest <= effect.threshold or is_excluded
+            assert largest <= threshold or is_excluded
     assert [
         (row['scene'], row['effect']) for row in rows
-        if float(row['changed']) > float(row['stated']) + float(row['chance'])
+        if row.get('on') != 'True'
+        and float(row['changed']) > float(row['stated']) + float(row['chance'])
     ] == []
+
+
+def test_effects_that_are_on_change_the_flow():
+    """Each changes the footprint or the mean thickness by more than chance."""
+    with (FOLDER / 'choice_cpu.csv').open(newline='') as file:
+        rows = [
+            {name: float(row[name]) for name in CHANGES}
+            for row in csv.DictReader(file) if row['on'] == 'True'
+        ]
+    needed = [
+        row for row in rows if row['changed'] > row['chance']
+        or row['thickness_changed'] > row['thickness_chance']
+    ]
+    assert len(rows) > 70
+    assert len(needed) >= 0.85 * len(rows)
