@@ -30,9 +30,21 @@ HORIZON = 86400.0
 #: Particles across the flow at a refinement of 1 (docs/benchmarks/convergence_h100.csv).
 ACROSS = 16.0
 
-#: Maximum spacing over the thickness of the flow at a refinement of 1: the edges of any flow are a
-#: few thicknesses wide.
+#: Maximum spacing over the thickness of the flow at a refinement of 1, because the edges of a flow
+#: are a few thicknesses wide, unless the error by the terrain's cells is larger.
 EDGES = 1.5
+
+#: Factor E and exponent P of a first guess at the error from the particles, E (d / h)^P d / w,
+#: with the particle spacing d, the thickness h and the width w.
+_PARTICLE_ERROR = 0.58, 0.4
+
+#: First guess at the error from the terrain's cells, over their size as a fraction of the width.
+_CELL_ERROR = 0.7
+
+#: Error from the particles over the error from the terrain's cells at which closer particles do
+#: not pay, at a refinement of 1. It is inversely proportional to the square of the refinement: 1
+#: at draft, 1/2 at standard, 1/4 at fine.
+PARTICLE_FRACTION = 0.5
 
 #: Minimum spacing over the thickness of the flow at a refinement of 1: lateral stress smooths the
 #: flow over 0.63 thicknesses (docs/MODEL.md).
@@ -75,7 +87,8 @@ class Resolution:
         width: Lower quartile of the width of the flow [m]; NaN without a discharge.
         across: Number of particles across the flow; NaN without a discharge.
         cell: Size of the terrain's cells [m].
-        limit: Origin of the spacing: ``flow``, the width; ``edges``, the thickness;
+        limit: Origin of the spacing: ``flow``, the width; ``edges``, the thickness; ``terrain``,
+            whose cells make so large an error that closer particles do not pay;
             ``particles``, their maximum number or rate; ``stress``, which smooths the flow over
             most of its thickness; ``given``, the user; ``cells``, those of the
             terrain, without a discharge; or ``measured``, a running simulation.
@@ -129,8 +142,11 @@ class Resolution:
         width, across = (float(f'{value:.2g}') for value in (self.width, self.across))
         text = f'{across:g} particles across a flow about {width:g} m wide'
         text += f' (spacing {self.spacing:.3g} m)'
-        limited = ['the largest number of particles limits the spacing']
-        notes = self.warnings() + (limited if self.limit == 'particles' else [])
+        limits = {
+            'particles': 'the largest number of particles limits the spacing',
+            'terrain': f'closer particles change less than the cells of {self.cell:g} m do',
+        }
+        notes = [*self.warnings(), *(limits[key] for key in limits if key == self.limit)]
         return '; '.join([text, *notes])
 
 
@@ -169,7 +185,8 @@ def resolution_of(
     ``forced`` are the effects that a user has switched on or off, by name.
     Lava emitted after the ``horizon`` [s] does not count.
     """
-    course = course_of(scene, estimated_effects(scene, accuracy, forced), horizon=horizon)
+    effects = estimated_effects(scene, accuracy, forced)
+    course = course_of(scene, effects, horizon=horizon)
     width, reynolds = (
         (math.nan, math.nan) if course is None else (course.width, course.reynolds)
     )
@@ -199,14 +216,22 @@ def resolution_of(
         return known(cell / accuracy.refinement, 'cells')
     # emplaced lava has a known thickness but no known width
     by_width, by_edges = width / ACROSS if course else math.inf, EDGES * thickness
-    wanted = min(by_width, by_edges) / accuracy.refinement
+    by_terrain = 0.0
+    # lava freezes in columns as wide as the spacing, at a cost that the error does not contain
+    if not (math.isnan(width) or effects.any('freezes')):
+        target = PARTICLE_FRACTION * min(_CELL_ERROR * cell / width, 1.0) / accuracy.refinement**2
+        scale, power = _PARTICLE_ERROR
+        by_terrain = (target / scale * width * thickness**power) ** (1.0 / (1.0 + power))
+        by_terrain *= accuracy.refinement
+    wanted = min(by_width, max(by_edges, by_terrain)) / accuracy.refinement
     most = MOST_PARTICLES * accuracy.refinement**2
     # rounding of the spacing must not exceed the maximum, by which vents are refused
     fastest = 1.02 * sum(vent.peak for vent in scene.vents) / MAX_PARTICLES_PER_SECOND
     by_number = math.sqrt(max(emitted / most, fastest) / thickness)
     by_stress = MIN_SPACING * thickness / accuracy.refinement
     least = max(by_number, by_stress)
-    limit = 'flow' if by_width <= by_edges else 'edges'
+    limit = 'edges' if by_edges >= by_terrain else 'terrain'
+    limit = 'flow' if by_width <= max(by_edges, by_terrain) else limit
     if wanted < least:
         limit = 'particles' if by_number >= by_stress else 'stress'
     # round, so that a rotated scene has the same spacing

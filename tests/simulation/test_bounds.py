@@ -66,7 +66,7 @@ def test_automatic_resolution_is_physical(rates, lava, horizon, refinement):
 
 
 @pytest.mark.parametrize(('rates', 'lava', 'given', 'field', 'words'), [
-    ([1e-8] * 20, Lava(viscosity=1e3), {}, 'vents[0].discharge',
+    ([1e-10] * 20, Lava(viscosity=1e3), {}, 'vents[0].discharge',
      'automatic spacing of .* neighbour grid .* or give `spacing`'),
     ([1e-3, 5e7], STIFF, {}, 'vents[1].discharge',
      'automatic thickness of .* at most 10000 m; or give `thickness`'),
