@@ -150,7 +150,7 @@ def test_vent_wider_than_the_terrain_emits_all_over_it():
     ('begin_snapshot', lambda it: it.begin_snapshot()),
     ('sort', lambda it: it.sample()),
     ('replace_vents', lambda it: it.set_vents([])),
-    ('replace_terrain', lambda it: it.set_terrain(GROUND)),
+    ('replace_terrain', lambda it: it.set_terrain(incline(0.2, 100, 100, 10.0))),
     ('switch_effects', lambda it: it.set_effects({'steep': True})),
 ])
 def test_exhausted_memory_is_an_error_with_a_remedy(method, call, error, monkeypatch):

@@ -115,7 +115,8 @@ def test_replaced_terrain_is_freed():
         arrays = simulation.solver.terrain.height, simulation.solver.neighbors.cells.starts
         gone = [weakref.ref(array) for array in arrays]
         del arrays
-        simulation.set_terrain(simulation.scene.terrain)
+        former = simulation.scene.terrain
+        simulation.set_terrain(replace(former, elevation=former.elevation + 1.0))
         simulation.advance(simulation.time + 5.0 * STEP)
         gc.collect()
         assert [item() for item in gone] == [None, None]
