@@ -228,10 +228,15 @@ class Timeline:
         nodes: Full names of the nodes whose simulations the diagnostics describe, in order.
     """
 
-    def __init__(self, bag: BagReader, decoder: Decoder, topic: str = DIAGNOSTICS) -> None:
-        """Read the diagnostics of a bag on a topic, if there are any."""
-        # other recorders have another clock, or none, for publish times
-        is_own, found = 'version' in bag.custom_data, []
+    def __init__(
+        self, bag: BagReader, decoder: Decoder, topic: str = DIAGNOSTICS, *, is_own: bool = False
+    ) -> None:
+        """Read the diagnostics of a bag on a topic, if there are any.
+
+        ``is_own`` is True if the node recorded the bag: publish times are then of the clock of the
+        stamps, while other recorders have another clock, or none.
+        """
+        found = []
         # differences between log times and the clock [ns], and the log times at which they begin
         self._shifts, self._shift_times = [0], [0]
         for message in bag.messages([topic]):

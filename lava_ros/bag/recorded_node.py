@@ -79,7 +79,8 @@ def find_node(
     stated = described_node(bag.custom_data)
     if stated is not None:
         chosen = _chosen(bag, [stated], node)
-        return chosen, Timeline(bag, decoder, chosen.diagnostics).of(chosen.name)
+        timeline = Timeline(bag, decoder, chosen.diagnostics, is_own=True)
+        return chosen, timeline.of(chosen.name)
     timeline = Timeline(bag, decoder)
     chosen = _chosen(bag, _nodes_in(timeline, namespaces), node)
     # a replay in another namespace moves the maps, but does not rename the statuses

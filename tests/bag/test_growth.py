@@ -28,12 +28,11 @@ def timeline_of(count: int) -> Timeline:
         SimpleNamespace(stamp_ns=START + index * 10**9, publish_ns=START + index % 5 * 10**9)
         for index in range(count)
     ]
-    data = {'version': '1'}
-    bag: Any = SimpleNamespace(messages=lambda topics: numbers, custom_data=data)
+    bag: Any = SimpleNamespace(messages=lambda topics: numbers)
     decoder: Any = SimpleNamespace(decode=lambda message, take: [
         Moment(message.publish_ns, 1e-9 * (message.stamp_ns - START), {}, '/lava')
     ])
-    return Timeline(bag, decoder)
+    return Timeline(bag, decoder, is_own=True)
 
 
 def test_times_of_a_looping_clock_continue() -> None:
