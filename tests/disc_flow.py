@@ -48,7 +48,8 @@ def disc_fields(index: int, factor: float) -> MemberFields:
     """Return the fields of a member with a factor on the discharge."""
     time = (distances() / SPEED) ** 2 / (DISCHARGE * factor)
     arrival = np.where(time <= HORIZON, time, np.nan).astype(np.float32)
-    return MemberFields(index, arrival, np.where(time <= HORIZON, 1.0, 0.0).astype(np.float32))
+    reached = np.where(time <= HORIZON, 1.0, 0.0).astype(np.float32)
+    return MemberFields(index, arrival, arrival, inundated=reached, peak=reached)
 
 
 def disc_members(plan: Plan, members: Sequence[Any], **_: Any) -> list[MemberFields]:

@@ -119,7 +119,9 @@ def record(
         stamp = START + 2 * index * SECOND
         snapshot = snapshot_at(time, flow(time), terrain)
         if arrived is not None:
-            snapshot = replace(snapshot, arrived=arrived(time).astype(np.float32))
+            times_there = arrived(time).astype(np.float32)
+            inundated = np.isfinite(times_there).astype(np.float32)
+            snapshot = replace(snapshot, arrived=times_there, inundated=inundated)
         for layer in layers:
             if layer.enabled:
                 message = outputs.layer_message(layer, snapshot, codec.header('map', stamp))

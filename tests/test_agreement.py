@@ -26,6 +26,8 @@ from command_line import done
 from eruption import CELL, CORNER, SHAPE, VENT, write_case
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.forecast_run import ForecastRun
+from lava_ros.forecast.probability import footprint_by
+from lava_ros.forecast.store import stored_members
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT
 from lava_ros.hindcast.run import FORCED, Settings
@@ -92,7 +94,9 @@ def grid_of(message: Any) -> np.ndarray:
 def read_bag(path: Path) -> SimpleNamespace:
     """Return the newest maps and diagnostics of a bag."""
     last = newest_messages(path)
-    images = {name: image_of(last[f'/{name}']) for name in ('arrived', 'height_raw')}
+    images = {
+        name: image_of(last[f'/{name}']) for name in ('arrived', 'inundated', 'height_raw')
+    }
     grids = {name: grid_of(last[f'/{name}']) for name in ('height', 'hazard')}
     status = next(item for item in last['/diagnostics'].status if item.name.endswith('simulation'))
     diagnostics = {item.key: item.value for item in status.values}
@@ -116,47 +120,106 @@ def run(tmp_path_factory):
         decisions=json.loads((out / 'hindcast.json').read_text())['decisions'],
         plot=json.loads((folder / 'plot.json').read_text()),
         report=(folder / 'report.html').read_text(), page=(out / 'hindcast.html').read_text(),
-        arrival=read_tif(out / 'arrival.tif'),
+        arrival=read_tif(out / 'arrival.tif'), inundated=read_tif(out / 'inundated.tif'),
         thickness=np.nan_to_num(read_tif(out / 'thickness.tif')), bag=read_bag(out / 'bag'),
     )
 
 
 def test_eruption_solidifies_drains_and_still_flows(run):
     assert not any(item['on_since_s'] for item in run.decisions)
-    inundated, standing = np.isfinite(run.arrival), run.thickness >= 0.1
+    reached, standing = np.isfinite(run.arrival), run.thickness >= 0.1
     assert run.volume['frozen'] > 0.05 * run.volume['emitted']
-    assert (inundated & ~standing).sum() >= 5
-    assert not (standing & ~inundated).any()
+    assert (reached & ~standing).sum() >= 5
+    assert not (standing & ~reached).any()
     assert ((run.arrival > 0.0) & (run.arrival < 600.0)).any() and np.nanmax(run.arrival) > 1500.0
 
 
-def test_inundated_area_is_the_same_in_all_outputs(run):
-    inundated, cell = np.isfinite(run.arrival), CELL**2
+def area_of_features(path: Path) -> float:
+    """Return the area that the last feature of a GeoJSON file states [m2]."""
+    return json.loads(path.read_text())['features'][-1]['properties']['area_m2']
+
+
+def tag_of(path: Path, name: str) -> float:
+    with rasterio.open(path) as file:
+        return float(file.tags()[name])
+
+
+def place_areas(run) -> list[float]:
+    """Return the inundated area of a place that is the whole map, in a bag and a table."""
+    east, north = CORNER
+    rows, columns = SHAPE
+    ring = [[east, north], [east + columns * CELL, north]]
+    ring += [[x, y + rows * CELL] for x, y in reversed(ring)]
+    feature = {
+        'type': 'Feature', 'properties': {'name': 'map'},
+        'geometry': {'type': 'Polygon', 'coordinates': [[*ring, ring[0]]]},
+    }
+    path = run.folder / 'map.geojson'
+    path.write_text(json.dumps({
+        'type': 'FeatureCollection', 'features': [feature],
+        'crs': {'type': 'name', 'properties': {'name': 'EPSG:32633'}},
+    }))
+    table = run.folder / 'places.json'
+    done('places', run.out / 'bag', path, '--json', table)
+    (row,) = json.loads(table.read_text())['places']
+    return [row[f'inundated_area_p{percent}_m2'] for percent in (10, 50, 90)]
+
+
+#: The inundated area [m2] by output.
+AREAS = {
+    'inundated.tif': lambda run: run.inundated[run.inundated > 0].sum() * CELL**2,
+    'exported inundated.tif': lambda run: (
+        np.nansum(read_tif(run.maps / 'inundated.tif')) * CELL**2
+    ),
+    'tag of the exported map': lambda run: tag_of(run.maps / 'inundated.tif', 'inundated_area_m2'),
+    'layer of the bag': lambda run: run.bag.inundated.sum(dtype=float) * CELL**2,
+    'diagnostics': lambda run: float(run.bag.diagnostics['inundated_area_m2']),
+    'outline': lambda run: area_of_features(run.maps / 'outline.geojson'),
+    'frame': lambda run: (lambda frame: frame.area(frame.inundated))(frame_of(run)),
+    'places': lambda run: place_areas(run)[1],
+}
+
+
+def frame_of(run) -> Any:
+    return Recording(run.out / 'bag').frame_at()
+
+
+@pytest.mark.parametrize('output', AREAS)
+def test_inundated_area_is_the_same_in_each_output(run, output):
+    assert AREAS[output](run) == pytest.approx(run.score['area'], rel=1e-6)
+
+
+def test_inundated_area_is_the_same_in_all_texts(run):
+    area = run.score['area']
+    assert f'{area / 1e6:.3f} of ' in run.page and f'{area / 1e6:.3f} of ' in run.printed
+    assert f'{area_words(area)} inundated' in run.plot['summary']
+    assert f'<dt>inundated area, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
+
+
+def test_cells_and_times_are_the_same_in_all_outputs(run):
+    reached, footprint, cell = np.isfinite(run.arrival), run.inundated >= 0.5, CELL**2
+    assert 5 < footprint.sum() < reached.sum() - 5
+    np.testing.assert_array_equal(run.inundated > 0.0, reached)
+    np.testing.assert_array_equal(read_tif(run.maps / 'inundated.tif'), run.inundated)
+    np.testing.assert_array_equal(run.bag.inundated, run.inundated.astype(np.float32))
     np.testing.assert_array_equal(read_tif(run.maps / 'arrival.tif'), run.arrival)
     np.testing.assert_array_equal(run.bag.arrived, run.arrival.astype(np.float32))
-    times = np.sort(run.arrival[inundated])
+    times = np.sort(run.arrival[reached])
     for time in (times[0], times[len(times) // 2], times[-1]):
         where = run.arrival == time
         assert (run.bag.arrived[where] == np.float32(time)).all()
     codes = read_tif(run.out / 'comparison.tif')
-    np.testing.assert_array_equal((codes == HIT) | (codes == FALSE_ALARM), inundated)
-    area = inundated.sum() * cell
-    assert run.score['area'] == area
-    assert float(run.bag.diagnostics['inundated_area_m2']) == area
-    for name, kind in (('outline', 'area_m2'), ('isochrones', 'area_m2')):
-        features = json.loads((run.maps / f'{name}.geojson').read_text())['features']
-        assert features[-1]['properties'][kind] == area
-    assert f'{area / 1e6:.3f} of ' in run.page and f'{area / 1e6:.3f} of ' in run.printed
-    assert f'{area_words(area)} inundated' in run.plot['summary']
-    assert f'<dt>inundated area, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
+    np.testing.assert_array_equal((codes == HIT) | (codes == FALSE_ALARM), footprint)
+    assert run.score['hits'] + run.score['false_alarms'] == footprint.sum()
+    assert area_of_features(run.maps / 'isochrones.geojson') == reached.sum() * cell
     peaks = [read_tif(folder / 'peak_thickness.tif') for folder in (run.out, run.maps)]
     np.testing.assert_array_equal(*peaks)
-    np.testing.assert_array_equal(peaks[0] >= np.float32(0.1), inundated)
+    np.testing.assert_array_equal(peaks[0] >= np.float32(0.1), reached)
     # ground that lava has reached is never safe again
-    assert (run.bag.hazard[inundated] > 0).all()
-    others = (run.bag.hazard > 0) & ~inundated
+    assert (run.bag.hazard[reached] > 0).all()
+    others = (run.bag.hazard > 0) & ~reached
     assert not (run.thickness[others] >= 0.1).any()
-    np.testing.assert_array_equal(run.bag.hazard == 50, inundated & (run.thickness < 0.01))
+    np.testing.assert_array_equal(run.bag.hazard == 50, reached & (run.thickness < 0.01))
 
 
 def test_standing_lava_is_the_same_in_all_outputs(run):
@@ -165,9 +228,9 @@ def test_standing_lava_is_the_same_in_all_outputs(run):
     np.testing.assert_array_equal(shown, run.thickness)
     np.testing.assert_array_equal(run.bag.height_raw, run.thickness.astype(np.float32))
     np.testing.assert_array_equal(run.bag.height > 0, standing)
-    area = standing.sum() * cell
-    assert run.score['standing_area'] == area
-    assert float(run.bag.diagnostics['standing_area_m2']) == area
+    area = float(run.bag.diagnostics['standing_area_m2'])
+    assert area == pytest.approx(run.inundated[standing].sum() * cell, rel=1e-6)
+    assert run.score['standing_area'] == area < run.score['area']
     assert f'{area_words(area)} standing lava' in run.plot['summary']
     assert f'<dt>standing lava, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
     assert f'{area / 1e6:.3f} km² at the end' in run.page
@@ -181,7 +244,7 @@ def test_standing_lava_is_the_same_in_all_outputs(run):
     assert float(run.bag.diagnostics['volume_frozen_m3']) == run.volume['frozen']
 
 
-@pytest.mark.parametrize('name', ['thickness', 'arrival'])
+@pytest.mark.parametrize('name', ['thickness', 'arrival', 'inundated'])
 def test_exported_maps_have_the_tags_of_the_hindcast(run, name):
     with (
         rasterio.open(run.out / f'{name}.tif') as file,
@@ -202,8 +265,7 @@ def test_exported_outline_is_read_as_the_same_cells(run):
     case = write_eruption(run.folder / 'again')
     (case / 'footprint.asc').unlink()
     shutil.copy(run.maps / 'outline.geojson', case / 'footprint.geojson')
-    covered, inundated = load_case(case).footprint, np.isfinite(run.arrival)
-    assert (covered & inundated).sum() >= 0.98 * (covered | inundated).sum()
+    np.testing.assert_array_equal(load_case(case).footprint, run.inundated >= 0.5)
 
 
 def check_netcdf(folder: Path) -> None:
@@ -245,26 +307,35 @@ def ensemble(run):
         'ensemble', run.case, *OPTIONS, '-o', out, '--members', '2', '--workers', '1',
         '--json', report, '--formats', *formats,
     )
-    return SimpleNamespace(out=out, report=json.loads(report.read_text()))
+    members = read_run(out).ensemble
+    assert members is not None
+    return SimpleNamespace(out=out, report=json.loads(report.read_text()), plan=members.plan)
 
 
 def test_ensemble_of_identical_members_equals_the_run(run, ensemble):
-    inundated = np.isfinite(run.arrival)
+    reached = np.isfinite(run.arrival)
     probability = read_tif(ensemble.out / 'inundation_probability.tif')
-    np.testing.assert_array_equal(probability, np.where(inundated, 100.0, 0.0))
+    np.testing.assert_array_equal(probability, np.where(reached, 100.0, 0.0))
     peak = read_tif(ensemble.out / 'expected_peak_thickness.tif')
-    np.testing.assert_array_equal(np.isfinite(peak), inundated)
+    np.testing.assert_array_equal(np.isfinite(peak), reached)
     # members are kept in whole millimetres
     np.testing.assert_allclose(
         np.nan_to_num(peak), np.nan_to_num(read_tif(run.out / 'peak_thickness.tif')), atol=5.1e-4
     )
     for percent in (10, 50, 90):
         times = read_tif(ensemble.out / f'arrival_time_p{percent}.tif')
-        np.testing.assert_array_equal(np.isfinite(times), inundated)
-        late = np.abs(times - run.arrival)[inundated]
+        np.testing.assert_array_equal(np.isfinite(times), reached)
+        late = np.abs(times - run.arrival)[reached]
         assert late.max() <= ensemble.report['arrival_error_s'] + 1e-3
-    area = float(inundated.sum() * CELL**2)
-    assert set(ensemble.report['area_m2'].values()) == {area} == {run.score['area']}
+    assert set(ensemble.report['area_m2'].values()) == {run.score['area']}
+    for percent in (10, 50, 90):
+        tag = f'inundated_area_p{percent}_m2'
+        path = ensemble.out / 'inundation_probability.tif'
+        assert tag_of(path, tag) == run.score['area']
+    (member, *_) = stored_members(ensemble.out, 2, ensemble.plan, on_refused=print)
+    np.testing.assert_array_equal(
+        footprint_by(member, ensemble.plan, ensemble.plan.horizon), run.inundated >= 0.5
+    )
 
 
 def test_ensemble_is_the_same_in_all_outputs(run, ensemble):
@@ -312,20 +383,21 @@ def test_forecast_equals_the_later_run(run):
             message = outputs.layer_message(layer, forecast, codec.header('map', 0))
             name = codec.type_name(type(message))
             read[layer.topic] = types.deserialize_cdr(codec.serialise(message), name)
-    inundated, before = np.isfinite(run.arrival), run.arrival <= start
-    assert 5 < before.sum() < inundated.sum() - 5
-    np.testing.assert_array_equal(now.inundated, before)
+    reached, before = np.isfinite(run.arrival), run.arrival <= start
+    assert 5 < before.sum() < reached.sum() - 5
+    np.testing.assert_array_equal(now.inundated > 0.0, before)
+    np.testing.assert_array_equal(forecast.inundated, run.inundated.astype(np.float32))
     np.testing.assert_array_equal(now.arrived[before], run.arrival[before])
     ahead = image_of(read['arrival_time']).astype(np.float64)
-    np.testing.assert_array_equal(np.isfinite(ahead), inundated)
+    np.testing.assert_array_equal(np.isfinite(ahead), reached)
     assert (ahead[before] == 0.0).all()
-    later = inundated & ~before
+    later = reached & ~before
     # a float32 of the time after the start
     np.testing.assert_allclose(start + ahead[later], run.arrival[later], rtol=0.0, atol=1e-3)
     np.testing.assert_array_equal(grid_of(read['peak_height'])[later] > 0, True)
-    assert not grid_of(read['peak_height'])[~inundated].any()
+    assert not grid_of(read['peak_height'])[~reached].any()
     # a place in the first, a middle and the last cell that lava reached
-    cells = np.argwhere(inundated)[np.argsort(run.arrival[inundated], kind='stable')]
+    cells = np.argwhere(reached)[np.argsort(run.arrival[reached], kind='stable')]
     cells = [tuple(cells[index]) for index in (0, len(cells) // 2, -1)]
     positions = [(np.array(cell)[::-1] + 0.5) * CELL + CORNER for cell in cells]
     path = run.folder / 'places.csv'

@@ -54,7 +54,7 @@ def _footprint(
     results = run_replicates(case, settings, runs)
     alone = simulate(case, settings)
     maps = np.nan_to_num([result.snapshot.thickness for result in results])
-    each = np.array([result.snapshot.inundated for result in results])
+    each = np.array([result.snapshot.footprint for result in results])
     majority = each.mean(axis=0) >= 0.5
     cost = {
         # for a single run, with kernels compiled beforehand

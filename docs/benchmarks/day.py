@@ -75,7 +75,7 @@ def main():
         for courant in COURANT
     }
     inundated = {
-        courant: [snapshot.inundated for _, snapshot in found]
+        courant: [snapshot.footprint for _, snapshot in found]
         for courant, found in ends.items()
     }
     finest = inundated[min(COURANT)]

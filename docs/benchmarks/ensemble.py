@@ -20,7 +20,7 @@ import numpy as np
 from lava_ros.files import file_to_write
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.members import make_plan, run_members
-from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of, reached_by
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_by, footprint_of
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -88,14 +88,14 @@ def measure():
         rows.append(('error of the probability, rms', size, 100.0 * error, '%'))
         rows.append(('binomial error, rms', size, 100.0 * spread / np.sqrt(size), '%'))
 
-    observed = np.stack([reached_by(truth, plan, HORIZON) for truth in truths])
+    observed = np.stack([footprint_by(truth, plan, HORIZON) for truth in truths])
     before = np.broadcast_to(whole, observed.shape)
     after = np.empty(observed.shape)
     effective = []
     for place, truth in enumerate(truths):
-        cells = reached_by(truth, plan, SEEN_AT)
+        cells = footprint_by(truth, plan, SEEN_AT)
         outline = Outline(SEEN_AT, cells, np.ones_like(cells))
-        agreement = [jaccard(reached_by(item, plan, SEEN_AT), outline) for item in members]
+        agreement = [jaccard(footprint_by(item, plan, SEEN_AT), outline) for item in members]
         weights = weigh(agreement)
         effective.append(weights.effective_members)
         after[place] = probability(plan, members, weights.values)

@@ -34,6 +34,7 @@ from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.run import FORCED, Settings
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import standing_cells
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
@@ -119,7 +120,7 @@ def etna(case, spacing, merging, device, duration):
 
 def apart(one, other):
     """Return the errors of a map relative to another."""
-    here, there = standing_cells(one), standing_cells(other)
+    here, there = standing_cells(one, COVERED), standing_cells(other, COVERED)
     either, both = here | there, here & there
     return {
         'thickness': float(np.abs(one - other)[either].sum() / other[either].sum()),

@@ -31,7 +31,7 @@ from lava_ros.forecast.members import make_plan, run_members
 from lava_ros.forecast.partner_runs import measure_error
 from lava_ros.forecast.pilot_runs import accuracy_at, run_at
 from lava_ros.forecast.planning import plan_within, sampling_error
-from lava_ros.forecast.probability import footprint_of, reached_by
+from lava_ros.forecast.probability import footprint_by, footprint_of
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
@@ -174,7 +174,7 @@ def sampling():
 
     def reached(members):
         fields = run_members(plan, members, device='cpu')
-        return np.array([reached_by(footprint_of(item, plan), plan, horizon) for item in fields])
+        return np.array([footprint_by(footprint_of(item, plan), plan, horizon) for item in fields])
 
     # different seeds: members of one seed are balanced, with smaller errors than random ones
     drawn = reached([draw_members(scene, 1, seed=seed)[0] for seed in range(MEMBERS)])

@@ -33,7 +33,7 @@ import numpy as np
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.ensemble import run_ensemble, run_here
 from lava_ros.forecast.members import Plan
-from lava_ros.forecast.probability import Footprint, reached_by
+from lava_ros.forecast.probability import Footprint, footprint_by
 from lava_ros.forecast.sampling import draw_members, Posterior
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.forecast.store import Store
@@ -187,8 +187,8 @@ def bins_text(bins: list[dict[str, float]]) -> str:
 def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
     """Return the scores of forecasts of each member by the others, with and without an outline."""
     at = OUTLINE_TIME * plan.horizon
-    early = np.stack([reached_by(item, plan, at) for item in members])
-    late = np.stack([reached_by(item, plan, plan.horizon) for item in members])
+    early = np.stack([footprint_by(item, plan, at) for item in members])
+    late = np.stack([footprint_by(item, plan, plan.horizon) for item in members])
     forecasts, observed, better, effective, gaps = ([], []), [], [], [], []
     for truth in range(len(members)):
         others = np.arange(len(members)) != truth
@@ -234,7 +234,7 @@ def rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterator[Row]
         found = score_probability(result.maps.probability, mapped)
         bins = found.pop('reliability')
         found.pop('cells')
-        alone = [jaccard(reached_by(item, plan, plan.horizon), outline) for item in members]
+        alone = [jaccard(footprint_by(item, plan, plan.horizon), outline) for item in members]
         yield Row(
             case=case.name,
             members=size,

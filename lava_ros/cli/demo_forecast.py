@@ -104,9 +104,9 @@ def narrow_forecast(args: argparse.Namespace, domain: int) -> int:
 
 
 def _reached(simulation: Simulation, time: float) -> np.ndarray:
-    """Return the cells that lava has inundated by a time [s], bool, shape [rows, columns]."""
+    """Return the footprint of the lava at a time [s], bool, shape [rows, columns]."""
     simulation.advance(time)
-    return simulation.snapshot().inundated
+    return simulation.snapshot().footprint
 
 
 def _narrowed(

@@ -222,7 +222,7 @@ def ensemble(args: argparse.Namespace) -> int:
     if case is not None:
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
         report |= score_against_case(
-            case, plan, done.maps, store.finished(len(members)), output, outline=outline
+            case, plan, store.finished(len(members)), output, outline=outline
         )
     files = [*write_maps(done.maps), *_write_bag(output / BAG, plan, done.maps, report)]
     if done.weighted is not None:
@@ -235,7 +235,7 @@ def ensemble(args: argparse.Namespace) -> int:
         assert done.weights is not None
         if case is not None:
             report |= score_against_case(
-                case, plan, done.weighted, store.finished(len(members)), folder,
+                case, plan, store.finished(len(members)), folder,
                 weights=done.weights.values.tolist(), outline=outline,
             )
         files += write_maps(done.weighted, folder, observation)
@@ -258,7 +258,7 @@ def ensemble(args: argparse.Namespace) -> int:
         result['jaccard_mean'] = float(again.weights.jaccard.mean())
         if case is not None:
             result |= score_against_case(
-                case, other.plan, again.maps, other.finished(len(drawn)), folder, outline=outline
+                case, other.plan, other.finished(len(drawn)), folder, outline=outline
             )
         report['posterior'] = result
         files += write_maps(again.maps, folder, observation, store=other)
@@ -357,7 +357,7 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         )
-        log_resolution(plan.scene, plan.accuracy, {}, plan.horizon, plan.threshold)
+        log_resolution(plan.scene, plan.accuracy, {}, plan.horizon, args.threshold)
         return plan, None
     options = (
         'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',

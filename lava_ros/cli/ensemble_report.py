@@ -30,7 +30,6 @@ RELIABILITY = 'reliability.png'
 def score_against_case(
     case: Case,
     plan: Plan,
-    maps: HazardMaps,
     members: Iterable[Footprint],
     folder: Path,
     *,
@@ -42,8 +41,7 @@ def score_against_case(
     Args:
         case: The case.
         plan: Plan of the members.
-        maps: Maps of the members.
-        members: The members, which only a case with dated outlines needs.
+        members: The members.
         folder: Folder of the picture.
         weights: Weights of the members, equal by default.
         outline: Observed lava; only later outlines are then forecast, and it persists.
@@ -60,19 +58,18 @@ def score_against_case(
         score_probability,
     )
 
-    report: dict[str, Any] = {'score': score_probability(maps.probability, mapped_on(case, plan))}
     known = -1.0 if outline is None else outline.time
     later = {
         text: item for text, item in outlines_on(case, plan).items() if item.time > known
     }
+    times = [*(item.time for item in later.values()), plan.horizon]
+    probability = probability_at(times, members, plan, weights)
+    report: dict[str, Any] = {'score': score_probability(probability[-1], mapped_on(case, plan))}
     if later:
-        probability = probability_at(
-            [item.time for item in later.values()], members, plan, weights
-        )
         before = None if outline is None else outline.lava
-        report['dates'] = score_dates(probability, later, before)
+        report['dates'] = score_dates(probability[:-1], later, before)
         came = [item.lava for item in later.values()]
-        write_reliability(probability, came, folder / RELIABILITY)
+        write_reliability(probability[:-1], came, folder / RELIABILITY)
     return report
 
 
@@ -85,10 +82,7 @@ def summarize(
     where: dict[str, Any],
 ) -> dict[str, Any]:
     """Return the numbers of the maps of an ensemble that took a wall time [s]."""
-    import numpy as np
-
     ran = maps.members - done.resumed
-    likely, cell = np.nan_to_num(maps.probability), plan.scene.terrain.resolution**2
     return {
         'members': maps.members,
         'resumed': done.resumed,
@@ -106,8 +100,8 @@ def summarize(
         'wall_s': wall,
         'members_per_s': ran / wall if ran else None,
         'area_m2': {
-            f'at least {percent} %': float((likely >= percent).sum() * cell)
-            for percent in (10, 50, 90)
+            f'at least {100.0 * fraction:g} %': area
+            for fraction, area in maps.areas(plan.scene.terrain.resolution).items()
         },
     }
 

@@ -58,7 +58,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
     from lava_ros.hindcast.run import measure_run_error, Run, Settings, UNFINISHED
-    from lava_ros.hindcast.score import score_case
+    from lava_ros.hindcast.score import score_snapshot
     from lava_ros.maps.plot import duration
 
     # checked before the first run, although only the replicates need it
@@ -85,7 +85,7 @@ def hindcast(args: argparse.Namespace) -> int:
             if time is not None or progress.is_due:
                 progress.show(duration(run.time), run.time / case.duration)
     result = run.result()
-    judged = score_case(case, result.snapshot.thickness, result.snapshot.inundated)
+    judged = score_snapshot(case, result.snapshot)
     several, results = None, [result]
     if runs > 1:
         run.keep()

@@ -21,7 +21,7 @@ HORIZON = '24h'
 
 #: Maps of `lava export`, and formats of maps and shapes, as in ``lava_ros.maps.export``.
 SOURCES = ('thickness', 'temperature', 'hazard')
-MAPS = (*SOURCES, 'arrival', 'peak_thickness')
+MAPS = (*SOURCES, 'arrival', 'inundated', 'peak_thickness')
 FORMATS = ('tif', 'geojson', 'gpkg', 'shp', 'kml', 'kmz', 'zip', 'csv', 'nc')
 
 #: Seconds of each unit.
@@ -114,7 +114,10 @@ _SHARED = {item[0][0]: item for item in (
     argument('--preset', None, 'accuracy', DEFAULT_PRESET, choices=PRESETS),
     argument('--seed', 'N', 'seed of the random numbers', 0),
     argument('--spacing', 'M', "distance between particles [m]; replaces the preset's", float),
-    argument('--threshold', 'M', 'thickness at which lava counts as arrived [m]', 0.1),
+    argument(
+        '--threshold', 'M', 'thickness at which lava counts as arrived [m]; by default 0.1 m, or '
+        'a fifth of the expected thickness if that is less', float,
+    ),
 )}
 
 

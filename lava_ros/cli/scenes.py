@@ -36,7 +36,7 @@ from lava_ros.scene.projection import in_degrees, projected
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.scene.vent_files import read_vents, VentRow
-from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolution_of
 
@@ -278,11 +278,12 @@ def _coordinates(option: str, text: str) -> tuple[float, float]:
 
 def log_resolution(
     scene: Scene, accuracy: Accuracy, forced: Mapping[str, bool], horizon: float,
-    threshold: float = COVERED,
+    threshold: float | None = None,
 ) -> None:
-    """Log warnings about the expected flow up to a horizon [s], on maps from a thickness [m].
+    """Log warnings about the expected flow up to a horizon [s].
 
-    ``forced`` are the effects that a user has switched on or off, by name.
+    ``forced`` are the effects that a user has switched on or off, by name, and ``threshold`` the
+    least thickness of lava that counts [m], if the user has given it.
     """
     for text in resolution_of(scene, accuracy, forced, horizon=horizon).warnings(threshold):
         _LOG.warning(text)

@@ -25,8 +25,8 @@ from visualization_msgs.msg import MarkerArray
 from lava_ros.bag.decoding import cloud_columns, image_array, Moment, moment_of, places_in
 from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
-from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
-from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
+from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame, threshold_at
+from lava_ros.maps.layers import ARRIVED, IMAGE, INUNDATED, Layer
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.ros.outputs import BARRIERS, LABELS, PLACES
@@ -186,8 +186,8 @@ class LiveFrames(Watcher, Frames):
             terrain = {'epsg': int(epsg), 'offset': tuple(offset)}
         terrain['barriers'] = [(crest + terrain['offset']).tolist() for crest in self._barriers]
         layers = {source: item.unpacked() for source, item in found.items()}
-        arrived = layers.pop(ARRIVED, None)
-        return Frame(
+        arrived, inundated = (layers.pop(source, None) for source in (ARRIVED, INUNDATED))
+        frame = Frame(
             elevation=self._elevation,
             resolution=float(str(np.float32(self._info.resolution))),
             origin=(self._info.origin.position.x, self._info.origin.position.y),
@@ -195,7 +195,11 @@ class LiveFrames(Watcher, Frames):
             vents=np.reshape([vent['position'] for vent in self._vents], (-1, 2)),
             time=self.times[index],
             scene={'terrain': terrain, 'vents': self._vents},
-            arrived=None if arrived is None else arrived.values,
+        )
+        return frame.with_cover(
+            None if arrived is None else arrived.values,
+            None if inundated is None else inundated.values,
+            threshold_at(self._moment),
         )
 
     def facts(self, index: int) -> Mapping[str, str]:

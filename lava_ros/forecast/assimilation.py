@@ -11,6 +11,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
+from lava_ros.scene.terrain import HALF, PARTS
 
 #: Power of the Jaccard index in a member's weight: with 8, an index of 0.8 weighs three times as
 #: much as 0.7.
@@ -71,9 +72,10 @@ class Outline:
 
 
 def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
-    """Resample a mask for a simulated time [s] at the cell centres of a terrain.
+    """Resample a mask for a simulated time [s] to the cells of a terrain.
 
-    Cells outside the mask count as not observed.
+    A cell has lava, or was observed, if at least half of its squares (``PARTS``) have or were.
+    Squares outside the mask count as not observed.
 
     Raises:
         LavaError: If none of the mask's lava is on the terrain.
@@ -82,12 +84,18 @@ def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
     for start, count, corner, size in zip(
         terrain.origin[::-1], terrain.shape, mask.origin[::-1], mask.lava.shape, strict=True
     ):
-        middle = start + (np.arange(count) + 0.5) * terrain.resolution
+        middle = start + (np.arange(count * PARTS) + 0.5) * (terrain.resolution / PARTS)
         # the mask may have any size and position
         with np.errstate(over='ignore'):
             index = np.clip(np.floor((middle - corner) / mask.resolution), -1, size)
         cells.append(index.astype(np.int64) + 1)
-    lava, known = (np.pad(values, 1)[np.ix_(*cells)] for values in (mask.lava, mask.known))
+    rows, columns = terrain.shape
+    lava, known = (
+        np.count_nonzero(
+            np.pad(values, 1)[np.ix_(*cells)].reshape(rows, PARTS, columns, PARTS), axis=(1, 3)
+        ) >= HALF
+        for values in (mask.lava & mask.known, mask.known)
+    )
     known &= terrain.has_data
     return Outline(time, lava & known, known)
 

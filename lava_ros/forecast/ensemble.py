@@ -20,7 +20,12 @@ from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import DEATHS, Pool, process_number
-from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, footprint_of, reached_by
+from lava_ros.forecast.probability import (
+    EnsembleAccumulator,
+    Footprint,
+    footprint_by,
+    footprint_of,
+)
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import is_sentinel, log_called, Sentinels
 from lava_ros.forecast.store import Store
@@ -95,7 +100,7 @@ def run_ensemble(
     def take(footprint: Footprint) -> None:
         done.add(footprint.index)
         if outline is not None:
-            reached = reached_by(footprint, plan, outline.time)
+            reached = footprint_by(footprint, plan, outline.time)
             agreement[footprint.index] = jaccard(reached, outline)
         ahead[footprint.index] = footprint
         while tally.count in ahead:

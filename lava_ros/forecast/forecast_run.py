@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
 
 #: Number of observations within a horizon, from which peaks are taken. Arrival times are those of
-#: time steps; for a thickness other than ``COVERED`` they are accurate to half an interval.
+#: time steps.
 N_SAMPLES = 240
 
 #: Number of observations of a scene's first forecast, which takes less than half of the time.
@@ -166,7 +166,7 @@ class ForecastRun(SampledRun):
             raise LavaError('samples', samples, 'at least 1')
         self._start = checkpoint.time
         super().__init__(
-            Simulation.resume(checkpoint, device=device),
+            Simulation.resume(checkpoint.counting(self._threshold), device=device),
             [self._start + time for time in moments(horizon, samples)],
             threshold=threshold,
             max_particles=max_particles,
@@ -198,6 +198,7 @@ class ForecastRun(SampledRun):
             threshold=self._threshold,
             terrain=self.simulation.scene.terrain,
             arrival=(seen.arrival - self._start).astype('float32'),
+            inundated=seen.inundated,
             thickness=seen.thickness,
             temperature=seen.temperature,
             duration=self._duration,

@@ -21,7 +21,12 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import plan_from, running
-from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, footprint_of, reached_by
+from lava_ros.forecast.probability import (
+    EnsembleAccumulator,
+    Footprint,
+    footprint_by,
+    footprint_of,
+)
 from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
@@ -163,7 +168,7 @@ class LiveEnsemble:
         Members that have not run get the mean of the completed members.
         """
         time = outline.time - self.start
-        found = [jaccard(reached_by(one, self.plan, time), outline) for one in self._footprints]
+        found = [jaccard(footprint_by(one, self.plan, time), outline) for one in self._footprints]
         return np.array(found + [float(np.mean(found))] * (self.asked - self.count))
 
     def posterior(self, generation: int) -> Posterior:

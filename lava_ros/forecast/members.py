@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 #: of a time step.
 MAX_SAMPLES, MIN_SAMPLES, SAMPLE_INTERVAL = 120, 20, 60.0
 
-#: Lava has arrived where its thickness is at or above this value [m].
-THRESHOLD = 0.1
-
 
 @dataclass(frozen=True, eq=False)
 class Plan:
@@ -50,7 +47,6 @@ class Plan:
         horizon: Simulated duration of each member [s].
         accuracy: The resolution.
         effects: The effects that are on.
-        threshold: Lava has arrived where its thickness is at or above this value [m].
         samples: Number of samples of the flow, evenly spaced up to the horizon, each at the end of
             the time step in which it is due.
         start: State from which all members start, at time 0; None for the scene without lava.
@@ -63,11 +59,15 @@ class Plan:
     horizon: float
     accuracy: Accuracy
     effects: Effects
-    threshold: float = THRESHOLD
     samples: int = MAX_SAMPLES
     start: Checkpoint | None = None
     forced: Mapping[str, bool] | None = None
     switched_on: tuple[CalledEffect, ...] = ()
+
+    @property
+    def threshold(self) -> float:
+        """Minimum thickness of lava that has arrived [m]."""
+        return self.accuracy.inundation_threshold
 
     @property
     def interval(self) -> float:
@@ -96,8 +96,10 @@ class MemberFields:
 
     Attributes:
         index: Number of the member.
-        arrival: Time at which lava reached the threshold thickness [s], float32, shape [rows,
-            columns] of the part; NaN if it did not before the horizon.
+        arrival: Time at which lava at or above the threshold touched the cell [s], float32, shape
+            [rows, columns] of the part; NaN if it did not before the horizon.
+        half_inundated: Time at which it had covered half of the cell [s], as ``arrival``.
+        inundated: Fraction of the cell that it has covered by the horizon, float32, same shape.
         peak: Largest thickness [m], float32, same shape; 0 without lava.
         left: Fraction of the emitted volume that has left the map.
         corner: Row and column of the part's first cell.
@@ -106,6 +108,8 @@ class MemberFields:
 
     index: int
     arrival: np.ndarray
+    half_inundated: np.ndarray
+    inundated: np.ndarray
     peak: np.ndarray
     left: float = 0.0
     corner: tuple[int, int] = (0, 0)
@@ -118,7 +122,7 @@ def make_plan(
     horizon: float,
     accuracy: Accuracy | None = None,
     effects: Mapping[str, bool] | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     samples: int | None = None,
 ) -> Plan:
     """Plan an ensemble that starts at time 0.
@@ -131,17 +135,21 @@ def make_plan(
         horizon: Simulated duration of each member [s].
         accuracy: The resolution; None for automatic.
         effects: Effects forced on or off, by name.
-        threshold: Lava has arrived where its thickness is at or above this value [m].
+        threshold: Lava has arrived where its thickness is at or above this value [m]; None for the
+            automatic one of the accuracy.
         samples: Number of samples of the flow; None to derive it from the horizon.
 
     Raises:
         LavaError: If an argument is not valid.
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    threshold, samples = _sampling(threshold, samples, horizon)
+    samples = _sampling(samples, horizon)
     # one spacing for all members
     median = median_scene(scene)
     accuracy = resolved_accuracy(accuracy or Accuracy(), median, effects, horizon=horizon)
+    if threshold is not None:
+        threshold = validation.number('threshold', threshold, above=0.0, unit='m')
+        accuracy = replace(accuracy, threshold=threshold)
     chosen = [
         effects_for(one, effects, accuracy=accuracy, horizon=horizon)
         for one in (scene, *end_scenes(scene))
@@ -150,14 +158,14 @@ def make_plan(
     # of effects that exclude each other, prefer the one that the scene itself calls for
     together = compatible((*chosen[0], *(name for name in EFFECTS if name in called_for)))
     forced = dict(effects or {})
-    return Plan(scene, horizon, accuracy, together, threshold, samples, forced=forced)
+    return Plan(scene, horizon, accuracy, together, samples, forced=forced)
 
 
 def plan_from(
     start: Checkpoint,
     *,
     horizon: float,
-    threshold: float = THRESHOLD,
+    threshold: float | None = None,
     samples: int | None = None,
 ) -> Plan:
     """Plan an ensemble that continues a running simulation for ``horizon`` [s].
@@ -170,8 +178,10 @@ def plan_from(
         LavaError: If an argument is not valid.
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-    threshold, samples = _sampling(threshold, samples, horizon)
-    return Plan(start.scene, horizon, start.accuracy, start.effects, threshold, samples, start)
+    samples = _sampling(samples, horizon)
+    if threshold is not None:
+        start = start.counting(validation.number('threshold', threshold, above=0.0, unit='m'))
+    return Plan(start.scene, horizon, start.accuracy, start.effects, samples, start)
 
 
 def batch_of(plan: Plan, device: str | None) -> int:
@@ -294,11 +304,15 @@ class MemberRun(SampledRun):
     def fields(self) -> MemberFields:
         """Return the fields so far."""
         seen = self.seen(where_wet=True)
-        arrival = (seen.arrival - self._start).astype(np.float32)
+        arrival, half_inundated = (
+            (times - self._start).astype(np.float32)
+            for times in (seen.arrival, seen.half_inundated)
+        )
         budget = self.simulation.budget()
         left = min(max(budget.left / max(budget.emitted, 1e-9), 0.0), 1.0)
         return MemberFields(
-            self._index, arrival, np.nan_to_num(seen.thickness), left, seen.corner, self._called
+            self._index, arrival, half_inundated, seen.inundated, np.nan_to_num(seen.thickness),
+            left, seen.corner, self._called,
         )
 
     def _note_sample(self, time: float) -> None:
@@ -334,8 +348,7 @@ def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':
     return simulation
 
 
-def _sampling(threshold: float, samples: int | None, horizon: float) -> tuple[float, int]:
-    threshold = validation.number('threshold', threshold, above=0.0, unit='m')
+def _sampling(samples: int | None, horizon: float) -> int:
     if samples is None:
         samples = min(max(math.ceil(horizon / SAMPLE_INTERVAL), MIN_SAMPLES), MAX_SAMPLES)
-    return threshold, validation.whole('samples', samples, at_least=1, at_most=10_000)
+    return validation.whole('samples', samples, at_least=1, at_most=10_000)

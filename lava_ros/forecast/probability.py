@@ -19,7 +19,7 @@ from lava_ros.maps.forecast import HazardMaps, PlaceForecast, QUANTILES
 from lava_ros.maps.places import Places
 from lava_ros.scene import MAX_ELEVATION
 from lava_ros.simulation.output.budget import GONE
-from lava_ros.simulation.output.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import reached_cells, TOUCHED
 
 #: Stands for the observation in a cell without lava.
 NEVER = np.iinfo(np.uint16).max
@@ -32,8 +32,12 @@ class Footprint:
     Attributes:
         index: The member's number.
         corner: Row and column of the rectangle's first cell.
-        first_sample: Number of observations before the first with lava at or above the threshold,
-            uint16, shape [rows, columns] of the rectangle; ``NEVER`` without lava.
+        first_sample: Number of observations before lava at or above the threshold touches the
+            cell, uint16, shape [rows, columns] of the rectangle; ``NEVER`` without lava.
+        half_sample: Number of observations before it has covered half of the cell, as
+            ``first_sample``.
+        inundated: Fraction of the cell that it has covered by the horizon, in units of
+            ``TOUCHED``, uint8, same shape.
         millimetres: Peak thickness [mm], uint32, same shape.
         left: Fraction of the emitted volume that has left the map.
         called: As in ``MemberFields``.
@@ -42,6 +46,8 @@ class Footprint:
     index: int
     corner: tuple[int, int]
     first_sample: np.ndarray
+    half_sample: np.ndarray
+    inundated: np.ndarray
     millimetres: np.ndarray
     left: float = 0.0
     called: tuple[CalledEffect, ...] = ()
@@ -51,30 +57,38 @@ def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
     """Round a member's fields to whole observations and millimetres."""
     peak = np.nan_to_num(np.asarray(member.peak, dtype=np.float64))
     millimetres = np.rint(1000.0 * np.clip(peak, 0.0, MAX_ELEVATION)).astype(np.uint32)
-    arrived = inundated_cells(member.arrival)
-    sample = np.full(arrived.shape, NEVER, dtype=np.uint16)
-    before = np.floor(member.arrival[arrived].astype(np.float64) / plan.interval)
-    sample[arrived] = np.clip(before, 0, plan.samples - 1)
-    wet = arrived | (millimetres > 0)
+    first, half = (_samples(times, plan) for times in (member.arrival, member.half_inundated))
+    parts = first, half, np.rint(member.inundated / TOUCHED).astype(np.uint8), millimetres
+    wet = reached_cells(member.arrival) | (millimetres > 0)
     rows, columns = (np.flatnonzero(wet.any(axis=axis)) for axis in (1, 0))
-    if not rows.size:
-        nothing = sample[:0, :0], millimetres[:0, :0]
-        return Footprint(member.index, (0, 0), *nothing, member.left, member.called)
-    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    corner = member.corner[0] + int(rows[0]), member.corner[1] + int(columns[0])
-    parts = sample[part].copy(), millimetres[part].copy()
-    return Footprint(member.index, corner, *parts, member.left, member.called)
+    part, corner = np.s_[:0, :0], (0, 0)
+    if rows.size:
+        part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        corner = member.corner[0] + int(rows[0]), member.corner[1] + int(columns[0])
+    first, half, inundated, millimetres = (values[part].copy() for values in parts)
+    return Footprint(
+        member.index, corner, first, half, inundated, millimetres, member.left, member.called
+    )
 
 
-def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
-    """Return the cells a member has inundated by a time [s], bool, of the terrain's shape."""
-    reached = np.zeros(plan.scene.terrain.shape, dtype=bool)
-    rows, columns = footprint.first_sample.shape
+def _samples(times: np.ndarray, plan: Plan) -> np.ndarray:
+    """Return the number of observations before each time [s], ``NEVER`` for NaN, uint16."""
+    known = np.isfinite(times)
+    sample = np.full(times.shape, NEVER, dtype=np.uint16)
+    before = np.floor(times[known].astype(np.float64) / plan.interval)
+    sample[known] = np.clip(before, 0, plan.samples - 1)
+    return sample
+
+
+def footprint_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
+    """Return the cells half inundated by a member by a time [s], bool, of the terrain's shape."""
+    inundated = np.zeros(plan.scene.terrain.shape, dtype=bool)
+    rows, columns = footprint.half_sample.shape
     row, column = footprint.corner
-    arrived = (footprint.first_sample.astype(np.float64) + 0.5) * plan.interval <= time
-    arrived &= footprint.first_sample != NEVER
-    reached[row : row + rows, column : column + columns] = arrived
-    return reached
+    by_then = (footprint.half_sample.astype(np.float64) + 0.5) * plan.interval <= time
+    by_then &= footprint.half_sample != NEVER
+    inundated[row : row + rows, column : column + columns] = by_then
+    return inundated
 
 
 def first_samples(footprint: Footprint, places: Places) -> np.ndarray:
@@ -103,6 +117,8 @@ class EnsembleAccumulator:
         # only cells that a member has reached have a row in the table of arrivals
         self._row = np.full(shape, -1, dtype=np.int64)
         self._arrivals = np.zeros((1024, plan.samples), dtype=np.int64)
+        # weights of the members by the part of the cell that they have inundated
+        self._parts = np.zeros((1024, round(1.0 / TOUCHED) + 1), dtype=np.int64)
         self._rows = 0
         self._added: set[int] = set()
         self._total = self._squares = self._beyond = 0
@@ -140,8 +156,10 @@ class EnsembleAccumulator:
         if self._rows > len(self._arrivals):
             more = max(self._rows - len(self._arrivals), len(self._arrivals))
             self._arrivals = np.pad(self._arrivals, ((0, more), (0, 0)))
+            self._parts = np.pad(self._parts, ((0, more), (0, 0)))
         # a footprint contains each cell once, so that no sum is lost
         self._arrivals[row_of[arrived], footprint.first_sample[arrived]] += weight
+        self._parts[row_of[arrived], footprint.inundated[arrived]] += weight
         if self._places is not None:
             first = first_samples(footprint, self._places)
             reached = first != NEVER
@@ -172,6 +190,10 @@ class EnsembleAccumulator:
             thickness=np.where(
                 terrain.has_data, 1e-3 * self._depth / self._total, np.nan
             ).astype(np.float32),
+            inundated={
+                share: on_terrain(self._least_part(share)[self._row[reached]], 0.0)
+                for share in QUANTILES
+            },
             members=self.count,
             effective_members=self._total**2 / self._squares,
             arrival_error=0.5 * self._plan.interval,
@@ -179,14 +201,25 @@ class EnsembleAccumulator:
             places=None if self._places is None else self._when(self._place_arrivals),
         )
 
+    def _least_part(self, share: float) -> np.ndarray:
+        """Return the fraction of each cell that a share of the members inundates, [rows]."""
+        # the members that inundate at least each part
+        sums = np.cumsum(self._parts[: self._rows, ::-1], axis=1)[:, ::-1]
+        return (np.count_nonzero(sums[:, 1:] >= self._needed(share), axis=1) * TOUCHED).astype(
+            np.float32
+        )
+
+    def _needed(self, share: float) -> int:
+        """Return the least sum of weights that is a share of all."""
+        # exact integers, because 0.1 is not a binary fraction
+        return int(-(-self._total * Fraction(str(share)) // 1))
+
     def _when(self, arrivals: np.ndarray) -> PlaceForecast:
         """Convert the weights that arrive at each sample, [places, samples], to a forecast."""
         sums = np.cumsum(arrivals, axis=1)
         times = {}
         for share in QUANTILES:
-            # exact integers, because 0.1 is not a binary fraction
-            needed = -(-self._total * Fraction(str(share)) // 1)
-            enough = sums >= int(needed)
+            enough = sums >= self._needed(share)
             times[share] = np.where(
                 enough[:, -1], (enough.argmax(axis=1) + 0.5) * self._plan.interval, np.nan
             ).astype(np.float32)

@@ -15,15 +15,15 @@ from lava_ros.maps import gis
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS
-from lava_ros.scene.on_terrain import read_polygons_on, read_raster_on
+from lava_ros.scene.on_terrain import read_cover_on, read_polygons_on, read_raster_on
 from lava_ros.scene.projection import coordinate_system
 
 
 def observed_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
     """Read observed lava from a file.
 
-    The file contains areas (``read_polygons_on``), or a raster (``read_raster_on``) with values
-    above 0 for lava, 0 for no lava, and no data for cells that were not observed.
+    The file contains areas, or a raster with values above 0 for lava, 0 for no lava, and no data
+    for cells that were not observed. Lava is in cells at least half of which it covers.
 
     Returns:
         Cells with lava and observed cells, each bool, shape [rows, columns] of the terrain.
@@ -34,10 +34,12 @@ def observed_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np
     field = '--observed'
     # a .txt file may be a grid
     suffix = Path(path).suffix.lower()
-    read = read_polygons_on if suffix in ENDINGS and suffix != '.txt' else read_raster_on
-    values = read(terrain, path, field=field).astype(np.float64)
-    known = np.isfinite(values) & terrain.has_data
-    lava = (values > 0.0) & known
+    if suffix in ENDINGS and suffix != '.txt':
+        lava, known = read_polygons_on(terrain, path, field=field), terrain.has_data
+    else:
+        known = np.isfinite(read_raster_on(terrain, path, field=field)) & terrain.has_data
+        lava = read_cover_on(terrain, path, field=field)
+    lava &= known
     if not lava.any():
         raise LavaError(field, str(path), f'observed lava {terrain.bounds(projected=True)}')
     return lava, known
@@ -72,6 +74,10 @@ def write_atlas(
         'horizon_s': repr(plan.horizon),
         'threshold_m': repr(plan.threshold),
         'arrival_error_s': repr(maps.arrival_error),
+        **{
+            f'inundated_area_p{100.0 * fraction:.0f}_m2': repr(area)
+            for fraction, area in maps.areas(terrain.resolution).items()
+        },
         **tags,
     }
     layers = {

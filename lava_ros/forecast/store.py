@@ -26,11 +26,12 @@ from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
 from lava_ros.scene import MAX_ELEVATION, scene_to_dict
+from lava_ros.simulation.output.inundation import TOUCHED
 
 _LOG = logging.getLogger(__name__)
 
 #: Version of the format of a folder.
-VERSION = 3
+VERSION = 4
 
 #: Files with the description of the ensemble, and with the weights of its members, if any.
 MANIFEST, WEIGHTS = 'ensemble.json', 'weights.json'
@@ -102,6 +103,8 @@ class Store:
             np.savez_compressed(
                 file,
                 look=footprint.first_sample,
+                half=footprint.half_sample,
+                inundated=footprint.inundated,
                 millimetres=footprint.millimetres,
                 corner=np.array(footprint.corner, dtype=np.int32),
                 left=np.array([footprint.left]),
@@ -240,16 +243,23 @@ def _read_member(path: Path, index: int, plan: Plan) -> Footprint:
             raise LavaError(f'{name} of {path}', stored[name][~is_valid][0].item(), expected)
 
     look = array('look', np.uint16)
+    half = array('half', np.uint16, look.shape)
+    inundated = array('inundated', np.uint8, look.shape)
     millimetres = array('millimetres', np.uint32, look.shape)
     corner, left = array('corner', np.int32, (2,)), array('left', np.float64, (1,))
-    check('look', (look < plan.samples) | (look == NEVER), f'less than {plan.samples}, or {NEVER}')
+    for name, samples in (('look', look), ('half', half)):
+        is_valid = (samples < plan.samples) | (samples == NEVER)
+        check(name, is_valid, f'less than {plan.samples}, or {NEVER}')
+    parts = round(1.0 / TOUCHED)
+    check('inundated', inundated <= parts, f'a part of a cell, at most {parts}')
     maximum = round(1e3 * MAX_ELEVATION)
     check('millimetres', millimetres <= maximum, f'a thickness of at most {maximum} mm')
     check('left', (left >= 0.0) & (left <= 1.0), 'a fraction from 0 to 1')
     cells = plan.scene.terrain.shape
     inside = (corner >= 0) & (corner.astype(np.int64) + look.shape <= cells)
     check('corner', inside, f'a part of {look.shape} cells inside a terrain of {cells} cells')
-    return Footprint(index, (int(corner[0]), int(corner[1])), look, millimetres, float(left[0]))
+    place = int(corner[0]), int(corner[1])
+    return Footprint(index, place, look, half, inundated, millimetres, float(left[0]))
 
 
 def _member_path(folder: Path, index: int) -> Path:

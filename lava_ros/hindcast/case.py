@@ -36,7 +36,7 @@ from lava_ros.scene.effusion_rates import (
 from lava_ros.scene.events import read_events
 from lava_ros.scene.features import ENDINGS, TABLES
 from lava_ros.scene.materials import lava_from_dict, Material, with_material_in_lava
-from lava_ros.scene.on_terrain import read_polygons_on, read_raster_on
+from lava_ros.scene.on_terrain import read_cover_on, read_polygons_on, read_raster_on
 from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import Distribution, Uncertainty, uncertainty_from_dict
@@ -281,14 +281,15 @@ def _options(folder: Path) -> dict[str, Any]:
 def _footprint(path: Path, *, ground: Terrain) -> np.ndarray:
     """Read the mapped flow field: areas, or a grid of 0 and 1 in any system, cells and extent."""
     if path.suffix.lower() in ENDINGS:
-        values = read_polygons_on(ground, path, field='the footprint').astype(float)
+        covered = read_polygons_on(ground, path, field='the footprint')
+        values = covered.astype(float)
     else:
         values = np.nan_to_num(read_raster_on(ground, path, field='the footprint'))
+        covered = read_cover_on(ground, path, field='the footprint')
     other = values[(values != 0.0) & (values != 1.0)]
     if other.size:
         expected = '0 (not covered) and 1 (covered) only, and no data'
         raise LavaError('a cell of the footprint', float(other[0]), expected)
-    covered = values == 1.0
     if not covered.any():
         expected = 'at least one cell of the elevation that was covered'
         raise LavaError('the footprint', f'{path.name} without one', expected)

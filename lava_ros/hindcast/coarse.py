@@ -16,7 +16,7 @@ from lava_ros.scene import Terrain
 from lava_ros.simulation.output.snapshot import Snapshot
 
 #: The maps of a snapshot.
-GRIDS = ('thickness', 'temperature', 'frozen', 'arrived')
+GRIDS = ('thickness', 'temperature', 'frozen', 'arrived', 'half_inundated', 'inundated')
 
 
 def coarsened(terrain: Terrain, factor: int) -> Terrain:
@@ -53,31 +53,11 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
         mean = _mean(values, quarters)
         return np.where(terrain.has_data, mean, np.nan).astype(np.float32)
 
-    if snapshot.arrived is None:
-        return regridded(snapshot, terrain, spread)
-    # lava that reaches less than half of a cell does not inundate it
-    reached = terrain.has_data & (quarters(snapshot.inundated.astype(float)) >= 2.0)
-    arrived = np.where(reached, spread(snapshot.arrived), np.float32(np.nan))
-    # move lava of cells below half to the inundated parts of the same coarse cell
-    all_parts, its_parts = (
-        _gathered(cells, rows, columns) for cells in (terrain.has_data, reached)
-    )
-    is_moved = snapshot.inundated & (its_parts > 0.0)
-    gain = np.where(is_moved, all_parts / np.maximum(its_parts, 1.0), 1.0)
-
-    def moved(values: np.ndarray) -> np.ndarray:
-        known = np.isfinite(values)
-        values = np.where(known, values, 0.0)
-        left = quarters(np.where(is_moved, 0.0, values))
-        weight = quarters(known.astype(float))
-        mean = np.where(reached, quarters(values * gain), left) / np.maximum(weight, 1.0)
-        return np.where(terrain.has_data & (weight > 0.0), mean, np.nan).astype(np.float32)
-
-    grids = {
-        name: arrived if name == 'arrived' else (spread if name == 'temperature' else moved)(grid)
-        for name, grid in grids_of(snapshot).items()
-    }
-    return replace(snapshot, terrain=terrain, **grids)  # type: ignore[arg-type]
+    changed = regridded(snapshot, terrain, spread)
+    if changed.inundated is None or changed.half_inundated is None:
+        return changed
+    half = np.where(changed.footprint, changed.half_inundated, np.float32(np.nan))
+    return replace(changed, half_inundated=half)
 
 
 def regridded(

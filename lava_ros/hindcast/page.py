@@ -27,7 +27,6 @@ from lava_ros.pages.report.static_page import write_static_page
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.scene.projection import system_words
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.numerical_error import NumericalError
 from lava_ros.simulation.output.inundation import raise_peak
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -156,7 +155,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'elevation': f'{terrain.shape[0]} x {terrain.shape[1]} cells of {terrain.resolution:g} m'
         + (f', smoothed over {case.low_pass:g} m' if case.low_pass else '')
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
-        'inundated area': f'all cells that lava at least {COVERED:g} m thick has reached',
+        'inundated area': f'covered by lava at least {result.snapshot.threshold:g} m thick so far',
         'events': events or 'none',
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
@@ -183,7 +182,7 @@ NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA
 def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
     """Return the codes of hits, misses and false alarms, int16, shape [rows, columns]."""
     table = np.array([[NEITHER, MISS], [FALSE_ALARM, HIT]], np.int16)
-    codes = table[snapshot.inundated.astype(int), footprint.astype(int)]
+    codes = table[snapshot.footprint.astype(int), footprint.astype(int)]
     codes[~snapshot.terrain.has_data & ~footprint] = UNKNOWN
     return codes
 
@@ -203,12 +202,13 @@ def write_maps(
         LavaError: If rasterio is not installed, or a file cannot be written.
     """
     snapshot, terrain = result.snapshot, case.scene.terrain
-    assert snapshot.arrived is not None
+    assert snapshot.arrived is not None and snapshot.inundated is not None
     codes = comparison(snapshot, case.footprint).astype(np.float32)
     maps = {
         'thickness': snapshot.thickness,
-        'peak_thickness': raise_peak(result.peak, snapshot.arrived),
+        'peak_thickness': raise_peak(result.peak, snapshot.arrived, snapshot.threshold),
         'arrival': snapshot.arrived,
+        'inundated': snapshot.inundated,
         'temperature': snapshot.temperature - 273.15,
         'comparison': np.where(codes == UNKNOWN, np.float32(np.nan), codes),
     }
@@ -216,7 +216,7 @@ def write_maps(
         maps['runs'] = 100.0 * several.share
     origin = Provenance(case.name, result.effects, settings.preset, onset=case.onset)
     compared = replace(origin, observation=f'mapped flow field of {case.name}')
-    tags = {'threshold_m': repr(COVERED), 'simulated_time_s': repr(snapshot.time)}
+    tags = {'threshold_m': repr(snapshot.threshold), 'simulated_time_s': repr(snapshot.time)}
     return [
         write_grid(
             folder / f'{name}.tif', name, np.where(terrain.has_data, values, np.float32(np.nan)),

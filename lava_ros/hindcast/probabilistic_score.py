@@ -13,25 +13,25 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, Outline, outline_on
 from lava_ros.forecast.member_scenes import median_scene
 from lava_ros.forecast.members import make_plan, MAX_SAMPLES, Plan
-from lava_ros.forecast.probability import Footprint, reached_by
+from lava_ros.forecast.probability import Footprint, footprint_by
 from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened
 from lava_ros.hindcast.free_parameters import published_uncertainty
 from lava_ros.hindcast.run import FORCED, Settings
 from lava_ros.scene.uncertainty import Uncertainty
-from lava_ros.simulation.accuracy import COVERED
 
 #: Minimum number of cells of a bin of the reliability diagram whose gap counts.
 CELLS = 200
 
 
-def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Plan:
+def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -> Plan:
     """Plan an ensemble of a case whose members run like its hindcast, to the same end.
 
     If the case does not define uncertainties, everything with a published range is uncertain, and
     so are effusion rates if their table has errors. Each map is an observation, of which dated
-    outlines need more; ``threshold`` is the thickness at or above which lava has arrived [m].
+    outlines need more; ``threshold`` is the thickness at or above which lava has arrived [m], None
+    for the automatic one.
 
     Raises:
         LavaError: If the case has events, or an argument is not valid.
@@ -80,7 +80,7 @@ def probability_at(
     plan: Plan,
     weights: Sequence[float] | np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the probability that lava has arrived by each of some times [s] since the start.
+    """Return the probability of the footprint at each of some times [s] since the start.
 
     ``weights`` are those of the members, equal by default.
 
@@ -92,7 +92,7 @@ def probability_at(
         weight = 1.0 if weights is None else float(weights[place])
         total += weight
         for time, cells in zip(times, sums, strict=True):
-            cells += weight * reached_by(member, plan, time)
+            cells += weight * footprint_by(member, plan, time)
     return np.where(plan.scene.terrain.has_data, 100.0 * sums / total, np.nan)
 
 

@@ -22,7 +22,7 @@ from lava_ros import validation
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import regridded
 from lava_ros.hindcast.run import Result, Run, Settings
-from lava_ros.hindcast.score import Score, score_case
+from lava_ros.hindcast.score import Score, score_case, score_snapshot
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.batch import side_by_side
 from lava_ros.simulation.numerical_error import mean_difference
@@ -215,10 +215,8 @@ def _rounded(length: float) -> float:
 
 def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
     """Compare final snapshots with the mapped flow field, one by one and combined."""
-    inundated = [snapshot.inundated for snapshot in snapshots]
-    share = np.mean(inundated, axis=0)
+    share = np.mean([snapshot.footprint for snapshot in snapshots], axis=0)
     mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)
     thickness = np.where(share >= 0.5, mean, 0.0)
-    pairs = zip(snapshots, inundated, strict=True)
-    scores = tuple(score_case(case, snapshot.thickness, cells) for snapshot, cells in pairs)
+    scores = tuple(score_snapshot(case, snapshot) for snapshot in snapshots)
     return Agreement(scores, share, thickness, score_case(case, thickness, share >= 0.5))

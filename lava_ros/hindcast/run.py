@@ -366,6 +366,7 @@ def _write(path: Path, snapshot: Snapshot) -> None:
         'budget': asdict(snapshot.budget),
         'steps': asdict(snapshot.steps),
         'particle_count': snapshot.particle_count,
+        'threshold': snapshot.threshold,
     }
     with replacing(path) as partial:
         data = np.frombuffer(json.dumps(plain).encode(), np.uint8)
@@ -383,5 +384,6 @@ def _read(path: Path, terrain: Terrain) -> Snapshot:
             budget=VolumeBudget(**plain['budget']),
             particle_count=plain['particle_count'],
             steps=StepReport(**plain['steps']),
+            threshold=float(plain['threshold']),
             **{name: arrays[name] for name in GRIDS if name in arrays},
         )

@@ -15,7 +15,13 @@ import numpy as np
 
 from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
-from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.output.inundation import (
+    area_of,
+    footprint_cells,
+    standing_cells,
+    standing_part,
+)
 from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Number of paths of steepest descent, and the noise on the ground of each [m].
@@ -33,9 +39,10 @@ STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 class Score:
     """A comparison of a simulated flow with a mapped one.
 
-    Simulated cells are the inundated ones. ``jaccard`` is cells in both over cells in either and
-    ``fit`` its square root, e1 in the literature; ``recall`` is the inundated fraction of the
-    mapped cells, ``precision`` the mapped fraction of the inundated cells. ``area`` is the
+    Simulated cells are those of the footprint, at least half of which lava has covered; mapped
+    cells are those with their centre in the outline. ``jaccard`` is cells in both over cells in
+    either and ``fit`` its square root, e1 in the literature; ``recall`` is the simulated fraction
+    of the mapped cells, ``precision`` the mapped fraction of the simulated cells. ``area`` is the
     inundated area [m2], ``standing_area`` the area with lava at the end [m2]. Lengths are runout
     lengths along the path from a vent [m]. Thicknesses are those at the end [m];
     ``mapped_thickness`` is the emitted volume over the mapped area. Errors are relative, positive
@@ -104,16 +111,23 @@ class Reference:
         return f'{before}steepest descent: {self.descent:.3f}'
 
 
-def score_case(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Score:
+def score_case(
+    case: Case, thickness: np.ndarray, inundated: np.ndarray, threshold: float = COVERED
+) -> Score:
     """Compare a simulated flow with the mapped flow field of a case, on the cells of the case.
 
     Args:
         case: The case.
         thickness: Thickness of the simulated lava [m], NaN without data, shape [rows, columns].
-        inundated: Cells that it has inundated, bool, same shape.
+        inundated: Fraction of each cell that it has inundated, or the cells of its footprint,
+            float or bool, same shape.
+        threshold: Minimum thickness of lava that counts [m].
     """
     terrain, footprint, thickness = case.scene.terrain, case.footprint, np.nan_to_num(thickness)
-    standing, area = standing_cells(thickness), terrain.resolution**2
+    standing, area = standing_cells(thickness, threshold), terrain.resolution**2
+    inundated_area = area_of(inundated, terrain.resolution)
+    standing_area = area_of(standing_part(standing, inundated), terrain.resolution)
+    inundated = footprint_cells(inundated)
     layer = thickness[standing]
     hits = int((inundated & footprint).sum())
     mapped, simulated = int(footprint.sum()), int(inundated.sum())
@@ -128,8 +142,8 @@ def score_case(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Scor
         hits=hits,
         misses=mapped - hits,
         false_alarms=simulated - hits,
-        area=simulated * area,
-        standing_area=int(standing.sum()) * area,
+        area=inundated_area,
+        standing_area=standing_area,
         mapped_area=mapped * area,
         length=length,
         mapped_length=mapped_length,
@@ -139,23 +153,29 @@ def score_case(case: Case, thickness: np.ndarray, inundated: np.ndarray) -> Scor
         thickest=float(layer.max()) if layer.size else 0.0,
         mapped_thickness=case.volume / (mapped * area) if mapped else math.nan,
         length_error=length / mapped_length - 1.0 if mapped_length else math.nan,
-        area_error=simulated * area / (mapped * area) - 1.0 if mapped else math.nan,
+        area_error=inundated_area / (mapped * area) - 1.0 if mapped else math.nan,
     )
 
 
-def score_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineScore]:
-    """Score the area that at least half of some runs have inundated at the time of each outline.
+def score_snapshot(case: Case, snapshot: Snapshot) -> Score:
+    """Compare a flow at its end with the mapped flow field of a case."""
+    assert snapshot.inundated is not None
+    return score_case(case, snapshot.thickness, snapshot.inundated, snapshot.threshold)
 
-    The area at an earlier time follows from the arrival times of a run.
+
+def score_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineScore]:
+    """Score the footprint of at least half of some runs at the time of each outline.
+
+    The footprint at an earlier time follows from the times at which cells were half inundated.
 
     Args:
         case: The case with its outlines.
         snapshots: The end of each run, with arrival times.
     """
     scores = []
-    arrived = [item.arrived for item in snapshots if item.arrived is not None]
+    times_of = [item.half_inundated for item in snapshots if item.half_inundated is not None]
     for outline in case.outlines:
-        inundated = np.mean([times <= outline.time for times in arrived], axis=0) >= 0.5
+        inundated = np.mean([times <= outline.time for times in times_of], axis=0) >= 0.5
         # the scores of an outline do not depend on the thickness, which is that at the end
         found = score_case(
             replace(case, footprint=outline.footprint), snapshots[0].thickness, inundated

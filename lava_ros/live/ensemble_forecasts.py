@@ -8,6 +8,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, replace
+import math
 import queue
 from typing import Any
 
@@ -22,6 +23,7 @@ from lava_ros.maps.forecast import EnsembleForecast
 from lava_ros.maps.places import Places, places_on
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
+from lava_ros.simulation.accuracy import Accuracy, COVERED
 
 #: Maximum number of (ROS time, simulated time) pairs kept to convert a stamp.
 _MOMENTS = 512
@@ -51,6 +53,11 @@ class ForecastRules:
     deadline: float = 0.0
     time_scale: float = 1.0
     features: tuple[Feature, ...] = ()
+
+    def threshold_for(self, accuracy: Accuracy) -> float:
+        """Return the threshold for a simulation [m]; 0.1 m stands for its own."""
+        is_usual = math.isclose(self.threshold, COVERED)
+        return accuracy.inundation_threshold if is_usual else self.threshold
 
 
 @dataclass(frozen=True)

@@ -317,7 +317,7 @@ class Forecaster:
             number=self._number,
             checkpoint=fork.checkpoint,
             horizon=rules.horizon,
-            threshold=rules.threshold,
+            threshold=rules.threshold_for(fork.checkpoint.accuracy),
             device=self.worker.status.device or None,
             max_particles=rules.max_particles,
             is_first=self.latest is None or self.latest.changes != fork.changes,

@@ -10,7 +10,6 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import IMAGE, Layer
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import standing_cells
 
 THICKNESS = 'thickness'
@@ -62,8 +61,8 @@ class Arrival:
             self.times = np.full(shown.values.shape, np.nan)
             self.peak = np.zeros(shown.values.shape, dtype=np.float32)
         assert self.times is not None and self.peak is not None
-        is_noted = frame.inundated is not None and bool(frame.inundated.any())
-        if is_noted and math.isclose(self.threshold, COVERED):
+        is_noted = frame.reached is not None and bool(frame.reached.any())
+        if is_noted and math.isclose(self.threshold, frame.threshold):
             assert frame.arrived is not None
             self.times, self.is_noted = frame.arrived.astype(float), True
         elif not self.is_noted:

@@ -52,6 +52,9 @@ STYLES = {
         'First arrival time', 's',
         ('#5c0018', '#b2182b', '#e8602c', '#f6b32e', '#7fc7b0', '#2f8fc4', '#20418f'),
     ),
+    'inundated': Style(
+        'Inundated fraction of the cell', '', ('#fff3c4', '#f99a3b', '#a81d1d'),
+    ),
     'probability': Style(
         'Inundation probability', '%',
         ('#fff3c4', '#fdd17a', '#f99a3b', '#e2571e', '#a81d1d', '#5a0a2a'),
@@ -106,6 +109,8 @@ def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
         return 0.0, max(STYLES[source].classes)
     if source == 'probability':
         return 0.0, 100.0
+    if source == 'inundated':
+        return 0.0, 1.0
     if source == 'change':
         return -100.0, 100.0
     if source == 'arrival':

@@ -25,13 +25,12 @@ from lava_ros.maps.plot import time_note
 from lava_ros.scene import Georeference, Terrain, Vent
 from lava_ros.scene.projection import coordinate_system, system_name
 from lava_ros.scene.terrain import check_epsg
-from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.output.inundation import inundated_cells, raise_peak
+from lava_ros.simulation.output.inundation import raise_peak, reached_cells
 
 _LOG = logging.getLogger(__name__)
 
 #: Maps for export: those of a frame, and those accumulated over all frames up to it.
-MAPS = (*SOURCES, 'arrival', 'peak_thickness')
+MAPS = (*SOURCES, 'arrival', 'inundated', 'peak_thickness')
 
 #: File formats: GeoTIFF with QGIS styles, vector files of outline and isochrones, and NetCDF.
 FORMATS = ('tif', *WRITTEN, 'nc')
@@ -53,7 +52,7 @@ def export_bag(
     formats: Collection[str] = ('tif',),
     time: float | None = None,
     every: bool = False,
-    threshold: float = COVERED,
+    threshold: float | None = None,
     epsg: int | None = None,
     offset: tuple[float, float] | None = None,
     progress: Progress = silent,
@@ -70,7 +69,8 @@ def export_bag(
         formats: File formats, of ``FORMATS``. Only GeoTIFF can contain several frames.
         time: Simulated time [s] of the newest frame to read; None for the end of the bag.
         every: True to write thickness, temperature and hazard of each frame up to the time.
-        threshold: Lava has arrived where its thickness is at or above this value [m].
+        threshold: Lava has arrived where its thickness is at or above this value [m]; None for
+            the threshold of the simulation.
         epsg: EPSG code that replaces the coordinate system of the bag.
         offset: Easting and northing [m] of the map frame's origin, for a bag without a coordinate
             system, or together with ``epsg``.
@@ -87,10 +87,12 @@ def export_bag(
     if every and 'tif' not in formats:
         expected = 'also tif, which alone can have every frame'
         raise LavaError('formats', ', '.join(formats), expected)
-    threshold = validation.number('threshold', threshold, above=0.0, unit='m')
+    if threshold is not None:
+        threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     require('rasterio', 'GeoTIFF', str(directory))
     target = Path(directory)
     recording = Recording(path, node=node)
+    threshold = recording.threshold if threshold is None else threshold
     known: dict[str, Georeference] = {}
 
     def georeference_in(scene: Mapping[str, Any]) -> Georeference:
@@ -149,8 +151,12 @@ def export_bag(
         _LOG.warning(note)
     if not every:
         write_layers(last)
-    for name in ('arrival', 'peak_thickness'):
-        if name in maps and history.frame is not None:
+    for name in ('arrival', 'inundated', 'peak_thickness'):
+        if name not in maps:
+            continue
+        if name == 'inundated' and last.inundated is not None:
+            write(name, last, (last.inundated, _inundated_tags(last)), f'{name}.tif')
+        elif name != 'inundated' and history.frame is not None:
             write(name, history.frame, _history_map(name, history), f'{name}.tif')
     end = georeference_in(last.scene)
     if newest:
@@ -249,6 +255,16 @@ def _layer_map(name: str, frame: Frame, onset: Onset | None) -> gis.Made:
     return values, tags
 
 
+def _inundated_tags(frame: Frame) -> dict[str, str]:
+    """Return tags of the inundated fractions of a frame."""
+    assert frame.inundated is not None
+    return {
+        'threshold_m': repr(frame.threshold),
+        'inundated_area_m2': repr(frame.area(frame.inundated)),
+        **({} if frame.time is None else {'simulated_time_s': repr(frame.time)}),
+    }
+
+
 def _history_map(name: str, history: Arrival) -> gis.Made:
     """Return the arrival times or the peak thickness, and tags."""
     frame = history.frame
@@ -259,7 +275,8 @@ def _history_map(name: str, history: Arrival) -> gis.Made:
     if name == 'peak_thickness':
         tags['saturated'] = 'yes' if history.is_saturated else 'no'
         is_noted = history.is_noted
-        return raise_peak(history.peak, history.times) if is_noted else history.peak, tags
+        least = history.threshold
+        return raise_peak(history.peak, history.times, least) if is_noted else history.peak, tags
     tags['threshold_m'] = repr(history.threshold)
     if history.is_noted:
         tags['note'] = 'times are those of the steps of the simulation'
@@ -275,15 +292,17 @@ def _shapes(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the outline and the isochrones as layers of features.
 
-    The outline is that of the area inundated so far, or of the standing lava if the bag has no
-    arrival times.
+    The outline is that of the footprint so far, with the inundated area, or that of the standing
+    lava if the bag has no arrival times.
     """
-    cells, name = frame.inundated, 'inundated area'
-    if cells is None and history.times is not None and history.threshold == COVERED:
-        cells = inundated_cells(history.times)
-    if cells is None:
-        cells, name = frame.standing, 'standing lava'
-    layers = {'outline': gis.area(cells, terrain, shows=name, threshold_m=COVERED)}
+    cells, part, name = frame.footprint, frame.inundated, 'inundated area'
+    if cells is None and history.times is not None and history.threshold == frame.threshold:
+        cells = part = reached_cells(history.times)
+    if cells is None or part is None:
+        cells = part = frame.standing
+        name = 'standing lava'
+    known = {'threshold_m': frame.threshold, 'area_m2': frame.area(part)}
+    layers = {'outline': gis.area(cells, terrain, shows=name, **known)}
     if 'arrival' in newest:
         layers['isochrones'] = gis.isochrones(
             newest['arrival'][0], terrain, onset, threshold_m=history.threshold

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lava_ros.scene import Terrain
+from lava_ros.simulation.output.inundation import area_of
 
 #: Time to arrival in unknown cells, as returned by ``Layer.raw_values`` [s].
 UNKNOWN = -1.0
@@ -27,6 +28,8 @@ class Forecast:
         terrain: The ground.
         arrival: Time to arrival from the start [s], float32, shape [rows, columns]; 0 in cells
             with lava at the start, NaN in cells without arrival within the horizon.
+        inundated: Fraction of each cell that lava has covered by the horizon, float32, same shape;
+            NaN if unknown.
         thickness: Peak thickness within the horizon [m], float32, same shape; 0 without lava, NaN
             if unknown: outside the terrain, and after a withdrawal.
         temperature: Maximum depth-averaged temperature within the horizon [K], float32, same
@@ -42,6 +45,7 @@ class Forecast:
     threshold: float
     terrain: Terrain
     arrival: np.ndarray
+    inundated: np.ndarray
     thickness: np.ndarray
     temperature: np.ndarray
     duration: float
@@ -52,7 +56,9 @@ class Forecast:
     def withdrawn(self) -> 'Forecast':
         """Return the forecast with all cells unknown."""
         unknown = np.full(self.arrival.shape, np.nan, dtype=np.float32)
-        return replace(self, arrival=unknown, thickness=unknown, temperature=unknown)
+        return replace(
+            self, arrival=unknown, inundated=unknown, thickness=unknown, temperature=unknown
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +82,12 @@ class HazardMaps:
     All arrays are float32, have the terrain's shape, and are NaN where the terrain has no data.
 
     Attributes:
-        probability: Inundation probability within the horizon, 0 to 100.
+        probability: Inundation probability within the horizon, 0 to 100: the fraction of the
+            members whose lava reaches the cell.
         arrival: Times [s] by which lava has arrived in a fraction of the members, by the fractions
             in ``QUANTILES``; NaN where it arrives in fewer members within the horizon.
+        inundated: Fractions of the cells that lava has covered within the horizon in a fraction of
+            the members, by the fractions in ``QUANTILES``.
         thickness: Mean over all members of the peak thickness [m].
         members: Number of members in the maps.
         effective_members: Number of members of equal weight with the same information,
@@ -91,12 +100,22 @@ class HazardMaps:
 
     probability: np.ndarray
     arrival: dict[float, np.ndarray]
+    inundated: dict[float, np.ndarray]
     thickness: np.ndarray
     members: int
     effective_members: float
     arrival_error: float
     members_beyond: int = 0
     places: PlaceForecast | None = None
+
+    def areas(self, resolution: float) -> dict[float, float]:
+        """Return the area inundated in at least a fraction of the members [m2], by ``QUANTILES``.
+
+        ``resolution`` is the side of a cell [m]. A part of a cell counts if that fraction of the
+        members inundates at least as much of the cell.
+        """
+        # what 10 % inundate is the larger area
+        return {share: area_of(part, resolution) for share, part in self.inundated.items()}
 
     @property
     def sampling_error(self) -> float:
@@ -138,6 +157,7 @@ class EnsembleForecast:
         return Forecast(
             self.time, self.horizon, self.threshold, self.terrain,
             arrival=self.maps.arrival[quantile],
+            inundated=self.maps.inundated[quantile],
             thickness=thickness,
             temperature=np.full_like(thickness, np.nan),
             duration=self.duration,
@@ -148,7 +168,9 @@ class EnsembleForecast:
         """Return the ensemble forecast with all cells unknown."""
         unknown = np.full_like(self.maps.thickness, np.nan)
         arrival = dict.fromkeys(self.maps.arrival, unknown)
-        maps = replace(self.maps, probability=unknown, arrival=arrival, thickness=unknown)
+        maps = replace(
+            self.maps, probability=unknown, arrival=arrival, inundated=arrival, thickness=unknown
+        )
         return replace(self, maps=maps)
 
 

@@ -17,6 +17,7 @@ from lava_ros.bag.decoding import (
     cloud_columns,
     Decoder,
     image_array,
+    Moment,
     places_in,
     read_grid,
     stamp_of,
@@ -28,9 +29,16 @@ from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
-from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer
+from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, INUNDATED, Layer
 from lava_ros.scene import MAX_COORDINATE, Scene, scene_to_dict, Terrain
-from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.output.inundation import (
+    area_of,
+    footprint_cells,
+    reached_cells,
+    standing_cells,
+    standing_part,
+)
 
 #: Called with the name of the activity and its completed fraction, 0 to 1.
 Progress = Callable[[str, float], None]
@@ -71,6 +79,10 @@ class Frame:
         scene: The scene in the bag, in the form of ``scene_to_dict``.
         arrived: First arrival time [s], float32, shape [rows, columns], NaN in cells without
             arrival; None if the bag does not contain it.
+        inundated: Fraction of each cell that lava has covered so far, float32, same shape, NaN
+            without data; 1 in cells with arrival if the bag does not contain it, None without
+            either.
+        threshold: Minimum thickness of lava that counts as inundation [m].
         fissures: Ends of vents that are lines [m], shape [count, 2, 2].
     """
 
@@ -82,6 +94,8 @@ class Frame:
     time: float | None
     scene: Mapping[str, Any]
     arrived: np.ndarray | None = None
+    inundated: np.ndarray | None = None
+    threshold: float = COVERED
     fissures: Any = ()
 
     @property
@@ -102,23 +116,50 @@ class Frame:
         """Cells with lava now, bool; without a thickness, those with lava in any layer."""
         thickness = self.layers.get('thickness')
         if thickness is not None:
-            return standing_cells(thickness.values)
+            return standing_cells(thickness.values, self.threshold)
         wet = [np.isfinite(item.values) for item in self.layers.values()]
         return np.logical_or.reduce([np.zeros(self.elevation.shape, dtype=bool), *wet])
 
     @property
-    def inundated(self) -> np.ndarray | None:
-        """Cells that lava has reached so far, bool; None without arrival times."""
-        return None if self.arrived is None else inundated_cells(self.arrived)
+    def standing_area(self) -> float:
+        """Area on which lava stands now [m2], within the inundated area."""
+        return self.area(standing_part(self.standing, self.inundated))
+
+    @property
+    def reached(self) -> np.ndarray | None:
+        """Cells that lava has touched so far, bool; None without arrival times."""
+        return None if self.arrived is None else reached_cells(self.arrived)
+
+    @property
+    def footprint(self) -> np.ndarray | None:
+        """Cells of which lava has covered at least half so far, bool; None if unknown."""
+        return None if self.inundated is None else footprint_cells(self.inundated)
 
     @property
     def lava(self) -> np.ndarray:
         """Cells with lava now, and cells that lava has reached if those are known, bool."""
-        return self.standing if self.inundated is None else self.standing | self.inundated
+        return self.standing if self.reached is None else self.standing | self.reached
 
     def area(self, cells: np.ndarray) -> float:
-        """Return the area of a set of cells [m2]."""
-        return float(np.count_nonzero(cells)) * self.resolution**2
+        """Return the area of a mask or of fractions of cells [m2]."""
+        return area_of(cells, self.resolution)
+
+    def with_cover(
+        self, arrived: np.ndarray | None, inundated: np.ndarray | None, threshold: float
+    ) -> 'Frame':
+        """Return the frame with arrival times, inundated fractions, and their threshold [m].
+
+        A bag without fractions counts whole cells. Lava without any arrival time is that of a
+        simulation that did not record them.
+        """
+        frame = replace(self, arrived=arrived, threshold=threshold)
+        if frame.reached is None or (frame.standing.any() and not frame.reached.any()):
+            return replace(frame, arrived=None)
+        if inundated is None or not np.isfinite(inundated).any():
+            inundated = frame.reached.astype(np.float32)
+        is_known = np.isfinite(self.elevation)
+        inundated = np.where(is_known, np.nan_to_num(inundated), np.float32(np.nan))
+        return replace(frame, inundated=inundated)
 
     @property
     def thickest(self) -> float:
@@ -141,6 +182,12 @@ def frame_of(scene: Scene) -> Frame:
         scene=scene_to_dict(scene),
         fissures=np.array(fissures).reshape(-1, 2, 2),
     )
+
+
+def threshold_at(moment: Moment | None) -> float:
+    """Return the minimum thickness of lava that counts as inundation [m], from diagnostics."""
+    known = math.nan if moment is None else moment.number('inundation_threshold_m')
+    return known if known > 0.0 else COVERED
 
 
 def silent(activity: str, fraction: float) -> None:
@@ -216,6 +263,11 @@ class Recording:
             for item in bag.newest([self.georeference], (bag.end_ns or 0) + 1):
                 if stated := recorded_georeference(bag, self.decoder, item):
                     self.scene = georeferenced(self.scene, stated.georeference)
+
+    @property
+    def threshold(self) -> float:
+        """Minimum thickness of lava that counts as inundation [m]."""
+        return threshold_at(self.timeline.moments[-1] if self.timeline.moments else None)
 
     @property
     def topics(self) -> set[str]:
@@ -385,7 +437,7 @@ class _Assembly:
                     layers[layer.source] = shown
                 else:
                     recording._check_ground(name, shown.values.shape, where)
-        arrived = layers.pop(ARRIVED, None)
+        arrived, inundated = (layers.pop(source, None) for source in (ARRIVED, INUNDATED))
         has_vents = recording.vents in self.newest
         stamp = max(recording.time_of(self.newest[name]) for name in self._layer_names())
         frame = Frame(
@@ -396,11 +448,12 @@ class _Assembly:
             vents=self._get(recording.vents, _vents) if has_vents else np.empty((0, 2)),
             time=recording.timeline.time_at(stamp),
             scene=self._scene(),
-            arrived=None if arrived is None else arrived.values,
         )
-        # lava without any arrival time: the simulation did not record arrival times
-        is_valid = frame.inundated is None or frame.inundated.any() or not frame.standing.any()
-        return frame if is_valid else replace(frame, arrived=None)
+        return frame.with_cover(
+            None if arrived is None else arrived.values,
+            None if inundated is None else inundated.values,
+            recording.threshold,
+        )
 
     def _scene(self) -> Mapping[str, Any]:
         """Return the scene with the georeference of the ground, if the bag has it."""

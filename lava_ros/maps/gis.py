@@ -139,7 +139,7 @@ def area(cells: np.ndarray, terrain: Terrain, **properties: Any) -> list[dict[st
     """Return cells as a list of one GeoJSON feature in map coordinates; empty without cells.
 
     ``cells`` is bool, shape [rows, columns], row 0 the southernmost. The feature has
-    ``properties`` and its ``area_m2``.
+    ``properties``, and unless they have it the ``area_m2`` of the cells.
     """
     from rasterio.features import shapes
     from rasterio.transform import Affine
@@ -151,14 +151,15 @@ def area(cells: np.ndarray, terrain: Terrain, **properties: Any) -> list[dict[st
         cells.astype(np.uint8), cells, transform=Affine(side, 0.0, east, 0.0, side, north)
     )
     geometry = {'type': 'MultiPolygon', 'coordinates': [item['coordinates'] for item, _ in found]}
-    known = {**properties, 'area_m2': float(cells.sum()) * side**2}
+    known = {**properties}
+    known.setdefault('area_m2', float(cells.sum()) * side**2)
     return [{'type': 'Feature', 'properties': known, 'geometry': geometry}]
 
 
 def isochrones(
     times: np.ndarray, terrain: Terrain, onset: Onset | None = None, **properties: Any
 ) -> list[dict[str, Any]]:
-    """Return GeoJSON features of the area inundated by each of several round times.
+    """Return GeoJSON features of the cells that lava has reached by each of some round times.
 
     ``times`` are arrival times [s], shape [rows, columns], NaN without arrival. Each feature
     includes the area of the earlier ones, has a date if ``onset`` is given, and ``properties``.

@@ -22,6 +22,7 @@ from lava_ros.maps.layers import (
     GRID_MAP,
     HazardLimits,
     IMAGE,
+    INUNDATED,
     LAVA,
     Layer,
     OCCUPANCY_GRID,
@@ -47,6 +48,7 @@ _UNITS = {
     'hazard': 'hazard',
     ARRIVAL: 's',
     ARRIVED: 's',
+    INUNDATED: '1',
     PROBABILITY: '%',
 }
 
@@ -69,7 +71,9 @@ TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 CHECKS: Mapping[str, Callable[[str, object], Any]] = {
     'message': partial(choice, allowed=tuple(MESSAGES)),
     'source': partial(
-        choice, allowed=(*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES, ARRIVED, LAVA)
+        choice, allowed=(
+            *SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES, ARRIVED, INUNDATED, LAVA,
+        )
     ),
     'threshold': partial(number, at_least=0.0, unit='m'),
     'enabled': flag,
@@ -158,7 +162,7 @@ def _layer(name: str, value: object) -> Layer:
     result = {'topic': name, **data, **_checked(where, data), 'name': name}
     message = result['message'] = MESSAGES[result['message']]
     known = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES)
-    known += (ARRIVED,) if message == IMAGE else ()
+    known += (ARRIVED, INUNDATED) if message == IMAGE else ()
     known = (LAVA,) if message in (POINT_CLOUD, GRID_MAP) else known
     source = choice(f'{where}.source', data['source'], known)
     topic = result['topic']

@@ -12,7 +12,7 @@ import numpy as np
 from lava_ros.bag.qos import LATCHED, QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, occupancy, UNKNOWN
-from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
+from lava_ros.simulation.output.inundation import reached_cells, standing_cells
 
 if TYPE_CHECKING:
     # importing the solver loads Warp, which is not needed here
@@ -37,6 +37,9 @@ SOURCES = ('thickness', 'temperature', 'hazard')
 
 #: Source of first arrival times (simulated times).
 ARRIVED = 'arrived'
+
+#: Source of images of the fraction of each cell that lava has covered.
+INUNDATED = 'inundated'
 
 #: Source of times to arrival.
 ARRIVAL = 'arrival'
@@ -105,10 +108,10 @@ class Layer:
     Attributes:
         name: The layer's key in its file.
         topic: Relative topic name.
-        source: ``thickness``, ``temperature`` or ``hazard``; in images ``arrived``; in point
-            clouds and grid maps ``lava``, which is all of them. For a forecast, ``arrival`` or
-            ``peak_thickness``, ``peak_temperature``, ``peak_hazard``; for an ensemble, one of
-            ``ENSEMBLE_SOURCES``.
+        source: ``thickness``, ``temperature`` or ``hazard``; in images ``arrived`` or
+            ``inundated``; in point clouds and grid maps ``lava``, which is all of them. For a
+            forecast, ``arrival`` or ``peak_thickness``, ``peak_temperature``, ``peak_hazard``; for
+            an ensemble, one of ``ENSEMBLE_SOURCES``.
         message: Full name of the message type.
         range: Values at the two ends of ``scale`` [m, Celsius, hazard, or s]. None for layers
             without a scale, and for times to arrival from 0 to the horizon.
@@ -194,9 +197,10 @@ class Layer:
         Dry cells are 0, or NaN for temperature and times. Unknown cells, including those outside
         the terrain, are NaN, or ``UNKNOWN`` for times to arrival.
         """
-        if self.source == ARRIVED:
-            times = getattr(snapshot, 'arrived', None)
-            return np.full(snapshot.terrain.shape, np.nan, np.float32) if times is None else times
+        if self.source in (ARRIVED, INUNDATED):
+            values = getattr(snapshot, self.source, None)
+            unknown = np.full(snapshot.terrain.shape, np.nan, np.float32)
+            return unknown if values is None else values
         if self.source == LAVA:
             expected = f'one of {", ".join(SOURCES)}; maps and points have them all'
             raise LavaError(f'layers.{self.name}.source', self.source, expected)
@@ -310,10 +314,10 @@ class Layer:
     def _quantity(self, source: str, snapshot: 'Flow') -> tuple[np.ndarray, np.ndarray]:
         """Return the cells with lava, bool, shape [rows, columns], and a quantity in them.
 
-        For the hazard index, all inundated cells are among them.
+        For the hazard index, all cells that lava has reached are among them.
         """
         if isinstance(snapshot, Forecast) and source == ARRIVAL:
-            wet = inundated_cells(snapshot.arrival)
+            wet = reached_cells(snapshot.arrival)
             return wet, snapshot.arrival[wet]
         wet = (snapshot.thickness > 0.0) & standing_cells(snapshot.thickness, self.threshold)
         thickness, temperature = snapshot.thickness[wet], snapshot.temperature[wet]
@@ -325,7 +329,7 @@ class Layer:
         index[wet] = hazard(thickness, temperature, self.hazard)
         times = snapshot.arrival if isinstance(snapshot, Forecast) else snapshot.arrived
         if times is not None:
-            wet = wet | (inundated_cells(times) & np.isfinite(snapshot.thickness))
+            wet = wet | (reached_cells(times) & np.isfinite(snapshot.thickness))
         return wet, index[wet]
 
 

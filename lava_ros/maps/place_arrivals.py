@@ -3,8 +3,7 @@
 
 """Arrival of lava at places, from maps of arrival times.
 
-The finite cells of an arrival map are the inundated area. Lava has arrived at a place when it is
-in the first cell that the place touches.
+Lava has arrived at a place when it has touched the first cell that the place touches.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,7 @@ from lava_ros.files.csv import format_table
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
-from lava_ros.simulation.output.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import reached_cells
 
 if TYPE_CHECKING:
     # importing the solver loads Warp, which is not needed here
@@ -107,6 +106,7 @@ COLUMNS = tuple(dict.fromkeys(
 def arrivals(
     places: Places,
     cells: Mapping[float, np.ndarray],
+    parts: Mapping[float, np.ndarray],
     *,
     probability: np.ndarray | None = None,
     first: Mapping[float, np.ndarray] | None = None,
@@ -118,6 +118,7 @@ def arrivals(
         places: The places.
         cells: Arrival times [s] in the cells that they touch (``Places.at``), by the fraction of
             the members; NaN where lava arrives in fewer.
+        parts: Fractions of these cells that lava has covered, by the fraction of the members.
         probability: Probability that lava arrives at a place, 0 to 100, shape [places]; None for
             a single run.
         first: Times [s] by which lava has arrived at a place, by the fraction of the members, NaN
@@ -131,7 +132,7 @@ def arrivals(
     first = first or {fraction: places.first(values) for fraction, values in cells.items()}
     if probability is None:
         probability = 100.0 * np.isfinite(first[QUANTILES[0]])
-    sizes = {fraction: places.inundated(values) for fraction, values in cells.items()}
+    sizes = {fraction: places.inundated(part) for fraction, part in parts.items()}
 
     def known(values: np.ndarray | None, index: int) -> float | None:
         value = math.nan if values is None else float(values[index])
@@ -309,13 +310,13 @@ def live_arrivals(
         ensemble: A valid ensemble on the same terrain, which replaces ``forecast``, or None.
     """
     arrived = snapshot.arrived
-    assert arrived is not None
-    known = places.at(arrived).astype(np.float64)
+    assert arrived is not None and snapshot.inundated is not None
+    known, part = places.at(arrived).astype(np.float64), places.at(snapshot.inundated)
     first = places.first(known)
-    front = front_distances(places, inundated_cells(arrived), snapshot.terrain)
+    front = front_distances(places, reached_cells(arrived), snapshot.terrain)
     reached = np.isfinite(first)
     source, start, end = 'none', snapshot.time, snapshot.time
-    cells = dict.fromkeys(QUANTILES, known)
+    cells, parts = dict.fromkeys(QUANTILES, known), dict.fromkeys(QUANTILES, part)
     later = members = None
     # a forecast cannot undo an arrival
     probability = np.where(reached, 100.0, np.nan)
@@ -329,15 +330,21 @@ def live_arrivals(
             for fraction, times in ensemble.maps.arrival.items()
         }
         later = {
-            part: _first_of(first, times, ensemble.time) for part, times in ahead.arrival.items()
+            fraction: _first_of(first, times, ensemble.time)
+            for fraction, times in ahead.arrival.items()
+        }
+        parts = {
+            fraction: np.fmax(part, places.at(covered))
+            for fraction, covered in ensemble.maps.inundated.items()
         }
     elif forecast is not None:
         source = 'forecast'
         start, end = forecast.time, forecast.time + forecast.horizon
         come = _first_of(known, places.at(forecast.arrival), forecast.time)
         cells = dict.fromkeys(QUANTILES, come)
+        parts = dict.fromkeys(QUANTILES, np.fmax(part, places.at(forecast.inundated)))
         probability = 100.0 * np.isfinite(places.first(come))
-    rows = arrivals(places, cells, probability=probability, first=later, front=front)
+    rows = arrivals(places, cells, parts, probability=probability, first=later, front=front)
     has_arrived = tuple(map(bool, reached))
     return LiveArrivals(snapshot.time, rows, has_arrived, source, start, end, members)
 

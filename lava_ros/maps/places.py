@@ -85,10 +85,12 @@ class Places:
         np.fmin.at(result, self.owner[found], values[found])
         return result
 
-    def inundated(self, values: np.ndarray) -> np.ndarray:
-        """Return the length or area of each place in cells with a value, shape [places]."""
-        found = np.flatnonzero(np.isfinite(values))
-        return np.bincount(self.owner[found], self.sizes[found], len(self))
+    def inundated(self, part: np.ndarray) -> np.ndarray:
+        """Return the length or area of each place that lava has covered, shape [places].
+
+        ``part`` is the inundated fraction of the cells that places touch, NaN without data.
+        """
+        return np.bincount(self.owner, self.sizes * np.nan_to_num(part), len(self))
 
 
 def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:

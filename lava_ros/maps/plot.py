@@ -57,8 +57,9 @@ MAX_DRAWN_ISOCHRONES = 6
 
 def titles(frame: Frame) -> tuple[str, str]:
     """Return the title of a frame, and a line with its areas and maximum thickness."""
-    sets = {'inundated': frame.inundated, 'standing lava': frame.standing}
-    areas = {name: frame.area(cells) for name, cells in sets.items() if cells is not None}
+    areas = {'standing lava': frame.standing_area}
+    if frame.inundated is not None:
+        areas = {'inundated': frame.area(frame.inundated), **areas}
     facts = [f'{area_words(area)} {name}' for name, area in areas.items() if area]
     facts = facts or ['no lava']
     if math.isfinite(thickest := frame.thickest):

@@ -73,6 +73,12 @@ RASTER_LAYERS = {
         'simulated time at which lava at or above the threshold thickness (threshold_m) reached '
         'the cell; no data: it did not',
     ),
+    'inundated': RasterLayer(
+        'inundated', '1',
+        'fraction of the cell that lava at or above the threshold thickness (threshold_m) has '
+        'covered so far, at least 0.02 where it has touched the cell; no data: outside the '
+        'terrain',
+    ),
     'inundation_probability': RasterLayer(
         'probability', '%',
         'probability that lava at or above the threshold thickness (threshold_m) reaches the cell '
@@ -148,7 +154,7 @@ def write_style(path: Path, name: str, values: np.ndarray) -> Path:
         for (value, label), colour in zip(ends.items(), style.colours, strict=True)
     ]
     # a value of 0 means that there is no lava
-    if layer.drawn in ('thickness', 'hazard', 'probability', 'comparison'):
+    if layer.drawn in ('thickness', 'hazard', 'inundated', 'probability', 'comparison'):
         if not style.classes:
             stops[0] = (1e-3 * high, *stops[0][1:3], f'above 0{_unit(layer)}')
         stops.insert(0, (0.0, style.colours[0], '0', 'no lava'))

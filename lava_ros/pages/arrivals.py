@@ -18,8 +18,7 @@ from lava_ros.maps.place_arrivals import arrivals, ArrivalTable
 from lava_ros.maps.places import front_distances, Places, places_on
 from lava_ros.pages.runs import Members, read_run, Run
 from lava_ros.scene.features import read_features
-from lava_ros.simulation.accuracy import COVERED
-from lava_ros.simulation.output.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import reached_cells
 
 
 def table_of(
@@ -45,11 +44,11 @@ def table_of(
     places = places_on(features, run.terrain)
     if run.ensemble is not None:
         return _table_of_members(Path(path), run.ensemble, places)
-    return _table_of_bag(path, run, places, time)
+    return _table_of_bag(path, run, places, time, node)
 
 
 def _table_of_bag(
-    path: str | Path, run: Run, places: Places, time: float | None
+    path: str | Path, run: Run, places: Places, time: float | None, node: str | None
 ) -> ArrivalTable:
     panel = run.panels.get('arrival')
     if panel is None:
@@ -60,11 +59,16 @@ def _table_of_bag(
         end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
     cells = places.at(arrived)
-    front = front_distances(places, inundated_cells(arrived), run.terrain)
-    facts: dict[str, Any] = {'threshold_m': COVERED, 'time_s': end}
+    front = front_distances(places, reached_cells(arrived), run.terrain)
+    facts: dict[str, Any] = {'threshold_m': panel.frame.threshold, 'time_s': end}
     if panel.frame.arrived is not panel.values and np.isfinite(cells).any():
         facts['note'] = 'times are those of the first map in the bag that shows the lava'
-    rows = arrivals(places, dict.fromkeys(QUANTILES, cells), front=front)
+    frame = panel.frame
+    if time is not None:
+        frame = read_run(path, node=node, time=time, wanted=('arrival',)).panels['arrival'].frame
+    part = np.isfinite(cells) if frame.inundated is None else places.at(frame.inundated)
+    both = (dict.fromkeys(QUANTILES, values) for values in (cells, part))
+    rows = arrivals(places, *both, front=front)
     return ArrivalTable(rows, facts, is_ensemble=False)
 
 
@@ -76,7 +80,10 @@ def _table_of_members(folder: Path, members: Members, places: Places) -> Arrival
     assert maps.places is not None
     rows = arrivals(
         places,
-        {part: places.at(times) for part, times in maps.arrival.items()},
+        *(
+            {fraction: places.at(values) for fraction, values in quantiles.items()}
+            for quantiles in (maps.arrival, maps.inundated)
+        ),
         probability=maps.places.probability,
         first=maps.places.arrival,
     )

@@ -55,11 +55,10 @@ def compare_ensembles(
     terrain = runs[1].terrain
     change = np.where(terrain.has_data, likely[1] - likely[0], np.nan)
     files = write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)[:1]
-    cell = terrain.resolution**2
     areas = {
         f'at least {least:g} %': {
-            name: float((values >= least).sum() * cell)
-            for name, values in zip(_CASES, likely, strict=True)
+            name: run.ensemble.areas[least]
+            for name, run in zip(_CASES, runs, strict=True) if run.ensemble is not None
         }
         for least in PROBABILITIES
     }

@@ -33,7 +33,7 @@ from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.projection import system_words
-from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import brief_text, NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 
@@ -59,11 +59,15 @@ ENSEMBLE_MAPS = {
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """Members of an ensemble: their plan, their number, and the effective number by weight."""
+    """Members of an ensemble: their plan, their number, and the effective number by weight.
+
+    ``areas`` are those that at least a percentage of the members inundate [m2], by percentage.
+    """
 
     plan: Plan
     count: int
     effective: float
+    areas: Mapping[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +141,7 @@ def _bag(path: Path, node: str | None, time: float | None, wanted: Collection[st
     if 'arrival' in wanted:
         times = _arrival(recording, frame)
         if times is not None:
-            title = f'Time of arrival of the lava, {COVERED:g} m thick'
+            title = f'Time of arrival of the lava, {frame.threshold:g} m thick'
             maps['arrival'] = Panel(frame, 'arrival', times, title)
     note = time_note(time, frame)
     if note:
@@ -188,7 +192,7 @@ def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
     if frame.arrived is not None and np.isfinite(frame.arrived).any():
         return frame.arrived
     # a simulation without arrival times publishes an empty map
-    history = Arrival(COVERED)
+    history = Arrival(frame.threshold)
     for item in recording.frames():
         if frame.time is None or item.time is None or item.time <= frame.time:
             history.add(item)
@@ -293,19 +297,15 @@ def _ensemble(folder: Path) -> Run:
         reasons = [
             f'{_plain(item.effect)}: {item.reason}' for item in reviewed if item.effect in on
         ]
-        ran = Plan(
-            scene, horizon, Accuracy(**plan['accuracy']), Effects(**plan['effects']), threshold,
-            int(plan['looks']),
-        )
+        accuracy = Accuracy(**{**plan['accuracy'], 'threshold': threshold})
+        ran = Plan(scene, horizon, accuracy, Effects(**plan['effects']), int(plan['looks']))
+        areas = {
+            least: float(tags[f'inundated_area_p{least:.0f}_m2']) for least in PROBABILITIES
+        }
     except (OSError, KeyError, TypeError, ValueError) as error:
         expected = f'an ensemble whose maps are finished and undamaged ({error})'
         raise LavaError('ensemble', str(folder), expected) from error
-    likely = np.nan_to_num(maps['inundation_probability'].values)
-    cell = terrain.resolution**2
-    areas = [
-        f'{area_words(float((likely >= least).sum()) * cell)} at {least:g} % or more'
-        for least in PROBABILITIES
-    ]
+    texts = [f'{area_words(area)} at {least:g} % or more' for least, area in areas.items()]
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
@@ -329,8 +329,8 @@ def _ensemble(folder: Path) -> Run:
     if observation != 'none':
         title += ' weighted by observed lava'
     return Run(
-        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, horizon, onset,
-        Members(ran, int(members), effective),
+        folder.resolve().name, title, '  ·  '.join(texts), maps, facts, terrain, horizon, onset,
+        Members(ran, int(members), effective, areas),
     )
 
 

@@ -24,7 +24,7 @@ from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.scene.plausibility import doubts_of_scene
 from lava_ros.scene.projection import system_name
 from lava_ros.scene.vents import are_in_place
-from lava_ros.simulation.output.inundation import inundated_cells
+from lava_ros.simulation.output.inundation import reached_cells
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
 
@@ -129,9 +129,10 @@ def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
     """Return the status values of a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
     steps = snapshot.steps
     highest = float(np.fmax.reduce(snapshot.temperature, axis=None))
-    areas = {'standing_area_m2': repr(snapshot.area(snapshot.standing))}
-    if snapshot.arrived is not None:
+    areas = {'standing_area_m2': repr(snapshot.standing_area)}
+    if snapshot.inundated is not None:
         areas['inundated_area_m2'] = repr(snapshot.area(snapshot.inundated))
+        areas['inundation_threshold_m'] = repr(snapshot.threshold)
     return {
         'simulated_time_s': repr(snapshot.time),
         'frame_stamp_ns': stamp_ns,
@@ -191,7 +192,7 @@ def forecast_status(
         }
     if isinstance(latest, Forecast):
         values['particles'] = latest.particle_count
-        values['cells_reached'] = int(inundated_cells(latest.arrival).sum())
+        values['cells_reached'] = int(reached_cells(latest.arrival).sum())
     elif latest is not None:
         maps = latest.maps
         values |= {

@@ -22,7 +22,7 @@ from lava_ros.forecast.members import Plan
 from lava_ros.live.recorder import DEFAULT_NODE
 from lava_ros.maps.forecast import EnsembleForecast, HazardMaps
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.layers import ARRIVED, Layer
+from lava_ros.maps.layers import ARRIVED, INUNDATED, Layer
 from lava_ros.ros import codec, diagnostics, outputs
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -136,7 +136,7 @@ def write_snapshots(
                 bag.put_scene(scene, time, START_NS + round(time * 1e9))
             bag.put_scene(scene, snapshot.time, stamp)
             for layer in layers:
-                if layer.source != ARRIVED or snapshot.arrived is not None:
+                if layer.source not in (ARRIVED, INUNDATED) or snapshot.arrived is not None:
                     bag.put_layer(layer, snapshot, stamp)
             values = diagnostics.snapshot_values(snapshot, stamp)
             task = f'{bag.node.name.strip("/")}: simulation'

@@ -21,7 +21,7 @@ from lava_ros.files.raster_formats import PICTURES
 from lava_ros.files.rasters import read_raster
 from lava_ros.scene.features import Feature, read_features
 from lava_ros.scene.projection import coordinate_system, horizontal, on_terrain, vertical_unit
-from lava_ros.scene.terrain import Terrain
+from lava_ros.scene.terrain import HALF, PARTS, Terrain
 
 _LOG = logging.getLogger(__name__)
 
@@ -32,6 +32,10 @@ MAX_PIXELS = 4000
 #: Approximate number of cells of a raster, and columns and rows of points of areas, of which the
 #: part beyond a terrain is counted.
 MAX_SAMPLES, SAMPLES = 1_000_000, (300, 300)
+
+
+#: Maximum number of squares of cells that are compared with areas at once.
+_MAX_SQUARES = 10_000_000
 
 
 class Band(NamedTuple):
@@ -144,6 +148,21 @@ def read_raster_on(
         raise LavaError(field, str(path), 'a raster with data on the terrain')
     _warn_of_parts_beyond(terrain, path, values > 0.0, band.place, band.crs)
     return result
+
+
+def read_cover_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
+    """Mark the cells of a terrain at least half of which a raster covers with values above 0.
+
+    No data count as 0. The raster is otherwise read as by ``read_raster_on``.
+
+    Returns:
+        The cells, bool, shape [rows, columns].
+    """
+    band = read_band(field, Path(path))
+    marked = (band.converted(band.stored).filled(0.0) > 0.0).astype(np.float64)
+    part = resampled(terrain, marked, band, path, field=field, method='average')
+    # rounding, for example of cells of 1/3 m
+    return np.nan_to_num(part) >= 0.5 - 1e-6
 
 
 def _warn_of_parts_beyond(
@@ -272,7 +291,7 @@ def resampled(
 
 
 def read_polygons_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Mark the cells of a terrain whose centre is in a polygon of a file, as ``mark_cells``."""
+    """Mark the cells of a terrain that the polygons of a file cover, as ``mark_cells``."""
     return mark_cells(terrain, read_polygons(field, path, terrain))
 
 
@@ -297,12 +316,23 @@ def read_polygons(field: str, path: str | Path, terrain: Terrain) -> list[Featur
 
 
 def mark_cells(terrain: Terrain, polygons: Sequence[Feature]) -> np.ndarray:
-    """Mark the cells of a terrain whose centre is in one of some polygons: bool.
+    """Mark the cells of a terrain at least half of which some polygons cover: bool.
+
+    Each cell counts as ``PARTS`` by ``PARTS`` squares, which are covered if their centres are.
 
     Raises:
         LavaError: If rasterio is not installed.
     """
-    return np.flipud(_mask(polygons, terrain.shape, affine_of(terrain)))
+    rows, columns = terrain.shape
+    place, found = affine_of(terrain), np.zeros(terrain.shape, dtype=bool)
+    step = max(_MAX_SQUARES // (columns * PARTS**2), 1)
+    for first in range(0, rows, step):
+        count = min(step, rows - first)
+        fine = place * place.translation(0.0, first) * place.scale(1.0 / PARTS)
+        squares = _mask(polygons, (count * PARTS, columns * PARTS), fine)
+        squares = squares.reshape(count, PARTS, columns, PARTS)
+        found[first : first + count] = np.count_nonzero(squares, axis=(1, 3)) >= HALF
+    return np.flipud(found)
 
 
 def _mask(polygons: Sequence[Feature], shape: tuple[int, int], place: Any) -> np.ndarray:

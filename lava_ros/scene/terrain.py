@@ -17,6 +17,11 @@ from lava_ros.files.systems import plain_system
 #: Maximum number of cells along a side: users of nav_msgs/MapMetaData index with 16-bit integers.
 MAX_SIDE_CELLS = 32767
 
+#: Squares along each side of a cell, and the number of them that is at least half of a cell. What
+#: covers a cell, lava or a mapped outline, is counted in squares.
+PARTS = 5
+HALF = (PARTS * PARTS + 1) // 2
+
 #: Minimum and maximum side of a cell [m]: from a laboratory table to a planet.
 RESOLUTION_RANGE = (1e-4, 1e5)
 

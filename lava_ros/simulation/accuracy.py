@@ -13,9 +13,9 @@ from lava_ros.scene import Scene
 #: Smoothing kernels by name: Wendland C2, and equations 3.6 and 3.7 of the paper.
 KERNELS = ('wendland', 'poly6', 'spiky')
 
-#: Minimum thickness of lava that inundates ground [m]: ``inundation.py`` defines both sets of
-#: cells that are counted by it.
-COVERED = 0.1
+#: Minimum thickness of lava that inundates ground [m], and the same as a fraction of the expected
+#: thickness of a thinner flow.
+COVERED, COVERED_FRACTION = 0.1, 0.2
 
 #: Minimum expected thickness of a flow [m].
 MIN_THICKNESS = 1e-6
@@ -104,6 +104,10 @@ class Accuracy:
         'steady flows; euler: explicit steps, for comparison', INTEGRATORS,
     )
     precision: str = choice('float32', 'Precision; float64 is the reference', PRECISIONS)
+    threshold: float | None = number(
+        None, 'Minimum thickness of lava that inundates ground; None: 0.1 m, or a fifth of the '
+        'expected thickness if that is less', 1e-9, MAX_THICKNESS, 'm',
+    )
 
     def __post_init__(self) -> None:
         """Validate every field.
@@ -112,6 +116,16 @@ class Accuracy:
             LavaError: If a field is not valid.
         """
         check_fields('accuracy', self)
+
+    @property
+    def inundation_threshold(self) -> float:
+        """Minimum thickness of lava that inundates ground [m]; of one digit if it is automatic."""
+        if self.threshold is not None:
+            return self.threshold
+        if self.thickness is None or COVERED_FRACTION * self.thickness >= COVERED:
+            return COVERED
+        least = COVERED_FRACTION * self.thickness
+        return float(f'{least:.0e}')
 
 
 def accuracy_from_dict(data: object) -> Accuracy:

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lava_ros.simulation.output.inundation import standing_part
 from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Particle spacing of a partner run over that of the run; it takes about 1/16 of the time.
@@ -43,7 +44,8 @@ class Areas(NamedTuple):
     @classmethod
     def of(cls, snapshot: Snapshot) -> 'Areas':
         """Return the areas of a snapshot."""
-        return cls(np.nan_to_num(snapshot.inundated), np.nan_to_num(snapshot.standing))
+        inundated = np.nan_to_num(snapshot.inundated)
+        return cls(inundated, standing_part(snapshot.standing, inundated))
 
 
 #: Power of the particle spacing in the errors of both areas (docs/benchmarks/README.md).

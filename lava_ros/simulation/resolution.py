@@ -16,7 +16,6 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import (
     Accuracy,
-    COVERED,
     expected_thickness,
     FORMULATIONS,
     MAX_PARTICLES_PER_SECOND,
@@ -110,12 +109,12 @@ class Resolution:
         """True if the flow is under-resolved."""
         return self.across < MIN_ACROSS
 
-    def warnings(self, threshold: float = COVERED) -> list[str]:
-        """Return warnings about maps of lava at or above a thickness [m], as phrases."""
+    def warnings(self, threshold: float | None = None) -> list[str]:
+        """Return warnings as phrases; ``threshold`` is a given least thickness of lava [m]."""
         found = []
         if self.is_coarse:
             found.append(f'the flow is under-resolved, below {MIN_ACROSS:g} particles across')
-        if self.thickness < threshold and not math.isnan(self.width):
+        if threshold is not None and self.thickness < threshold and not math.isnan(self.width):
             found.append(
                 f'lava about {self.thickness:.2g} m thick is expected, and only lava of '
                 f'{threshold:g} m or more counts as inundation'

@@ -26,7 +26,7 @@ def arrays_of(solver: Solver) -> dict[str, np.ndarray]:
     solver.state.launches.forget()
     arrays = {f'state.{name}': array for name, array in solver.state.save().items()}
     arrays |= {f'vents.{name}': array for name, array in solver.vents.save().items()}
-    arrays['arrived.times'] = solver.state.arrived.numpy().copy()
+    arrays |= {f'arrived.{name}': item for name, item in solver.covered.save().items()}
     if solver.raised is not None:
         arrays |= {f'solidified.{name}': item for name, item in solver.raised.save().items()}
     return arrays
@@ -55,9 +55,9 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
     shape = (len(checkpoint.scene.vents),)
     is_counted = fitting('vents.counted', vents.get('counted'), shape, np.int32)
     solver.vents.counted = set(np.flatnonzero(is_counted).tolist())
-    target = solver.state.arrived
-    times = parts.pop('arrived', {}).get('times')
-    target.assign(fitting('arrived.times', times, target.shape, np.float32))
+    arrived = parts.pop('arrived', None)
+    if arrived is not None:
+        solver.covered.load(arrived)
     if parts:
         raise LavaError('checkpoint.arrays', sorted(parts), 'those of a simulation')
     if solver.time != checkpoint.time:
@@ -66,4 +66,6 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
     solver.volume_before = checkpoint.emitted
     # the solver was made without the particles
     solver.cover()
+    if arrived is None:
+        solver.note_lava()
     check_conserved(solver.budget())

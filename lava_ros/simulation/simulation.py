@@ -16,7 +16,7 @@ from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.terrain import is_same_ground
-from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.advance import advancing_to
 from lava_ros.simulation.backend.memory import within_memory
 from lava_ros.simulation.batch import at_work
@@ -293,9 +293,19 @@ class Simulation:
 
     @within_memory()
     def looks(self, threshold: float, most: int) -> Looks:
-        """Prepare ``most`` looks at lava of at least ``threshold`` [m] (``looking``)."""
-        noted = self.solver.state.arrived if math.isclose(threshold, COVERED) else None
-        return Looks(self.scene.terrain.shape, threshold, most, self.solver.device, noted=noted)
+        """Prepare observations of lava, the first of which is at the current time.
+
+        Args:
+            threshold: Minimum thickness of lava that has arrived [m]: that of the simulation.
+            most: Maximum number of observations, which take no memory.
+
+        Raises:
+            LavaError: If the simulation has another threshold.
+        """
+        own = self.accuracy.inundation_threshold
+        if not math.isclose(threshold, own):
+            raise LavaError('threshold', threshold, f'{own:g} m, that of the simulation')
+        return Looks(self.scene.terrain, own, self.time, self.solver.device)
 
     def looking(self, looks: Looks) -> Iterator[None]:
         """Take a look as ``look`` does, in parts as ``advancing``."""
@@ -322,8 +332,12 @@ class Simulation:
         self.solver.neighbors.refuse_crowds()
 
     def seen(self, looks: Looks, *, where_wet: bool = False) -> Seen:
-        """Return the results of looks so far, for all cells or the rectangle of wet ones."""
-        return looks.seen(self.solver.state, where_wet=where_wet)
+        """Return the results of looks so far, for all cells or those that lava can reach."""
+        solver, (rows, columns) = self.solver, self.scene.terrain.shape
+        part = slice(0, rows), slice(0, columns)
+        if where_wet:
+            part = solver.raster.window.rectangle(solver.state)
+        return looks.seen(solver.state, part)
 
     @within_memory()
     def budget(self) -> VolumeBudget:
@@ -510,7 +524,8 @@ class Simulation:
         duration = max(self._horizon, self.time)
         effects = estimated_effects(self.scene, self.accuracy, self._all_forced)
         return measured_scales(
-            self.scene, effects, sample, grids, duration=duration,
+            self.scene, effects, sample, grids,
+            threshold=self.accuracy.inundation_threshold, duration=duration,
             emitted=self.solver.emitted_fraction(duration),
         )
 

@@ -16,8 +16,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.scene import Scene, Terrain
-from lava_ros.scene.terrain import has_same_cells
+from lava_ros.scene import Scene
 from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
@@ -25,8 +24,13 @@ from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of, snapshot_of
-from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.output.covered_maps import CoveredCells, note_lava, show_fractions
+from lava_ros.simulation.output.diagnostics import (
+    FlowDiagnostics,
+    moment_of,
+    SHOWN,
+    snapshot_of,
+)
 from lava_ros.simulation.output.looks import Looks
 from lava_ros.simulation.output.rasterization import Raster
 from lava_ros.simulation.output.snapshot import (
@@ -40,7 +44,7 @@ from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.solidified import RaisedTerrain
 from lava_ros.simulation.particles.state import room_for, State
-from lava_ros.simulation.particles.terrain import averaged, sampled, StaggeredTerrain
+from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
@@ -74,6 +78,7 @@ class Solver:
         radius: Radius of the smoothing kernel [m].
         state: Arrays of the particles, and the clock.
         terrain: The ground on the device, which simulations on the same terrain share.
+        covered: What lava has covered of each cell of the terrain.
         raised: ``terrain`` if lava can solidify onto it or has done so: then only this simulation
             has it; None otherwise.
         neighbors: The grid of cells in which neighbours are found.
@@ -109,7 +114,7 @@ class Solver:
         self.most_particles = 0
         self.is_bare = False
         self.raised: RaisedTerrain | None = None
-        self._arrived: tuple[Terrain, Any] | None = None
+        self.covered = CoveredCells(scene.terrain, device)
         self._place_terrain()
         self.cover()
 
@@ -134,6 +139,7 @@ class Solver:
             self.cover()
             self.volume_before = float(self.state.read_particles()[:, 2].sum())
             self.sort()
+            self.note_lava()
             places = self.state.read_particles()[:, :2]
         check_rates(self.scene.vents, self.particle_volume)
         self.open_vents(0.0, Emission.of_new_vents(len(self.scene.vents)))
@@ -175,12 +181,14 @@ class Solver:
         )
         self.neighbors = self._grid_over(self.terrain)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
-        # grids for solidified lava, and for the arrival
-        more = (self.raised is not None) + 1
+        # grids for solidified lava, and for what lava has covered
         self.raster = Raster(
-            self.terrain, output_radius, accuracy.kernel, self.device, more=more
+            self.terrain, output_radius, accuracy.kernel, self.device,
+            reach=max(output_radius, self.radius), more=(self.raised is not None) + len(SHOWN),
         )
-        self._keep_arrival(terrain)
+        solid = None if self.raised is None else self.raised.thickness()
+        self.covered.move(terrain, solid, accuracy.inundation_threshold)
+        self.covered.attach(self.state)
         self._build_stage()
 
     def _grid_over(self, terrain: StaggeredTerrain) -> NeighborGrid:
@@ -196,25 +204,6 @@ class Solver:
         self.stage = Stage(
             self.scene, self.accuracy, self.state, self.neighbors, self.after_step
         )
-
-    def _keep_arrival(self, terrain: Terrain) -> None:
-        """Let the motion record arrival times, starting from those recorded so far."""
-        if self._arrived is None:
-            times = np.full(terrain.shape, -1.0, dtype=np.float32)
-            self._arrived = terrain, wp.array(times, dtype=wp.float32, device=self.device)
-        former, recorded = self._arrived
-        if not has_same_cells(former, terrain):
-            before = read(recorded)
-            times = sampled(before, former, terrain, outside=-1.0)
-            if self.raised is not None:
-                # the middle of a cell with solidified lava may be where no lava has arrived
-                part = averaged(before >= 0.0, former, terrain)
-                mean = averaged(np.maximum(before, 0.0), former, terrain) / np.maximum(part, 1e-9)
-                is_standing = standing_cells(self.raised.thickness()) & (part > 0.0)
-                times = np.where(is_standing & (times < 0.0), mean, times)
-            recorded = wp.array(times, dtype=wp.float32, device=self.device)
-        self._arrived = terrain, recorded
-        self.state.arrived = recorded
 
     def replace_terrain(self, scene: Scene) -> None:
         """Replace the terrain by that of another scene; particles outside it have left.
@@ -392,6 +381,12 @@ class Solver:
         if self.neighbors.is_binned:
             self.sort()
 
+    def note_lava(self) -> None:
+        """Record the ground that lava covers now, where it did not flow to its place."""
+        self.order()
+        self.stage.compute_flow()
+        note_lava(self.state, self.neighbors.motion_arguments(self.state))
+
     def sort(self) -> None:
         """Sort the particles by cell and drop those that have left.
 
@@ -411,8 +406,7 @@ class Solver:
 
         def look() -> None:
             self._fill_raster()
-            raster = self.raster
-            looks.take(self.state, self.terrain.known, raster.thickness, raster.temperature)
+            looks.take(self.state, self.terrain.known, self.raster)
 
         self.take_stages(look=look)
 
@@ -421,21 +415,28 @@ class Solver:
         self.stage.compute_flow()
         self._reader.before_writing()
         self._fill_raster()
+        show_fractions(self.state, self.raster.grids[-len(SHOWN)], self.raster.window)
         return self.raster.grids
 
     def _fill_raster(self) -> None:
         self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
         if self.raised is not None:
-            self.raised.show(self.state, self.scene.lava.solidus, self.raster.grids)
+            self.raised.show(
+                self.state, self.scene.lava.solidus, self.raster.grids, self.raster.window
+            )
 
     def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
         """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""
         state, grids = self.state, self.draw_maps()
+        wp.copy(grids[-2], state.half_inundated)
         wp.copy(grids[-1], state.arrived)
         numbers = self._diagnostics.take(state, self.vents, self.raised)
         copies = self._reader.begin([grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
-        return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))
+        threshold = self.accuracy.inundation_threshold
+        return PendingSnapshot(
+            lambda: snapshot_of(copies(), terrain, state, vents, before, threshold)
+        )
 
     def read_sample(self) -> ParticleSample:
         """Read the ordered particles back, after ``stage.compute_flow``, with their velocity."""

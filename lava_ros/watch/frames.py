@@ -25,7 +25,8 @@ from lava_ros.pages.runs import ENSEMBLE_MAPS, read_run
 
 #: Names of the layers in a live view, one of each source. The thickness is not rounded.
 LAYERS = (
-    'height_raw', 'temperature', 'hazard', 'arrived', 'arrival_time', 'inundation_probability'
+    'height_raw', 'temperature', 'hazard', 'arrived', 'inundated', 'arrival_time',
+    'inundation_probability',
 )
 
 #: Minimum wall time between two reads of a bag [s], and as a multiple of the duration of a read.

@@ -94,9 +94,11 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
     np.testing.assert_array_equal(change, np.where(changed != 0.0, changed, -9999.0))
     assert changed.min() < 0.0
     for percent, areas in compared['area_m2'].items():
-        least = float(percent.split()[2])
-        assert areas['without'] == (without >= least).sum() * 400.0
-        assert areas['with'] == (dammed >= least).sum() * 400.0
+        tag = f'inundated_area_p{percent.split()[2]}_m2'
+        for case, folder in (('without', out), ('with', out / 'with_barriers')):
+            with rasterio.open(folder / 'inundation_probability.tif') as file:
+                assert areas[case] == float(file.tags()[tag])
+    assert compared['area_m2']['at least 10 %']['with'] < without.size * 400.0
     (hut,) = compared['places']
     assert hut['name'] == 'hut'
     assert hut['probability_percent_with'] <= hut['probability_percent_without']

@@ -51,7 +51,9 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
 
     # GeoTIFFs lie on the elevation, and the comparison has the counts of the score
     grids = {}
-    for name in ('thickness', 'peak_thickness', 'arrival', 'temperature', 'comparison'):
+    for name in (
+        'thickness', 'peak_thickness', 'arrival', 'inundated', 'temperature', 'comparison',
+    ):
         with rasterio.open(out / f'{name}.tif') as file:
             assert file.crs.to_epsg() == 32633
             assert file.shape == SHAPE

@@ -10,7 +10,7 @@ import pytest
 
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles
-from lava_ros.simulation.output.inundation import inundated_cells
+from lava_ros.simulation.output.covered_cells import WIDTH
 from solver import incline, only, simulated
 
 #: Lava that does not cool; particles below 1200 K solidify in the first step.
@@ -86,13 +86,13 @@ def test_single_column_makes_no_spike(device):
     assert np.abs(np.diff(raised, axis=1)).max() < 0.3 * raised.max()
     snapshot = simulation.snapshot()
     assert snapshot.frozen.sum() * 4.0 == pytest.approx(300.0, rel=1e-6)
-    side = math.sqrt(300.0 / thickness) / 2.0
+    side = WIDTH * math.sqrt(300.0 / thickness) / 2.0
     rows, columns = np.nonzero(snapshot.frozen)
     for cells in (rows, columns):
         assert np.ptp(cells) + 1 == pytest.approx(side, abs=1.0)
     # the volume of cells that the rim covers in part is in the other cells
     assert snapshot.frozen.max() < thickness * (side / (side - 1.0)) ** 2
-    np.testing.assert_array_equal(inundated_cells(snapshot.arrived), snapshot.frozen > 0.0)
+    np.testing.assert_array_equal(snapshot.footprint, snapshot.frozen > 0.0)
 
 
 def test_solidified_volume_is_exact_next_to_borders_and_holes(device):

@@ -27,6 +27,7 @@ FORECAST = Forecast(
     time=500.0, horizon=100.0, threshold=0.01,
     terrain=Terrain(np.array([[1.0, 1.0, 1.0], [1.0, 1.0, NAN]]), 10.0),
     arrival=_array([0.0, 25.0, 99.0], [100.0, NAN, NAN]),
+    inundated=_array([1.0, 1.0, 0.02], [1.0, 0.0, NAN]),
     thickness=_array([5.0, 2.0, 0.05], [0.3, 0.0, NAN]),
     temperature=_array([1400.0, 1300.0, 900.0], [800.0, NAN, NAN]), duration=1.0, particle_count=3,
 )
@@ -44,6 +45,7 @@ ENSEMBLE = EnsembleForecast(
             0.5: _array([0.0, 50.0, NAN], [NAN, NAN, NAN]),
             0.9: _array([10.0, NAN, NAN], [NAN, NAN, NAN]),
         },
+        inundated=dict.fromkeys((0.1, 0.5, 0.9), _array([1.0, 1.0, 0.0], [0.0, 0.0, NAN])),
         thickness=_array([5.0, 2.0, 0.01], [0.0, 0.0, NAN]),
         members=500,
         effective_members=500.0,

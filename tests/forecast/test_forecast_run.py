@@ -96,3 +96,18 @@ def test_names_the_invalid_option():
     ahead = ahead_of(checkpoint, 'cpu', max_particles=checkpoint.particle_count + 5)
     with pytest.raises(LavaError, match='max_particles'):
         ahead.run()
+
+
+def test_forecast_with_another_threshold_counts_the_lava_at_its_start(device):
+    simulation = flowing(device, Effects())
+    checkpoint, start = simulation.checkpoint(), simulation.snapshot()
+    thick, usual = (ahead_of(checkpoint, device, threshold=least).run() for least in (1.0, 0.1))
+    assert thick.threshold == 1.0
+    assert thick.particle_count == usual.particle_count
+    here = thick.arrival == 0.0
+    assert 3 < here.sum() < (usual.arrival == 0.0).sum()
+    assert here[start.thickness >= 1.2].all() and not here[start.thickness < 0.1].any()
+    reached = np.isfinite(thick.arrival)
+    assert here.sum() < reached.sum() < np.isfinite(usual.arrival).sum()
+    assert (thick.arrival[reached] >= usual.arrival[reached]).all()
+    np.testing.assert_array_equal(thick.inundated > 0.0, reached)

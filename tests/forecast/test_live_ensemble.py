@@ -14,7 +14,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.live_ensemble import FIRST_MAPS, LiveEnsemble, LiveEnsembles
 from lava_ros.forecast.members import plan_from, run_members
-from lava_ros.forecast.probability import EnsembleAccumulator, footprint_of, reached_by
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_by, footprint_of
 from lava_ros.forecast.sampling import draw_members, Posterior
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
@@ -59,7 +59,7 @@ def outline_of(checkpoint: Checkpoint, index: int, after: float) -> Outline:
     plan = plan_from(checkpoint, horizon=120.0, threshold=0.01)
     member = draw_members(SCENE, index + 1)[index]
     (fields,) = run_members(plan, [member], device='cpu')
-    reached = reached_by(footprint_of(fields, plan), plan, after)
+    reached = footprint_by(footprint_of(fields, plan), plan, after)
     return Outline(checkpoint.time + after, reached, np.ones_like(reached))
 
 

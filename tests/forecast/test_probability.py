@@ -25,9 +25,9 @@ from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.probability import (
     EnsembleAccumulator,
     Footprint,
+    footprint_by,
     footprint_of,
     NEVER,
-    reached_by,
 )
 from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.forecast.scores import brier_parts, brier_score, entropy, reliability
@@ -58,9 +58,12 @@ def test_maps_equal_statistics_of_all_members(count: int, places: tuple[int, ...
         arrival = random.choice([*((np.arange(60) + 0.5) * PLAN.interval), np.nan], (24, 30))
         arrival[random.random(arrival.shape) < random.random()] = np.nan
         peak = np.where(np.isfinite(arrival), np.rint(5e3 * random.random((24, 30))) * 1e-3, 0.0)
-        members.append(MemberFields(index, arrival.astype(np.float32), peak.astype(np.float32)))
+        parts = np.where(np.isfinite(arrival), random.integers(1, 51, (24, 30)) / 50.0, 0.0)
+        times = arrival.astype(np.float32)
+        members.append(MemberFields(index, times, times, parts, peak.astype(np.float32)))
     maps = maps_of(members)
     arrivals = np.sort(np.stack([item.arrival for item in members]), axis=0)
+    parts = -np.sort(-np.stack([item.inundated for item in members]), axis=0)
     np.testing.assert_allclose(
         maps.probability, 100.0 * np.isfinite(arrivals).mean(axis=0), rtol=1e-6
     )
@@ -70,6 +73,7 @@ def test_maps_equal_statistics_of_all_members(count: int, places: tuple[int, ...
     # 10, 50 and 90 % of 20 are the 2nd, the 10th and the 18th, of 13 the 2nd, 7th and 12th
     for quantile, place in zip(QUANTILES, places, strict=True):
         np.testing.assert_array_equal(maps.arrival[quantile], arrivals[place])
+        np.testing.assert_allclose(maps.inundated[quantile], parts[place], rtol=1e-6)
     assert (maps.members, maps.effective_members) == (count, count)
 
 
@@ -95,12 +99,13 @@ def test_arrival_error_is_at_most_half_a_sample() -> None:
     error = np.abs(maps.arrival[0.5] - fields.arrival)[arrived]
     assert 0.0 < error.max() <= maps.arrival_error * 1.0001
     for time in (0.0, 900.0, HORIZON):
-        reached = reached_by(footprint, PLAN, time)
+        reached = footprint_by(footprint, PLAN, time)
         assert np.array_equal(reached, np.nan_to_num(maps.arrival[0.5], nan=np.inf) <= time)
 
 
 def test_member_without_lava_counts_and_is_empty() -> None:
-    nothing = MemberFields(0, np.full((24, 30), np.nan, np.float32), np.zeros((24, 30)))
+    never, none = np.full((24, 30), np.nan, np.float32), np.zeros((24, 30))
+    nothing = MemberFields(0, never, never, none, none)
     assert footprint_of(nothing, PLAN).first_sample.size == 0
     assert maps_of([nothing, disc_fields(1, 1.0)]).probability.max() == 50.0
 
@@ -129,7 +134,8 @@ def test_tally_refuses_repeated_and_misplaced_members() -> None:
     with pytest.raises(LavaError, match='member'):
         tally.add(footprint_of(disc_fields(4, 1.0), PLAN))
     cells = np.full((3, 3), NEVER, np.uint16)
-    beyond = Footprint(5, (22, 0), cells, cells.astype(np.uint32))
+    parts = np.zeros((3, 3), np.uint8)
+    beyond = Footprint(5, (22, 0), cells, cells, parts, cells.astype(np.uint32))
     for corner in ((22, 0), (-1, 0)):
         with pytest.raises(LavaError, match='member 5'):
             tally.add(replace(beyond, corner=corner))
@@ -266,7 +272,7 @@ def test_refuses_unusable_outlines_and_indices() -> None:
 def test_outline_improves_the_forecast() -> None:
     members, observed_at = discs(128, seed=1), HORIZON / 3.0
     prior = maps_of(members).probability / 100.0
-    reached = [reached_by(footprint_of(item, PLAN), PLAN, observed_at) for item in members]
+    reached = [footprint_by(footprint_of(item, PLAN), PLAN, observed_at) for item in members]
     scores = []
     for truth in discs(40, seed=50):
         arrival = np.nan_to_num(truth.arrival, nan=np.inf)
@@ -293,7 +299,7 @@ def test_members_drawn_after_each_outline_do_not_starve() -> None:
                 members: Sequence[Member], outline: Outline = outline
             ) -> np.ndarray:
                 footprints = [footprint_of(item, PLAN) for item in disc_members(PLAN, members)]
-                reached = [reached_by(item, PLAN, outline.time) for item in footprints]
+                reached = [footprint_by(item, PLAN, outline.time) for item in footprints]
                 return np.array([jaccard(item, outline) for item in reached])
 
             product *= agreement(prior)

@@ -44,9 +44,9 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
     dated(folder, items)
     write_grid(folder / 'late.asc', footprint())
     result = simulate(load_case(folder), QUICK)
-    assert result.snapshot.arrived is not None
+    assert result.snapshot.half_inundated is not None
     for name, time in (('early', FIRST), ('late', SECOND)):
-        write_grid(folder / f'{name}.asc', (result.snapshot.arrived <= time).astype(float))
+        write_grid(folder / f'{name}.asc', (result.snapshot.half_inundated <= time).astype(float))
     return folder, result
 
 
@@ -82,7 +82,7 @@ def test_outlines_rotate_with_their_case(mapped):
 def test_majority_of_runs_counts_at_each_time(mapped):
     folder, result = mapped
     case, snapshot = load_case(folder), result.snapshot
-    nothing = replace(snapshot, arrived=np.full_like(snapshot.arrived, np.nan))
+    nothing = replace(snapshot, half_inundated=np.full_like(snapshot.arrived, np.nan))
     assert score_outlines(case, [snapshot, snapshot, nothing])[0].jaccard == 1.0
     assert score_outlines(case, [snapshot, nothing, nothing])[1].jaccard == 0.0
 

@@ -15,7 +15,7 @@ from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
 from lava_ros.hindcast.run import measure_run_error, Run, Settings, simulate
-from lava_ros.hindcast.score import score_case
+from lava_ros.hindcast.score import score_snapshot
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
@@ -29,7 +29,8 @@ def _snapshot(terrain: Terrain, thickness: np.ndarray, arrived: np.ndarray) -> S
     return Snapshot(
         1.0, terrain, thickness.astype(np.float32), np.full(terrain.shape, np.nan, np.float32),
         VolumeBudget(1.0, 1.0, 0.0, 0.0), 1, StepReport(1, 1, 1, 1.0, 'longest'),
-        arrived=arrived.astype(np.float32),
+        arrived=arrived.astype(np.float32), half_inundated=arrived.astype(np.float32),
+        inundated=np.isfinite(arrived).astype(np.float32),
     )
 
 
@@ -61,7 +62,7 @@ def test_lava_flows_down_the_valley(valley, whole):
     assert late.min() >= 0.0 and late.max() <= SETTINGS.accuracy(valley).longest_step
     assert times[-1] == valley.duration
     result = run.result()
-    judged = score_case(valley, result.snapshot.thickness, result.snapshot.inundated)
+    judged = score_snapshot(valley, result.snapshot)
     assert judged.precision > 0.9 and judged.recall > 0.2
     budget = result.snapshot.budget
     assert budget.emitted == pytest.approx(valley.volume)
@@ -167,7 +168,7 @@ def test_refined_maps_keep_volume_and_cells_without_data():
     ground = Terrain(elevation, 10.0)
     coarse = coarsened(ground, 2)
     thickness = np.arange(6.0, dtype=np.float32).reshape(3, 2)
-    snapshot = replace(_snapshot(coarse, thickness, thickness), frozen=thickness, arrived=None)
+    snapshot = replace(_snapshot(coarse, thickness, thickness), frozen=thickness, inundated=None)
     fine = refined(snapshot, ground, 2)
     assert fine.terrain is ground
     assert fine.frozen is not None
@@ -180,7 +181,7 @@ def test_refined_maps_keep_volume_and_cells_without_data():
 
 
 @pytest.mark.parametrize('shape', [(6, 8), (7, 9), (9, 6)])
-def test_refined_lava_stands_on_inundated_cells_and_keeps_its_volume(shape):
+def test_refined_lava_stands_on_reached_cells_and_keeps_volume_and_area(shape):
     ground = Terrain(np.zeros(shape), 10.0)
     coarse = coarsened(ground, 2)
     arrived = np.full(coarse.shape, np.nan, np.float32)
@@ -188,8 +189,13 @@ def test_refined_lava_stands_on_inundated_cells_and_keeps_its_volume(shape):
     thickness = np.where(np.isfinite(arrived), 3.0, 0.0).astype(np.float32)
     thickness[1, 1] = 1.0
     snapshot = replace(_snapshot(coarse, thickness, arrived), frozen=thickness / 2.0)
+    snapshot.inundated[1, 1] = 0.04
     fine = refined(snapshot, ground, 2)
-    assert not (fine.standing & ~fine.inundated).any() and fine.inundated.any()
+    reached = np.isfinite(fine.arrived)
+    assert not (fine.standing & ~reached).any() and fine.footprint.any()
+    np.testing.assert_array_equal(fine.inundated > 0.0, reached)
+    np.testing.assert_array_equal(np.isfinite(fine.half_inundated), fine.footprint)
+    assert fine.area(fine.inundated) == pytest.approx(snapshot.area(snapshot.inundated))
     for name in ('thickness', 'frozen'):
         before, after = getattr(snapshot, name), getattr(fine, name)
         assert after.sum() * 100.0 == pytest.approx(before.sum() * 400.0, rel=1e-6)

@@ -45,7 +45,7 @@ def _scored(thickness: np.ndarray, footprint: np.ndarray, vent: Any = VENT,
     vents = (Vent((10.0 * column + 5.0, 10.0 * row + 5.0), 1.0),)
     scene = Scene(Terrain(np.zeros(footprint.shape), 10.0, origin=(0.0, 0.0)), vents)
     case = Case('', '', '', scene, None, footprint, 0.0, 1.0, emitted)
-    return score_case(case, thickness, standing_cells(thickness))
+    return score_case(case, thickness, standing_cells(thickness, 0.1))
 
 
 def test_score_counts_hits_misses_and_false_alarms():

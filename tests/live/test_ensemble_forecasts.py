@@ -102,7 +102,8 @@ def test_one_ensemble_is_requested_per_state():
     assert (first['members'], first['posterior'], first['deadline']) == (8, None, None)
     assert order(ensembles, 3, fork(3.0, 6.0)) is None
     known = np.zeros(SCENE.terrain.shape)
-    maps = HazardMaps(known, dict.fromkeys(QUANTILES, known), known, 8, 8.0, 0.5)
+    quantiles = dict.fromkeys(QUANTILES, known)
+    maps = HazardMaps(known, quantiles, quantiles, known, 8, 8.0, 0.5)
     answer = {
         'number': 2, 'stamp_ns': first['stamp_ns'], 'time': 5.0, 'horizon': 60.0,
         'threshold': 0.01, 'maps': maps, 'asked': 8, 'is_done': True, 'outlines': 0,

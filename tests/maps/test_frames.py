@@ -228,7 +228,7 @@ def test_arrival_is_that_of_the_simulation(tmp_path):
     np.testing.assert_array_equal(found.times[12, :8], 100.0 * np.arange(8) + 37.5)
     assert (found.times[25] == 12.0).all()
     frame = Recording(bag).frame_at()
-    assert frame.inundated is not None and frame.inundated[25].all()
+    assert frame.footprint is not None and frame.footprint[25].all()
     assert not frame.standing[25].any()
     other = arrival_of(bag, 0.5)
     assert other.times is not None and not other.is_noted

@@ -97,7 +97,7 @@ def test_the_hazard_of_inundated_ground_is_never_0(kind, changes, expected):
     else:
         source = 'peak_hazard'
         shown = Forecast(
-            0.0, 10.0, 0.1, shown.terrain, times, thickness, shown.temperature, 1.0, 1
+            0.0, 10.0, 0.1, shown.terrain, times, times, thickness, shown.temperature, 1.0, 1
         )
     changes = {'range': [0.0, 100.0], 'threshold': 0.01, **changes}
     layer = _layer(source='hazard', **changes)
@@ -121,7 +121,8 @@ def test_images_are_unscaled():
 def test_default_configuration_enables_grids_thickness_and_arrivals():
     layers = {layer.name: layer for layer in load_layers(CONFIGS / 'default.yaml')}
     enabled = [name for name, layer in layers.items() if layer.enabled]
-    assert enabled == ['height', 'temperature', 'hazard', 'depth_class', 'height_raw', 'arrived']
+    grids = ['height', 'temperature', 'hazard', 'depth_class']
+    assert enabled == [*grids, 'height_raw', 'arrived', 'inundated']
     assert all(layers[name].message == kinds.OCCUPANCY_GRID for name in enabled[:4])
     assert layers['height_raw'].message == layers['temperature_raw'].message == kinds.IMAGE
     assert layers['lava_points'].message == kinds.POINT_CLOUD

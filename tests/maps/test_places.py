@@ -129,7 +129,8 @@ def test_parts_of_a_feature_are_one_place_and_names_differ() -> None:
 def test_places_off_the_map_have_no_arrival(found: Places, off_map: float) -> None:
     assert found.off_map == pytest.approx([off_map])
     dry = np.full(GROUND.shape, np.nan)
-    (row,) = arrivals(found, dict.fromkeys((0.1, 0.5, 0.9), found.at(dry)))
+    quantiles = dict.fromkeys((0.1, 0.5, 0.9), found.at(dry))
+    (row,) = arrivals(found, quantiles, quantiles)
     assert row.is_known is (off_map < 1.0)
     assert (row.probability is None) is (off_map == 1.0)
     assert ('off the map' in row.map_words()) is (off_map > 0.0)
@@ -177,12 +178,15 @@ def test_table_has_the_first_arrival_at_each_place() -> None:
         feature('Point', [(95.0, 35.0)], name='far'),
     ], GROUND)
     times = flow()
-    rows = arrivals(found, dict.fromkeys((0.1, 0.5, 0.9), found.at(times)))
+    # half of each cell is inundated
+    parts = 0.5 * np.isfinite(times)
+    both = (dict.fromkeys((0.1, 0.5, 0.9), found.at(one)) for one in (times, parts))
+    rows = arrivals(found, *both)
     data: list[dict[str, Any]] = ArrivalTable(rows, {}, is_ensemble=False).as_dict()['places']
     assert [item['arrival_p50_s'] for item in data] == [301.5, 502.5, 603.0, None]
     assert [item['probability_percent'] for item in data] == [100.0, 100.0, 100.0, 0.0]
-    assert data[1]['inundated_length_p10_m'] == pytest.approx(20.0)
-    assert data[2]['inundated_area_p90_m2'] == pytest.approx(8.0 * 5.0)
+    assert data[1]['inundated_length_p10_m'] == pytest.approx(0.5 * 20.0)
+    assert data[2]['inundated_area_p90_m2'] == pytest.approx(0.5 * 8.0 * 5.0)
     assert data[2]['area_m2'] == pytest.approx(200.0)
     assert {key for item in data for key in item} == set(COLUMNS)
     head, *lines = ArrivalTable(rows, {}, is_ensemble=False).as_csv().splitlines()
@@ -195,7 +199,8 @@ def snapshot(time: float) -> Snapshot:
     times = flow()
     arrived = np.where(times <= time, times, np.nan).astype(np.float32)
     thickness = np.where(np.isfinite(arrived), 1.0, 0.0).astype(np.float32)
-    return replace(snapshot_at(time, thickness, GROUND), arrived=arrived)
+    inundated = np.isfinite(arrived).astype(np.float32)
+    return replace(snapshot_at(time, thickness, GROUND), arrived=arrived, inundated=inundated)
 
 
 PLACES = places_on([
@@ -219,7 +224,7 @@ def test_live_table_without_a_forecast_has_past_arrivals_and_distances() -> None
 def test_live_table_prefers_past_arrivals_to_a_forecast() -> None:
     ahead = (flow() - 200.0).clip(0.0)
     forecast = Forecast(
-        200.0, 400.0, 0.01, GROUND, ahead, ahead, ahead, duration=1.0, particle_count=1
+        200.0, 400.0, 0.01, GROUND, ahead, ahead, ahead, ahead, duration=1.0, particle_count=1
     )
     live = live_arrivals(PLACES, snapshot(250.0), forecast)
     assert [row.arrival[0.5] for row in live.rows] == [100.5, 502.5, None, None]
@@ -234,8 +239,8 @@ def test_live_table_of_an_ensemble_has_its_probabilities_and_times() -> None:
     cells = {part: flow() - 200.0 + 60.0 * index for index, part in enumerate((0.1, 0.5, 0.9))}
     cells[0.9][:, 4:] = nan
     maps = HazardMaps(
-        probability=np.zeros(GROUND.shape), arrival=cells, thickness=np.zeros(GROUND.shape),
-        members=5, effective_members=5.0, arrival_error=1.0,
+        probability=np.zeros(GROUND.shape), arrival=cells, inundated=cells,
+        thickness=np.zeros(GROUND.shape), members=5, effective_members=5.0, arrival_error=1.0,
         places=PlaceForecast(
             np.array([100.0, 60.0, 0.0, 0.0]),
             {

@@ -46,6 +46,7 @@ def _snapshot(**budget):
         steps=StepReport(40, 40, 1, 0.25, 'advection'),
         # lava has left the second cell
         arrived=np.array([[1.0, 2.0], [np.nan, np.nan]], np.float32),
+        inundated=np.array([[1.0, 0.5], [0.0, np.nan]], np.float32),
     )
 
 
@@ -159,7 +160,8 @@ def test_simulation_values_are_those_of_the_frame():
         'state': 'running', 'lifecycle': 'active', 'device': 'cpu', 'speed': '2',
         'mean_speed': '3', 'age_s': '0', 'max_age_s': '0', 'clock_lost_s': '0',
         'clock_jumps': '0', 'simulated_time_s': '12.5',
-        'frame_stamp_ns': '99', 'particles': '3', 'inundated_area_m2': '2.0',
+        'frame_stamp_ns': '99', 'particles': '3', 'inundated_area_m2': '1.5',
+        'inundation_threshold_m': '0.1',
         'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_held_m3': '10.0',
         'volume_pending_m3': '0.5', 'volume_late_m3': '0.0', 'volume_left_m3': '0.0',
         'volume_frozen_m3': '0.0', 'volume_in_holes_m3': '0.0', 'volume_thin_m3': '0.0',

@@ -119,11 +119,14 @@ def test_spacing_resolves_lava_that_has_hardly_left_its_vent(viscosity):
 def test_resolution_warns_of_thin_and_turbulent_lava(viscosity, discharge, phrases):
     fluid = replace(scene(ground(5.0), discharge), lava=replace(LAVA, viscosity=viscosity))
     found = resolution_of(fluid, Accuracy(), horizon=HOUR)
-    assert [text in warning for text, warning in zip(phrases, found.warnings(), strict=True)] == [
+    warnings = found.warnings(0.1)
+    assert [text in warning for text, warning in zip(phrases, warnings, strict=True)] == [
         True for _ in phrases
     ]
     assert all(warning in found.text() for warning in found.warnings())
-    assert not [text for text in found.warnings(1e-6) if 'inundation' in text]
+    # without a given threshold that of thin lava is lower
+    for quiet in (found.warnings(), found.warnings(1e-6)):
+        assert not [text for text in quiet if 'inundation' in text]
 
 
 def test_explicit_spacing_is_kept_and_may_be_under_resolved():

@@ -16,7 +16,7 @@ from lava_ros.scene.reshaping import Barrier
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import from_bytes
-from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.output.inundation import reached_cells, standing_cells
 from lava_ros.simulation.particles.solidified import THICKNESS_UNIT
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from simulation.test_stops import hill
@@ -64,8 +64,9 @@ def state_of(simulation):
     """Check the maps and the ground; return the snapshot and the rise of the ground [m]."""
     snapshot = simulation.snapshot()
     assert volume_errors(snapshot) == []
-    assert not (standing_cells(snapshot.frozen) & ~snapshot.inundated).any()
-    assert not snapshot.arrived[snapshot.inundated].max() > snapshot.time
+    reached = reached_cells(snapshot.arrived)
+    assert not (standing_cells(snapshot.frozen, 0.1) & ~reached).any()
+    assert not snapshot.arrived[reached].max() > snapshot.time
     terrain = simulation.solver.terrain
     rise = terrain.deposit.numpy() * THICKNESS_UNIT
     height = terrain.height.numpy()

@@ -25,7 +25,6 @@ from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.summary import RunSummary
 from lava_ros.scene.projection import system_name
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.numerical_error import NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
@@ -86,7 +85,7 @@ def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
         ('simulated', duration(last.time)),
         *dates,
         *(
-            (f'{name}, {COVERED:g} m or more', area_words(area))
+            (f'{name}, {summary.frame.threshold:g} m or more', area_words(area))
             for name, area in (
                 ('inundated area', summary.inundated[-1]), ('standing lava', summary.standing[-1])
             )

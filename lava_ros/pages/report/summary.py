@@ -20,7 +20,6 @@ from lava_ros.maps.colours import STYLES
 from lava_ros.maps.frames import Frame, Progress, Recording, silent
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, SOURCES
 from lava_ros.maps.plot import shaded_ground
-from lava_ros.simulation.accuracy import COVERED
 
 #: Maximum number of frames on a page, and of cells in a frame.
 MAX_FRAMES, MAX_CELLS = 120, 90_000
@@ -68,7 +67,8 @@ def summarize(recording: Recording, progress: Progress = silent) -> RunSummary:
         raise LavaError('bag', str(recording.bag.path), expected)
     # the inundation thickness, unless a layer shows only thicker lava
     layers = recording.layers.values()
-    least = max([COVERED, *(item.threshold for item in layers if item.source == THICKNESS)])
+    shown = (item.threshold for item in layers if item.source == THICKNESS)
+    least = max([recording.threshold, *shown])
     result: RunSummary | None = None
     for frame in recording.frames():
         if result is None or frame.elevation.shape != result.touched.shape:
@@ -108,7 +108,7 @@ def _add(result: RunSummary, frame: Frame) -> None:
     result.times.append(frame.time or 0.0)
     unknown = np.nan if frame.inundated is None else frame.area(frame.inundated)
     result.inundated.append(unknown)
-    result.standing.append(frame.area(frame.standing))
+    result.standing.append(frame.standing_area)
     result.front.append(float(np.fmax(before, _front_distance(frame, fresh, result.vents))))
     result.hottest.append(most.get('temperature', math.nan))
 
@@ -199,7 +199,7 @@ def pack_maps(
     for index, frame in enumerate(fitting):
         if index in shown:
             times.append(frame.time or 0.0)
-            areas.append(frame.area(frame.standing))
+            areas.append(frame.standing_area)
             for source in layers:
                 codes[source].append(_codes(frame, source, view, scales[source]))
             progress('packing', 0.5 + 0.5 * recording.progress_at(frame))

@@ -100,8 +100,16 @@ _WAIT = """
     asm volatile("griddepcontrol.wait;" ::: "memory");
 #endif
 """
-#: NaN raises nothing: positive floats are in the order of their bits.
+#: NaN raises nothing: positive floats are in the order of their bits. Integers rarely change.
 _RAISE = {
+    wp.int32: """
+#if defined(__CUDA_ARCH__)
+    if (value > *reinterpret_cast<volatile int*>(values.data + i))
+        atomicMax(values.data + i, value);
+#else
+    RAISE_ON_CPU
+#endif
+""",
     wp.float32: """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
     const unsigned mask = __activemask();
@@ -130,6 +138,22 @@ _RAISE_ON_CPU = """
     __atomic_load(values.data + i, &most, __ATOMIC_RELAXED);
     while (value > most && !__atomic_compare_exchange(
         values.data + i, &most, &value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
+"""
+#: Most marks are there already, and a read takes less time than an atomic operation.
+_MARK_BITS = """
+    int* place = reinterpret_cast<int*>(
+        reinterpret_cast<char*>(values.data) + size_t(i) * values.strides[0]) + j;
+#if defined(__CUDA_ARCH__)
+    int found = *reinterpret_cast<volatile int*>(place);
+    if ((found & bits) != bits)
+        found = atomicOr(place, bits) | bits;
+    return __popc(found);
+#else
+    int found = __atomic_load_n(place, __ATOMIC_RELAXED);
+    if ((found & bits) != bits)
+        found = __atomic_fetch_or(place, bits, __ATOMIC_RELAXED) | bits;
+    return __builtin_popcount(found);
+#endif
 """
 
 
@@ -423,3 +447,12 @@ def raise_to(real: Any) -> Any:
     def raised(values: wp.array(dtype=real), i: int, value: real): ...
 
     return raised
+
+
+@wp.func_native(_MARK_BITS)
+def mark_bits(values: wp.array2d(dtype=wp.int32), i: int, j: int, bits: int) -> int:
+    """Set bits of item [i, j], together with other threads; return how many are then set.
+
+    All threads of a launch see their own bits; the last one sees those of all.
+    """
+    ...

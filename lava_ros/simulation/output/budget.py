@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 import math
 
-from lava_ros.simulation.accuracy import COVERED
-
 #: Maximum fraction of the emitted volume that may be unaccounted for: guaranteed accuracy.
 VOLUME_TOLERANCE = 1e-5
 
@@ -47,8 +45,8 @@ class VolumeBudget:
         frozen: Volume that has solidified and become ground.
         late: Part of ``pending`` that is overdue: the vents are behind.
         in_holes: Part of ``left`` that has flowed onto cells without data.
-        thin: Volume on cells that count as not inundated (``accuracy.COVERED``); 0 in a budget
-            without maps.
+        thin: Volume on cells that lava has not reached, because it is too thin to count
+            (``Accuracy.inundation_threshold``); 0 in a budget without maps.
     """
 
     emitted: float
@@ -119,7 +117,7 @@ class VolumeBudget:
             texts.append(f'volume is not conserved: {self.error:.1e} of it is unaccounted for')
         if self.late > 0.0:
             texts.append(f'behind: {self.late:.3g} m3 of lava wait in the vents')
-        thin = f'is where less than {COVERED:g} m came: it does not count as inundation'
+        thin = 'is on ground that it has not inundated: it is too thin to count'
         for part, most, fate in (
             *((part, GONE, f'was {_PARTS[part]}: it is on no map') for part in _GONE),
             ('thin', THIN, thin),

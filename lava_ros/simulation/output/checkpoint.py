@@ -119,6 +119,19 @@ class Checkpoint:
         """Number of particles."""
         return len(self.arrays['state.particle'])
 
+    def counting(self, threshold: float) -> 'Checkpoint':
+        """Return the checkpoint of a simulation that counts lava at or above a thickness [m].
+
+        With another threshold, only the lava at its time has arrived.
+        """
+        if math.isclose(threshold, self.accuracy.inundation_threshold):
+            return self
+        arrays = {
+            name: array for name, array in self.arrays.items() if not name.startswith('arrived.')
+        }
+        accuracy = replace(self.accuracy, threshold=threshold)
+        return replace(self, accuracy=accuracy, arrays=arrays)
+
     def to_bytes(self) -> bytes:
         """Serialise the checkpoint; ``from_bytes`` returns bitwise identical arrays."""
         arrays = {

@@ -24,6 +24,9 @@ from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.timestep import LIMITS
 from lava_ros.simulation.step.vents import VentSet
 
+#: Last grids of a map: what lava has covered, as fields of ``Snapshot``.
+SHOWN = ('inundated', 'half_inundated', 'arrived')
+
 #: Number of partial sums of the particles' volumes, which the host adds up. It is the same on
 #: every device and for any number of particles, and with it the order of summation.
 _SUMS = 16384
@@ -152,15 +155,21 @@ def snapshot_of(
     state: State,
     vents: VentSet,
     before: float,
+    threshold: float,
 ) -> Snapshot:
     """Build the snapshot of a moment; state, vents and volume as for ``moment_of``.
 
+    ``threshold`` is the minimum thickness of lava that inundates ground [m].
+
     ``copies`` are the grids on the terrain (thickness, temperature, the solidified thickness if
-    lava can have solidified, and arrival), and the gathered values.
+    lava can have solidified, and ``SHOWN``), and the gathered values.
     """
     grids, numbers = copies
     is_dry = grids[-1] < 0.0
-    arrived, grids = np.where(is_dry, np.float32(np.nan), grids[-1]), grids[:-1]
+    inundated, half_inundated, arrived = (
+        np.where(values < 0.0, np.float32(np.nan), values) for values in grids[-len(SHOWN) :]
+    )
+    grids = grids[: -len(SHOWN)]
     moment = moment_of(numbers, state, vents, before)
     # not nansum, which copies the grid
     thin = np.sum(grids[0], where=is_dry & (grids[0] > 0.0), dtype=np.float64)
@@ -171,5 +180,8 @@ def snapshot_of(
         temperature=grids[1],
         frozen=grids[2] if len(grids) > 2 else None,
         arrived=arrived,
+        half_inundated=half_inundated,
+        inundated=inundated,
+        threshold=threshold,
         **moment._replace(budget=budget)._asdict(),
     )

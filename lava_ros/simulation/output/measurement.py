@@ -16,7 +16,8 @@ from lava_ros.effects.scales import Columns, Scales, volume_quantile
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import read
-from lava_ros.simulation.output.inundation import standing_cells
+from lava_ros.simulation.output.diagnostics import SHOWN
+from lava_ros.simulation.output.inundation import footprint_cells, standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
 from lava_ros.simulation.resolution import is_extended, Resolution
 from lava_ros.simulation.selection import has_left_its_vent, scales_of
@@ -30,8 +31,8 @@ MIN_MEASURED = 1e-6
 
 
 def measured_scales(
-    scene: Scene, effects: Effects, sample: ParticleSample, grids: Any, *, duration: float,
-    emitted: float,
+    scene: Scene, effects: Effects, sample: ParticleSample, grids: Any, *, threshold: float,
+    duration: float, emitted: float,
 ) -> Scales:
     """Return the scales of the lava that still flows; each is measured when it is first read.
 
@@ -40,6 +41,7 @@ def measured_scales(
         effects: Effects that the estimates include.
         sample: The particles, at least one.
         grids: Maps on the device, as for a snapshot (``diagnostics.snapshot_of``).
+        threshold: Minimum thickness of lava that counts as inundation [m].
         duration: Time from the start of the eruption to the horizon [s].
         emitted: Fraction of the volume at the horizon that has been emitted.
     """
@@ -47,8 +49,16 @@ def measured_scales(
     terrain, cell = scene.terrain, scene.terrain.resolution
     here = _cells_of(terrain, sample.position[some])
     # all lava and solidified lava, copied on the device: later maps overwrite the grids
-    maps = [wp.clone(grids[n]) for n in range(0, grids.shape[0] - 1, 2)]
+    maps = [wp.clone(grids[n]) for n in range(0, grids.shape[0] - len(SHOWN), 2)]
     thickness = cache(partial(read, maps[0]))
+    inundated = wp.clone(grids[-len(SHOWN)])
+
+    @cache
+    def wet() -> np.ndarray:
+        # cells that lava only touches would widen the flow, unless it is narrower than half a cell
+        inside = footprint_cells(read(inundated))
+        inside[_cells_of(terrain, sample.position)] = True
+        return inside & standing_cells(thickness(), threshold)
 
     def fall() -> float:
         sources = np.reshape([vent.position for vent in scene.vents], (-1, 2))
@@ -64,7 +74,7 @@ def measured_scales(
         ground_slope=lambda: _measure_slopes(terrain, here, *map(read, maps[1:])),
         temperature=sample.temperature[some],
         speed=lambda: np.hypot(*sample.velocity[some].T),
-        width=lambda: measure_widths(standing_cells(thickness()), cell)[here],
+        width=lambda: measure_widths(wet(), cell)[here],
     )
     return scales_of(
         scene,
@@ -75,7 +85,7 @@ def measured_scales(
         emitted=emitted,
         is_measured=True,
         is_extended=lambda: has_left_its_vent(
-            np.count_nonzero(standing_cells(thickness())) * cell**2,
+            np.count_nonzero(wet()) * cell**2,
             course_of(scene, effects, horizon=duration),
         ),
     )
@@ -90,7 +100,10 @@ def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | N
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     thickness, cell = np.nan_to_num(snapshot.thickness), snapshot.terrain.resolution
-    wet = standing_cells(thickness)
+    wet = snapshot.standing
+    if snapshot.inundated is not None and (wet & snapshot.footprint).any():
+        # without cells that lava only touches
+        wet &= snapshot.footprint
     if not wet.any():
         return None
     width, thickness = measure_widths(wet, cell)[wet], thickness[wet]

@@ -7,9 +7,10 @@ A kernel sum extends by its radius past the last particle, and the paper's borde
 Here lava is where the particles' own areas V / h, smoothed by the same kernel, cover more than
 half of the ground: at a straight border the lava ends there, whatever the radius. The covered
 fraction of a border cell follows from the cover in its middle and the gradient, and the cell's
-thickness is the mean over all of it. A cell of which less than half is covered, and which lava at
-least ``COVERED`` thick has not reached (``own_ground.py``), has none: maps of thickness and of
-arrival then end at the same cells.
+thickness is the mean over all of it. A cell that lava has not reached (``covered_cells.py``) has
+none, unless the lava is too thin to count: standing lava is on ground that lava has reached.
+
+Only cells of the rectangle in which lava has been, and those in reach of it, are visited.
 
 The volume is conserved: each particle distributes all of its volume to the covered cells,
 
@@ -22,17 +23,17 @@ lies.
 """
 
 from functools import lru_cache
+import math
 from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.backend.compiled import access, quick_kernel
-from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
-from lava_ros.simulation.output.own_ground import cells_function
+from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.output.window import cell_in, CellWindow, Window
 from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES
+from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES, TIME
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
@@ -43,20 +44,19 @@ COVER_THRESHOLD = 0.5
 #: it is far from them: smaller sums have few significant digits.
 _MIN_NEAR_WEIGHT = 1e-3
 
+#: Minimum thickness of standing lava over the threshold of inundation: maps are rounded.
+_LEAST = 0.999
+
 #: Placeholder for a weight: particles are within reach of the cell, but do not cover it.
 _BESIDE = wp.constant(wp.float32(-1.0))
 
-#: Placeholder for a temperature: the cell is in a particle's own square.
-_OWN = wp.constant(wp.float32(-1.0))
-
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
+def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
     vec2 = wp.types.vector(2, real)
     norm, shape, slope, *_ = smoothing_kernel(kernel_name, real)
     _, _, cells_around, range_in = cell_functions(real)
     load, _ = access(real, 4)
-    cells_of = cells_function(real)
 
     @wp.func
     def middle(first: wp.float64, n: int, resolution: wp.float64) -> real:
@@ -82,16 +82,6 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
         return wp.where(middle > real(0.0), real(1.0) - small, small)
 
     @quick_kernel(fast_math=False)
-    def mark(k: int, m: arguments_type(real), temperature: wp.array2d(dtype=wp.float32)):
-        """Mark the cells of a particle's own square."""
-        if k >= m.counts[PARTICLES]:
-            return
-        cells = cells_of(load(m.ordered, k), m.flow[k][0], m.ground)
-        for i in range(cells[0], cells[1]):
-            for j in range(cells[2], cells[3]):
-                temperature[i, j] = _OWN
-
-    @quick_kernel(fast_math=False)
     def weigh(
         thread: int,
         m: arguments_type(real),
@@ -99,11 +89,13 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
+        window: CellWindow,
     ):
         """Weigh the covered cells, and mark those not covered but with lava in reach."""
-        i = thread // thickness.shape[1]
-        j = thread % thickness.shape[1]
-        is_own = temperature[i, j] == _OWN
+        cell = cell_in(window, thread)
+        i, j = cell[0], cell[1]
+        if i < 0:
+            return
         temperature[i, j] = wp.float32(wp.nan)
         if terrain.known[i, j] == wp.uint8(0):
             thickness[i, j] = wp.float32(wp.nan)
@@ -151,9 +143,8 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
         weight = wp.float32(part * wp.sqrt(mean * typical) / cover)
         # a cover of NaN is not dry ground
         thickness[i, j] = wp.where(weight > wp.float32(0.0), weight, wp.float32(wp.nan))
-        is_reached = is_own or m.arrived[i, j] >= wp.float32(0.0)
-        is_rim = part < real(0.5) and mean >= real(wp.static(COVERED)) and not is_reached
-        if cover > real(0.0) and (part == real(0.0) or is_rim):
+        is_dry = m.arrived[i, j] < wp.float32(0.0) and mean >= m.constants.threshold
+        if cover > real(0.0) and (part == real(0.0) or is_dry):
             thickness[i, j] = _BESIDE
 
     @quick_kernel(fast_math=False)
@@ -213,10 +204,13 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
+        window: CellWindow,
     ):
         """Sum the particles' contributions to a cell, and their mean temperature."""
-        i = thread // thickness.shape[1]
-        j = thread % thickness.shape[1]
+        cell = cell_in(window, thread)
+        i, j = cell[0], cell[1]
+        if i < 0:
+            return
         own_weight = thickness[i, j]
         if own_weight == wp.float32(0.0) or wp.isnan(own_weight):
             return
@@ -251,10 +245,31 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any, Any]:
         if is_covered:
             total *= real(own_weight)
         thickness[i, j] = wp.float32(total[0])
+        least = real(wp.static(_LEAST)) * m.constants.threshold
+        if m.arrived[i, j] < wp.float32(0.0) and total[0] >= least:
+            # films that are each too thin to count, and together thick enough
+            m.arrived[i, j] = wp.float32(m.clock[TIME])
         if total[0] != real(0.0):
             temperature[i, j] = wp.float32(total[1] / total[0])
 
-    return mark, weigh, share_out, gather
+    return weigh, share_out, gather
+
+
+@quick_kernel
+def _clear(
+    thread: int,
+    known: wp.array2d(dtype=wp.uint8),
+    grids: wp.array3d(dtype=wp.float32),
+):
+    """Let grids show no lava on cells with data, and nothing on others."""
+    i = thread // known.shape[1]
+    j = thread % known.shape[1]
+    dry = wp.float32(0.0)
+    if known[i, j] == wp.uint8(0):
+        dry = wp.float32(wp.nan)
+    for n in range(grids.shape[0]):
+        grids[n, i, j] = dry
+    grids[1, i, j] = wp.float32(wp.nan)
 
 
 class Raster:
@@ -264,6 +279,7 @@ class Raster:
         grids: Grids that ``fill`` fills, and additional ones for callers to fill, float32, shape
             [2 or more, rows, columns].
         thickness: The first grid [m], NaN where the terrain has no data.
+        window: The cells that lava can reach.
         temperature: The second grid [K], NaN also where it is dry.
     """
 
@@ -274,11 +290,18 @@ class Raster:
         kernel: str,
         device: Any,
         *,
+        reach: float,
         more: int = 0,
     ) -> None:
-        """Allocate the grids, and ``more`` additional ones for callers to fill.
+        """Allocate the grids.
 
-        ``radius`` is the radius of the output's kernel [m], l_render in the paper.
+        Args:
+            terrain: The ground.
+            radius: Radius of the output's kernel [m], l_render in the paper.
+            kernel: Name of the kernel.
+            device: Warp device.
+            reach: Distance from a particle at which there can be lava of it [m].
+            more: Number of additional grids for callers to fill.
         """
         self._terrain = terrain
         self._radius = radius
@@ -287,20 +310,20 @@ class Raster:
         shape = (2 + more, terrain.ground.rows, terrain.ground.columns)
         self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
         self.thickness, self.temperature = self.grids[0], self.grids[1]
+        self.window = Window(shape[1:], math.ceil(reach / terrain.exact_ground.resolution))
+        inputs = [terrain.known, self.grids, 0]
+        wp.launch(_clear, dim=self.thickness.size, inputs=inputs, device=device)
 
     def fill(self, state: State, way: Any) -> None:
         """Fill thickness and temperature from the flow of the ordered particles.
 
         ``way`` is the argument of the kernels of a stage.
 
-        Between the passes ``thickness`` holds the cells' weights. The first pass marks cells with
-        a negative temperature, so no temperature may be negative before.
+        Between the passes ``thickness`` holds the cells' weights.
         """
-        mark, weigh, share_out, gather = _kernels(state.real, self._kernel)
-        cells = self.thickness.size
+        weigh, share_out, gather = _kernels(state.real, self._kernel)
         maps = [self.thickness, self.temperature]
         inputs = [way, self._terrain.exact_ground, self._radius]
-        launch_over(state, mark, [way, self.temperature], least=MIN_MOVES)
-        launch_over(state, weigh, [*inputs, *maps], count=cells)
+        self.window.launch(state, weigh, [*inputs, *maps])
         launch_over(state, share_out, [*inputs, self.thickness])
-        launch_over(state, gather, [*inputs, *maps], count=cells)
+        self.window.launch(state, gather, [*inputs, *maps])

@@ -11,8 +11,14 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.inundation import inundated_cells, standing_cells
+from lava_ros.simulation.output.inundation import (
+    area_of,
+    footprint_cells,
+    standing_cells,
+    standing_part,
+)
 
 
 @dataclass(frozen=True)
@@ -50,8 +56,13 @@ class Snapshot:
         steps: Time stepping so far.
         frozen: Solidified part of ``thickness`` [m], float32, same shape; None without
             solidification.
-        arrived: First arrival time, at the end of a step (``own_ground.py``) [s], float32, same
-            shape, NaN without arrival; None in a snapshot from maps without it.
+        arrived: First arrival time: end of the step in which lava touched the cell
+            (``covered_cells.py``) [s], float32, same shape, NaN without arrival; None in a
+            snapshot from maps without it.
+        half_inundated: Time at which lava had covered half of the cell [s], as ``arrived``.
+        inundated: Fraction of the cell that lava has covered so far, float32, same shape, NaN
+            without data; above 0 where lava has arrived; None in a snapshot from maps without it.
+        threshold: Minimum thickness of lava that counts as inundation [m].
     """
 
     time: float
@@ -63,22 +74,30 @@ class Snapshot:
     steps: StepReport
     frozen: np.ndarray | None = None
     arrived: np.ndarray | None = None
+    half_inundated: np.ndarray | None = None
+    inundated: np.ndarray | None = None
+    threshold: float = COVERED
 
     @property
-    def inundated(self) -> np.ndarray:
-        """Cells inundated at any time so far, bool, shape [rows, columns]."""
-        if self.arrived is None:
-            raise ValueError('a snapshot without arrival times')
-        return inundated_cells(self.arrived)
+    def footprint(self) -> np.ndarray:
+        """Cells of which lava has covered at least half so far, bool, shape [rows, columns]."""
+        if self.inundated is None:
+            raise ValueError('a snapshot without inundated fractions')
+        return footprint_cells(self.inundated)
 
     @property
     def standing(self) -> np.ndarray:
         """Cells with lava at this moment, flowing or solidified, bool, shape [rows, columns]."""
-        return standing_cells(self.thickness)
+        return standing_cells(self.thickness, self.threshold)
+
+    @property
+    def standing_area(self) -> float:
+        """Area on which lava stands at this moment [m2], within the inundated area."""
+        return self.area(standing_part(self.standing, self.inundated))
 
     def area(self, cells: np.ndarray) -> float:
-        """Return the total area [m2] of the cells in a mask, shape [rows, columns]."""
-        return float(cells.sum()) * self.terrain.resolution**2
+        """Return the total area [m2] of a mask or of fractions of cells, [rows, columns]."""
+        return area_of(cells, self.terrain.resolution)
 
     def flaw(self) -> str:
         """Return why the snapshot cannot be shown as a map; empty if there is no reason."""

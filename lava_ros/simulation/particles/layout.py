@@ -76,8 +76,16 @@ ARRAYS = {
     'left': Array('float64', 2),
 }
 
+#: Arrays of the cells of the terrain, which ``covered_cells.CoveredCells`` keeps.
+CELL_MAPS = {
+    'arrived': wp.array2d(dtype=wp.float32),
+    'half_inundated': wp.array2d(dtype=wp.float32),
+    'covered': wp.array2d(dtype=wp.int32),
+    'bounds': wp.array(dtype=wp.int32),
+}
+
 #: Fields that kernels read in addition to arrays of ``State``.
-_OTHERS = ('arrived', 'ground', 'cells', 'constants', 'law', 'heat')
+_OTHERS = (*CELL_MAPS, 'ground', 'cells', 'constants', 'law', 'heat')
 
 #: The arrays that effects add, by name.
 _MORE_ARRAYS = join_names('arrays', EFFECTS, (*ARRAYS, *_OTHERS))
@@ -149,8 +157,9 @@ def flow_constants_of(real: Any) -> Any:
     ``radius`` is the kernel radius [m], ``weight`` is rho g [N/m3], ``stiffness`` the diffusion
     rate of thickness at the kernel's stiffest wave number, over the diffusivity and over the
     diffusion number [1/m2], ``share`` one over the diffusion number, ``reach`` the maximum
-    displacement in a step [m], ``gravity`` g [m/s2] and ``thickest`` the thickness up to which
-    the lateral stress is solved fully [m].
+    displacement in a step [m], ``gravity`` g [m/s2] ``thickest`` the thickness up to which
+    the lateral stress is solved fully [m], and ``threshold`` the minimum thickness of lava that
+    inundates ground [m].
     """
 
     @wp.struct
@@ -162,6 +171,7 @@ def flow_constants_of(real: Any) -> Any:
         reach: real
         gravity: real
         thickest: real
+        threshold: real
 
     return FlowConstants
 
@@ -171,7 +181,7 @@ def arguments_type(real: Any) -> Any:
     """Return the struct that kernels take: arrays of ``State``, ground, cells and constants."""
     kinds = kinds_of(real)
     types = {
-        'arrived': wp.array2d(dtype=wp.float32),
+        **CELL_MAPS,
         'ground': ground_type(real),
         'cells': cell_frame(real),
         'constants': flow_constants_of(real),

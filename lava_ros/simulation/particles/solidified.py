@@ -25,7 +25,7 @@ from lava_ros.scene import Terrain
 from lava_ros.scene.terrain import has_same_cells
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.memory import read
-from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.output.window import cell_in, CellWindow, Window
 from lava_ros.simulation.particles.layout import BORDER, fitting, ground_type, HOLES
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import averaged, StaggeredTerrain
@@ -43,10 +43,13 @@ def _show(
     thickness: wp.array2d(dtype=wp.float32),
     temperature: wp.array2d(dtype=wp.float32),
     frozen: wp.array2d(dtype=wp.float32),
+    window: CellWindow,
 ):
     """Add solidified lava to a map; where all lava has solidified, it has the solidus."""
-    i = thread // known.shape[1]
-    j = thread % known.shape[1]
+    cell = cell_in(window, thread)
+    i, j = cell[0], cell[1]
+    if i < 0:
+        return
     if known[i, j] == wp.uint8(0):
         frozen[i, j] = wp.float32(wp.nan)
         return
@@ -79,16 +82,14 @@ class RaisedTerrain(StaggeredTerrain):
         self.deposit = wp.zeros(self.height.shape, dtype=wp.int64, device=device)
         self.placed = wp.zeros(self.known.shape, dtype=wp.int64, device=device)
 
-    def show(self, state: State, solidus: float, grids: Any) -> None:
-        """Add the solidified lava to a map.
+    def show(self, state: State, solidus: float, grids: Any, window: Window) -> None:
+        """Add the solidified lava to a map on the cells of a window.
 
         The ``grids`` are thickness [m] and temperature [K] of the fluid lava, which become those
         of all lava, and the thickness of solidified lava [m]; float32, on the device.
         """
         maps = [grids[n] for n in range(3)]
-        launch_over(
-            state, _show, [self.placed, self.known, solidus, *maps], count=self.known.size
-        )
+        window.launch(state, _show, [self.placed, self.known, solidus, *maps])
 
     def thickness(self) -> np.ndarray:
         """Return the solidified thickness as maps show it [m], float64, shape [rows, columns]."""

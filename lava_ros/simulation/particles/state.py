@@ -93,13 +93,15 @@ class State:
         rates: Reciprocal of the step each limit allows [1/s].
         top: Elevation of the highest ground that lava came from, above the terrain's mean [m].
         left: Volume that has left the terrain [m3], float64.
-        arrived: Time at which lava reached each cell of the terrain [s], -1 before, float32, shape
-            [rows, columns]; kept by ``Simulation``.
+        arrived: Time at which lava touched each cell of the terrain [s], -1 before, float32, shape
+            [rows, columns]; kept by ``CoveredCells``, as the next three.
+        half_inundated: Time at which lava had covered half of each cell [s], -1 before, float32.
+        covered: Squares of each cell that lava has covered, one bit each, int32.
+        bounds: Rectangle of all cells in which particles have been: rows from its first one to the
+            terrain's end, rows up to its last one, and the same for columns; 0 without, int32.
 
     Effects declare their additional arrays in their own files (``Effect.arrays``).
     """
-
-    arrived: Any
 
     if TYPE_CHECKING:
 
@@ -355,7 +357,7 @@ class State:
         carried = set(self._carried) & set(former._carried)
         for name in ('particle', *carried, 'clock', 'counts', 'top', 'left'):
             wp.copy(getattr(self, name), getattr(former, name))
-        self.arrived = former.arrived
+        vars(self).update({name: getattr(former, name) for name in at.CELL_MAPS})
         if not former.has_age:
             self._begin_ages()
 

@@ -9,7 +9,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import quick_kernel
-from lava_ros.simulation.output.own_ground import note_function
+from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.particles.cells import bin_function
 from lava_ros.simulation.particles.layout import (
     arguments_type,
@@ -78,8 +78,7 @@ def emission_function(
             volume, heat = real(outlets.particle_volume), real(outlets.vents[v].temperature)
             p = vec4(real(place[0]), real(place[1]), volume, heat)
             m.particle[i] = p
-            # its thickness is unknown: assume that its square is one cell
-            note(p, volume / (m.ground.resolution * m.ground.resolution), m)
+            note(p, real(0.0), m)
             if wp.static(bins):
                 put(i, p, m)
         return due

@@ -19,7 +19,7 @@ from lava_ros.effects.heat import warming_function
 from lava_ros.simulation.backend import compiled
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
-from lava_ros.simulation.output.own_ground import note_function
+from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import bin_function
 from lava_ros.simulation.particles.layout import age_at, arguments_type

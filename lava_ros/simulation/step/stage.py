@@ -175,6 +175,7 @@ def _flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) 
     constants.share = 1.0 / accuracy.diffusion_number
     constants.gravity = scene.gravity
     constants.thickest = math.inf
+    constants.threshold = accuracy.inundation_threshold
     if accuracy.thickness is not None:
         constants.thickest = THICKEST * accuracy.thickness
     return constants

@@ -109,19 +109,16 @@ def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
     )
     taken = ahead.simulation.steps
     forecast = ahead.run()
-    # an arrival is the end of the step in which lava reaches a cell's middle, or a particle the
-    # cell: then the lava has come half of its side further than the near side of the cell
+    # a cell is half covered at the end of the step in which the front passes its middle
     step = forecast.horizon / (ahead.simulation.steps - taken)
     terrain = forecast.terrain
     rows, columns = (np.arange(count) + 0.5 for count in terrain.elevation.shape)
     x = (terrain.origin[0] + columns * terrain.resolution) / COSINE
     y = terrain.origin[1] + rows * terrain.resolution
     here = np.ix_(np.abs(y) < 4.0 * run_out, (x > 0.5 * last) & (x < last))
-    measured = start + forecast.arrival[here].astype(np.float64)
-    side = trial.simulation.accuracy.spacing or 0.0
-    before = 0.5 * max(terrain.resolution - side, 0.0) / COSINE
+    measured = ahead.seen().half_inundated[here]
     exactly = 0.5 * step + np.broadcast_to(
-        [solution.arrival(place - before, threshold) for place in x[here[1][0]]], measured.shape
+        [solution.arrival(place, threshold) for place in x[here[1][0]]], measured.shape
     )
     trial.compare('arrival', measured.mean(), exactly.mean(), 's')
     # NaN, an error, where the front did not arrive

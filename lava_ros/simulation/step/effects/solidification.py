@@ -16,9 +16,9 @@ bumps that their neighbours' sums had smoothed out, and the order in which they 
 decide where later lava turns. It extends at most to the kernel radius. The column is removed from
 the particles.
 
-Maps show the column by the same weights, but only on cells that lava has reached
-(``own_ground.py``): no lava is shown on ground that lava has not reached. The raised ground is the
-solver's (particles/solidified.py); this effect adds to it.
+Maps show the column by the same weights, but only on cells of which lava has covered half
+(``covered_cells.py``), or if none is near, that lava has reached: no lava is shown on other
+ground. The raised ground is the solver's (particles/solidified.py); this effect adds to it.
 """
 
 from functools import lru_cache
@@ -32,7 +32,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.particles.cells import border_functions
-from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES
+from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES, TIME
 from lava_ros.simulation.particles.solidified import RaisedTerrain, THICKNESS_UNIT
 from lava_ros.simulation.particles.state import State
 
@@ -112,22 +112,25 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         )
 
     @wp.func
-    def is_shown(m: arguments_type(real), row: int, column: int, is_reached: bool) -> bool:
+    def is_shown(m: arguments_type(real), row: int, column: int, level: int) -> bool:
+        """Return True if a cell has data, on level 1 is reached, and on level 2 half inundated."""
         if m.ground.known[row, column] == wp.uint8(0):
             return False
-        return not is_reached or m.arrived[row, column] >= wp.float32(0.0)
+        if level == 2:
+            return m.half_inundated[row, column] >= wp.float32(0.0)
+        return level == 0 or m.arrived[row, column] >= wp.float32(0.0)
 
     @wp.func
     def total_of(
         p: vec4, m: arguments_type(real), frame: ground_type(wp.float64), width: wp.float64,
-        is_reached: bool,
+        level: int,
     ) -> wp.float64:
-        """Sum the weights of the cells with data, or of those that are also reached."""
+        """Sum the weights of the cells on a level (``is_shown``)."""
         patch = patch_of(frame, p[0], p[1], width)
         total = wp.float64(0.0)
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
             for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
-                if is_shown(m, row, column, is_reached):
+                if is_shown(m, row, column, level):
                     total += weight_of(frame, p[0], p[1], width, row, column)
         return total
 
@@ -145,22 +148,30 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         patch = patch_of(frame, p[0], p[1], width)
         volume = wp.float64(p[2]) / (frame.resolution * frame.resolution)
         volume /= wp.float64(wp.static(THICKNESS_UNIT))
-        total = total_of(p, m, frame, width, False)
+        total = total_of(p, m, frame, width, 0)
         parts = volume / total
         # cells without data and the ring are raised too, so that the deposit has no cliff there
         for row in range(patch[2], patch[3]):
             for column in range(patch[0], patch[1]):
                 share = parts * weight_of(frame, p[0], p[1], width, row, column)
                 wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
-        reached = total_of(p, m, frame, width, True)
         # lava too thin to reach any of the cells is placed in all of them
-        is_reached = reached > wp.float64(0.0)
-        parts = volume / wp.where(is_reached, reached, total)
+        level = wp.int32(2)
+        shown = total_of(p, m, frame, width, level)
+        while level > 0 and shown == wp.float64(0.0):
+            level -= 1
+            shown = total_of(p, m, frame, width, level)
+        parts = volume / shown
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
             for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
-                if is_shown(m, row, column, is_reached):
-                    share = parts * weight_of(frame, p[0], p[1], width, row, column)
-                    wp.atomic_add(placed, row, column, wp.int64(wp.round(share)))
+                if is_shown(m, row, column, level):
+                    share = wp.round(parts * weight_of(frame, p[0], p[1], width, row, column))
+                    before = wp.atomic_add(placed, row, column, wp.int64(share))
+                    # films too thin to count may add up
+                    top = (wp.float64(before) + share) * wp.float64(wp.static(THICKNESS_UNIT))
+                    is_thick = top >= wp.float64(m.constants.threshold)
+                    if is_thick and m.arrived[row, column] < wp.float32(0.0):
+                        m.arrived[row, column] = wp.float32(m.clock[TIME])
         m.particle[i] = vec4(p[0], p[1], -p[2], p[3])
 
     @quick_kernel

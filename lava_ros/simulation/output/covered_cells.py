@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Covered fraction of each cell, and the times at which lava touched it and had covered half.
+
+Each cell is divided into ``PARTS`` by ``PARTS`` squares. A particle of volume V and thickness h
+stands for lava on the square of side ``WIDTH`` sqrt(V / h) around it. At the end of each time step
+it covers the squares of cells whose centres are in its own square, and touches its cell, if its
+lava is thick enough (``Accuracy.inundation_threshold``). Lava that erupts touches its cell.
+Covered squares stay covered, so the result does not depend on the times of maps (docs/MODEL.md).
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.scene.terrain import HALF, PARTS
+from lava_ros.simulation.backend.compiled import mark_bits, raise_to
+from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import arguments_type
+
+#: Side of a particle's square over the root of its area V / h. Squares of exactly that area
+#: overlap where particles are disordered, and leave gaps: their union is too small.
+WIDTH = 1.35
+
+#: All squares of a cell.
+WHOLE = (1 << PARTS * PARTS) - 1
+
+#: One bit in each row of squares.
+_COLUMN = sum(1 << PARTS * row for row in range(PARTS))
+
+
+@lru_cache
+def note_function(real: Any, is_new: bool) -> Any:
+    """Return the device function that records the ground covered by a particle.
+
+    A particle that ``is_new`` has no thickness yet, and only touches its cell. Threads with a
+    common cell write the same time.
+    """
+    vec4: Any = wp.types.vector(4, real)
+    raised = raise_to(wp.int32)
+
+    @wp.func
+    def squares_before(place: int, cell: int) -> int:
+        """Return the number of squares of a cell, along an axis, before a place among all."""
+        return wp.clamp(place - cell * wp.static(PARTS), 0, wp.static(PARTS))
+
+    @wp.func
+    def is_done(x: real, y: real, half: real, m: arguments_type(real)) -> bool:
+        """Return True if a square touches at most two by two cells, which are covered wholly."""
+        south, north = int(wp.floor(y - half)), int(wp.floor(y + half))
+        west, east = int(wp.floor(x - half)), int(wp.floor(x + half))
+        if south < 0 or west < 0 or north >= m.ground.rows or east >= m.ground.columns:
+            return False
+        if north - south > 1 or east - west > 1:
+            return False
+        all_four = m.covered[south, west] & m.covered[south, east]
+        all_four &= m.covered[north, west] & m.covered[north, east]
+        return all_four == wp.static(WHOLE)
+
+    @wp.func
+    def note(p: vec4, thickness: real, m: arguments_type(real)):
+        inverse = real(1.0) / m.ground.resolution
+        x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse
+        own_row, own_column = int(wp.floor(y)), int(wp.floor(x))
+        rows, columns = m.ground.rows, m.ground.columns
+        is_inside = own_row >= 0 and own_row < rows and own_column >= 0 and own_column < columns
+        if is_inside and m.ground.known[own_row, own_column] != wp.uint8(0):
+            raised(m.bounds, 0, rows - own_row)
+            raised(m.bounds, 1, own_row + 1)
+            raised(m.bounds, 2, columns - own_column)
+            raised(m.bounds, 3, own_column + 1)
+        # squares from the first one with its centre in that of the particle to the end
+        south = wp.int32(0)
+        north = wp.int32(0)
+        west = wp.int32(0)
+        east = wp.int32(0)
+        if wp.static(not is_new):
+            # false for NaN
+            if not thickness >= m.constants.threshold:
+                return
+            parts = real(wp.static(PARTS))
+            half = real(wp.static(0.5 * WIDTH)) * wp.sqrt(p[2] / thickness) * inverse
+            if is_inside and is_done(x, y, half, m):
+                return
+            south = int(wp.ceil((y - half) * parts - real(0.5)))
+            north = int(wp.ceil((y + half) * parts - real(0.5)))
+            west = int(wp.ceil((x - half) * parts - real(0.5)))
+            east = int(wp.ceil((x + half) * parts - real(0.5)))
+        time = wp.float32(m.clock[at.TIME])
+        last_row = wp.max(own_row, wp.max(north - 1, 0) // wp.static(PARTS))
+        last_column = wp.max(own_column, wp.max(east - 1, 0) // wp.static(PARTS))
+        first_row = wp.min(own_row, wp.max(south, 0) // wp.static(PARTS))
+        first_column = wp.min(own_column, wp.max(west, 0) // wp.static(PARTS))
+        if wp.static(is_new):
+            first_row, first_column = own_row, own_column
+            last_row, last_column = own_row, own_column
+        for row in range(wp.max(first_row, 0), wp.min(last_row + 1, rows)):
+            # bits of the first row of squares before the first one and up to the last one
+            below = (1 << (wp.static(PARTS) * squares_before(south, row))) - 1
+            above = (1 << (wp.static(PARTS) * squares_before(north, row))) - 1
+            lines = wp.max(above - below, 0) & wp.static(_COLUMN)
+            for column in range(wp.max(first_column, 0), wp.min(last_column + 1, columns)):
+                left = (1 << squares_before(west, column)) - 1
+                right = (1 << squares_before(east, column)) - 1
+                bits = lines * wp.max(right - left, 0)
+                is_own = row == own_row and column == own_column
+                is_known = m.ground.known[row, column] != wp.uint8(0)
+                if is_known and (bits != 0 or is_own):
+                    count = mark_bits(m.covered, row, column, bits)
+                    if m.arrived[row, column] < wp.float32(0.0):
+                        m.arrived[row, column] = time
+                    is_half = count >= wp.static(HALF)
+                    if is_half and m.half_inundated[row, column] < wp.float32(0.0):
+                        m.half_inundated[row, column] = time
+
+    return note
