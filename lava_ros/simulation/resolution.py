@@ -139,7 +139,7 @@ class Resolution:
             return f'spacing {self.spacing:.3g} m; {reason}'
         # 180 and not 1.8e+02
         width, across = (float(f'{value:.2g}') for value in (self.width, self.across))
-        text = f'{across:g} particles across a flow about {width:g} m wide'
+        text = f'{across:g} particles across a flow of an expected width of {width:g} m'
         text += f' (spacing {self.spacing:.3g} m)'
         limits = {
             'particles': 'the largest number of particles limits the spacing',
