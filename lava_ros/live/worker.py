@@ -59,6 +59,9 @@ MAX_DELAY = 5.0
 #: Lag at or below which simulated time has reached the clock [s].
 ROUNDING = 1e-3
 
+#: Maximum time of the clock for which maps wait for the end of a time step [s].
+MAX_WAIT = 60.0
+
 #: Maximum wall time for which a restarted simulation catches up before it is shown [s].
 MAX_CATCH_UP = 5.0
 
@@ -389,8 +392,11 @@ class SimulationWorker:
         if self._target > before:
             begun = time.monotonic()
             self._task = 'a step', begun
+            is_waiting = self._age <= MAX_WAIT * self.time_scale
             try:
-                self._advance_session(self._target, whole_steps=self._step_target is None)
+                self._advance_session(
+                    self._target, whole_steps=is_waiting and self._step_target is None
+                )
             finally:
                 self._task, self._slice = ('', 0.0), time.monotonic() - begun
             self._speed.note(self._followed)
@@ -400,7 +406,8 @@ class SimulationWorker:
     @property
     def _max_age(self) -> float:
         """Age of the state above which it is stale [s]."""
-        return self.session.view.step + (MAX_DELAY + self._clock.step) * self.time_scale
+        step = min(self.session.view.step, MAX_WAIT * self.time_scale)
+        return step + (MAX_DELAY + self._clock.step) * self.time_scale
 
     def _advance_session(self, until: float, *, whole_steps: bool = False) -> None:
         """Simulate a slice up to a time [s]."""

@@ -245,7 +245,10 @@ def _checkpoint_parameters(checkpoint: Checkpoint) -> dict[str, Any]:
     }
     accuracy, scene = checkpoint.accuracy, checkpoint.scene
     for name, preset in PRESETS.items():
-        own = replace(preset.accuracy, spacing=accuracy.spacing, thickness=accuracy.thickness)
+        own = replace(
+            preset.accuracy, spacing=accuracy.spacing, thickness=accuracy.thickness,
+            longest_step=accuracy.longest_step,
+        )
         if own == accuracy:
             automatic = resolved_accuracy(
                 preset.accuracy, scene, forced, horizon=checkpoint.horizon

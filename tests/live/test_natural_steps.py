@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lava_ros.live.clock import MAX_LAG
-from lava_ros.live.worker import MAX_DELAY, SimulationWorker
+from lava_ros.live.worker import MAX_DELAY, MAX_WAIT, SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
@@ -210,3 +210,12 @@ def test_paused_state_is_never_stale():
     driven.now += 1e4
     driven.worker._updated -= 10.0
     assert driven.worker.status.age == 0.0 and not driven.worker.status.is_stale
+
+
+@pytest.mark.parametrize('scale', [1.0, 10.0])
+def test_maps_wait_a_bounded_time_for_the_end_of_a_step(scale):
+    slow = replace(SCENE, vents=(Vent((60.0, 150.0), 1e-3),))
+    driven = Driven(slow, time_scale=scale)
+    ages = [status.age for status in driven.follow(150.0, tick=0.5)]
+    assert (MAX_WAIT - 1.0) * scale <= max(ages) <= (MAX_WAIT + 0.5) * scale
+    assert driven.session.time >= 2.0 * MAX_WAIT * scale

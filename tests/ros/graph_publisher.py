@@ -106,7 +106,7 @@ def cloud_of(points, is_bigendian=False, padding=0):
 def vents(frame_id='map', without=(), **changes):
     """Return one vent high on the slope, with values changed and fields left out."""
     columns = {'x': 60.0, 'y': 155.0, 'z': 0.0, 'discharge': 20.0, 'temperature': 1100.0}
-    columns.update({'radius': 12.0, **changes})
+    columns.update({'radius': 10.0, **changes})
     return cloud({key: [value] for key, value in columns.items() if key not in without}, frame_id)
 
 

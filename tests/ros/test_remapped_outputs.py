@@ -122,7 +122,8 @@ def test_maps_of_remapped_topics_are_exported(bag, tmp_path):
         done = export_bag(recording.bag.path, folder, epsg=32633)
         files[folder.name] = {path.name: path for path in done.files}
     assert files['found'].keys() == files['expected'].keys() == {
-        'thickness.tif', 'temperature.tif', 'hazard.tif', 'arrival.tif', 'peak_thickness.tif',
+        'thickness.tif', 'temperature.tif', 'hazard.tif', 'arrival.tif', 'inundated.tif',
+        'peak_thickness.tif',
     }
     for name, path in files['found'].items():
         with rasterio.open(path) as moved_map, rasterio.open(files['expected'][name]) as known:
