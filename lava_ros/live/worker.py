@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+import math
 import queue
 import threading
 import time
@@ -59,7 +60,7 @@ MAX_DELAY = 5.0
 #: Lag at or below which simulated time has reached the clock [s].
 ROUNDING = 1e-3
 
-#: Maximum time of the clock for which maps wait for the end of a time step [s].
+#: Maximum time of the clock for which maps wait for the lava of vents [s], at the end of a step.
 MAX_WAIT = 60.0
 
 #: Maximum wall time for which a restarted simulation catches up before it is shown [s].
@@ -392,7 +393,7 @@ class SimulationWorker:
         if self._target > before:
             begun = time.monotonic()
             self._task = 'a step', begun
-            is_waiting = self._age <= MAX_WAIT * self.time_scale
+            is_waiting = self._age <= self._max_wait
             try:
                 self._advance_session(
                     self._target, whole_steps=is_waiting and self._step_target is None
@@ -406,8 +407,14 @@ class SimulationWorker:
     @property
     def _max_age(self) -> float:
         """Age of the state above which it is stale [s]."""
-        step = min(self.session.view.step, MAX_WAIT * self.time_scale)
+        step = min(self.session.view.step, self._max_wait)
         return step + (MAX_DELAY + self._clock.step) * self.time_scale
+
+    @property
+    def _max_wait(self) -> float:
+        """Age of the state above which a time step is ended early [s]."""
+        scene = self.session.view.scene
+        return MAX_WAIT * self.time_scale if scene is not None and scene.vents else math.inf
 
     def _advance_session(self, until: float, *, whole_steps: bool = False) -> None:
         """Simulate a slice up to a time [s]."""

@@ -80,7 +80,7 @@ def test_each_node_has_its_own_names_vents_and_bag(start, tmp_path):
     etna.publish('click')
     etna.run_commands()
     for node in nodes.values():
-        node.run(3.0)
+        node.run(6.0)
     assert etna.newest('map', condition=lambda newest: newest['map']['max'] > 0)
     hekla.hear()
     assert {item['max'] for item in hekla.seen if item['topic'] in MAPS[HEKLA]} == {0}
