@@ -92,7 +92,7 @@ def export_bag(
     require('rasterio', 'GeoTIFF', str(directory))
     target = Path(directory)
     recording = Recording(path, node=node)
-    threshold = recording.threshold if threshold is None else threshold
+    threshold = recording.inundation_threshold if threshold is None else threshold
     known: dict[str, Georeference] = {}
 
     def georeference_in(scene: Mapping[str, Any]) -> Georeference:

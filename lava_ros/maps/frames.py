@@ -265,7 +265,7 @@ class Recording:
                     self.scene = georeferenced(self.scene, stated.georeference)
 
     @property
-    def threshold(self) -> float:
+    def inundation_threshold(self) -> float:
         """Minimum thickness of lava that counts as inundation [m]."""
         return threshold_at(self.timeline.moments[-1] if self.timeline.moments else None)
 
@@ -452,7 +452,7 @@ class _Assembly:
         return frame.with_cover(
             None if arrived is None else arrived.values,
             None if inundated is None else inundated.values,
-            recording.threshold,
+            recording.inundation_threshold,
         )
 
     def _scene(self) -> Mapping[str, Any]:

@@ -68,7 +68,7 @@ def summarize(recording: Recording, progress: Progress = silent) -> RunSummary:
     # the inundation thickness, unless a layer shows only thicker lava
     layers = recording.layers.values()
     shown = (item.threshold for item in layers if item.source == THICKNESS)
-    least = max([recording.threshold, *shown])
+    least = max([recording.inundation_threshold, *shown])
     result: RunSummary | None = None
     for frame in recording.frames():
         if result is None or frame.elevation.shape != result.touched.shape:
