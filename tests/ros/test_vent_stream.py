@@ -61,9 +61,10 @@ def test_vents_that_vary_with_each_message_do_not_fill_the_log(local):
     texts = 'vents: ', 'vents[0].temperature', ' particles across '
     assert [node.log.count(text, start) for text in texts] == [0, 1, 0], node.log[start:]
     # a vent elsewhere is a change
-    node.deliver('/vents', vents(x=120.0))
+    node.deliver('/vents', vents(x=120.0, discharge=40.0))
+    node.run_commands()
     node.run(0.5)
-    node.wait_for_log('vents: 1, 20 m3/s', after=start)
+    node.wait_for_log('vents: 1, 40 m3/s', after=start)
 
 
 @pytest.mark.nightly
