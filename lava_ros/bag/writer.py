@@ -80,7 +80,7 @@ class _Directory:
         with suppress(OSError):
             os.unlink(name, dir_fd=self._number)
         self.close()
-        # a link that has replaced it is no directory, and is not removed
+        # if a link has replaced the directory, the link stays
         with suppress(OSError):
             self._path.rmdir()
 

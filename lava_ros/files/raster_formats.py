@@ -53,7 +53,7 @@ EXPECTED_LINES = {
     for name in names.split()
 }
 
-#: Groups of lines of which exactly one is required, by what they state: without them GDAL assumes
+#: Groups of lines of which exactly one is required, by their meaning: without them GDAL assumes
 #: corners at 0 and sides of 1, and it reads the corner of one axis with the centre of the other.
 POSITION_LINES = (
     (('ulxmap', 'ulymap'), ('xllcorner', 'yllcorner'), ('xllcenter', 'yllcenter')),

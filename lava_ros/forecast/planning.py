@@ -174,7 +174,7 @@ def plan_within(
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
-    # those of preset standard for all pilots
+    # all pilots have the effects of preset standard
     effects = effects_for(scene, accuracy=accuracy_at(scene, 1.0, horizon), horizon=horizon)
     search = _Search(scene, within, horizon, device, effects, on_pilot, clock)
     # compiles the kernels
@@ -226,7 +226,7 @@ class _Search:
         return min(max(FIRST_ACROSS / standard.across, COARSEST), 1.0)
 
     def run_pilots(self, members: int) -> None:
-        """Run pilots, each finer than the one before, until finer ones would tell little."""
+        """Run pilots, each finer than the one before, until finer ones would add little."""
         ground, refinement = on_coarser_ground(self.scene), self.first
         budget = PLANNING_FRACTION * self.within
         while refinement <= FINEST:

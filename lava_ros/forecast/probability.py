@@ -202,7 +202,7 @@ class EnsembleAccumulator:
         )
 
     def _least_part(self, share: float) -> np.ndarray:
-        """Return the fraction of each cell that a share of the members inundates, [rows]."""
+        """Return the part of each cell that a fraction of the members inundates, [rows]."""
         # the members that inundate at least each part
         sums = np.cumsum(self._parts[: self._rows, ::-1], axis=1)[:, ::-1]
         return (np.count_nonzero(sums[:, 1:] >= self._needed(share), axis=1) * TOUCHED).astype(
