@@ -162,7 +162,7 @@ class CoveredCells:
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy the arrays of cells, by name."""
-        return {key: self.maps[name].numpy().copy() for key, name in _SAVED.items()}
+        return {key: read(self.maps[name]) for key, name in _SAVED.items()}
 
     def load(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Restore a copy of ``save``; of times alone, cells are covered wholly or not at all.
