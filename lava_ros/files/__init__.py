@@ -9,7 +9,6 @@ import errno
 import logging
 import os
 from pathlib import Path
-import secrets
 import stat
 from typing import BinaryIO
 
@@ -99,7 +98,7 @@ def replacing(path: Path, *, is_durable: bool = True) -> Iterator[Path]:
         OSError: If the file cannot be created, or cannot replace the old one.
     """
     path = Path(os.path.realpath(path))
-    partial = path.with_name(f'.{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}')
+    partial = path.with_name(f'.{path.stem}.{os.urandom(4).hex()}.partial{path.suffix}')
     mode = stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666
     # never write into an existing file or through a link
     os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, mode))
