@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measure what the reader process costs: rasters through it, and by rasterio in the process itself.
+"""Measure what the reader process costs, compared with rasterio in the process itself.
 
-A process that reads a raster and `lava effects` with the raster as terrain are run in turn with and
-without the reader. Times are medians, CPU times those of all processes. The output is reader.csv:
+A process that reads a raster and `lava effects` with the raster as terrain are run in turn with
+and without the reader. Times are medians, CPU times those of all processes. The output is
+reader.csv:
 
     python docs/benchmarks/reader.py 'machine' > docs/benchmarks/reader.csv
 """

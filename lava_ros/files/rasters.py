@@ -85,7 +85,7 @@ def read_raster(
 
     place = Path(path).absolute()
     with refusing(field, str(path), 'a raster that GDAL can read'):
-        item = format_of(field, place, formats)
+        item = format_of(field, Path(path), formats)
         tiles = _tiles(field, place) if item.driver == 'VRT' else {}
         files = [file for name in (place, *tiles) for file in _parts(field, name)]
         answer = read_in_process(

@@ -27,7 +27,7 @@ import numpy as np
 
 import lava_ros
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import open_input
 from lava_ros.files.reader.confinement import MEMORY_LIMIT, SWITCHES, TIME_LIMIT
 from lava_ros.files.reader.memory import ANSWER, MAP_FLAGS, REQUEST
@@ -48,7 +48,7 @@ _CODE = (
 )
 
 #: Folder of the package, which a hook may import from elsewhere than ``sys.path``.
-_FOLDER = Path(lava_ros.__file__).parents[1]
+_FOLDER = str(Path(lava_ros.__file__).parents[1])
 
 #: A file for the reader: its name there, and its path or its bytes.
 File = tuple[str, Path | bytes]
@@ -68,7 +68,7 @@ class _Reader:
         ours, theirs = socket.socketpair()
         with theirs:
             # hooks of .pth files are not run: they take longer than Python itself
-            paths = dict.fromkeys(map(os.path.abspath, (*sys.path, _FOLDER)))
+            paths = dict.fromkeys(os.path.abspath(item) for item in (*sys.path, _FOLDER))
             # the pipe ends with this process, which ends the reader
             self.process = subprocess.Popen(
                 [sys.executable, '-I', '-S', '-c', _CODE, str(theirs.fileno()), *paths],
@@ -161,6 +161,9 @@ def read_in_process(
             # an interrupted exchange cannot be continued
             status = reader.end()
             _readers.clear()
+            if isinstance(error, EOFError) and status > 0:
+                problem = f'The process that reads {field} {value} ended with status {status}'
+                raise RefusalError(field, problem, "Run 'lava doctor'") from error
             if isinstance(error, EOFError):
                 raise LavaError(field, str(value), _limit(status)) from error
             raise
@@ -177,8 +180,6 @@ def _limit(status: int) -> str:
         return TIME_LIMIT
     if -status in (signal.SIGKILL, signal.SIGABRT, 0):
         return MEMORY_LIMIT
-    if status > 0:
-        return f'an installation in which files can be read: the reader ended with status {status}'
     return f'an undamaged file: its reader ended with signal {-status}'
 
 

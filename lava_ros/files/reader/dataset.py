@@ -173,7 +173,7 @@ class Dataset:
         return [value.replace('"', '') for key, value in tags.items() if key.endswith('_NAME')]
 
     def properties(self) -> dict[str, Any]:
-        """Return the properties of ``rasters.RasterContent``, and the coordinate system as text."""
+        """Return the properties of ``RasterContent``, with the coordinate system as text."""
         gdal, place = self._gdal, (c_double * 6)()
         # the identity without a position
         gdal.GDALGetGeoTransform(self._handle, place)

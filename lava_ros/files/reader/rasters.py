@@ -162,7 +162,7 @@ def _opened(
             expected = f'a file with one raster, not {names or "none"} '
             expected += '(gdal_translate extracts one)'
             raise LavaError(field, path, expected)
-        if driver == 'EHdr' or files[name].data[:3] == b'CDF':
+        if driver == 'EHdr' or bytes(files[name].data[:3]) == b'CDF':
             _check_size(field, shown, len(files[name].data), source)
         if driver == 'EHdr':
             stem = PurePath(name).stem
