@@ -74,7 +74,7 @@ class RefusalError(LavaError):
     """A request that cannot be met although no value is wrong, such as one without a package.
 
     Attributes:
-        field: Name of what was asked for.
+        field: Name of the request, such as an option.
         value: The problem, as a sentence without a full stop.
         expected: The remedy, as a sentence without a full stop.
     """

@@ -32,7 +32,7 @@ FILES = {
     'full/notes.txt': 'not a bag\n',
 }
 
-#: Mistakes on the command line: the line, and what the error says. BAG is a bag.
+#: Mistakes on the command line: the line, and parts of the error. BAG is a bag.
 LINES = {
     'mistyped command': ('ensembel scene.yaml', "COMMAND is 'ensembel'", 'did you mean ensemble?'),
     'command that does not exist': ('help', "COMMAND is 'help'", "'lava --help' lists"),
@@ -114,7 +114,7 @@ LINES = {
     'folder that is full': ('export BAG -o full', "output is 'full'", 'new or empty'),
     'date of another country': (
         'plot BAG -o a.png --onset 14.07.2006', "--onset is '14.07.2006'", 'as 2006-07-14T22:00Z'),
-    'value that is no missing value': (
+    'missing value with a unit': (
         'effects scene.yaml --nodata -9999m', "--nodata is '-9999m'", 'a number, or none'),
     'bag that is none': ('info scene.yaml', "bag is 'scene.yaml'", 'expected an MCAP file'),
     'folder without a bag': ('info full', "bag is 'full'", 'a directory with .mcap files'),
@@ -122,7 +122,7 @@ LINES = {
 }
 
 #: Mistakes in files: the line, the file, the replaced text and its replacement (without one, the
-#: whole file), and what the error says.
+#: whole file), and parts of the error.
 EDITS = {
     'mistyped section': (
         'scene.yaml', 'vents:', 'vent:', 'scene.vent: unknown key', 'did you mean vents?'),

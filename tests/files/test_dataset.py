@@ -25,7 +25,7 @@ PROPERTIES = {
 
 PICTURE = np.stack([GROUND - 1000.0, GROUND / 9.0, GROUND / 8.0, 255.0 * (GROUND > 1080.0)])
 
-#: Cells and profile of a file, and what is set after it was created.
+#: Cells and profile of a file, and properties that are set after it was created.
 FILES: dict[str, tuple[np.ndarray, dict[str, Any], dict[str, Any]]] = {
     **{name: (GROUND / 9.0, {'dtype': name}, {}) for name in NUMBERS if name != 'float16'},
     'missing data': (np.where(GROUND < 1020.0, -9999.0, GROUND), {'nodata': -9999.0}, {}),
@@ -68,7 +68,7 @@ def write(path: Path, name: str) -> Path:
 
 
 def assert_equal(found: RasterContent, path: Path, **options: Any) -> None:
-    """Compare with what rasterio reads."""
+    """Compare a raster with the values and properties that rasterio reads."""
     with rasterio.open(path) as source:
         expected = source.read(masked=True, **options)
         for own, theirs in PROPERTIES.items():

@@ -325,5 +325,5 @@ def test_a_cluster_needs_dask_and_a_scheduler(monkeypatch: pytest.MonkeyPatch) -
         with pytest.raises(LavaError, match='--scheduler'):
             list(run_on_cluster(PLAN, MEMBERS, scheduler=address))
     monkeypatch.setitem(sys.modules, 'distributed', None)
-    with pytest.raises(LavaError, match=r"'lava_ros\[ensemble\]'"):
+    with pytest.raises(LavaError, match=r"'\.\[ensemble\]'"):
         list(run_on_cluster(PLAN, MEMBERS, scheduler='tcp://localhost:1'))

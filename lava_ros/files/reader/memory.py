@@ -18,8 +18,8 @@ REQUEST, ANSWER = struct.Struct('<I'), struct.Struct('<QQ')
 #: Flags of shared memory: all pages at once, where the system can.
 MAP_FLAGS = mmap.MAP_SHARED | getattr(mmap, 'MAP_POPULATE', 0)
 
-#: Flags of a file in memory: GDAL needs its address, which a mapping has only if it is writable;
-#: what is written does not reach the file.
+#: Flags of a file in memory. GDAL needs its address, which Python states only for a writable
+#: mapping; changes of a private one do not reach the file.
 _FILE_FLAGS = mmap.MAP_PRIVATE | getattr(mmap, 'MAP_NORESERVE', 0)
 
 
