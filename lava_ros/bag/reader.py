@@ -17,6 +17,7 @@ from lava_ros.bag.metadata import Topic
 from lava_ros.bag.qos import QosProfile
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
+from lava_ros.files import similar_file
 
 _LOG = logging.getLogger(__name__)
 
@@ -60,7 +61,8 @@ class BagReader:
         """
         self.path = Path(path)
         if not self.path.exists():
-            raise LavaError('bag', str(path), 'a bag directory or an .mcap file that exists')
+            expected = f'a bag directory or an .mcap file that exists{similar_file(self.path)}'
+            raise LavaError('bag', str(path), expected)
         yaml_path = self.path / bag_metadata.FILE_NAME
         stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
         self.files = mcap_files(self.path, None if stored is None else stored.files)

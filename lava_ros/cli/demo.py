@@ -136,9 +136,9 @@ def _check_forecast_options(args: argparse.Namespace) -> None:
         if value is None or value is False or value == options.get('default'):
             continue
         if args.forecast and name not in _FORECAST_OPTIONS:
-            raise LavaError(name, value, f'no {name} together with --forecast')
+            raise validation.conflict(name, '--forecast')
         if not args.forecast and name in ('--members', '--picture'):
-            raise LavaError(name, value, f'no {name} without --forecast')
+            raise validation.dependence(name, '--forecast')
 
 
 def _own_domain(number: int | None) -> int:

@@ -135,13 +135,14 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.scene.uncertainty import uncertainty_to_dict
     from lava_ros.simulation.numerical_error import mean_difference, NOT_MEASURED
 
-    if (args.observed is None) != (args.observed_at is None):
-        expected = 'a time together with --observed, and neither without the other'
-        raise LavaError('--observed-at', args.observed_at, expected)
+    if args.observed is None and args.observed_at is not None:
+        raise validation.dependence('--observed-at', '--observed')
+    if args.observed is not None and args.observed_at is None:
+        raise LavaError('--observed-at', None, 'the time of the observation: 6h, 90min')
     if args.posterior is not None:
         validation.whole('--posterior', args.posterior, at_least=1, at_most=MAX_MEMBERS)
         if args.observed is None:
-            raise LavaError('--posterior', args.posterior, 'a number together with --observed')
+            raise validation.dependence('--posterior', '--observed')
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     if case is not None and case.outlines:
@@ -306,11 +307,11 @@ def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
     for name in ('barriers_at', 'places'):
         if getattr(args, name) and not args.barriers:
             option = f'--{name.replace("_", "-")}'
-            raise LavaError(option, getattr(args, name), f'no {option} without --barriers FILE')
+            raise validation.dependence(option, '--barriers')
     if not args.barriers:
         return []
     if args.observed:
-        raise LavaError('--barriers', args.barriers, 'no --observed together with --barriers')
+        raise validation.conflict('--barriers', '--observed')
     usual = {'height': None, 'width': None, 'slope': Barrier.slope}
     barriers = read_barriers('--barriers', args.barriers, plan.scene.terrain, usual)
     for file in args.places or ():
@@ -366,8 +367,7 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     for name in options:
         if getattr(args, name) not in (None, False):
             option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
-            expected = f'no {option} for {args.scene}, a mapped eruption'
-            raise LavaError(option, getattr(args, name), expected)
+            raise validation.surplus(option, f'to {args.scene}, a mapped eruption')
     case = load_case(args.scene, material=args.material)
     settings = Settings(args.preset, args.spacing, args.device)
     return plan_of(case, settings, threshold=args.threshold), case
@@ -386,7 +386,7 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     if workers is not None:
         workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
         if args.scheduler is not None:
-            raise LavaError('--workers', workers, 'no --workers together with --scheduler')
+            raise validation.conflict('--workers', '--scheduler')
     if args.scheduler is not None:
         require('distributed', '--scheduler', args.scheduler)
         where = {'scheduler': args.scheduler, 'device': args.device}

@@ -81,7 +81,7 @@ def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
         LavaError: If an argument or a file is not valid.
     """
     if args.vent and args.vents:
-        raise LavaError('--vent', args.vent[0], 'no --vent together with --vents')
+        raise validation.conflict('--vent', '--vents')
     if args.vents:
         return list(_vents_of(args.vents, args.discharge, terrain))
     rate = None if isinstance(args.discharge, str) else args.discharge
@@ -97,8 +97,7 @@ def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
 def _vents_of(path: str, rate: float | str | None, terrain: Terrain) -> Iterator[VentRow]:
     for vent in read_vents('--vents', path, terrain):
         if vent.discharge is not None and rate is not None:
-            expected = f'no --effusion-rate, since {path} has its own'
-            raise LavaError('--effusion-rate', rate, expected)
+            raise validation.conflict('--effusion-rate', f'the effusion rates in {path}')
         for place in vent.places:
             if not terrain.covers(*terrain.to_map(*place)):
                 shown = 'easting {:.10g}, northing {:.10g}'.format(*place)
@@ -177,8 +176,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:
         if not scene.vents:
-            expected = 'no --effusion-rate for a scene without vents, or --vent'
-            raise LavaError('--effusion-rate', args.discharge, expected)
+            raise validation.dependence('--effusion-rate', 'a vent in the scene, or --vent')
         rate = args.discharge
         if rates:
             rate = [(time, q / len(scene.vents)) for time, q in series_of_rates(rates)]
@@ -195,10 +193,9 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
     shared = {name: value for name, value in shared.items() if value is not None}
     if args.emplaced_flow:
         changes['emplaced_flows'] = [{'file': file, **shared} for file in args.emplaced_flow]
-    for name, value in shared.items():
+    for name in shared:
         if not args.emplaced_flow:
-            expected = f'no --emplaced-{name} without --emplaced-flow'
-            raise LavaError(f'--emplaced-{name}', value, expected)
+            raise validation.dependence(f'--emplaced-{name}', '--emplaced-flow')
     if args.terrain_at:
         changes['events'] = [
             {'time': seconds_of('--terrain-at', time, may_be_zero=True), 'terrain': file}
@@ -231,9 +228,9 @@ def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
         rates = read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
         check_start('--effusion-rate', rates)
         return rates
-    for name, value in given.items():
+    for name in given:
         option = f'--{name.replace("_", "-")}'
-        raise LavaError(option, value, f'no {option} without a table: --effusion-rate FILE')
+        raise validation.dependence(option, 'a table of effusion rates (--effusion-rate FILE)')
     return ()
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
+from lava_ros.files import similar_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.hindcast.outlines import Outline, read_outlines
 from lava_ros.hindcast.tables import (
@@ -173,7 +174,7 @@ def load_case(
     """
     folder = Path(directory)
     if not folder.is_dir():
-        raise LavaError('case', str(folder), 'a folder that exists')
+        raise LavaError('case', str(folder), f'a folder that exists{similar_file(folder)}')
     options = _options(folder)
     found = [next(filter(Path.is_file, map(folder.joinpath, names)), None) for names in FILES]
     missing = [

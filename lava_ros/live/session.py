@@ -11,7 +11,7 @@ import threading
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from lava_ros.effects import Effects
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.terrain import is_same_ground
@@ -213,7 +213,8 @@ class SimulationSession:
 
     def _running(self, what: str) -> 'Simulation':
         if self.simulation is None:
-            raise LavaError(what, 'no simulation', 'one that has started and not failed')
+            problem = 'There is no running simulation'
+            raise RefusalError(what, problem, 'Publish a terrain, or start again with ~/reset')
         return self.simulation
 
     def advance(
@@ -352,7 +353,8 @@ class SimulationSession:
     def reset(self) -> None:
         """Start the scene again at time 0, also after a failure."""
         if self.scene is None:
-            raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
+            problem = 'There is no simulation to reset'
+            raise RefusalError('reset', problem, 'Publish a terrain first')
         scene = self.scene
         if self._before_events is not None:
             terrain, events = self._before_events

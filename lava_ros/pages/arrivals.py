@@ -39,7 +39,7 @@ def table_of(
     """
     run = read_run(path, node=node, wanted=('arrival',))
     if run.ensemble is not None and time is not None:
-        raise LavaError('--time', time, f'no --time for {path}, an ensemble')
+        raise validation.conflict('--time', f'an ensemble ({path})')
     features = [item for file in files for item in read_features(field, file, run.terrain)]
     places = places_on(features, run.terrain)
     if run.ensemble is not None:

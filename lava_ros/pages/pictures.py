@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.forecast.picture import draw_reliability
 from lava_ros.forecast.rasters import observed_in_file
@@ -152,7 +153,7 @@ def _onset(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Ons
     known = {run.onset for run in runs}
     onset = given or (known.pop() if len(known) == 1 else None)
     if onset is None and zone is not None:
-        raise LavaError('--timezone', str(zone), 'a zone together with --onset')
+        raise validation.dependence('--timezone', '--onset')
     return None if onset is None else replace(onset, zone=zone)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import lava_ros
+from lava_ros import validation
 from lava_ros.bag.description import described, effects_on
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
@@ -120,7 +121,7 @@ def read_run(
         return _bag(Path(path), node, time, wanted)
     for name, value in (('--node', node), ('--time', time)):
         if value is not None:
-            raise LavaError(name, value, f'no {name} for {path}, an ensemble')
+            raise validation.conflict(name, f'an ensemble ({path})')
     return _ensemble(Path(path))
 
 

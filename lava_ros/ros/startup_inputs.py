@@ -17,6 +17,7 @@ from typing import Any, TYPE_CHECKING
 
 from rclpy.node import Node
 
+from lava_ros import validation
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.bag.description import described
@@ -118,8 +119,7 @@ def _given(node: Node, values: Mapping[str, Any]) -> StartupInputs:
     if values['resume']:
         for name in ('scene', 'terrain_file'):
             if values[name]:
-                expected = 'no value with resume: the checkpoint contains it'
-                raise LavaError(name, values[name], expected)
+                raise validation.surplus(name, 'with resume: the checkpoint contains it')
     name = values['terrain_file']
     terrain = load_terrain(terrain_path(name)) if name else None
     scene = scene_from_yaml(values['scene'], terrain=terrain) if values['scene'] else None

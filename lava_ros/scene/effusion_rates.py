@@ -253,8 +253,8 @@ def _bulk_factor(path: Path, column: Column, options: Options) -> float:
         expected = 'a porosity, which converts dense-rock to bulk rates'
         column.refuse(str(path), 'dense-rock', expected)
     if column.kind == 'bulk' and options.porosity:
-        expected = f'absent: {path} has bulk rates'
-        raise LavaError('effusion_rate.porosity', options.porosity, expected)
+        reason = f'because {path} has bulk rates'
+        raise validation.surplus('effusion_rate.porosity', reason)
     return 1.0 / (1.0 - (options.porosity or 0.0))
 
 

@@ -84,8 +84,8 @@ class Scene:
         vents = check_vents(self.vents, self.terrain, self.lava)
         object.__setattr__(self, 'vents', vents)
         if self.uncertainty.yield_strength is not None and 'yielding' not in possible(self.lava):
-            name, value = 'uncertainty.yield_strength', self.uncertainty.yield_strength
-            raise LavaError(name, value, 'absent: lava.yield_strength is 0')
+            name, reason = 'uncertainty.yield_strength', 'because lava.yield_strength is 0'
+            raise validation.surplus(name, reason)
         for index, vent in enumerate(self.vents):
             self._check_temperature(f'vents[{index}]', vent.temperature)
         flows, hot = list(self.emplaced_flows), self.lava.reference_temperature
