@@ -24,7 +24,7 @@ _NUMBERS = {
        for sign, kind in (('', 'i'), ('u', 'u')) for size in (1, 2, 4, 8)},
 }
 
-# Type, bound of a string, array suffix, name, and default value of a field, or value of a constant.
+# Type, bound of a string, array suffix, name, and default value of a field or value of a constant.
 _FIELD = re.compile(r'\s*([A-Za-z][\w/]*)(?:<=\d+)?(\[[^\]]*\])?\s+([A-Za-z]\w*)\s*(.*?)\s*$')
 
 #: Encapsulation header of little-endian CDR.

@@ -3,7 +3,7 @@
 
 """Message definitions and type hashes, from the share directories of installed packages.
 
-``interfaces.json`` has those of ROS 2 Jazzy that the maps of a run need where ROS is not installed.
+``interfaces.json`` has the types of a run's messages, for machines without ROS 2 Jazzy.
 """
 
 from dataclasses import dataclass

@@ -73,8 +73,9 @@ def demo(args: argparse.Namespace) -> int:
     takes, and sends the node the outline of a flow whose effusion rate and viscosity the node is
     not given. It draws the probabilities before and after the outline.
     """
-    from lava_ros.cli.scenes import onset_of, scene_from_arguments
+    from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.pages.pictures import draw_runs
+    from lava_ros.scene.effusion_rates import date_text
 
     require_ros()
     _check_forecast_options(args)
@@ -92,7 +93,7 @@ def demo(args: argparse.Namespace) -> int:
             '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
         )
     domain = _own_domain(args.domain)
-    scene, onset = scene_from_arguments(args), onset_of(args)
+    scene = scene_from_arguments(args)
     output = Path(args.output)
     _remove_earlier_demo(output)
     settings = {
@@ -101,7 +102,7 @@ def demo(args: argparse.Namespace) -> int:
         'preset': args.preset,
         'spacing': args.spacing or 0.0,
         'device': args.device or '',
-        'onset': onset.text if onset else '',
+        'onset': date_text(scene.onset) if scene.onset else '',
         'epsg': scene.terrain.epsg or 0,
         'offset_easting': scene.terrain.offset[0],
         'offset_northing': scene.terrain.offset[1],

@@ -57,8 +57,9 @@ RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity')
 
 _TABLE = (
     argument(
-        '--eruption-start', 'DATE', 'start of the eruption, 2021-09-19T14:10:00Z, for a table of '
-        'effusion rates with dates (default: the first date)',
+        '--start --eruption-start', 'DATE', 'start of the eruption, which is simulated time 0: '
+        '2021-09-19T14:10:00Z (default: that of the scene, or the first date in a table of '
+        'effusion rates)', dest='eruption_start',
     ),
     argument(
         '--gaps', None, 'effusion rate in the gaps of a table: zero, or interpolate between its '

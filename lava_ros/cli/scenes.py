@@ -20,13 +20,13 @@ from lava_ros.cli.scene_options import RATE_OPTIONS
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
 from lava_ros.hindcast.tables import series_of
-from lava_ros.maps.onset import Onset
 from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain, with_changes
 from lava_ros.scene.effusion_rates import (
     check_start,
     error_of_rates,
-    Interval,
     Options,
+    Rates,
+    read_date,
     read_effusion_rates,
     series_of_rates,
 )
@@ -174,6 +174,8 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     if vents or args.discharge is not None:
         # the error in a table of the scene is that of the rates that are replaced
         data['rate_error'] = error_of_rates(rates)
+    if rates.onset is not None:
+        data['onset'] = rates.onset
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:
         if not scene.vents:
@@ -207,22 +209,9 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
     return changes
 
 
-def onset_of(args: argparse.Namespace) -> Onset | None:
-    """Return the date of simulated time 0, ``--eruption-start``; None if it is not given.
-
-    Raises:
-        LavaError: If it is not a date.
-    """
-    origin = Options(start=args.eruption_start).origin
-    if origin is None:
-        return None
-    if not isinstance(args.discharge, str):
-        # the reader of a table checks the date
-        check_date('--eruption-start', origin)
-    return Onset(origin)
-
-
-def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
+def _rates_of(args: argparse.Namespace) -> Rates:
+    start = args.eruption_start
+    onset = None if start is None else read_date('--start', start)
     given = {name: getattr(args, name) for name in RATE_OPTIONS if getattr(args, name) is not None}
     if isinstance(args.discharge, str):
         if not Path(args.discharge).exists() and args.discharge[:1] in '+-0123456789':
@@ -231,10 +220,15 @@ def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
         rates = read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
         check_start('--effusion-rate', rates)
         return rates
-    for name, value in given.items():
-        option = f'--{name.replace("_", "-")}'
-        raise LavaError(option, value, f'no {option} without a table: --effusion-rate FILE')
-    return ()
+    for name in given.keys() - {'eruption_start'}:
+        option = f'--{name}'
+        raise LavaError(option, given[name], f'no {option} without a table: --effusion-rate FILE')
+    rates = Rates()
+    if onset is not None:
+        # the reader of a table checks the date
+        check_date('--start', onset)
+        rates.onset = onset
+    return rates
 
 
 def place_as_typed(

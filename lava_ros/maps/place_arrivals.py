@@ -17,6 +17,7 @@ from lava_ros.files.csv import format_table
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
+from lava_ros.scene import Terrain
 from lava_ros.simulation.output.inundation import reached_cells
 
 if TYPE_CHECKING:
@@ -215,6 +216,27 @@ class ArrivalTable:
             '-' if front is None else f'{front:.0f} m',
             *(row.size_words(fraction) or '-' for fraction in fractions), row.map_words(),
         )
+
+
+def flow_table(
+    places: Places, terrain: Terrain, arrived: np.ndarray, inundated: np.ndarray | None,
+    facts: Mapping[str, Any],
+) -> ArrivalTable:
+    """Return the arrival of lava at places in a single run.
+
+    Args:
+        places: The places.
+        terrain: The ground.
+        arrived: First arrival times [s], shape [rows, columns], NaN without arrival.
+        inundated: Fraction of each cell that lava has covered, same shape; None if it is unknown,
+            so that cells with arrival are covered.
+        facts: Facts about the table.
+    """
+    cells = places.at(arrived)
+    part = np.isfinite(cells) if inundated is None else places.at(inundated)
+    both = (dict.fromkeys(QUANTILES, values) for values in (cells, part))
+    front = front_distances(places, reached_cells(arrived), terrain)
+    return ArrivalTable(arrivals(places, *both, front=front), facts, is_ensemble=False)
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,10 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.forecast.store import maps_at
-from lava_ros.maps.forecast import QUANTILES
-from lava_ros.maps.place_arrivals import arrivals, ArrivalTable
-from lava_ros.maps.places import front_distances, Places, places_on
+from lava_ros.maps.place_arrivals import arrivals, ArrivalTable, flow_table
+from lava_ros.maps.places import Places, places_on
 from lava_ros.pages.runs import Members, read_run, Run
 from lava_ros.scene.features import read_features
-from lava_ros.simulation.output.inundation import reached_cells
 
 
 def table_of(
@@ -58,18 +56,13 @@ def _table_of_bag(
         # the newest map has all earlier arrival times, to the step
         end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
-    cells = places.at(arrived)
-    front = front_distances(places, reached_cells(arrived), run.terrain)
     facts: dict[str, Any] = {'threshold_m': panel.frame.threshold, 'time_s': end}
-    if panel.frame.arrived is not panel.values and np.isfinite(cells).any():
+    if panel.frame.arrived is not panel.values and np.isfinite(places.at(arrived)).any():
         facts['note'] = 'times are those of the first map in the bag that shows the lava'
     frame = panel.frame
     if time is not None:
         frame = read_run(path, node=node, time=time, wanted=('arrival',)).panels['arrival'].frame
-    part = np.isfinite(cells) if frame.inundated is None else places.at(frame.inundated)
-    both = (dict.fromkeys(QUANTILES, values) for values in (cells, part))
-    rows = arrivals(places, *both, front=front)
-    return ArrivalTable(rows, facts, is_ensemble=False)
+    return flow_table(places, run.terrain, arrived, frame.inundated, facts)
 
 
 def _table_of_members(folder: Path, members: Members, places: Places) -> ArrivalTable:

@@ -206,8 +206,9 @@ def _day(seconds: float) -> str:
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
     begun = (recording.bag.start_ns or 0) / 1e9
     # the clock of a simulation does not have a date
+    computed = recording.bag.custom_data.get('begun', _day(begun) if begun > 1e9 else '')[:10]
     facts = {
-        **({'computed': _day(begun)} if begun > 1e9 else {}), **_vents(scene),
+        **({'computed': computed} if computed else {}), **_vents(scene),
         **_changes(frame.scene),
     }
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]

@@ -52,6 +52,12 @@ class Interval:
         return self.discharge * (self.end - self.start)
 
 
+class Rates(tuple[Interval, ...]):
+    """The intervals of a table, and the date of its time 0, ``onset``; None if it is unknown."""
+
+    onset: datetime | None = None
+
+
 @dataclass(frozen=True)
 class Options:
     """Choices for reading a table of effusion rates.
@@ -72,7 +78,7 @@ class Options:
     def __post_init__(self) -> None:
         """Validate all fields; raise LavaError for an invalid one."""
         if self.start is not None:
-            _date('effusion_rate.start', self.start)
+            read_date('effusion_rate.start', self.start)
         if self.gaps is not None:
             validation.choice('effusion_rate.gaps', self.gaps, GAPS)
         if self.porosity is not None:
@@ -84,12 +90,12 @@ class Options:
     @property
     def origin(self) -> datetime | None:
         """Date of time 0, in UTC unless it has a time zone; None if it is not given."""
-        return None if self.start is None else _date('effusion_rate.start', self.start)
+        return None if self.start is None else read_date('effusion_rate.start', self.start)
 
 
 def read_effusion_rates(
     field: str, path: str | Path, options: Options | None = None
-) -> tuple[Interval, ...]:
+) -> Rates:
     """Read a table of effusion rates, and log its interpretation.
 
     The columns are ``start`` and ``end`` with mean rates or volumes, or ``time`` with the
@@ -149,7 +155,9 @@ def read_effusion_rates(
         f'{path}: {len(result)} intervals of {kind}, {result[0].start:g} to {result[-1].end:g} s, '
         f'{sum(interval.volume for interval in result):.3g} m3 in all{origin}'
     )
-    return tuple(result)
+    rates = Rates(result)
+    rates.onset = clock.origin
+    return rates
 
 
 def check_start(field: str, intervals: Sequence[Interval]) -> None:
@@ -228,7 +236,7 @@ class _Clock:
             time = column.number(where, text)
         except LavaError:
             other = '' if column.is_date else 'a finite number, or '
-            date = _date(f'{where}, {column.header}', text, other)
+            date = read_date(f'{where}, {column.header}', text, other)
         if self._is_date not in (None, date is not None):
             column.refuse(where, text, 'dates in all rows, or numbers in all')
         self._is_date = date is not None
@@ -241,8 +249,22 @@ class _Clock:
         return (date - self.origin).total_seconds()
 
 
-def _date(label: str, text: object, other: str = '') -> datetime:
-    """Parse a date, in UTC unless it has a time zone."""
+def date_text(date: datetime) -> str:
+    """Return a date and time in ISO 8601, with Z for UTC."""
+    return date.isoformat().replace('+00:00', 'Z')
+
+
+def read_date(label: str, text: object, other: str = '') -> datetime:
+    """Parse a date, in UTC unless it has a time zone.
+
+    Args:
+        label: Name of the field in errors.
+        text: The text (ISO 8601).
+        other: What else could be in its place, for the error.
+
+    Raises:
+        LavaError: If it is not a date.
+    """
     date = validation.date(label, text, f'{other}a date such as 2021-09-19T14:10:00Z')
     return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
 

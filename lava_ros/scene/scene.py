@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from datetime import datetime
 from functools import partial
 import logging
 from pathlib import Path
@@ -18,9 +19,11 @@ from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.effusion_rates import (
     check_start,
+    date_text,
     error_of_rates,
     Interval,
     Options,
+    read_date,
     read_effusion_rates,
     series_of_rates,
 )
@@ -54,6 +57,7 @@ class Scene:
         uncertainty: Distributions from which the members of an ensemble draw.
         emplaced_flows: Lava on the terrain at the start.
         events: Changes of the ground in order of time, starting at or after time 0.
+        onset: Date and time of time 0, the start of the eruption; None if it is unknown.
 
     Numbers of the surroundings that only one effect uses are declared in the file of the effect.
     """
@@ -67,6 +71,7 @@ class Scene:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     emplaced_flows: tuple[EmplacedFlow, ...] = ()
     events: tuple[TerrainEvent, ...] = ()
+    onset: datetime | None = None
 
     def __post_init__(self) -> None:
         """Validate the parts and their combinations; raise LavaError for an invalid one."""
@@ -131,7 +136,8 @@ ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.meta
 
 #: Keys of a scene in a file.
 SCENE_KEYS = (
-    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', 'insist', *ENVIRONMENT,
+    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', 'onset', 'insist',
+    *ENVIRONMENT,
 )
 
 
@@ -191,6 +197,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         **({'emplaced_flows': [flow_to_dict(item) for item in scene.emplaced_flows]}
            if scene.emplaced_flows else {}),
         **({'events': [event_to_dict(item) for item in scene.events]} if scene.events else {}),
+        **({'onset': date_text(scene.onset)} if scene.onset is not None else {}),
     }
 
 
@@ -290,8 +297,9 @@ def with_changes(
 
 def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Replace the names of effusion-rate tables by their series, and add their error."""
-    vents = data.get('vents')
+    vents, onset = data.get('vents'), onset_of_data(data)
     read: list[Interval] = []
+    data = data if onset is None else {**data, 'onset': onset}
     if not isinstance(vents, list):
         return data
     vents = list(vents)
@@ -302,12 +310,29 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         label = f'vents[{index}].effusion_rate'
         name = validation.text(f'{label}.file', rate.get('file'), 'the name of a table')
         rest = {key: value for key, value in rate.items() if key != 'file'}
+        if onset is not None:
+            rest.setdefault('start', date_text(onset))
         options = validation.build(Options, label, rest)
         rates = read_effusion_rates(label, folder / name, options)
         check_start(label, rates)
         read += rates
+        if onset is not None and rates.onset not in (None, onset):
+            expected = f'{date_text(onset)}, the time 0 of the scene'
+            raise LavaError(f'start of {label}', date_text(rates.onset), expected)
+        onset = onset or rates.onset
         vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
-    return {**data, 'vents': vents, 'rate_error': error_of_rates(read)}
+    dated = {} if onset is None else {'onset': onset}
+    return {**data, **dated, 'vents': vents, 'rate_error': error_of_rates(read)}
+
+
+def onset_of_data(data: Mapping[str, Any]) -> datetime | None:
+    """Return the onset in the plain data of a scene, in UTC unless it has a time zone.
+
+    Raises:
+        LavaError: If it is not a date.
+    """
+    onset = data.get('onset')
+    return onset if onset is None or isinstance(onset, datetime) else read_date('onset', onset)
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
@@ -315,10 +340,10 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
 
     Args:
         data: Mapping with any of ``vents``, ``lava`` (as for ``materials.lava_from_dict``),
-            ``ambient_temperature``, ``gravity``, ``uncertainty``, and ``emplaced_flows`` and
-            ``events`` as returned by ``with_changes``, ``insist``, True to accept numbers that
-            cannot be, and ``rate_error``, the distribution of a
-            factor on all effusion rates unless ``uncertainty`` has one.
+            ``ambient_temperature``, ``gravity``, ``uncertainty``, ``onset``, ``emplaced_flows``
+            and ``events`` as returned by ``with_changes``, ``insist``, True to accept numbers that
+            cannot be, and ``rate_error``, the distribution of a factor on all effusion rates
+            unless ``uncertainty`` has one.
         terrain: Terrain of the scene.
 
     Raises:
@@ -335,6 +360,7 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
         uncertainty=uncertain,
         emplaced_flows=tuple(data.get('emplaced_flows', ())),
         events=tuple(data.get('events', ())),
+        onset=onset_of_data(data),
         **{name: data[name] for name in ENVIRONMENT if name in data},
     )
     check_plausible(scene, insist=validation.flag('scene.insist', data.get('insist', False)))
