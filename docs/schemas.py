@@ -449,36 +449,35 @@ def parameter_file() -> Schema:
 
 def run_file() -> Schema:
     """Return the schema of the ``run.json`` of a run; results are absent until it is finished."""
-    number, count, names = {'type': 'number'}, {'type': 'integer'}, {'type': 'object'}
+    number, count, group = {'type': 'number'}, {'type': 'integer'}, {'type': 'object'}
     meanings: dict[str, tuple[Schema, str]] = {
         'version': ({'const': VERSION}, 'Version of this format'),
         'status': ({'enum': [RUNNING, FINISHED]}, 'running also if the run was interrupted'),
-        'program': (names, 'Version of lava_ros, number of the model, commit of the checkout'),
+        'program': (group, 'Version of lava_ros, number of the model, commit of the checkout'),
         'identity': (TEXT, 'Digest of the scene and of the settings: the same for equal runs'),
         'begun': (TEXT, 'Date and time at which the run was begun'),
         'onset': ({'type': ['string', 'null']}, 'Date and time of simulated time 0'),
-        'settings': (names, 'Times [s], preset, and what else the user has chosen'),
-        'inputs': (list_of(names), 'Path as given, size [bytes] and SHA-256 digest of each file'),
-        'scene': (names, 'The scene, with all values resolved'),
+        'settings': (group, 'Times [s], preset, and what else the user has chosen'),
+        'inputs': (list_of(group), 'Path as given, size [bytes] and SHA-256 digest of each file'),
+        'scene': (group, 'The scene, with all values resolved'),
         'preset': (TEXT, 'Preset of the accuracy'),
-        'accuracy': (names, 'The accuracy, without automatic values'),
+        'accuracy': (group, 'The accuracy, without automatic values'),
         'device': (TEXT, 'Computing device'),
-        'effects': (list_of(names), 'Effects at the start and later switches, with times [s]'),
+        'effects': (list_of(group), 'Effects at the start and later switches, with times [s]'),
         'node': (TEXT, 'Node whose topics the bag has'),
-        'topics': (names, 'Topic of each layer in the bag'),
+        'topics': (group, 'Topic of each layer in the bag'),
         'maps': (TEXT, 'Folder of the bag, in that of the run'),
         'wall_time_s': (number, 'Wall time of the run, with its earlier parts'),
-        'resolution': (names, 'Spacing [m], width of the flow [m], particles across'),
+        'resolution': (group, 'Spacing [m], width of the flow [m], particles across'),
         'numerical_error': ({'type': ['object', 'null']}, 'Fractions of the areas; null: unknown'),
         'numerical_error_text': (TEXT, 'The numerical error in words'),
         'simulated_time_s': (number, 'Simulated time of the results'),
         'inundation_threshold_m': (number, 'Thickness at or above which lava has arrived'),
         'inundated_area_m2': (number, 'Area inundated so far'),
         'standing_area_m2': (number, 'Area with lava at the end'),
-        **{
-            name: (number, 'Volume of lava (docs/ROS.md)')
-            for name in VolumeBudget(0.0, 0.0, 0.0, 0.0).texts()
-        },
+        **dict.fromkeys(
+            VolumeBudget(0.0, 0.0, 0.0, 0.0).texts(), (number, 'Volume of lava (docs/ROS.md) [m3]')
+        ),
         'particles': (count, 'Number of particles'),
         'steps': (count, 'Number of time steps'),
         'warnings': (list_of(TEXT), 'What a reader of the maps must know'),
@@ -487,8 +486,8 @@ def run_file() -> Schema:
         name: {'description': text, **kind} for name, (kind, text) in meanings.items()
     }
     properties['volume_error']['description'] = 'Fraction of the volume that is unaccounted for'
-    names_of_all = list(meanings)
-    required = names_of_all[: names_of_all.index('preset')] + ['maps', 'node', 'topics']
+    names = list(meanings)
+    required = [*names[: names.index('preset')], 'maps', 'node', 'topics']
     return mapping(properties, required)
 
 

@@ -6,7 +6,7 @@
 A simulation that follows a clock is run by ``live.worker`` instead.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 import math
 import time as wall_clock
 from typing import Any, TYPE_CHECKING
@@ -53,7 +53,7 @@ def driving(
     *,
     wall_limit: float = math.inf,
     is_over: Callable[[], bool] = lambda: False,
-) -> Iterator[None]:
+) -> Generator[None, None, bool]:
     """Run a simulation in parts, so that the caller can do other work while a GPU computes.
 
     Args:
@@ -62,6 +62,9 @@ def driving(
         sinks: Observers of the flow, called in this order.
         wall_limit: Stop early after this wall time [s]. The next call continues.
         is_over: Stop early if it returns True after a part.
+
+    Returns:
+        True if the run has reached its end.
 
     Raises:
         LavaError: If a sink refuses the flow.
@@ -87,19 +90,24 @@ def driving(
                 if is_over():
                     # completes the step
                     simulation.advance(simulation.time)
-                    return
+                    return False
         now = wall_clock.monotonic()
         for sink in sinks:
             if sink.due <= time or sink.wall_due <= now:
                 for _ in sink.observe(simulation, time):
                     yield
         if time >= until or now >= end:
-            return
+            return time >= until
 
 
 def drive(
     simulation: 'Simulation', until: float, sinks: Sequence[Sink] = (), **options: Any
-) -> None:
-    """Run a simulation up to a time [s]; arguments and errors as for ``driving``."""
-    for _ in driving(simulation, until, sinks, **options):
-        pass
+) -> bool:
+    """Run a simulation up to a time [s]; arguments, result and errors as for ``driving``."""
+    parts = driving(simulation, until, sinks, **options)
+    while True:
+        try:
+            next(parts)
+        except StopIteration as stop:
+            is_done: bool = stop.value
+            return is_done

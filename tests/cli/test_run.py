@@ -90,7 +90,8 @@ def test_every_output_has_the_same_numbers(folder, result, tmp_path):
 
 
 @pytest.mark.parametrize(('words', 'name'), [
-    (('plot',), 'map.png'), (('report',), 'page.html'), (('animate', '--seconds', '1s'), 'film.gif'),
+    (('plot',), 'map.png'), (('report',), 'page.html'),
+    (('animate', '--seconds', '1s'), 'film.gif'),
 ])
 def test_commands_that_draw_read_the_folder(words, name, folder, tmp_path):
     command, *options = words
