@@ -19,7 +19,7 @@ from lava_ros.hindcast import case
 from lava_ros.maps import layer_files
 from lava_ros.maps.layers import HazardLimits, Layer
 from lava_ros.ros import parameters
-from lava_ros.runs.run_folder import FINISHED, RUNNING, VERSION
+from lava_ros.runs.store import FINISHED, RUNNING, VERSION
 from lava_ros.scene import (
     constants_of,
     effusion_rates,

@@ -25,7 +25,7 @@ from lava_ros.cli.ensemble_report import (
 )
 from lava_ros.cli.options import argument, command, device_named, formats, seconds_of
 from lava_ros.cli.scene_options import RATE_OPTIONS, SCENE
-from lava_ros.errors import import_failure, LavaError
+from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 
 if TYPE_CHECKING:
@@ -401,12 +401,8 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
 
 
 def _write_bag(bag: Path, plan: Plan, maps: HazardMaps, report: dict[str, Any]) -> list[str]:
-    try:
-        from lava_ros.ros.snapshot_bags import write_atlas_bag
-    except ImportError as error:
-        reason = import_failure(error) or error
-        print(f'lava ensemble: wrote no bag, which needs ROS 2: {reason}', file=sys.stderr)
-        return []
+    from lava_ros.forecast.atlas_bag import write_atlas_bag
+
     effects = [{'time': 0.0, 'effects': plan.explain_effects()}]
     data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}
     write_atlas_bag(bag, maps, plan, stamp_ns=time.time_ns(), custom_data=data)

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
                 until, lambda: progress.is_due,
             ))
             progress.show('measuring the numerical error', 1.0)
-            record = made.finish(_measured(made))
+            record = {'folder': str(made.folder.path), **made.finish(_measured(made))}
     except KeyboardInterrupt:
         print('lava run: interrupted; the same command continues', file=sys.stderr)
         raise

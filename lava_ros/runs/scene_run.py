@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 import json
 from pathlib import Path
+import time as wall_clock
 from typing import Any
 
 from lava_ros.bag.description import effect_table, is_on
@@ -15,8 +16,9 @@ from lava_ros.bag.status_values import numerical_error_values, resolution_values
 from lava_ros.runs.drive import drive, Sink
 from lava_ros.runs.map_bag import stamp_at
 from lava_ros.runs.provenance import identity_of, program
-from lava_ros.runs.run_folder import KeepSink, RunFolder, RUNNING, unused_folder
+from lava_ros.runs.run_folder import RunFolder
 from lava_ros.runs.sinks import SnapshotSink, valid_snapshot
+from lava_ros.runs.store import KeepSink, unused_folder
 from lava_ros.scene import Scene, scene_to_dict
 from lava_ros.scene.effusion_rates import date_text
 from lava_ros.simulation import Simulation
@@ -84,12 +86,13 @@ class SceneRun:
         begun = datetime.now(timezone.utc).replace(microsecond=0)
         onset = None if scene.onset is None else date_text(scene.onset)
         record: dict[str, Any] = {
-            'status': RUNNING, 'program': program(), 'identity': identity,
-            'begun': date_text(begun), 'onset': onset, 'settings': plan,
+            'program': program(), 'identity': identity,
+            'begun': date_text(begun), 'wall_time_s': 0.0, 'onset': onset, 'settings': plan,
             'inputs': list(request.inputs), 'scene': scene_to_dict(scene), 'effects': [],
         }
         data = {'begun': record['begun'], **({} if onset is None else {'onset': onset})}
         self.folder = RunFolder(path, scene, record, data)
+        self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
         self._effects: dict[str, str] = {}
         for change in self.folder.record['effects']:
             self._effects |= change['effects']
@@ -104,6 +107,19 @@ class SceneRun:
     def is_resumed(self) -> bool:
         """True if the run continues an interrupted one."""
         return self.folder.checkpoint is not None
+
+    @property
+    def wall_time(self) -> float:
+        """Wall time of the run, including its earlier parts [s]."""
+        return float(self._earlier) + wall_clock.monotonic() - self._begun
+
+    def keep(self) -> None:
+        """Store the state from which the run can be resumed.
+
+        Raises:
+            LavaError: If it cannot be written.
+        """
+        self.folder.keep(self.simulation.checkpoint(), wall_time_s=self.wall_time)
 
     def _started(self) -> Simulation:
         request, checkpoint = self.request, self.folder.checkpoint
@@ -129,7 +145,7 @@ class SceneRun:
         self._note_effects(simulation, simulation.time)
         maps = SnapshotSink(self.request.times, self._put, after=simulation.time)
         try:
-            drive(simulation, self.request.until, [maps, KeepSink(self.folder), *sinks])
+            drive(simulation, self.request.until, [maps, KeepSink(self.keep), *sinks])
             if self.snapshot is None:
                 # resumed after the last map
                 self.snapshot = valid_snapshot(simulation)
@@ -156,7 +172,7 @@ class SceneRun:
             )
         resolution = measure_resolution(snapshot, simulation.accuracy) or simulation.resolution
         budget = snapshot.budget
-        return self.folder.finish({
+        self.folder.finish({
             'resolution': {
                 'spacing_m': resolution.spacing, 'flow_width_m': resolution.width,
                 'particles_across': resolution.across,
@@ -170,9 +186,10 @@ class SceneRun:
             **{name: float(value) for name, value in budget.texts().items()},
             'particles': snapshot.particle_count,
             'steps': snapshot.steps.count,
-            'wall_time_s': round(self.folder.elapsed, 3),
+            'wall_time_s': round(self.wall_time, 3),
             'warnings': [*budget.warnings(), *resolution.warnings()],
         })
+        return self.folder.record
 
     def _put(self, simulation: Simulation, snapshot: Snapshot) -> None:
         """Write a frame, and the effects that have been switched."""

@@ -42,6 +42,24 @@ class ScheduledSink(Sink):
         self.due = math.inf if self.is_done else self.times[self._done]
 
 
+class TimeSink(ScheduledSink):
+    """Calls a function with the simulated time [s] of each observation."""
+
+    def __init__(
+        self, times: Sequence[float], call: Callable[[float], object], *,
+        after: float = -math.inf,
+    ) -> None:
+        """Initialize with a schedule [s], of which times up to ``after`` are left out."""
+        super().__init__(times, after=after)
+        self._call = call
+
+    def observe(self, simulation: 'Simulation', time: float) -> Iterable[object]:
+        """Call the function."""
+        self._note_time(time)
+        self._call(time)
+        return ()
+
+
 class PeakSink(ScheduledSink):
     """Largest values and first arrivals in each cell, gathered on the device.
 

@@ -188,7 +188,7 @@ def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
     for name, calls, of in (
         ('lava_ros.hindcast.page.draw_sheet', drawn, lambda panels, output, **_: output),
         ('lava_ros.hindcast.run.Run.result', simulated, lambda run: run.case.scene.terrain.shape),
-        ('lava_ros.hindcast.run.Run._snapshot', mapped, lambda run: run.time),
+        ('lava_ros.runs.sinks.valid_snapshot', mapped, lambda simulation, _: simulation.time),
     ):
         monkeypatch.setattr(name, _counted(name, calls, of))
     done(*valley[:-1], '3', '--runs', '3')

@@ -18,11 +18,11 @@ from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.onset import recorded_onset
-from lava_ros.runs import run_folder, scene_run
+from lava_ros.runs import scene_run, store
 from lava_ros.runs.drive import Sink
 from lava_ros.runs.provenance import digests, files_in, identity_of
-from lava_ros.runs.run_folder import CHECKPOINT, read_record
 from lava_ros.runs.scene_run import Request, SceneRun
+from lava_ros.runs.store import CHECKPOINT, known_record
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation.accuracy import Accuracy
@@ -66,12 +66,12 @@ def whole(tmp_path_factory):
 
 def interrupted(folder: Path, monkeypatch, time: float = 200.0) -> None:
     """Make a run that has stored its state at 180 s and is interrupted at a time [s]."""
-    monkeypatch.setattr(run_folder, 'KEEP_EVERY', np.inf)
+    monkeypatch.setattr(store, 'KEEP_EVERY', np.inf)
     run = SceneRun(request(folder))
 
     class Keep(Stop):
         def observe(self, simulation, time):
-            run.folder.keep(simulation.checkpoint())
+            run.keep()
             self.due = np.inf
             return ()
 
@@ -117,7 +117,7 @@ def test_interrupted_run_continues_with_the_same_result(whole, tmp_path, monkeyp
     folder = tmp_path / 'run'
     interrupted(folder, monkeypatch)
     assert not BagReader(folder).recovered
-    assert read_record(folder)['status'] == 'running'
+    assert known_record(folder)['status'] == 'running'
     again = SceneRun(request(folder))
     assert again.is_resumed
     assert again.simulation.time < 200.0
@@ -130,8 +130,8 @@ def test_interrupted_run_continues_with_the_same_result(whole, tmp_path, monkeyp
     )
     assert frames == expected
     assert {path.name for path in folder.iterdir()} == {'run.json', 'maps_2'}
-    known = read_record(whole.folder.path)
-    same = record.keys() - {'folder', 'maps', 'wall_time_s', 'begun', 'effects'}
+    known = known_record(whole.folder.path)
+    same = record.keys() - {'maps', 'wall_time_s', 'begun', 'effects'}
     assert {name: record[name] for name in same} == {name: known[name] for name in same}
 
 
@@ -183,7 +183,7 @@ def test_run_without_a_folder_gets_an_unused_one(tmp_path, monkeypatch):
 
 def test_name_of_the_bag_cannot_leave_the_folder(whole, tmp_path):
     for name in ('..', '../x', '/tmp', 'a/b', 3, None):
-        record = {**read_record(whole.folder.path), 'maps': name}
+        record = {**known_record(whole.folder.path), 'maps': name}
         (tmp_path / 'run.json').write_text(json.dumps(record))
         with pytest.raises(LavaError, match='maps of .*run.json'):
             BagReader(tmp_path)
@@ -209,3 +209,13 @@ def test_identity_differs_for_other_grids_and_settings():
     ids = [identity_of(scene, {'a': a}) for scene in (SCENE, later) for a in (1, 2)]
     assert len(set(ids)) == 4
     assert identity_of(replace(SCENE), {'a': 1}) == ids[0]
+
+
+def test_folder_in_use_is_refused(tmp_path, monkeypatch):
+    folder = tmp_path / 'run'
+    interrupted(folder, monkeypatch)
+    first = SceneRun(request(folder))
+    with pytest.raises(LavaError, match='no other run is writing to'):
+        SceneRun(request(folder))
+    first.folder.close()
+    SceneRun(request(folder)).folder.close()
