@@ -476,7 +476,8 @@ def run_file() -> Schema:
         'inundated_area_m2': (number, 'Area inundated so far'),
         'standing_area_m2': (number, 'Area with lava at the end'),
         **dict.fromkeys(
-            VolumeBudget(0.0, 0.0, 0.0, 0.0).texts(), (number, 'Volume of lava (docs/ROS.md) [m3]')
+            VolumeBudget(0.0, 0.0, 0.0, 0.0).texts(),
+            (number, 'Volume of lava [m3], as in the diagnostics'),
         ),
         'particles': (count, 'Number of particles'),
         'steps': (count, 'Number of time steps'),

@@ -45,11 +45,11 @@ class Message(NamedTuple):
 
 
 class _Field(NamedTuple):
-    """A field of a definition; ``count`` is None for a single value, 0 for any number of them."""
+    """A field of a definition; ``length`` is None for a single value, 0 for any number of them."""
 
     name: str
     kind: str
-    count: int | None
+    length: int | None
     default: str
 
 
@@ -87,8 +87,8 @@ def _fields(owner: str, text: str) -> list[_Field]:
             package, _, last = kind.replace('/msg/', '/').rpartition('/')
             kind = f'{package or owner.partition("/")[0]}/{last}'
         size = (suffix or '').strip('[]')
-        count = None if suffix is None else int(size) if size.isdigit() else 0
-        found.append(_Field(name, kind, count, default))
+        length = None if suffix is None else int(size) if size.isdigit() else 0
+        found.append(_Field(name, kind, length, default))
     return found
 
 
@@ -103,14 +103,14 @@ class _Encoder:
         """Append the fields of a nested message."""
         for field in self._definitions[kind]:
             value = values.get(field.name)
-            if field.count is None:
+            if field.length is None:
                 self._add(field.kind, field.default if value is None else value)
                 continue
             items: Sequence[Any] = () if value is None else value
-            if not field.count:
+            if not field.length:
                 self._add_number('<u4', len(items))
             elif not len(items):
-                items = [''] * field.count
+                items = [''] * field.length
             self._add_items(field.kind, items)
 
     def _add_items(self, kind: str, items: Sequence[Any]) -> None:

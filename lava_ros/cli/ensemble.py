@@ -166,7 +166,8 @@ def ensemble(args: argparse.Namespace) -> int:
     check_members(scene, members)
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
-    onset = scene.onset and Onset(scene.onset) if case is None else case.onset
+    onset = None if scene.onset is None else Onset(scene.onset)
+    onset = onset if case is None else case.onset
     store = Store(output, plan, **kept)
     error: NumericalError | None = None
 

@@ -6,6 +6,8 @@
 import json
 import os
 from pathlib import Path
+import re
+import shlex
 import subprocess
 import sys
 
@@ -163,3 +165,30 @@ def test_run_needs_neither_ros_nor_extras(tmp_path):
     frames = list(Recording(tmp_path / 'run').frames())
     assert [round(frame.time) for frame in frames][-1] == 60
     assert refused('run', '--terrain', tmp_path / 'slope.npz', '--device', 'cuda:9')
+
+
+def test_observatory_tutorial_runs_as_written(tmp_path, monkeypatch):
+    page = (ROOT / 'docs/tutorials/own_dem.md').read_text(encoding='utf-8')
+    example = [sys.executable, ROOT / 'examples/observatory_files.py']
+    subprocess.run(example, cwd=tmp_path, check=True)
+    monkeypatch.chdir(tmp_path)
+    (flow,) = re.findall(r'^lava (run .* rates.csv .*)$', page, re.MULTILINE)
+    status, out, err = lava(*shlex.split(flow), '--preset', 'draft', '--device', 'cpu')
+    assert status == 0, err
+    assert 'not understood' not in out + err
+    result = json.loads((tmp_path / 'runs/lidar/run.json').read_text())
+    # 20 minutes of 12 m3/s and 40 of 5.5
+    assert result['volume_emitted_m3'] == pytest.approx(27_600.0, rel=1e-6)
+    assert result['onset'] == '2021-09-19T14:10:00Z'
+    (drawing,) = re.findall(r'^lava (plot runs/lidar .*?) +#', page, re.MULTILINE)
+    for words in (drawing, 'export runs/lidar -o maps --formats tif geojson'):
+        done(*shlex.split(words))
+    assert (tmp_path / 'map.pdf').read_bytes().startswith(b'%PDF')
+    with rasterio.open(tmp_path / 'maps/thickness.tif') as file:
+        assert file.crs.to_epsg() == 32633
+        row, column = file.index(500_600.0, 4_179_680.0)
+        assert file.read(1, masked=True)[row, column] > 0.1
+    found = json.loads((tmp_path / 'maps/fissures.geojson').read_text(encoding='utf-8'))
+    (fissure,) = found['features']
+    assert fissure['properties']['name'] == 'upper fissure'
+    assert fissure['properties']['peak_effusion_rate'] == pytest.approx(12.0)
