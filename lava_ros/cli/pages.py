@@ -9,7 +9,9 @@ from typing import Any
 from lava_ros import validation
 from lava_ros.cli.options import argument
 
-RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble', nargs='+')
+RUNS = argument(
+    'bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file', nargs='+',
+)
 
 #: Options of pages: further things to draw, the extent of the maps, and their publisher.
 PAGE = (

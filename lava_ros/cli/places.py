@@ -11,7 +11,7 @@ from lava_ros.files import file_to_write, write_output
 
 
 @command(
-    argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble'),
+    argument('bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file'),
     argument(
         'places', 'FILE', 'named points, lines and areas, such as huts, roads and villages: '
         '.geojson, .gpkg, or .csv with x,y or lon,lat and name', nargs='+',

@@ -18,6 +18,7 @@ import rasterio
 from command_line import done, lava, refused
 from geodata import feature, write_features, write_scene
 from lava_ros.maps.frames import Recording
+from lava_ros.watch.frames import BagFrames
 
 ROOT = Path(__file__).parents[2]
 
@@ -99,6 +100,13 @@ def test_commands_that_draw_read_the_folder(words, name, folder, tmp_path):
     command, *options = words
     done(command, folder / 'run', '-o', tmp_path / name, *options)
     assert (tmp_path / name).stat().st_size > 1000
+
+
+def test_live_view_shows_every_map_of_the_folder(folder):
+    frames = BagFrames(folder / 'run')
+    frames.poll()
+    assert len(frames.times) == 5
+    assert frames.times[-1] == 300.0
 
 
 def test_finished_run_is_never_changed(folder, tmp_path, monkeypatch):
