@@ -457,7 +457,7 @@ def run_file() -> Schema:
         'identity': (TEXT, 'Digest of the scene and of the settings: the same for equal runs'),
         'begun': (TEXT, 'Date and time at which the run was begun'),
         'onset': ({'type': ['string', 'null']}, 'Date and time of simulated time 0'),
-        'settings': (group, 'Times [s], preset, and what else the user has chosen'),
+        'settings': (group, 'Choices of the user: times [s], preset, spacing [m], effects'),
         'inputs': (list_of(group), 'Path as given, size [bytes] and SHA-256 digest of each file'),
         'scene': (group, 'The scene, with all values resolved'),
         'preset': (TEXT, 'Preset of the accuracy'),

@@ -62,20 +62,20 @@ def run(args: argparse.Namespace) -> int:
     terrain, until = request.scene.terrain, request.until
     features = [item for file in args.places for item in read_features('--places', file, terrain)]
     places = places_on(features, terrain) if features else None
-    made = SceneRun(request)
-    if made.is_resumed:
-        print(f'continuing the interrupted run in {made.folder.path}', file=sys.stderr)
-    try:
-        with Progress() as progress:
-            snapshot = made.run(ProgressSink(
-                lambda time: progress.show(duration(time), time / until),
-                until, lambda: progress.is_due,
-            ))
+    with SceneRun(request) as made, Progress() as progress:
+        if made.is_resumed:
+            print(f'continuing the interrupted run in {made.folder.path}', file=sys.stderr)
+        shown = ProgressSink(
+            lambda time: progress.show(duration(time), time / until), until,
+            lambda: progress.is_due,
+        )
+        try:
+            snapshot = made.run(shown)
             progress.show('measuring the numerical error', 1.0)
             record = {'folder': str(made.folder.path), **made.finish(_measured(made))}
-    except KeyboardInterrupt:
-        print('lava run: interrupted; the same command continues', file=sys.stderr)
-        raise
+        except KeyboardInterrupt:
+            print('lava run: interrupted; the same command continues', file=sys.stderr)
+            raise
     table = None
     if places is not None:
         assert snapshot.arrived is not None

@@ -15,6 +15,7 @@ from lava_ros import validation
 from lava_ros.cli.options import device_named, forced_effects, seconds_of
 from lava_ros.cli.scenes import log_resolution, scene_from_arguments
 from lava_ros.errors import LavaError
+from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.runs.provenance import digests, files_in
 from lava_ros.runs.scene_run import Request
@@ -93,11 +94,13 @@ def _map_times(args: argparse.Namespace, until: float) -> list[float]:
 
 def _files(args: argparse.Namespace) -> Iterator[tuple[str, Path]]:
     """Yield the input files of a scene, as given and as paths."""
-    given = [args.scene, args.terrain, args.vents, *(args.emplaced_flow or ())]
+    given = [args.terrain, args.vents, *(args.emplaced_flow or ())]
     given += [args.discharge] if isinstance(args.discharge, str) else []
     given += [file for _, file in args.terrain_at or ()]
     for name in given:
         if name is not None and (path := Path(name)).is_file():
             yield name, path
-    if args.scene is not None and (path := Path(args.scene)).is_file():
+    if args.scene is not None:
+        path = find_file(args.scene, 'examples', field='scene', expected='a readable YAML file')
+        yield args.scene, path
         yield from files_in(read_yaml('scene', path), path.parent)

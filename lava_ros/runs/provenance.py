@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a run was made of: program, input files, and a digest of all that decides its result."""
+"""Provenance of a run: program, input files, and a digest of all that decides its result."""
 
 from collections.abc import Iterable, Iterator, Mapping
 import hashlib

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.bag.run_bag import bag_in
+from lava_ros.bag.run_bag import bag_in, RUN_FILE
 from lava_ros.errors import refusing
 from lava_ros.runs.map_bag import RunBag, START_NS
 from lava_ros.runs.store import numbered, RunStore, USABLE
@@ -80,6 +80,19 @@ class RunFolder(RunStore):
         with refusing('--output', str(self.path), 'a folder to write to', OSError):
             self.bag.close()
         super().finish(changes)
+
+    def discard(self) -> None:
+        """Remove the files of a new run that could not start; keep those of a resumed one.
+
+        Raises:
+            LavaError: If they cannot be removed.
+        """
+        self.close()
+        if self.checkpoint is None:
+            with refusing('--output', str(self.path), 'a folder to write to', OSError):
+                shutil.rmtree(self.bag.directory)
+                (self.path / RUN_FILE).unlink()
+                self.path.rmdir()
 
     def close(self) -> None:
         """Close the bag, and let another run use the folder.

@@ -100,8 +100,16 @@ class SceneRun:
         try:
             self.simulation = self._started()
         except BaseException:
-            self.folder.close()
+            self.folder.discard()
             raise
+
+    def __enter__(self) -> 'SceneRun':
+        """Return the run."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the folder, also of an interrupted run."""
+        self.folder.close()
 
     @property
     def is_resumed(self) -> bool:
@@ -144,14 +152,10 @@ class SceneRun:
         simulation = self.simulation
         self._note_effects(simulation, simulation.time)
         maps = SnapshotSink(self.request.times, self._put, after=simulation.time)
-        try:
-            drive(simulation, self.request.until, [maps, KeepSink(self.keep), *sinks])
-            if self.snapshot is None:
-                # resumed after the last map
-                self.snapshot = valid_snapshot(simulation)
-        except BaseException:
-            self.folder.close()
-            raise
+        drive(simulation, self.request.until, [maps, KeepSink(self.keep), *sinks])
+        if self.snapshot is None:
+            # resumed after the last map
+            self.snapshot = valid_snapshot(simulation)
         return self.snapshot
 
     def finish(self, error: NumericalError | None) -> dict[str, Any]:

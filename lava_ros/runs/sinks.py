@@ -154,7 +154,7 @@ class SnapshotSink(ScheduledSink):
         self.latest: Snapshot | None = None
 
     def observe(self, simulation: 'Simulation', time: float) -> Iterable[object]:
-        """Take a snapshot.
+        """Pass a snapshot on.
 
         Raises:
             LavaError: If the flow cannot be shown as a map.

@@ -31,8 +31,9 @@ VERSION = 1
 #: Files of an interrupted run: its last state, and arrays that belong to it.
 CHECKPOINT, ARRAYS = 'checkpoint', 'arrays.npz'
 
-#: Wall time after which a run stores its state again [s].
-KEEP_EVERY = 10.0
+#: Minimum wall time after which a run stores its state again [s], and maximum fraction of the
+#: wall time that storing takes.
+KEEP_EVERY, MAX_KEEP_FRACTION = 10.0, 0.05
 
 #: Values of ``status`` in ``run.json``.
 RUNNING, FINISHED = 'running', 'finished'
@@ -206,6 +207,8 @@ class KeepSink(Sink):
 
     def observe(self, simulation: Any, time: float) -> Iterable[object]:
         """Store the state."""
+        begun = wall_clock.monotonic()
         self._keep()
-        self.wall_due = wall_clock.monotonic() + KEEP_EVERY
+        now = wall_clock.monotonic()
+        self.wall_due = now + max(KEEP_EVERY, (now - begun) / MAX_KEEP_FRACTION)
         return ()

@@ -8,6 +8,7 @@ from datetime import datetime, timezone
 import json
 import logging
 from pathlib import Path
+import shutil
 
 import fastjsonschema
 import numpy as np
@@ -75,7 +76,7 @@ def interrupted(folder: Path, monkeypatch, time: float = 200.0) -> None:
             self.due = np.inf
             return ()
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt), run:
         run.run(Keep(180.0), Stop(time))
 
 
@@ -133,6 +134,36 @@ def test_interrupted_run_continues_with_the_same_result(whole, tmp_path, monkeyp
     known = known_record(whole.folder.path)
     same = record.keys() - {'maps', 'wall_time_s', 'begun', 'effects'}
     assert {name: record[name] for name in same} == {name: known[name] for name in same}
+
+
+def test_killed_run_continues(whole, tmp_path, monkeypatch):
+    """A killed process leaves an unfinished bag, with maps after its last state."""
+    monkeypatch.setattr(store, 'KEEP_EVERY', np.inf)
+    folder, killed = tmp_path / 'run', tmp_path / 'killed'
+
+    class Kill(Stop):
+        def observe(self, simulation, time):
+            if time < 250.0:
+                run.keep()
+                self.due = 290.0
+                return ()
+            shutil.copytree(folder, killed)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), SceneRun(request(folder)) as run:
+        run.run(Kill(180.0))
+    with pytest.raises(LavaError, match='--output'):
+        SceneRun(request(killed, settings={}))
+    assert BagReader(killed).recovered
+    assert [frame.time > 240.0 for frame in Recording(killed).frames()] == [False] * 3 + [True]
+    with SceneRun(request(killed)) as again:
+        assert 180.0 <= again.simulation.time < 240.0
+        np.testing.assert_array_equal(again.run().thickness, whole.snapshot.thickness)
+        again.finish(None)
+    frames, expected = (
+        [frame.time for frame in Recording(item).frames()] for item in (killed, whole.folder.path)
+    )
+    assert frames == expected
 
 
 def test_run_of_another_model_continues_with_a_warning(tmp_path, monkeypatch, caplog):
