@@ -206,7 +206,7 @@ class Run:
         if not self._has_maps:
             times = times[-1:]
         maps = SnapshotSink(times, self._add, after=simulation.time, convert=self._refined)
-        keep = [KeepSink(self.keep)] if self._store is not None else []
+        keep = [KeepSink(self.keep, self.map_times)] if self._store is not None else []
         steps = driving(simulation, self.case.duration, [maps, *keep, *sinks])
         is_done = False
         while not is_done:

@@ -28,7 +28,8 @@ class Sink:
 
     Attributes:
         due: Simulated time of its next observation [s]; infinity for none.
-        wall_due: Time of ``time.monotonic`` after which it also observes the flow [s].
+        wall_due: Time of ``time.monotonic`` after which it also observes the flow [s]; infinity
+            for a run in a batch, which cannot stop at a wall time.
     """
 
     due = math.inf

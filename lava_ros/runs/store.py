@@ -3,7 +3,7 @@
 
 """The state of a run in its folder, from which an interrupted run is resumed."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import fcntl
 from itertools import count
 import json
@@ -20,7 +20,7 @@ from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input, replacing, write_output
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.yaml import parse_json
-from lava_ros.runs.drive import Sink
+from lava_ros.runs.sinks import ScheduledSink
 from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes
 
 _LOG = logging.getLogger(__name__)
@@ -197,18 +197,32 @@ def is_usable(path: Path, known: Mapping[str, Any], identity: str) -> bool:
     return not path.exists() or (path.is_dir() and not any(path.iterdir()))
 
 
-class KeepSink(Sink):
+class KeepSink(ScheduledSink):
     """Stores the state of a run at intervals of wall time."""
 
-    def __init__(self, keep: Callable[[], object]) -> None:
-        """Initialize with the function that stores the state."""
-        self._keep = keep
-        self.wall_due = wall_clock.monotonic() + KEEP_EVERY
+    def __init__(self, keep: Callable[[], object], times: Sequence[float] | None = None) -> None:
+        """Initialize.
+
+        Args:
+            keep: Function that stores the state.
+            times: Simulated times [s] at which the state may be stored; None for any time. A run
+                in a batch needs them, because it cannot complete a step by itself.
+        """
+        super().__init__([] if times is None else times)
+        self._keep, self._is_free = keep, times is None
+        self._wait(KEEP_EVERY)
 
     def observe(self, simulation: Any, time: float) -> Iterable[object]:
-        """Store the state."""
+        """Store the state if that is due."""
+        self._note_time(time)
         begun = wall_clock.monotonic()
-        self._keep()
-        now = wall_clock.monotonic()
-        self.wall_due = now + max(KEEP_EVERY, (now - begun) / MAX_KEEP_FRACTION)
+        if begun >= self._next:
+            self._keep()
+            self._wait(max(KEEP_EVERY, (wall_clock.monotonic() - begun) / MAX_KEEP_FRACTION))
         return ()
+
+    def _wait(self, duration: float) -> None:
+        """Store the state again after a wall time [s]."""
+        self._next = wall_clock.monotonic() + duration
+        if self._is_free:
+            self.wall_due = self._next
