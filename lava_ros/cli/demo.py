@@ -77,8 +77,8 @@ def demo(args: argparse.Namespace) -> int:
     not given. It draws the probabilities before and after the outline.
     """
     from lava_ros.cli.scenes import scene_from_arguments
+    from lava_ros.maps.onset import Onset
     from lava_ros.pages.pictures import draw_runs
-    from lava_ros.scene.effusion_rates import date_text
 
     require_ros()
     _check_forecast_options(args)
@@ -97,6 +97,7 @@ def demo(args: argparse.Namespace) -> int:
         )
     domain = _own_domain(args.domain)
     scene = scene_from_arguments(args)
+    onset = Onset.of(scene)
     output = _unused(args.output)
     settings = {
         'record': True,
@@ -104,7 +105,7 @@ def demo(args: argparse.Namespace) -> int:
         'preset': args.preset,
         'spacing': args.spacing or 0.0,
         'device': args.device or '',
-        'onset': date_text(scene.onset) if scene.onset else '',
+        'onset': onset.text if onset else '',
         'epsg': scene.terrain.epsg or 0,
         'offset_easting': scene.terrain.offset[0],
         'offset_northing': scene.terrain.offset[1],

@@ -166,8 +166,7 @@ def ensemble(args: argparse.Namespace) -> int:
     check_members(scene, members)
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
-    onset = None if scene.onset is None else Onset(scene.onset)
-    onset = onset if case is None else case.onset
+    onset = Onset.of(scene)
     store = Store(output, plan, **kept)
     error: NumericalError | None = None
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 import sys
 from typing import Any, TYPE_CHECKING
 
@@ -51,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     finished one. lava plot, report, places, export, animate and watch read the folder.
     """
     from lava_ros.cli.run_request import request_of
+    from lava_ros.maps.onset import Onset
     from lava_ros.maps.place_arrivals import flow_table
     from lava_ros.maps.places import places_on
     from lava_ros.maps.plot import duration
@@ -81,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
         assert snapshot.arrived is not None
         facts = {'threshold_m': snapshot.threshold, 'time_s': snapshot.time}
         table = flow_table(places, terrain, snapshot.arrived, snapshot.inundated, facts)
+        table = replace(table, onset=Onset.of(request.scene))
         record['places'] = table.as_dict()['places']
     write_json(record, args.json)
     _print(record, table)

@@ -174,10 +174,7 @@ class Run:
         expected += '--fresh starts again from time 0'
         if not self._has_maps:
             return RunStore(folder, record, expected)
-        data = {
-            'case': case.name, 'parameters': json.dumps({'preset': settings.preset}),
-            **({} if case.onset is None else {'onset': case.onset.text}),
-        }
+        data = {'case': case.name, 'parameters': json.dumps({'preset': settings.preset})}
         return RunFolder(folder, self._scene_at(0.0), record, data, expected)
 
     @property

@@ -10,9 +10,8 @@ import logging
 from zoneinfo import ZoneInfo
 
 from lava_ros import validation
-from lava_ros.bag.description import described
 from lava_ros.errors import LavaError, refusing
-from lava_ros.scene.effusion_rates import date_text
+from lava_ros.scene import date_text, Scene
 
 _LOG = logging.getLogger(__name__)
 
@@ -46,6 +45,11 @@ class Onset:
     def text(self) -> str:
         """The date and time in ISO 8601, as ``from_text`` reads it and bags record it."""
         return date_text(self.start)
+
+    @classmethod
+    def of(cls, scene: Scene) -> 'Onset | None':
+        """Return the onset of a scene; None if it is unknown."""
+        return None if scene.onset is None else cls(scene.onset)
 
     def utc(self, seconds: float = 0.0) -> str:
         """Format a simulated time [s] as date and time in ISO 8601, UTC, to the second.
@@ -87,9 +91,8 @@ def time_zone(name: str) -> ZoneInfo:
 
 
 def recorded_onset(custom_data: Mapping[str, str]) -> Onset | None:
-    """Return the onset in the description of a bag, or in its scene (``stated_onset``)."""
-    scene = described(custom_data)['scene'] or {}
-    return stated_onset(custom_data.get('onset') or str(scene.get('onset', 'unknown')), 'the bag')
+    """Return the onset that the description of a bag states, as ``stated_onset`` reads it."""
+    return stated_onset(custom_data.get('onset', 'unknown'), 'the bag')
 
 
 def stated_onset(text: str, where: str) -> Onset | None:

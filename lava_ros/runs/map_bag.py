@@ -19,6 +19,7 @@ from lava_ros.maps.forecast import EnsembleForecast
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.layers import ARRIVED, GRID_MAP, INUNDATED, Layer
 from lava_ros.maps.messages import layer_message, SceneMessages
+from lava_ros.maps.onset import Onset
 from lava_ros.scene import Scene, scene_to_dict
 from lava_ros.simulation.output.snapshot import Snapshot
 
@@ -58,9 +59,10 @@ class MapBag(BagWriter):
             LavaError: If the bag exists or cannot be created.
             OSError: If its first file cannot be written.
         """
+        onset = Onset.of(scene)
         self._data = {
             'scene': dump_yaml(scene_to_dict(scene)), 'version': lava_ros.__version__,
-            'frame_id': _FRAME, **data,
+            'frame_id': _FRAME, **({} if onset is None else {'onset': onset.text}), **data,
         }
         self.node = RecordedNode(f'{namespace}{DEFAULT_NODE}', namespace or '/', {})
         super().__init__(path, custom_data=self._described())

@@ -19,8 +19,7 @@ from lava_ros.runs.provenance import identity_of, program
 from lava_ros.runs.run_folder import RunFolder
 from lava_ros.runs.sinks import SnapshotSink, valid_snapshot
 from lava_ros.runs.store import KeepSink, unused_folder
-from lava_ros.scene import Scene, scene_to_dict
-from lava_ros.scene.effusion_rates import date_text
+from lava_ros.scene import date_text, Scene, scene_to_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
@@ -90,8 +89,7 @@ class SceneRun:
             'begun': date_text(begun), 'wall_time_s': 0.0, 'onset': onset, 'settings': plan,
             'inputs': list(request.inputs), 'scene': scene_to_dict(scene), 'effects': [],
         }
-        data = {'begun': record['begun'], **({} if onset is None else {'onset': onset})}
-        self.folder = RunFolder(path, scene, record, data)
+        self.folder = RunFolder(path, scene, record, {'begun': record['begun']})
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
         self._effects: dict[str, str] = {}
         for change in self.folder.record['effects']:

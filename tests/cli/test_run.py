@@ -126,7 +126,7 @@ def test_finished_run_is_never_changed(folder, tmp_path, monkeypatch):
     (('--maps', '0'), '--maps is 0'),
     (('--within', '1min', '--spacing', '5'), 'no --spacing together with --within'),
     (('--on', 'crust', '--off', 'crust'), "--off is 'crust'"),
-    (('--start', 'yesterday'), "--start is 'yesterday'"),
+    (('--start', 'yesterday'), "start is 'yesterday'"),
     (('--threshold', '0'), '--threshold is 0'),
     # the simulation refuses these, after the folder has been made
     (('--spacing', '-1'), 'spacing is -1'),
