@@ -125,13 +125,8 @@ def forced_effects(args: argparse.Namespace) -> dict[str, bool]:
     """Return the effects that ``--on`` and ``--off`` force, by name.
 
     Raises:
-        LavaError: If an effect is in both, or unknown.
+        LavaError: If an effect is in both.
     """
-    from lava_ros.effects import EFFECTS
-
-    for option, names in (('--on', args.on), ('--off', args.off)):
-        for name in names:
-            validation.choice(option, name, EFFECTS)
     for name in set(args.on) & set(args.off):
         raise LavaError('--off', name, 'an effect that is not in --on as well')
     return {**dict.fromkeys(args.on, True), **dict.fromkeys(args.off, False)}

@@ -113,14 +113,14 @@ def _print(record: dict[str, Any], table: ArrivalTable | None) -> None:
     from lava_ros.maps.plot import area_words, duration
     from lava_ros.simulation.output.budget import VolumeBudget
 
-    resolution = record['resolution']
+    resolution, across = record['resolution'], record['resolution']['particles_across']
     budget = VolumeBudget.from_texts({name: str(value) for name, value in record.items()})
     assert budget is not None
     for name, value in (
         ('simulated time', duration(record['simulated_time_s'])),
         ('start of the eruption', record['onset'] or 'unknown'),
         ('particles', f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart'),
-        ('particles across the flow', f'{resolution["particles_across"]:.2g}'),
+        ('particles across the flow', 'unknown' if across is None else f'{across:.2g}'),
         ('numerical error', record['numerical_error_text']),
         ('inundated area', area_words(record['inundated_area_m2'])),
         ('standing lava', area_words(record['standing_area_m2'])),

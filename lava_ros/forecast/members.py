@@ -3,7 +3,7 @@
 
 """Runs of the members of an ensemble, one at a time or as a batch on a GPU."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import TYPE_CHECKING
@@ -255,15 +255,9 @@ def running(
     done: list[MemberFields] = []
 
     def route(member: Member) -> Iterator[None]:
-        simulation = _started(plan, member, device)
-        sink = _MemberSink(plan, member, simulation, max_particles=max_particles)
-        for _ in driving(simulation, sink.times[-1], [sink]):
-            if progress is not None:
-                progress[member.index] = sink.progress
-            yield
-        if progress is not None:
-            progress[member.index] = sink.progress
-        done.append(sink.fields(simulation))
+        known = {} if progress is None else progress
+        fields = yield from _fields_of(plan, member, device, max_particles, known)
+        done.append(fields)
         # yield the fields before the next member begins
         yield
 
@@ -273,6 +267,20 @@ def running(
         done.clear()
         yield None
     yield from done
+
+
+def _fields_of(
+    plan: Plan, member: Member, device: str | None, max_particles: int | None,
+    progress: dict[int, float],
+) -> Generator[None, None, MemberFields]:
+    """Run a member in parts, and return its fields."""
+    simulation = _started(plan, member, device)
+    sink = _MemberSink(plan, member, simulation, max_particles=max_particles)
+    for _ in driving(simulation, sink.times[-1], [sink]):
+        progress[member.index] = sink.progress
+        yield
+    progress[member.index] = sink.progress
+    return sink.fields(simulation)
 
 
 class _MemberSink(PeakSink):

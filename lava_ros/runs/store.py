@@ -8,6 +8,7 @@ import fcntl
 from itertools import count
 import json
 import logging
+import math
 import os
 from pathlib import Path
 import time as wall_clock
@@ -115,8 +116,8 @@ class RunStore:
         Raises:
             LavaError: If it cannot be written.
         """
-        self.record = {'version': VERSION, **self.record, **changes}
-        text = json.dumps(self.record, indent=1) + '\n'
+        self.record = _finite({'version': VERSION, **self.record, **changes})
+        text = json.dumps(self.record, indent=1, allow_nan=False) + '\n'
         write_output('--output', self.path / RUN_FILE, text)
 
     def finish(self, changes: Mapping[str, Any]) -> None:
@@ -141,6 +142,15 @@ class RunStore:
         """Let another run use the folder."""
         if getattr(self, '_lock', None) is not None:
             self.close()
+
+
+def _finite(plain: Any) -> Any:
+    """Return plain data with None in place of numbers that JSON cannot represent."""
+    if isinstance(plain, Mapping):
+        return {key: _finite(value) for key, value in plain.items()}
+    if isinstance(plain, list | tuple):
+        return [_finite(value) for value in plain]
+    return None if isinstance(plain, float) and not math.isfinite(plain) else plain
 
 
 def _locked(path: Path) -> int:

@@ -147,6 +147,19 @@ def test_start_dates_a_run_with_a_constant_rate(tmp_path):
     assert json.loads((tmp_path / 'run/run.json').read_text())['onset'] == '2021-03-01T04:30:00Z'
 
 
+def test_run_without_vents_has_no_flow(tmp_path):
+    write_scene(tmp_path, SLOPE, 10.0, {'vents': []})
+    run = tmp_path / 'run'
+    done('run', tmp_path / 'scene.yaml', '--until', '1min', *SETTINGS, '-o', run)
+    record = json.loads((run / 'run.json').read_text(), parse_constant=pytest.fail)
+    assert record['inundated_area_m2'] == record['volume_emitted_m3'] == 0.0
+    assert record['resolution']['particles_across'] is None
+    assert (record['numerical_error'], record['numerical_error_text']) == (
+        None, 'not yet measured'
+    )
+    done('plot', run, '-o', tmp_path / 'map.png')
+
+
 #: Runs `lava` without ROS and all extras: neither packages nor message definitions.
 WITHOUT_ROS = """
 import importlib.abc, sys
