@@ -25,7 +25,7 @@ from lava_ros.cli.ensemble_report import (
 )
 from lava_ros.cli.options import argument, command, device_named, formats, seconds_of
 from lava_ros.cli.scene_options import RATE_OPTIONS, SCENE
-from lava_ros.errors import import_failure, LavaError
+from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 
 if TYPE_CHECKING:
@@ -115,7 +115,6 @@ def ensemble(args: argparse.Namespace) -> int:
     """
     import numpy as np
 
-    from lava_ros.cli.scenes import onset_of
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.ensemble_error import measure_ensemble_error
@@ -129,6 +128,7 @@ def ensemble(args: argparse.Namespace) -> int:
     )
     from lava_ros.forecast.store import Store
     from lava_ros.maps.gis import Provenance, require_formats, usual_formats
+    from lava_ros.maps.onset import Onset
     from lava_ros.pages.comparison import compare_ensembles
     from lava_ros.scene.on_terrain import read_raster_on
     from lava_ros.scene.projection import coordinate_system
@@ -167,7 +167,7 @@ def ensemble(args: argparse.Namespace) -> int:
     check_members(scene, members)
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
-    onset = onset_of(args) if case is None else case.onset
+    onset = Onset.of(scene)
     store = Store(output, plan, **kept)
     error: NumericalError | None = None
 
@@ -401,12 +401,8 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
 
 
 def _write_bag(bag: Path, plan: Plan, maps: HazardMaps, report: dict[str, Any]) -> list[str]:
-    try:
-        from lava_ros.ros.snapshot_bags import write_atlas_bag
-    except ImportError as error:
-        reason = import_failure(error) or error
-        print(f'lava ensemble: wrote no bag, which needs ROS 2: {reason}', file=sys.stderr)
-        return []
+    from lava_ros.forecast.atlas_bag import write_atlas_bag
+
     effects = [{'time': 0.0, 'effects': plan.explain_effects()}]
     data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}
     write_atlas_bag(bag, maps, plan, stamp_ns=time.time_ns(), custom_data=data)

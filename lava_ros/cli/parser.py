@@ -16,7 +16,7 @@ from lava_ros.errors import LavaError, MAX_EXPECTED_LENGTH, one_line, RefusalErr
 
 #: The commands, each a function in the module of its name.
 COMMANDS = (
-    'demo', 'node', 'feed', 'ensemble',
+    'run', 'ensemble', 'demo', 'node', 'feed',
     'replay', 'info', 'recover',
     'watch', 'report', 'plot', 'places', 'animate', 'export',
     'effects', 'materials', 'barrier',

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 @command(
     argument(
-        'bag', None, 'bag directory, .mcap file, or folder of an ensemble (default: the running '
-        'node)', nargs='?',
+        'bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file (default: '
+        'the running node)', nargs='?',
     ),
     '--node',
     argument('--namespace', 'NS', "namespace of the node's topics: /etna", ''),

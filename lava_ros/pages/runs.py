@@ -3,9 +3,9 @@
 
 """Runs on disk (bags and ensembles) as maps and facts for people."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timezone
+from datetime import datetime, timezone, tzinfo
 import logging
 import math
 from pathlib import Path
@@ -97,6 +97,19 @@ class Run:
         if self.ensemble is not None:
             names = ['inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90']
         return [name for name in names if name in self.panels]
+
+
+def dated(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onset | None:
+    """Return the given or common onset of runs, with the zone of local times.
+
+    Raises:
+        LavaError: If there is a zone and no onset.
+    """
+    known = {run.onset for run in runs}
+    onset = given or (known.pop() if len(known) == 1 else None)
+    if onset is None and zone is not None:
+        raise validation.dependence('--timezone', '--onset')
+    return None if onset is None else replace(onset, zone=zone)
 
 
 def is_ensemble(path: str | Path) -> bool:
@@ -207,8 +220,9 @@ def _day(seconds: float) -> str:
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
     begun = (recording.bag.start_ns or 0) / 1e9
     # the clock of a simulation does not have a date
+    computed = recording.bag.custom_data.get('begun', _day(begun) if begun > 1e9 else '')[:10]
     facts = {
-        **({'computed': _day(begun)} if begun > 1e9 else {}), **_vents(scene),
+        **({'computed': computed} if computed else {}), **_vents(scene),
         **_changes(frame.scene),
     }
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
