@@ -276,8 +276,8 @@ def test_help_lists_every_command():
 
 
 @pytest.mark.parametrize(('words', 'sentence'), [
-    ((), 'lava: COMMAND is missing, expected one of demo, '),
-    (('dance',), "lava: COMMAND is 'dance', expected one of demo, "),
+    ((), 'lava: COMMAND is missing, expected one of run, '),
+    (('dance',), "lava: COMMAND is 'dance', expected one of run, "),
     (('replay',), 'lava replay: bag is missing, expected bag directory or .mcap file; '),
     (('replay', 'b', '--rate', 'x'), "lava replay: --rate is 'x', expected a finite number; "),
     (('replay', 'bag', '--rte', '2'), 'lava replay: --rte: unknown option; did you mean --rate?'),
