@@ -75,6 +75,7 @@ def demo(args: argparse.Namespace) -> int:
     """
     from lava_ros.cli.scenes import onset_of, scene_from_arguments
     from lava_ros.pages.pictures import draw_runs
+    from lava_ros.scene.erupting_lava import EruptingLava
 
     require_ros()
     _check_forecast_options(args)
@@ -119,7 +120,9 @@ def demo(args: argparse.Namespace) -> int:
         # the next demo may replace this folder, also after a failure
         if output.is_dir():
             write_json({}, output / RESULT)
-    result = _result(values, speed) | {'height_maps_received': frames}
+    result = _result(values, speed) | {
+        'height_maps_received': frames, 'erupting_lava': EruptingLava.of(scene).as_dict(),
+    }
     draw_runs([output], output / PICTURE)
     result['wall_time'] = round(time.monotonic() - started, 2)
     result['bag'], result['picture'] = str(output), str(output / PICTURE)

@@ -130,6 +130,8 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.forecast.store import Store
     from lava_ros.maps.gis import Provenance, require_formats, usual_formats
     from lava_ros.pages.comparison import compare_ensembles
+    from lava_ros.pages.run_warnings import warnings_of_plan
+    from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.scene.on_terrain import read_raster_on
     from lava_ros.scene.projection import coordinate_system
     from lava_ros.scene.uncertainty import uncertainty_to_dict
@@ -212,7 +214,11 @@ def ensemble(args: argparse.Namespace) -> int:
     if args.scheduler is None:
         error = measure_ensemble_error(plan, done.maps.members, output, device=args.device)
     report = summarize(args, plan, done.maps, done, wall, where)
-    report['numerical_error'] = None if error is None else error.as_dict()
+    report |= {
+        'numerical_error': None if error is None else error.as_dict(),
+        'erupting_lava': EruptingLava.of(scene).as_dict(),
+        'warnings': warnings_of_plan(plan),
+    }
     report['difference_of_members'] = mean_difference(
         0.01 * np.nan_to_num(done.maps.probability), done.maps.members
     )

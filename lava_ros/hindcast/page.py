@@ -24,6 +24,7 @@ from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
 from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.report.static_page import write_static_page
+from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.scene.projection import system_words
@@ -61,7 +62,10 @@ def write_page(
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
         warnings=warnings(case, result),
-        facts=facts(judged, result, error, several, dated),
+        facts={
+            'lava': EruptingLava.of(case.scene).text(),
+            **facts(judged, result, error, several, dated),
+        },
         shows='Map of hits, misses and false alarms',
         lava=note,
         constants=constants,
@@ -226,7 +230,9 @@ def write_maps(
     ]
 
 
-def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path) -> None:
+def draw_comparison(
+    case: Case, snapshot: Snapshot, judged: Score, output: Path, error: NumericalError
+) -> None:
     """Draw hits, misses and false alarms of a flow at its end; the suffix sets the format.
 
     Raises:
@@ -240,7 +246,9 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
     facts = {
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
         f'{duration(case.duration)}',
-        'model': f'lava_ros {lava_ros.__version__}, depth-averaged lava as particles',
+        'lava': EruptingLava.of(case.scene).text(),
+        'model': f'lava_ros {lava_ros.__version__}, depth-averaged lava as particles, numerical '
+        f'error {error.brief()}',
         'coordinates': system_words(case.scene.terrain.epsg, case.scene.terrain.wkt),
     }
     if case.source:

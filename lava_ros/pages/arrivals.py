@@ -43,7 +43,7 @@ def table_of(
     features = [item for file in files for item in read_features(field, file, run.terrain)]
     places = places_on(features, run.terrain)
     if run.ensemble is not None:
-        return _table_of_members(Path(path), run.ensemble, places)
+        return _table_of_members(Path(path), run, run.ensemble, places)
     return _table_of_bag(path, run, places, time, node)
 
 
@@ -60,7 +60,9 @@ def _table_of_bag(
         arrived = np.where(arrived <= end, arrived, np.nan)
     cells = places.at(arrived)
     front = front_distances(places, reached_cells(arrived), run.terrain)
-    facts: dict[str, Any] = {'threshold_m': panel.frame.threshold, 'time_s': end}
+    facts: dict[str, Any] = {
+        'threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
+    }
     if panel.frame.arrived is not panel.values and np.isfinite(cells).any():
         facts['note'] = 'times are those of the first map in the bag that shows the lava'
     frame = panel.frame
@@ -72,7 +74,9 @@ def _table_of_bag(
     return ArrivalTable(rows, facts, is_ensemble=False)
 
 
-def _table_of_members(folder: Path, members: Members, places: Places) -> ArrivalTable:
+def _table_of_members(
+    folder: Path, run: Run, members: Members, places: Places
+) -> ArrivalTable:
     maps = maps_at(folder, members.plan, places, members=members.count)
     if not math.isclose(maps.effective_members, members.effective, rel_tol=1e-6):
         expected = 'maps with the weights of its members: repeat the lava ensemble command'
@@ -93,5 +97,6 @@ def _table_of_members(folder: Path, members: Members, places: Places) -> Arrival
         'members': maps.members,
         'effective_members': maps.effective_members,
         'arrival_error_s': maps.arrival_error,
+        **run.quality(),
     }
     return ArrivalTable(rows, facts, is_ensemble=True)

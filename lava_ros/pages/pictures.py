@@ -114,6 +114,7 @@ def draw_runs(
         'notes': notes,
         'maps': [item.title or STYLES[item.source].title for item in panels],
         'scores': scores,
+        'runs': {run.name: run.quality() for run in runs},
     }
 
 

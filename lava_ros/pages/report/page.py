@@ -160,6 +160,8 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
         picture = Path(folder) / 'maps.png'
         drawn = draw_runs(paths, picture, **options)
+        # at the top of the page
+        warnings = drawn['notes'].pop('warning', '')
         facts = drawn['notes'] | {
             f'{term.replace("_", " ")} of {name}': f'{value:.3g}'
             for name, scores in drawn['scores'].items()
@@ -170,7 +172,7 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
             picture,
             title=drawn['title'],
             subtitle=drawn['summary'],
-            warnings=[_NOTICE],
+            warnings=[_NOTICE, *filter(None, [warnings])],
             facts=facts,
             shows=', '.join(drawn['maps']),
             places=sections.place_tables(
