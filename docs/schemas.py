@@ -43,6 +43,7 @@ Schema = dict[str, Any]
 
 TEXT: Schema = {'type': 'string'}
 FLAG: Schema = {'type': 'boolean'}
+DATE: Schema = {'type': 'string', 'pattern': r'^\s*\d{4}'}
 
 #: Descriptions of keys in editors, for keys without a description in the code.
 MEANINGS = {
@@ -54,6 +55,7 @@ MEANINGS = {
     'window': 'Part to keep: smallest easting and northing, largest easting and northing [m]',
     'fill_holes': 'Fill cells without data that data surround',
     'nodata': 'Value of cells without data that the file does not declare; none: all have data',
+    'onset': 'Date and time of the start of the simulation: 2021-09-19T14:10:00Z',
     'insist': 'Accept numbers that cannot be, such as an effusion rate above any known, with a '
     'warning',
     'vents': 'Points and lines at which lava is emitted',
@@ -202,7 +204,7 @@ def rate_options() -> dict[str, Schema]:
     known = {
         'start': {
             'description': 'Start of the eruption (ISO 8601), which is time 0',
-            'type': 'string', 'pattern': r'^\s*\d{4}',
+            **DATE,
         },
         'gaps': {
             'description': 'Effusion rate in a time without data',
@@ -337,6 +339,7 @@ def scene() -> Schema:
         'uncertainty': uncertainties(),
         'emplaced_flows': list_of(emplaced_flow()),
         'events': list_of(event(of_check(partial(validation.number, at_least=0.0)))),
+        'onset': DATE,
         'insist': FLAG,
         **surroundings(),
     }

@@ -73,7 +73,8 @@ def demo(args: argparse.Namespace) -> int:
     takes, and sends the node the outline of a flow whose effusion rate and viscosity the node is
     not given. It draws the probabilities before and after the outline.
     """
-    from lava_ros.cli.scenes import onset_of, scene_from_arguments
+    from lava_ros.cli.scenes import scene_from_arguments
+    from lava_ros.maps.onset import Onset
     from lava_ros.pages.pictures import draw_runs
     from lava_ros.scene.erupting_lava import EruptingLava
 
@@ -93,7 +94,8 @@ def demo(args: argparse.Namespace) -> int:
             '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
         )
     domain = _own_domain(args.domain)
-    scene, onset = scene_from_arguments(args), onset_of(args)
+    scene = scene_from_arguments(args)
+    onset = Onset.of(scene)
     output = Path(args.output)
     _remove_earlier_demo(output)
     settings = {

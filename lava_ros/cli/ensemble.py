@@ -115,7 +115,6 @@ def ensemble(args: argparse.Namespace) -> int:
     """
     import numpy as np
 
-    from lava_ros.cli.scenes import onset_of
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.ensemble_error import measure_ensemble_error
@@ -129,6 +128,7 @@ def ensemble(args: argparse.Namespace) -> int:
     )
     from lava_ros.forecast.store import Store
     from lava_ros.maps.gis import Provenance, require_formats, usual_formats
+    from lava_ros.maps.onset import Onset
     from lava_ros.pages.comparison import compare_ensembles
     from lava_ros.pages.run_warnings import warnings_of_plan
     from lava_ros.scene.erupting_lava import EruptingLava
@@ -168,7 +168,7 @@ def ensemble(args: argparse.Namespace) -> int:
     check_members(scene, members)
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
-    onset = onset_of(args) if case is None else case.onset
+    onset = Onset.of(scene)
     store = Store(output, plan, **kept)
     error: NumericalError | None = None
 

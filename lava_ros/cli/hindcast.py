@@ -200,7 +200,6 @@ def _write_bag(
                 'case': case.name,
                 'parameters': json.dumps({'preset': settings.preset}),
                 'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
-                **({} if case.onset is None else {'onset': case.onset.text}),
             },
             terrains=[(event.time - case.start, event.terrain) for event in case.events],
         )

@@ -93,7 +93,6 @@ class Case:
         low_pass: Width of the filter applied to the terrain [m]; 0: none.
         rate_error: Distribution of a factor on all effusion rates, None without errors in the
             table.
-        onset: Date of the start of the simulation, None if the case does not state it.
         outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
             case has one footprint only.
     """
@@ -110,8 +109,12 @@ class Case:
     events: tuple[Event, ...] = ()
     low_pass: float = 0.0
     rate_error: Distribution | None = None
-    onset: Onset | None = None
     outlines: tuple[Outline, ...] = ()
+
+    @property
+    def onset(self) -> Onset | None:
+        """Date of the start of the simulation; None if the case does not state it."""
+        return Onset.of(self.scene)
 
     @property
     def duration(self) -> float:
@@ -198,7 +201,7 @@ def load_case(
     ground = read(elevation)
     check_elevation(ground)
     choices = validation.build(Options, 'case.effusion_rate', options.get('effusion_rate', {}))
-    rates = read_effusion_rates('case', rate_table, choices)
+    rates, origin = read_effusion_rates('case', rate_table, choices)
     rows = read_vents('case', vent_table, ground)
     if vents is not None:
         rows = vents(rows, ground)
@@ -208,10 +211,10 @@ def load_case(
     first, last = rates[0].start, rates[-1].end
     start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')
     onset = None
-    if choices.origin is not None:
+    if origin is not None:
         expected = 'a time [s] at which the year is from 1 to 9999'
         with refusing('case.start', start, expected, OverflowError):
-            onset = Onset(choices.origin + timedelta(seconds=start))
+            onset = Onset(origin + timedelta(seconds=start))
     outlines: tuple[Outline, ...] = ()
     footprints = partial(_footprint, ground=ground)
     if 'outlines' in options:
@@ -245,6 +248,7 @@ def load_case(
         ),
         lava,
         uncertainty=_uncertainty(options, error_of_rates(rates)),
+        onset=None if onset is None else onset.start,
         **{key: options[key] for key in ENVIRONMENT if key in options},
     )
     insist = validation.flag('case.insist', options.get('insist', False))
@@ -265,7 +269,6 @@ def load_case(
         events=_events(folder, options.get('events', []), ground, width, read),
         low_pass=width,
         rate_error=error_of_rates(rates),
-        onset=onset,
         outlines=outlines,
     )
 

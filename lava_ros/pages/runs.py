@@ -5,7 +5,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timezone
+from datetime import datetime, timezone, tzinfo
 import logging
 import math
 from pathlib import Path
@@ -116,6 +116,19 @@ class Run:
         if self.ensemble is not None:
             names = ['inundation_probability', 'arrival_time_p10', 'arrival', 'arrival_time_p90']
         return [name for name in names if name in self.panels]
+
+
+def dated(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onset | None:
+    """Return the given or common onset of runs, with the zone of local times.
+
+    Raises:
+        LavaError: If there is a zone and no onset.
+    """
+    known = {run.onset for run in runs}
+    onset = given or (known.pop() if len(known) == 1 else None)
+    if onset is None and zone is not None:
+        raise LavaError('--timezone', str(zone), 'a zone together with --onset')
+    return None if onset is None else replace(onset, zone=zone)
 
 
 def is_ensemble(path: str | Path) -> bool:

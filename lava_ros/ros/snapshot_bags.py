@@ -23,6 +23,7 @@ from lava_ros.live.recorder import DEFAULT_NODE
 from lava_ros.maps.forecast import EnsembleForecast, HazardMaps
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.layers import ARRIVED, INUNDATED, Layer
+from lava_ros.maps.onset import Onset
 from lava_ros.ros import codec, diagnostics, outputs
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -40,8 +41,10 @@ class _Bag(BagWriter):
     """A bag as a node with the default name in ``namespace`` would record it."""
 
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
+        onset = Onset.of(scene)
         self._data = {
-            'scene': dump_yaml(scene_to_dict(scene)), 'version': lava_ros.__version__, **data
+            'scene': dump_yaml(scene_to_dict(scene)), 'version': lava_ros.__version__,
+            **({} if onset is None else {'onset': onset.text}), **data,
         }
         self.node = RecordedNode(f'{namespace}{DEFAULT_NODE}', namespace or '/', {})
         super().__init__(path, custom_data=self._described())

@@ -93,6 +93,7 @@ VALID = {
             ],
             'uncertainty': {**UNCERTAINTY, 'effusion_rate': UNIFORM},
             # the schema has no limits of credible values
+            'onset': '2021-09-19T14:10:00Z',
             'insist': True,
         },
         {'terrain': {'file': 'ground.npz'}, 'uncertainty': {'discharge': UNIFORM}},

@@ -49,7 +49,9 @@ WHOLE = {
 
 def read(folder: Path, text: str, **options: Any) -> Any:
     (folder / 'rates.csv').write_text(text, encoding='utf-8')
-    return read_effusion_rates('--effusion-rate', folder / 'rates.csv', Options(**options))
+    return read_effusion_rates(
+        '--effusion-rate', folder / 'rates.csv', Options(**options)
+    ).intervals
 
 
 @pytest.mark.parametrize('name', WHOLE)
