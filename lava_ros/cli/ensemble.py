@@ -366,14 +366,16 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
         log_resolution(plan.scene, plan.accuracy, {}, plan.horizon, args.threshold)
         return plan, None
     options = (
-        'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',
-        'emplaced_flow', 'emplaced_thickness', 'emplaced_as', 'terrain_at', *RATE_OPTIONS,
+        'terrain', 'epsg', 'nodata', 'fill_holes', 'sea_level', 'vent', 'vents', 'discharge',
+        'horizon', 'emplaced_flow', 'emplaced_thickness', 'emplaced_as', 'terrain_at',
+        *RATE_OPTIONS,
     )
     for name in options:
-        if getattr(args, name) not in (None, False):
+        # a sea level may be 0
+        if (value := getattr(args, name)) is not None and value is not False:
             option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
             expected = f'no {option} for {args.scene}, a mapped eruption'
-            raise LavaError(option, getattr(args, name), expected)
+            raise LavaError(option, value, expected)
     case = load_case(args.scene, material=args.material)
     settings = Settings(args.preset, args.spacing, args.device)
     return plan_of(case, settings, threshold=args.threshold), case

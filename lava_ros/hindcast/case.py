@@ -64,8 +64,8 @@ VENT_RADIUS = 1.5
 #: Keys of ``case.yaml``.
 KEYS = (
     *('title', 'source', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
-    *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
-    'effusion_rate', 'outlines', 'insist',
+    *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'sea_level', 'low_pass', 'events'),
+    'uncertainty', 'effusion_rate', 'outlines', 'insist',
 )
 
 
@@ -197,6 +197,7 @@ def load_case(
         epsg=options.get('epsg'),
         nodata=options.get('nodata'),
         fill_holes=options.get('fill_holes', False),
+        sea_level=options.get('sea_level'),
     )
     ground = read(elevation)
     check_elevation(ground)

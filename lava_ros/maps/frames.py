@@ -109,6 +109,7 @@ class Frame:
         return Terrain(
             self.elevation, self.resolution, self.origin, known.get('epsg'),
             known.get('offset', (0.0, 0.0)), wkt=known.get('wkt'),
+            sea_level=known.get('sea_level'),
         )
 
     @property

@@ -37,8 +37,8 @@ class Raster:
     """A grid read from a file: cells may be in degrees and not square; row 0 is in the south.
 
     ``corner`` is the lower-left corner in the coordinates of the file; ``offset`` is None unless
-    the file has one; its coordinates are then in metres. ``wkt`` and ``barriers`` are those of
-    ``Terrain``.
+    the file has one; its coordinates are then in metres. ``wkt``, ``barriers`` and ``sea_level``
+    are those of ``Terrain``.
     """
 
     elevation: np.ndarray
@@ -50,6 +50,7 @@ class Raster:
     wkt: str | None = None
     source: str = ''
     barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
+    sea_level: float | None = None
 
     @property
     def system(self) -> str:

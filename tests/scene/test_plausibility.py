@@ -156,7 +156,7 @@ SLIPS = {
     ),
     'sea at 0 m': Slip(
         {'elevation': np.maximum(SLOPE - 300.0, 0.0)}, {'elevation': np.maximum(SLOPE, 1.0)},
-        '--nodata 0',
+        '--sea-level 0',
     ),
     'latitude first': Slip(
         place('-39.385,-71.3'), place('-71.3,-39.385'), 'longitude and latitude are swapped'
