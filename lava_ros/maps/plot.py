@@ -23,6 +23,9 @@ LEAST_CELLS = 24
 
 INK = '#222222'
 
+#: Colour of the sea before it is shaded, RGBA.
+SEA = (0.66, 0.78, 0.88, 1.0)
+
 #: Style of vents in maps and legends.
 VENT: dict[str, Any] = {
     'linestyle': 'none',
@@ -182,6 +185,9 @@ def shaded_ground(frame: Frame) -> np.ndarray:
     )[::-1]
     tint = LinearSegmentedColormap.from_list('ground', GROUND)
     colours = tint((elevation - low) / max(high - low, 1e-6))
+    level = (frame.scene.get('terrain') or {}).get('sea_level')
+    if isinstance(level, int | float):
+        colours[frame.elevation <= level] = SEA
     colours[..., :3] *= (0.42 + 0.62 * shade)[..., None]
     colours[~known] = (0.93, 0.93, 0.93, 1.0)
     return np.clip(colours, 0.0, 1.0)
