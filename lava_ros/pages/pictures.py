@@ -133,9 +133,13 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
     west, south, east, north = (float(value) for value in extent)
     shown = ' '.join(f'{value:g}' for value in extent)
     terrain = runs[0].terrain
+    is_geographic = in_degrees(terrain, (west, south), (east, north))
+    if is_geographic and east < 0.0 < west:
+        # across the antimeridian
+        east += 360.0
     if not (west < east and south < north):
         raise LavaError('--extent', shown, 'WEST SOUTH EAST NORTH, west < east and south < north')
-    if in_degrees(terrain, (west, south), (east, north)):
+    if is_geographic:
         corners = [projected(terrain, x, y) for x in (west, east) for y in (south, north)]
         (west, south), (east, north) = np.min(corners, axis=0), np.max(corners, axis=0)
     window = (float(west), float(south), float(east), float(north))

@@ -16,6 +16,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import MAX_CELLS
+from lava_ros.files.columns import MAX_LATITUDE, MAX_LONGITUDE
 from lava_ros.files.optional import is_installed, require
 from lava_ros.files.systems import plain_system
 from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
@@ -321,7 +322,7 @@ def crop(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
 
 def is_degrees(place: Sequence[float]) -> bool:
     """Return True if a pair of coordinates can be longitude and latitude."""
-    return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0
+    return abs(place[0]) <= MAX_LONGITUDE and abs(place[1]) <= MAX_LATITUDE
 
 
 def in_degrees(terrain: Terrain, *places: Sequence[float]) -> bool:

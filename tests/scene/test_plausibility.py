@@ -170,9 +170,6 @@ SLIPS = {
     'eastern hemisphere': Slip(
         place('71.3,-39.385'), place('-71.3,-39.385'), 'in the western hemisphere'
     ),
-    'longitude beyond 180': Slip(
-        place('288.7,-39.385'), place('-71.3,-39.385'), 'a longitude from -180 to 180'
-    ),
     'northing first': Slip(
         place('5637500,302500'), place('302500,5637500'), 'easting and northing are swapped'
     ),

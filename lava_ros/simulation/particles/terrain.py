@@ -26,7 +26,7 @@ class StaggeredTerrain:
     """A terrain on a device.
 
     Attributes:
-        height: Elevation of the cells and of a ring around them, above the mean [m], shape
+        height: Elevation of the cells and of a ring around them, above a level [m], shape
             [rows + 2, columns + 2].
         bare: ``height`` without solidified lava.
         known: 1 for cells of ground, 0 for those without data and the sea, shape [rows, columns].
@@ -146,16 +146,28 @@ def _averaged_along(
 
 @lru_cache(maxsize=1)
 def ringed_heights(terrain: Terrain) -> np.ndarray:
-    """Return elevations above the mean [m], extended by one cell, shape [rows + 2, columns + 2].
+    """Return elevations above a level [m], extended by one cell, shape [rows + 2, columns + 2].
 
     Outside the grid the terrain continues with the slope of its border; on cells without data it
-    continues with the slope of adjacent cells. Subtracting the mean saves digits in float32.
+    continues with the slope of adjacent cells. Subtracting a level near the mean saves digits in float32.
     Members of an ensemble on the same terrain share the array.
     """
     height = terrain.elevation.astype(np.float64)
     if np.isnan(height).any():
         height = _extended(height)
-    return np.pad(height - height.mean(), 1, mode='reflect', reflect_type='odd')
+    return np.pad(height - _level(height), 1, mode='reflect', reflect_type='odd')
+
+
+def _level(height: np.ndarray) -> float:
+    """Return the mean, rounded to a multiple of a power of two that the relief exceeds [m].
+
+    With the mean itself, ground that is raised anywhere would change all rounding errors.
+    """
+    mean, relief = float(height.mean()), float(np.ptp(height))
+    if relief == 0.0:
+        return mean
+    unit = 2.0 ** math.floor(math.log2(relief))
+    return unit * round(mean / unit)
 
 
 def _extended(height: np.ndarray) -> np.ndarray:
