@@ -149,7 +149,7 @@ def ringed_heights(terrain: Terrain) -> np.ndarray:
     """Return elevations above a level [m], extended by one cell, shape [rows + 2, columns + 2].
 
     Outside the grid the terrain continues with the slope of its border; on cells without data it
-    continues with the slope of adjacent cells. Subtracting a level near the mean saves digits in float32.
+    continues with the slope of adjacent cells. A level near the mean saves digits in float32.
     Members of an ensemble on the same terrain share the array.
     """
     height = terrain.elevation.astype(np.float64)
