@@ -57,7 +57,7 @@ def write_page(
     constants, sources = _constants(case, material)
     write_static_page(
         output,
-        picture,
+        [('Map of hits, misses and false alarms', picture)],
         template='hindcast.html',
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
@@ -66,7 +66,6 @@ def write_page(
             'lava': EruptingLava.of(case.scene).text(),
             **facts(judged, result, error, several, dated),
         },
-        shows='Map of hits, misses and false alarms',
         lava=note,
         constants=constants,
         sources=sources,

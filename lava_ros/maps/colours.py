@@ -50,7 +50,8 @@ STYLES = {
     ),
     'arrival': Style(
         'First arrival time', 's',
-        ('#5c0018', '#b2182b', '#e8602c', '#f6b32e', '#7fc7b0', '#2f8fc4', '#20418f'),
+        # lighter with time, also in grey
+        ('#4a0012', '#8a1a2e', '#bd3f35', '#d97741', '#ddae5c', '#bcd49b', '#c9ecf2'),
     ),
     'inundated': Style(
         'Inundated fraction of the cell', '', ('#fff3c4', '#f99a3b', '#a81d1d'),

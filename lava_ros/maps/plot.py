@@ -36,6 +36,10 @@ VENT: dict[str, Any] = {
     'markeredgewidth': 0.9,
 }
 
+#: Identifiers of the labels of isochrones and contours, and of the scale bar.
+ISOCHRONE_LABEL, CONTOUR_LABEL = 'isochrone label', 'contour label'
+SCALE_BAR = 'scale bar'
+
 #: Styles of elevation contours and isochrones.
 CONTOUR: dict[str, Any] = {'colors': '#3b352a', 'alpha': 0.5}
 ISOCHRONE: dict[str, Any] = {'colors': '#101010', 'linewidths': 0.7}
@@ -274,7 +278,8 @@ def draw_contours(axes: Any, frame: Frame, window: Window, interval: float) -> N
         look = {'linewidths': width, **CONTOUR}
         lines = axes.contour(x, y, shown, levels=levels, **look)
         if width > 0.5:
-            axes.clabel(lines, levels, fontsize=6.5, fmt='%g m', inline_spacing=2)
+            for text in axes.clabel(lines, levels, fontsize=6.5, fmt='%g m', inline_spacing=2):
+                text.set_gid(CONTOUR_LABEL)
 
 
 def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
@@ -299,7 +304,7 @@ def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
             x, y = map(float, longest[len(longest) // 2])
             axes.text(
                 x, y, duration(time), fontsize=6.5, color=INK, ha='center', va='center',
-                path_effects=halo(), zorder=6, clip_on=True,
+                path_effects=halo(), zorder=6, clip_on=True, gid=ISOCHRONE_LABEL,
             )
 
 
@@ -351,7 +356,7 @@ def draw_scale_bar(axes: Any, window: Window) -> None:
     left, bottom = window[0] + 0.04 * width, window[1] + 0.045 * height
     ends = ([left, left + length], [bottom, bottom])
     look = {'color': INK, 'path_effects': halo()}
-    axes.plot(*ends, linewidth=3.0, solid_capstyle='butt', **look)
+    axes.plot(*ends, linewidth=3.0, solid_capstyle='butt', gid=SCALE_BAR, **look)
     axes.text(left, bottom + 0.012 * height, label, fontsize=8, ha='left', va='bottom', **look)
 
 

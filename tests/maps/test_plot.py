@@ -51,6 +51,14 @@ def frame():
     return Frame(elevation, 10.0, (0.0, 0.0), layers, vents, 5400.0, scene)
 
 
+def test_arrival_times_differ_in_grey():
+    scale = scale_of('arrival', np.array([0.0, 36_000.0]))
+    red, green, blue, _ = scale.colours(np.linspace(0.0, 1.0, 12)).T
+    grey = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2
+    # the lightness of CIE 1976, of which one can see a difference of 2
+    assert np.diff(116.0 * np.cbrt(grey) - 16.0).min() > 3.0
+
+
 def test_sea_is_blue_and_shaded(frame):
     sea = replace(frame, scene={'terrain': {'sea_level': 40.0}})
     ground, coast = shaded_ground(frame), shaded_ground(sea)
