@@ -348,16 +348,23 @@ def scale_bar_length(width: float) -> float:
     return round_up(0.11 * width, _GRID)
 
 
+def scale_bar_words(length: float) -> str:
+    """Format the length of a scale bar [m]."""
+    return f'{length / 1000.0:g} km' if length >= 1000.0 else f'{length:g} m'
+
+
 def draw_scale_bar(axes: Any, window: Window) -> None:
     """Draw a bar of a round length in the lower left corner."""
     width, height = window[2] - window[0], window[3] - window[1]
     length = scale_bar_length(width)
-    label = f'{length / 1000.0:g} km' if length >= 1000.0 else f'{length:g} m'
     left, bottom = window[0] + 0.04 * width, window[1] + 0.045 * height
     ends = ([left, left + length], [bottom, bottom])
     look = {'color': INK, 'path_effects': halo()}
     axes.plot(*ends, linewidth=3.0, solid_capstyle='butt', gid=SCALE_BAR, **look)
-    axes.text(left, bottom + 0.012 * height, label, fontsize=8, ha='left', va='bottom', **look)
+    axes.text(
+        left, bottom + 0.012 * height, scale_bar_words(length), fontsize=8, ha='left',
+        va='bottom', **look,
+    )
 
 
 def draw_north(axes: Any) -> None:
