@@ -50,7 +50,7 @@ class Imprint:
 class Page:
     """The layout of a page: its size, its grid of maps, its footer and its header [inches].
 
-    A picture without a header has no texts besides the legend.
+    A picture without a header has the legend only.
     """
 
     width: float

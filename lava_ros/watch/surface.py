@@ -125,7 +125,7 @@ class Ground:
         return (at * (self.cell / self.terrain.resolution)).astype(np.float32)
 
     def scale_and_north(self) -> dict[str, tuple[np.ndarray, str]]:
-        """Return a scale bar and an arrow to the north beside the small blocks.
+        """Return a scale bar and an arrow to the north, in the south-west of the small blocks.
 
         Returns:
             Map positions of each line [m], shape [points, 2], which ends at its text, and the

@@ -19,7 +19,7 @@ import numpy as np
 #: are sent in 8 bits, become coarse.
 LIGHT = 4.0
 
-#: The same as an intensity of viser, at which a diffuse surface has the colour c k.
+#: Intensity of the light in viser, at which a diffuse surface has the colour c k.
 AMBIENT = LIGHT * math.pi
 
 #: Matrices A and B, and a, b, d, e, g of the tone mapping.

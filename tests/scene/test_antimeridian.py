@@ -27,7 +27,7 @@ TERRAIN = Terrain(
     np.full((200, 200), 100.0), 100.0, epsg=32701,
     offset=(CENTRE[0] - 10_000.0, CENTRE[1] - 10_000.0),
 )
-#: The same meridian.
+#: Two names of one meridian.
 LONGITUDES = (-179.98, 180.02)
 LATITUDE = -16.98
 PLACE = projected(TERRAIN, LONGITUDES[0], LATITUDE)

@@ -55,7 +55,7 @@ def write_static_page(
     content.setdefault('about', {})
     logo = content.pop('logo', '')
     if logo:
-        # refuses a file that is no picture
+        # raises for a file without a picture
         read_picture('--logo', logo)
     content['logo'] = _encoded(Path(logo)) if logo else ''
     images = []

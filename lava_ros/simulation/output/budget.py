@@ -102,7 +102,7 @@ class VolumeBudget:
         """Return labels and values for people, ending with the unaccounted volume."""
         rows = [
             (name, f'{_shown(getattr(self, part))} m3') for part, name in _PARTS.items()
-            # most scenes have no sea
+            # scenes usually have no sea
             if part != 'in_sea' or self.in_sea > 0.0
         ]
         error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e} of the emitted volume'
