@@ -119,7 +119,7 @@ def warnings(case: Case, result: Result) -> list[str]:
 
 
 def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], list[str]]:
-    usual, units = asdict(Lava()), constant_units()
+    usual, units = asdict(Lava.paper()), constant_units()
     used: dict[str, list[Any]] = {
         'vent_temperature': sorted({vent.temperature for vent in case.scene.vents}),
         **{name: [value] for name, value in asdict(case.scene.lava).items()},

@@ -414,7 +414,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     check_token(values['restart_token'])
     if values['onset']:
         Onset.from_text(values['onset'], field='onset')
-    lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
+    lava = Lava.paper(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
     for name in ('ensemble_members', 'deadline'):
         if values[name] and not values['forecast_horizon']:
             raise LavaError(name, values[name], '0 without a forecast_horizon')

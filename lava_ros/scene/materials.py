@@ -60,7 +60,7 @@ class Constant:
 class Material:
     """A lava with a name in scene and case files, and its eruption temperature [K].
 
-    ``constants`` are the fields of ``Lava`` with a source; the others keep their defaults.
+    ``constants`` are the fields of ``Lava`` with a source; the others are those of ``Lava.paper``.
     ``composition`` is that of the melt in wt% of oxides, if it is the source of the viscosity;
     its numbers have no source if a scene or case file gives them.
     """
@@ -84,7 +84,7 @@ class Material:
         values = {name: item.value for name, item in self.constants.items() if name in names}
         # laws that need no reference temperature leave it to vents without a temperature
         usual = {'reference_temperature': self.vent_temperature.value}
-        return Lava(**{**usual, **values, **overrides})
+        return Lava.paper(**{**usual, **values, **overrides})
 
 
 @cache

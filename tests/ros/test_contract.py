@@ -317,7 +317,8 @@ def test_foxglove_plots_numbers_of_the_diagnostics(foxglove):
 def write_hindcast(directory):
     """Write a bag as `lava hindcast` does; return it."""
     snapshot = snapshot_at(600.0, growing(600.0), TERRAIN)
-    write_snapshots(directory, Scene(TERRAIN, (VENT,), lava=Lava()), [snapshot], custom_data={})
+    scene = Scene(TERRAIN, (VENT,), lava=Lava.paper())
+    write_snapshots(directory, scene, [snapshot], custom_data={})
     return directory
 
 

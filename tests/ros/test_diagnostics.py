@@ -321,7 +321,7 @@ GROUND = Terrain(np.zeros((4, 5)), 10.0)
 
 
 def _view(time, changes, *vents):
-    return SessionView(time=time, scene=Scene(GROUND, vents, lava=Lava()), changes=changes)
+    return SessionView(time=time, scene=Scene(GROUND, vents, lava=Lava.paper()), changes=changes)
 
 
 @pytest.mark.parametrize(('time', 'rate'), [

@@ -43,7 +43,7 @@ def test_changed_constants_are_named_and_other_lava_has_no_material():
     assert EruptingLava.of(scene_with({'viscosity': 1e4, 'solidus': 1100.0})).text() == (
         'etna_basalt (changed: viscosity, solidus)'
     )
-    other = Lava(
+    other = Lava.paper(
         density=2000.0, viscosity=3.0, arrhenius=0.0, emissivity=0.5, convection=1.0,
         specific_heat=900.0,
     )
@@ -65,7 +65,7 @@ def test_invalid_description_has_no_lava(known):
 
 def test_description_has_the_lava_of_its_scene():
     scene = Scene(
-        GROUND, (Vent((100.0, 100.0), 5.0, temperature=1400.0),), Lava(viscosity=1e4)
+        GROUND, (Vent((100.0, 100.0), 5.0, temperature=1400.0),), Lava.paper(viscosity=1e4)
     )
     found = EruptingLava.described(scene_to_dict(scene))
     assert found == EruptingLava.of(scene)

@@ -250,7 +250,7 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
     scene = Scene(
         ground,
         vents=tuple(Vent(**vent) for vent in data['vents']),
-        lava=Lava(**data['lava']),
+        lava=Lava.paper(**data['lava']),
         **{name: data[name] for name in ENVIRONMENT if name in data},
         uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
         emplaced_flows=tuple(flows),
