@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from typing import Any, TYPE_CHECKING
@@ -104,14 +105,20 @@ class Lava:
 
 _set_all = Lava.__init__
 
+#: Returns the default lava; set by its module, because materials are lavas, too.
+_default: list[Callable[[], Lava]] = []
+
+
+def default_of_lava(function: Callable[[], Lava]) -> Callable[[], Lava]:
+    """Register the function that returns the default lava."""
+    _default.append(function)
+    return function
+
 
 def _initialize(self: Lava, **constants: Any) -> None:
     """Initialize from constants by name; those of the default material are used for others."""
     if len(constants) < len(fields(Lava)):
-        # materials are lavas, too
-        from lava_ros.scene.materials import default_lava
-
-        constants = asdict(default_lava()) | constants
+        constants = asdict(_default[0]()) | constants
     _set_all(self, **constants)
 
 

@@ -15,7 +15,7 @@ from lava_ros import validation
 from lava_ros.effects import drop_superseded, EFFECTS, possible
 from lava_ros.errors import LavaError
 from lava_ros.scene.composition import vft_constants
-from lava_ros.scene.lava import constant_units, Lava
+from lava_ros.scene.lava import constant_units, default_of_lava, Lava
 from lava_ros.scene.plausibility import SILICIC
 
 _LOG = logging.getLogger(__name__)
@@ -105,6 +105,7 @@ def material_named(name: object) -> Material:
     return known[validation.choice('lava.material', name, known)]
 
 
+@default_of_lava
 def default_lava() -> Lava:
     """Return the lava of a scene without a material, ``DEFAULT``."""
     return material_named(DEFAULT).lava
