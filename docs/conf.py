@@ -15,7 +15,11 @@ author = 'lava_ros contributors'
 copyright = '2026, lava_ros contributors'  # noqa: A001 (Sphinx reads this name)
 version = release = lava_ros.__version__
 
+# the extension of this folder
+sys.path.insert(0, str(Path(__file__).parent))
+
 extensions = [
+    'mathml',
     'myst_parser',
     'sphinx.ext.autodoc',
     'sphinx.ext.napoleon',
@@ -26,6 +30,10 @@ source_suffix = {'.md': 'markdown', '.rst': 'restructuredtext'}
 
 html_theme = 'furo'
 html_title = f'lava_ros {release}'
+# Formulas and styles come from the pages themselves: they need no internet.
+html_math_renderer = 'mathml'
+html_static_path = ['static']
+html_css_files = ['wide.css']
 
 myst_enable_extensions = ['colon_fence', 'dollarmath']
 myst_heading_anchors = 3
@@ -51,7 +59,6 @@ autodoc_typehints = 'description'
 napoleon_use_ivar = True
 
 # The pages of measurements are not in the repository: they are generated from the tables.
-sys.path.insert(0, str(Path(__file__).parent))
 from accuracy_report import markdown  # noqa: E402
 
 for table in Path(__file__).parent.glob('accuracy/[ch]*.csv'):

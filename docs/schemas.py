@@ -34,7 +34,7 @@ from lava_ros.scene import (
 from lava_ros.scene.composition import MOLAR_MASSES, OXIDE_CHECK
 from lava_ros.scene.materials import materials
 from lava_ros.scene.scene import ENVIRONMENT, SCENE_KEYS
-from lava_ros.scene.terrain import MIN_EPSG
+from lava_ros.scene.terrain import MIN_EPSG, SEA_LEVEL_CHECK
 from lava_ros.scene.terrain_files import RESOLUTION_CHECK, TERRAIN_OPTIONS
 from lava_ros.scene.vents import RATE_CHECK, VENT_CHECKS
 from lava_ros.simulation.output.budget import VolumeBudget
@@ -58,6 +58,7 @@ MEANINGS = {
     'fill_holes': 'Fill cells without data that data surround',
     'nodata': 'Value of cells without data that the file does not declare; none: all have data',
     'onset': 'Date and time of the start of the simulation: 2021-09-19T14:10:00Z',
+    'sea_level': 'Elevation at or below which the ground is sea [m], where lava leaves the map',
     'insist': 'Accept numbers that cannot be, such as an effusion rate above any known, with a '
     'warning',
     'vents': 'Points and lines at which lava is emitted',
@@ -197,6 +198,7 @@ def terrain_options() -> dict[str, Schema]:
         'window': list_of(number(), 4, 4),
         'fill_holes': FLAG,
         'nodata': {'anyOf': [number(), {'const': 'none'}]},
+        'sea_level': of_check(SEA_LEVEL_CHECK),
     }
     return {name: known[name] for name in TERRAIN_OPTIONS}
 
@@ -363,7 +365,7 @@ def case_file() -> Schema:
         **surroundings(),
         'start': number() | {'description': 'Start of the simulation [s]'},
         'end': number() | {'description': 'End of the simulation [s]'},
-        **{name: options[name] for name in ('epsg', 'nodata', 'fill_holes')},
+        **{name: options[name] for name in ('epsg', 'nodata', 'fill_holes', 'sea_level')},
         'low_pass': number(at_least=0.0),
         'events': list_of(event(number())),
         'uncertainty': uncertainties(),

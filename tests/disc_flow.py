@@ -33,7 +33,7 @@ VENT = Vent((300.0, 240.0), DISCHARGE)
 def disc_plan(**uncertainty: Any) -> Plan:
     """Return the plan of an ensemble with an uncertain discharge and other ``uncertainty``."""
     uncertain = uncertainty_from_dict({'discharge': LOGNORMAL, **uncertainty})
-    scene = Scene(TERRAIN, (VENT,), uncertainty=uncertain, lava=Lava())
+    scene = Scene(TERRAIN, (VENT,), uncertainty=uncertain, lava=Lava.paper())
     return make_plan(scene, horizon=HORIZON, samples=60)
 
 

@@ -96,7 +96,7 @@ def record(
         max_duration: Duration of each file [s], 0 for one file.
         close: True to finish the bag.
     """
-    scene = Scene(terrain, tuple(vents), lava=Lava())
+    scene = Scene(terrain, tuple(vents), lava=Lava.paper())
     data = {'scene': yaml.safe_dump(scene_to_dict(scene)), **(custom_data or {})}
     layers = load_layers(share_path('msg_configs/default.yaml'))
     if config is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 
-LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
+LAVA = Lava.paper(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
 SLOPE = math.tan(math.radians(5.0))
 HOUR = 3600.0
 
@@ -36,7 +36,7 @@ def uncertain_scene(discharge: Any, **lava: float) -> Scene:
     y, x = np.mgrid[0:30, 0:24] * 20.0
     return Scene(
         Terrain(500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0), 20.0),
-        (Vent((240.0, 100.0), discharge, radius=30.0),), Lava(viscosity=5e3, **lava),
+        (Vent((240.0, 100.0), discharge, radius=30.0),), Lava.paper(viscosity=5e3, **lava),
         uncertainty=uncertainty_from_dict({
             'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
             'terrain': {'deviation': 1.0, 'correlation': 60.0},

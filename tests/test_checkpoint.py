@@ -38,7 +38,7 @@ def checkpoint(count=1000, **changes):
             Vent((0.1, 0.9), ((0.1, 1.0 / 3.0), (0.7, 0.0)), name='é', velocity=(0.1, -0.2)),
             Vent((0.3, 1.1), 0.3, end=(0.4, 1.2), radius=0.07, temperature=1400.1),
         ),
-        Lava(viscosity=1e3 / 3.0, crust=True, conductivity=2.1),
+        Lava.paper(viscosity=1e3 / 3.0, crust=True, conductivity=2.1),
         ambient_temperature=285.15,
         gravity=3.71,
     )

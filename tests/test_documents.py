@@ -399,3 +399,12 @@ def test_cells_of_the_notebook_run_in_order(tmp_path: Path) -> None:
         probability = file.read(1, masked=True)
     assert np.isclose(probability.max(), 100.0)
     assert np.isin(probability.compressed(), 12.5 * np.arange(9)).all()
+
+
+@pytest.mark.parametrize('page', sorted(Path(ROOT / 'docs').glob('*.md')), ids=Path.stem.fget)
+def test_formulas_become_mathml(page):
+    convert = pytest.importorskip('latex2mathml.converter').convert
+    text = re.sub(r'```.*?```|`[^`\n]*`', '', page.read_text(encoding='utf-8'), flags=re.DOTALL)
+    formulas = re.findall(r'\$\$(.+?)\$\$|(?<![\\$\w])\$([^$\n]+?)\$(?![\w$])', text, re.DOTALL)
+    for formula in map(''.join, formulas):
+        assert '\\' not in re.sub('<annotation.*?</annotation>', '', convert(formula)), formula

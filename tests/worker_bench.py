@@ -139,7 +139,7 @@ class Bench:
         return future.result(timeout=PATIENCE)
 
     def start(self):
-        self.run(self.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+        self.run(self.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava.paper())))
 
     def go_on(self, seconds=0.5, scale=1.0):
         """Move the clock, and let simulated time follow by as much."""

@@ -41,7 +41,7 @@ class BenchScene:
 
 def _lava(usual: Lava | None = None, **constants: Any) -> Lava:
     """Return a lava, or a variant of the ``usual`` one, with those constants that exist."""
-    return replace(usual or Lava(), **{
+    return replace(usual or Lava.paper(), **{
         name: value for name, value in constants.items() if hasattr(Lava, name)
     })
 

@@ -46,7 +46,7 @@ def scene() -> Scene:
     return Scene(
         ground,
         (Vent((600.0, 240.0), 20.0, radius=30.0),),
-        Lava(viscosity=1e4),
+        Lava.paper(viscosity=1e4),
         uncertainty=uncertainty_from_dict({
             'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
             'temperature': {'distribution': 'normal', 'mean': 0.0, 'deviation': 15.0},

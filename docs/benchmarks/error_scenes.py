@@ -16,7 +16,7 @@ from lava_ros.scene.lava import Lava
 
 def isothermal(viscosity: float, **others: float) -> Lava:
     """Return lava of a constant viscosity [Pa s] that does not cool."""
-    return Lava(
+    return Lava.paper(
         density=2600.0, viscosity=viscosity, arrhenius=0.0, emissivity=0.0, convection=0.0,
         **others,
     )

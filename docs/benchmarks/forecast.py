@@ -53,7 +53,7 @@ def start(device):
     """Return the checkpoint at the start of periods: one hour of lava on a rough slope."""
     x, y = np.meshgrid(np.arange(300) * 10.0, np.arange(200) * 10.0)
     ground = 2000.0 - 0.2 * x + 6.0 * np.sin(x / 90.0) * np.cos(y / 70.0)
-    scene = Scene(Terrain(ground, 10.0), (Vent((200.0, 1000.0), 40.0, radius=20.0),), Lava())
+    scene = Scene(Terrain(ground, 10.0), (Vent((200.0, 1000.0), 40.0, radius=20.0),), Lava.paper())
     accuracy = preset_accuracy('standard', spacing=SPACINGS[device.partition(':')[0]])
     simulation = Simulation(scene, accuracy=accuracy, device=device)
     simulation.advance(3600.0)

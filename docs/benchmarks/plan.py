@@ -158,7 +158,7 @@ def hill():
     return Scene(
         Terrain(1500.0 - 0.15 * y + 20.0 * np.sin(x / 150.0), 20.0),
         (Vent((400.0, 200.0), 20.0, radius=30.0),),
-        Lava(viscosity=1e4),
+        Lava.paper(viscosity=1e4),
         uncertainty=uncertainty_from_dict({
             'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
             'viscosity': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},

@@ -40,7 +40,8 @@ SETTINGS = 'settings.json'
     argument(
         '--unknown', 'NAME[=LOW:HIGH]', 'constant to search, and its range: one of the lava '
         "('lava materials NAME' lists them), vent_temperature [K], or effusion_rate, a factor; "
-        'may be repeated (default: those with a published range)', [], action='append',
+        'may be repeated (default: those with a published range that the cases do not state)',
+        [], action='append',
     ),
     argument(
         '--until', 'TIME', 'fit only the dated outlines up to this time, in s of the clock of the '
@@ -59,7 +60,8 @@ def calibrate(args: argparse.Namespace) -> int:
     """Search for the constants of the lava that fit mapped eruptions.
 
     The command runs one or more cases (docs/VALIDATION.md) with many sets of values of a few
-    constants inside their published ranges, the same set for all cases. The score of a set is the
+    constants inside their published ranges, the same set for all cases. It never changes a
+    constant that a case states, unless --unknown names it. The score of a set is the
     mean over the cases. The command reports the sets that score nearly as well as the best, the
     spread of each constant among them, the constants that do not affect the score, the interval
     that contains each constant with a probability of 90 %, and how well constants fitted to the
@@ -79,9 +81,10 @@ def calibrate(args: argparse.Namespace) -> int:
         write_samples,
     )
     from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.free_parameters import free_parameters_of
+    from lava_ros.hindcast.free_parameters import changed, free_parameters_of
     from lava_ros.hindcast.replicates import MAX_REPLICATES
     from lava_ros.hindcast.run import Settings
+    from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.setup.defaults import device_of
     from lava_ros.verification.rows import write_csv
 
@@ -96,7 +99,10 @@ def calibrate(args: argparse.Namespace) -> int:
         for folder in args.case
     ]
     names = _names(cases)
-    parameters = free_parameters_of(cases[0], *_chosen(args.unknown))
+    stated = frozenset().union(*(case.stated for case in cases))
+    parameters = free_parameters_of(cases[0], *_chosen(args.unknown), stated=stated)
+    moved = [item.name for item in parameters]
+    kept, asked = sorted(stated - {*moved}), sorted(stated & {*moved})
     until = _until(args.until, cases)
     settings = Settings(args.preset, args.spacing, args.device)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
@@ -121,6 +127,11 @@ def calibrate(args: argparse.Namespace) -> int:
     if any(sample.fitted != fitted for sample in known):
         expected = f'the time with which {table} was written, or --fresh'
         raise LavaError('--until', args.until, expected)
+    print(f'moved: {", ".join(moved)}')
+    if kept:
+        print(f'kept as stated: {", ".join(kept)}')
+    if asked:
+        print(f'stated, but moved by --unknown: {", ".join(asked)}')
     so_far: list[ParameterSample] = []
 
     def report(count: int, sample: ParameterSample) -> None:
@@ -147,6 +158,12 @@ def calibrate(args: argparse.Namespace) -> int:
         'cases': names,
         'preset': settings.preset,
         'runs': len(samples),
+        'moved': moved,
+        'kept': kept,
+        'erupting_lava': {
+            case.name: EruptingLava.of(changed(case, near[0].values).scene).as_dict()
+            for case in cases
+        },
         'usual': asdict(samples[0]),
         'best': asdict(near[0]),
         'near_best': [asdict(sample) for sample in near],
@@ -291,7 +308,7 @@ def _print_findings(
     from lava_ros.hindcast.calibration import has_enough_samples
 
     usual, best = samples[0].jaccard, near[0].jaccard
-    print(f'Jaccard {usual:.3f} with the default values, {best:.3f} with the best of '
+    print(f'Jaccard {usual:.3f} with the values of the case, {best:.3f} with the best of '
           f'{len(samples)} sets')
     for case in left_out:
         print(
@@ -299,7 +316,7 @@ def _print_findings(
             f'with the set that is best for the others, {case.best:.3f} with its own best set'
         )
     print(f'{len(near)} sets are within {best - near[-1].jaccard:.3f} of the best; in them')
-    print(f'{"":17} {"default":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation')
+    print(f'{"":17} {"case":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation')
     absent = '  the fit does not depend on it' if has_enough_samples(samples) else '  too few sets'
     for item in found:
         numbers = (item.unknown.usual, item.best, item.low, item.high)

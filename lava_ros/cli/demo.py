@@ -78,6 +78,7 @@ def demo(args: argparse.Namespace) -> int:
     from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.maps.onset import Onset
     from lava_ros.pages.pictures import draw_runs
+    from lava_ros.scene.erupting_lava import EruptingLava
 
     require_ros()
     _check_forecast_options(args)
@@ -118,7 +119,9 @@ def demo(args: argparse.Namespace) -> int:
     except ChildError as error:
         print(f'lava demo: {error}', file=sys.stderr)
         return 1
-    result = _result(values, speed) | {'height_maps_received': frames}
+    result = _result(values, speed) | {
+        'height_maps_received': frames, 'erupting_lava': EruptingLava.of(scene).as_dict(),
+    }
     draw_runs([output], output / PICTURE)
     result['wall_time'] = round(time.monotonic() - started, 2)
     result['bag'], result['picture'] = str(output), str(output / PICTURE)

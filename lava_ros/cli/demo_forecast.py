@@ -45,7 +45,7 @@ SPACING = 20.0
 
 #: A vent in the crater of Mount St. Helens with the properties that the observatory assumes.
 VENT = Vent((4050.0, 3300.0), 60.0, radius=40.0, name='crater')
-LAVA = Lava(viscosity=2e4)
+LAVA = Lava.paper(viscosity=2e4)
 
 #: The uncertainty that the observatory assumes.
 UNCERTAINTY = Uncertainty(

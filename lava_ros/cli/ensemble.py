@@ -130,6 +130,8 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.maps.gis import Provenance, require_formats, usual_formats
     from lava_ros.maps.onset import Onset
     from lava_ros.pages.comparison import compare_ensembles
+    from lava_ros.pages.run_warnings import warnings_of_plan
+    from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.scene.on_terrain import read_raster_on
     from lava_ros.scene.projection import coordinate_system
     from lava_ros.scene.uncertainty import uncertainty_to_dict
@@ -213,7 +215,11 @@ def ensemble(args: argparse.Namespace) -> int:
     if args.scheduler is None:
         error = measure_ensemble_error(plan, done.maps.members, output, device=args.device)
     report = summarize(args, plan, done.maps, done, wall, where)
-    report['numerical_error'] = None if error is None else error.as_dict()
+    report |= {
+        'numerical_error': None if error is None else error.as_dict(),
+        'erupting_lava': EruptingLava.of(scene).as_dict(),
+        'warnings': warnings_of_plan(plan),
+    }
     report['difference_of_members'] = mean_difference(
         0.01 * np.nan_to_num(done.maps.probability), done.maps.members
     )
@@ -361,11 +367,13 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
         log_resolution(plan.scene, plan.accuracy, {}, plan.horizon, args.threshold)
         return plan, None
     options = (
-        'terrain', 'epsg', 'nodata', 'fill_holes', 'vent', 'vents', 'discharge', 'horizon',
-        'emplaced_flow', 'emplaced_thickness', 'emplaced_as', 'terrain_at', *RATE_OPTIONS,
+        'terrain', 'epsg', 'nodata', 'fill_holes', 'sea_level', 'vent', 'vents', 'discharge',
+        'horizon', 'emplaced_flow', 'emplaced_thickness', 'emplaced_as', 'terrain_at',
+        *RATE_OPTIONS,
     )
     for name in options:
-        if getattr(args, name) not in (None, False):
+        # a sea level may be 0
+        if (value := getattr(args, name)) is not None and value is not False:
             option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
             raise validation.surplus(option, f'to {args.scene}, a mapped eruption')
     case = load_case(args.scene, material=args.material)

@@ -123,6 +123,7 @@ def print_report(
 ) -> None:
     """Print the report of the command, with the numerical error of the members."""
     from lava_ros.maps.numbers import percent
+    from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.numerical_error import error_text
 
     ran = report['members'] - report['resumed']
@@ -138,6 +139,7 @@ def print_report(
         f'standard error of a probability of 50 %: {report["sampling_error_percent"]:.2g} '
         f'percentage points, from {report["members"]} members'
     )
+    print(f'lava: {EruptingLava.of(plan.scene).text()}')
     print(f'numerical error of a member: {error_text(error)}')
     print(
         'uncertain inputs: two members differ by '

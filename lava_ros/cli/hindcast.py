@@ -60,6 +60,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.score import score_snapshot
     from lava_ros.maps.plot import duration
     from lava_ros.runs.sinks import ProgressSink
+    from lava_ros.scene.erupting_lava import EruptingLava
 
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
@@ -109,7 +110,7 @@ def hindcast(args: argparse.Namespace) -> int:
         # of an earlier hindcast with --runs
         (output / 'runs').with_suffix(suffix).unlink(missing_ok=True)
     files = write_maps(case, settings, result, output, several)
-    draw_comparison(case, result.snapshot, judged, picture)
+    draw_comparison(case, result.snapshot, judged, picture, error)
     write_page(case, settings, result, judged, picture, page, error, several, dated)
     run.write_bag(result, error, output / BAG)
     files = [*files, picture, page, output / BAG]
@@ -121,8 +122,7 @@ def hindcast(args: argparse.Namespace) -> int:
         data['outlines'] = outlines
     write_json(data, output / RESULT, args.json)
     print(case.title)
-    hottest = max(vent.temperature for vent in case.scene.vents)
-    rows = [('lava', f'{case.material.name}, {hottest:g} K at the vents')]
+    rows = [('lava', EruptingLava.of(case.scene).text())]
     rows += facts(judged, result, error, several, dated).items()
     rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
@@ -184,6 +184,8 @@ def _prepare(output: Path) -> None:
 def _as_dict(
     case: Case, settings: Settings, result: Result, judged: Score, error: NumericalError
 ) -> dict[str, Any]:
+    from lava_ros.hindcast.page import warnings
+    from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.selection import decision_as_dict
 
     snapshot, budget = result.snapshot, result.snapshot.budget
@@ -191,6 +193,8 @@ def _as_dict(
         'case': case.name,
         'title': case.title,
         'material': case.material.name,
+        'erupting_lava': EruptingLava.of(case.scene).as_dict(),
+        'warnings': warnings(case, result),
         'preset': settings.preset,
         'device': result.device,
         'simulated_s': snapshot.time,

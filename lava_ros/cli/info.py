@@ -46,12 +46,14 @@ def _as_dict(
 ) -> dict[str, Any]:
     from lava_ros.bag.checkpoints import checkpoints_of
     from lava_ros.bag.description import described
+    from lava_ros.scene.erupting_lava import EruptingLava
 
     def parts(item: BagReader | McapFile, *names: str) -> dict[str, Any]:
         return {name: getattr(item, name) for name in names}
 
     span = ('start_ns', 'end_ns', 'message_count')
     known = described(bag.custom_data)
+    lava = EruptingLava.described(known['scene'])
     return {
         'path': str(bag.path),
         'files': [
@@ -73,6 +75,7 @@ def _as_dict(
         ],
         **_simulation(bag, node),
         'checkpoints': [item._asdict() for item in checkpoints_of(bag.path, on_refused)],
+        'erupting_lava': None if lava is None else lava.as_dict(),
         **{name: known[name] for name in _READ},
         'custom_data': bag.custom_data,
     }
@@ -82,7 +85,7 @@ def _simulation(bag: BagReader, node: str | None) -> dict[str, Any]:
     """Return the nodes, and simulated time [s], volumes [m3] and warnings of the only one."""
     from lava_ros.bag.decoding import Decoder
     from lava_ros.bag.recorded_node import last_moments
-    from lava_ros.simulation.output.budget import VolumeBudget
+    from lava_ros.pages.run_warnings import error_of_moment, warnings_of_moments
 
     try:
         moments = last_moments(bag, Decoder(bag), node)
@@ -95,16 +98,17 @@ def _simulation(bag: BagReader, node: str | None) -> dict[str, Any]:
     if len(moments) == 1:
         moment = moments[0]
         names = [name for name in moment.values if name.startswith('volume_')]
-        budget = VolumeBudget.from_texts(moment.values)
         found['simulation'] = {
             'time': moment.time,
             **{name: moment.number(name) for name in names},
-            'warnings': budget.warnings() if budget is not None else [],
+            'numerical_error': error_of_moment(moment),
+            'warnings': warnings_of_moments([moment]),
         }
     return found
 
 
 def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> list[str]:
+    from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.output.budget import VolumeBudget
 
     lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {format_size(bag.size)}']
@@ -131,6 +135,8 @@ def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> li
         if budget is not None:
             lines += ['volumes', *(f'  {name:30} {value}' for name, value in budget.rows())]
         lines += [f'  warning: {item}' for item in simulation['warnings']]
+    if (lava := EruptingLava.described(data['scene'])) is not None:
+        lines.append(f'lava       {lava.text()}')
     if bag.topics:
         rows = [('topic', 'type', 'count', 'reliability', 'durability')]
         for topic in bag.topics.values():

@@ -41,6 +41,7 @@ def plan(args: argparse.Namespace) -> int:
     from lava_ros.forecast.planning import plan_within
     from lava_ros.forecast.sampling import MAX_MEMBERS
     from lava_ros.maps.numbers import percent
+    from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.presets import preset_accuracy
 
     within = seconds_of('--within', args.within)
@@ -77,7 +78,9 @@ def plan(args: argparse.Namespace) -> int:
         print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
     log_resolution(scene, accuracy, {}, horizon)
-    write_json(_as_dict(found), args.json)
+    lava = EruptingLava.of(scene)
+    print(f'lava: {lava.text()}')
+    write_json(_as_dict(found) | {'erupting_lava': lava.as_dict()}, args.json)
     return 0
 
 

@@ -155,7 +155,9 @@ def _save(path: Path, terrain: 'Terrain') -> None:
 
     from lava_ros.scene.terrain_files import barrier_tags
 
-    names = ('elevation', 'resolution', 'origin', 'offset', 'source', 'epsg', 'wkt')
+    names = (
+        'elevation', 'resolution', 'origin', 'offset', 'source', 'epsg', 'wkt', 'sea_level',
+    )
     grid = {name: getattr(terrain, name) for name in names} | barrier_tags(terrain)
     np.savez(path, **{k: v for k, v in grid.items() if v is not None})
 

@@ -85,6 +85,10 @@ _PARTS: tuple[str | Argument, ...] = (
         action='store_true',
     ),
     argument(
+        '--sea-level', 'M', 'elevation at or below which the terrain is sea [m]: lava that enters '
+        'it leaves the map and is counted (default: that of the scene, or no sea)', float,
+    ),
+    argument(
         '--insist', None, 'accept numbers that cannot be, such as an effusion rate above any '
         'known, with a warning', action='store_true',
     ),

@@ -78,8 +78,10 @@ def terrain_options(args: argparse.Namespace) -> dict[str, Any]:
             given['nodata'] = float(args.nodata)
         except ValueError:
             raise LavaError('--nodata', args.nodata, 'a number, or none') from None
-    for name in ('fill_holes', 'insist'):
-        given[name] = getattr(args, name, None) or None
+    for name in ('fill_holes', 'insist', 'sea_level'):
+        value = getattr(args, name, None)
+        # 0 m is a sea level
+        given[name] = None if value is False else value
     return {name: value for name, value in given.items() if value is not None}
 
 

@@ -233,6 +233,10 @@ def normal_unit(text: str) -> str:
     return '%' if text == '%' else re.sub(r'[^a-z0-9]+', '_', text).strip('_')
 
 
+#: Maximum absolute longitude and latitude [degrees]. East of the antimeridian, maps that cross it
+#: have longitudes above 180, and others from -180 up.
+MAX_LONGITUDE, MAX_LATITUDE = 360.0, 90.0
+
 #: Degrees, minutes and seconds, and the letter of a hemisphere.
 _ANGLE = re.compile(
     r"""\s*(?P<before>[NSEW])?\s*(?P<sign>[-+])?\s*(?P<degrees>\d+(?:\.\d+)?)\s*(?:°|º|d|deg|:|\s)?
@@ -250,7 +254,9 @@ def angle(field: str, value: object, axis: str) -> float:
         LavaError: If it is not an angle of the axis. The error names ``field``.
     """
     # the negative hemisphere first
-    limit, letters = {'longitude': (180.0, 'WE'), 'latitude': (90.0, 'SN')}[axis]
+    limit, letters = {
+        'longitude': (MAX_LONGITUDE, 'WE'), 'latitude': (MAX_LATITUDE, 'SN'),
+    }[axis]
     expected = f'a {axis} from -{limit:g} to {limit:g} degrees: -15.006 or '
     expected += f'15°00\'21.6"{letters[0]}'
     try:

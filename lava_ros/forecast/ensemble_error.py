@@ -6,7 +6,9 @@
 import json
 from pathlib import Path
 
-from lava_ros.files import write_output
+from lava_ros.errors import refusing
+from lava_ros.files import open_input, write_output
+from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.partner_runs import measure_error
 from lava_ros.runs.drive import drive
@@ -39,12 +41,13 @@ def measure_ensemble_error(
         LavaError: If a run fails, or the file cannot be written.
     """
     path, effects = folder / FILE, list(plan.effects)
-    if path.is_file():
-        plain = json.loads(path.read_text(encoding='utf-8'))
-        if plain['effects'] == effects:
-            return NumericalError.from_dict(plain)
+    stored, known = stored_error(folder)
+    if stored is not None and known == effects:
+        return stored
     if members < MIN_MEMBERS or not plan.scene.vents:
         return None
+    # the solver loads Warp, which readers of the file do not need
+
     simulation = Simulation(
         plan.scene, accuracy=plan.accuracy, effects=plan.effects, device=device,
         horizon=plan.horizon,
@@ -58,3 +61,21 @@ def measure_ensemble_error(
     text = json.dumps({**error.as_dict(), 'effects': effects}, indent=1) + '\n'
     write_output('--output', path, text)
     return error
+
+
+def stored_error(folder: Path) -> tuple[NumericalError | None, list[str]]:
+    """Return the error in a folder and the effects of its run; None and [] if there is none.
+
+    Raises:
+        LavaError: If its file is not valid.
+    """
+    path = folder / FILE
+    if not path.is_file():
+        return None, []
+    expected = 'the numerical error of an ensemble; without the file it is measured again'
+    with (
+        refusing('ensemble', str(path), expected, OSError, KeyError, TypeError, ValueError),
+        open_input(path) as file,
+    ):
+        plain = parse_json(FILE, file.read())
+        return NumericalError.from_dict(plain), list(plain['effects'])

@@ -140,11 +140,13 @@ def search(
     memory = {_key(sample.values): sample for sample in known}
     samples: list[ParameterSample] = []
 
-    def tried(points: np.ndarray) -> None:
-        sets = [
+    def sets_of(points: np.ndarray) -> list[dict[str, float]]:
+        return [
             {u.name: u.value_at(float(x)) for u, x in zip(parameters, point, strict=True)}
             for point in points
         ]
+
+    def tried(sets: Sequence[Mapping[str, float]]) -> None:
         for first in range(0, len(sets), batch):
             part = sets[first : first + batch]
             missing = [values for values in part if _key(values) not in memory]
@@ -155,14 +157,16 @@ def search(
                 if progress is not None:
                     progress(len(samples), samples[-1])
 
-    usual = np.array([[item.share_of(item.usual) for item in parameters]])
+    # also a value outside its range
+    usual = {item.name: item.usual for item in parameters}
     # the sequence is balanced for powers of two
     even = qmc.Sobol(len(parameters), seed=seed).random_base2(max(runs // 2 - 1, 0).bit_length())
-    tried(np.vstack([usual, even[: max(runs // 2, 1)]]))
+    tried([usual, *sets_of(even[: max(runs // 2, 1)])])
     rng = np.random.default_rng(seed)
     generation = max(4, 2 * len(parameters))
     while len(samples) < runs:
-        tried(_offspring(parameters, samples, min(generation, runs - len(samples)), rng))
+        count = min(generation, runs - len(samples))
+        tried(sets_of(_offspring(parameters, samples, count, rng)))
     return samples[:runs]
 
 

@@ -6,7 +6,7 @@
 Coordinates are those of the elevation. Times are in seconds since time 0 of ``effusion_rate.csv``.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import partial
@@ -65,8 +65,8 @@ VENT_RADIUS = 1.5
 #: Keys of ``case.yaml``.
 KEYS = (
     *('title', 'source', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
-    *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
-    'effusion_rate', 'outlines', 'insist',
+    *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'sea_level', 'low_pass', 'events'),
+    'uncertainty', 'effusion_rate', 'outlines', 'insist',
 )
 
 
@@ -96,6 +96,8 @@ class Case:
             table.
         outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
             case has one footprint only.
+        stated: Names of the constants of the lava that the files of the case state, and
+            ``vent_temperature`` if they do.
     """
 
     name: str
@@ -111,6 +113,7 @@ class Case:
     low_pass: float = 0.0
     rate_error: Distribution | None = None
     outlines: tuple[Outline, ...] = ()
+    stated: frozenset[str] = frozenset()
 
     @property
     def onset(self) -> Onset | None:
@@ -198,6 +201,7 @@ def load_case(
         epsg=options.get('epsg'),
         nodata=options.get('nodata'),
         fill_holes=options.get('fill_holes', False),
+        sea_level=options.get('sea_level'),
     )
     ground = read(elevation)
     check_elevation(ground)
@@ -271,6 +275,7 @@ def load_case(
         low_pass=width,
         rate_error=error_of_rates(rates),
         outlines=outlines,
+        stated=_stated(options, rows),
     )
 
 
@@ -280,6 +285,17 @@ def _options(folder: Path) -> dict[str, Any]:
     known = [*KEYS, 'material']
     given = validation.keys('case', {} if data is None else data, allowed=known)
     return with_material_in_lava('case', given)
+
+
+def _stated(options: Mapping[str, Any], vents: Iterable[VentRow]) -> frozenset[str]:
+    """Return the names of the constants that the files of a case state."""
+    names = {*options.get('lava', {})} - {'material'}
+    if names & {'composition', 'vft_a', 'vft_b', 'vft_c'}:
+        # the law that they give is moved by the viscosity at the vent
+        names |= {'viscosity'}
+    if 'vent_temperature' in options or any(row.temperature is not None for row in vents):
+        names |= {'vent_temperature'}
+    return frozenset(names - {'composition'})
 
 
 def _footprint(path: Path, *, ground: Terrain) -> np.ndarray:

@@ -3,7 +3,7 @@
 
 """Parameters that a calibration may change, with published ranges."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 import math
 from typing import Any
@@ -70,10 +70,13 @@ def free_parameters_of(
     case: Case,
     names: tuple[str, ...] = (),
     ranges: Mapping[str, tuple[float, float]] | None = None,
+    *,
+    stated: Collection[str] = (),
 ) -> tuple[FreeParameter, ...]:
     """Return the parameters of a case: those in ``names``, or all with a published range.
 
-    ``ranges`` adds parameters by name, and replaces published ranges.
+    ``ranges`` adds parameters by name, and replaces published ranges. The constants that are
+    ``stated`` are parameters only if they are named.
 
     Raises:
         LavaError: If a name is not valid, a parameter has no range, or there are no parameters.
@@ -84,9 +87,13 @@ def free_parameters_of(
         validation.choice('--unknown', name, UNITS)
     if not names:
         # the uncertainty of the discharge does not belong to a material
-        chosen = [*(name for name in published if name != 'discharge'), *chosen]
+        kept = {'discharge', *stated}
+        chosen = [*(name for name in published if name not in kept), *chosen]
     if not chosen:
-        raise LavaError('--unknown', [], 'at least one: the material has no published ranges')
+        expected = 'at least one: the material has no published ranges'
+        if published.keys() - {'discharge'}:
+            expected = 'at least one: the case states all constants with a published range'
+        raise LavaError('--unknown', [], expected)
     for name in dict.fromkeys(chosen):
         span, source = ranges.get(name), 'given by the user'
         if span is None and name in published:

@@ -24,6 +24,7 @@ from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.raster_layers import NODATA
 from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.report.static_page import write_static_page
+from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.scene.projection import system_words
@@ -56,13 +57,15 @@ def write_page(
     constants, sources = _constants(case, material)
     write_static_page(
         output,
-        picture,
+        [('Map of hits, misses and false alarms', picture)],
         template='hindcast.html',
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
         warnings=warnings(case, result),
-        facts=facts(judged, result, error, several, dated),
-        shows='Map of hits, misses and false alarms',
+        facts={
+            'lava': EruptingLava.of(case.scene).text(),
+            **facts(judged, result, error, several, dated),
+        },
         lava=note,
         constants=constants,
         sources=sources,
@@ -116,7 +119,7 @@ def warnings(case: Case, result: Result) -> list[str]:
 
 
 def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], list[str]]:
-    usual, units = asdict(Lava()), constant_units()
+    usual, units = asdict(Lava.paper()), constant_units()
     used: dict[str, list[Any]] = {
         'vent_temperature': sorted({vent.temperature for vent in case.scene.vents}),
         **{name: [value] for name, value in asdict(case.scene.lava).items()},
@@ -226,7 +229,9 @@ def write_maps(
     ]
 
 
-def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path) -> None:
+def draw_comparison(
+    case: Case, snapshot: Snapshot, judged: Score, output: Path, error: NumericalError
+) -> None:
     """Draw hits, misses and false alarms of a flow at its end; the suffix sets the format.
 
     Raises:
@@ -240,7 +245,9 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
     facts = {
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
         f'{duration(case.duration)}',
-        'model': f'lava_ros {lava_ros.__version__}, depth-averaged lava as particles',
+        'lava': EruptingLava.of(case.scene).text(),
+        'model': f'lava_ros {lava_ros.__version__}, depth-averaged lava as particles, numerical '
+        f'error {error.brief()}',
         'coordinates': system_words(case.scene.terrain.epsg, case.scene.terrain.wkt),
     }
     if case.source:

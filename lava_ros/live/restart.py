@@ -128,7 +128,11 @@ def digests(scene: Scene | None, terrain: Terrain | None, **others: str) -> dict
         terrain = scene.terrain
     result = {name: _digest(json.dumps(value).encode()) for name, value in parts.items()}
     if terrain is not None:
-        place = (terrain.shape, terrain.resolution, terrain.origin, terrain.epsg, terrain.offset)
+        place: tuple[Any, ...] = (
+            terrain.shape, terrain.resolution, terrain.origin, terrain.epsg, terrain.offset,
+        )
+        if terrain.sea_level is not None:
+            place += (terrain.sea_level,)
         result['terrain'] = _digest(repr(place).encode(), terrain.elevation.tobytes())
     return result
 

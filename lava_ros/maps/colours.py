@@ -50,7 +50,8 @@ STYLES = {
     ),
     'arrival': Style(
         'First arrival time', 's',
-        ('#5c0018', '#b2182b', '#e8602c', '#f6b32e', '#7fc7b0', '#2f8fc4', '#20418f'),
+        # lighter with time, also in grey
+        ('#4a0012', '#8a1a2e', '#bd3f35', '#d97741', '#ddae5c', '#bcd49b', '#c9ecf2'),
     ),
     'inundated': Style(
         'Inundated fraction of the cell', '', ('#fff3c4', '#f99a3b', '#a81d1d'),
@@ -114,7 +115,7 @@ def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
     if source == 'change':
         return -100.0, 100.0
     if source == 'arrival':
-        unit = _time_unit(most)[1]
+        unit = time_unit(most)[1]
         return 0.0, unit * round_up(max(most / unit, 1e-6))
     if source == 'elevation':
         low = float(known.min()) if known.size else 0.0
@@ -126,7 +127,7 @@ def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
     return 0.0, round_up(max(float(np.percentile(known, 99.5)), 1e-6)) if known.size else 1.0
 
 
-def _time_unit(longest: float) -> tuple[str, float]:
+def time_unit(longest: float) -> tuple[str, float]:
     """Return name and length [s] of the unit for times up to a longest one [s]."""
     units = (('d', 86_400.0), ('h', 3600.0), ('min', 60.0))
     return next((item for item in units if longest >= 2.0 * item[1]), ('s', 1.0))
@@ -147,7 +148,7 @@ def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> 
     colours = LinearSegmentedColormap.from_list(source, style.colours)
     low, high = limits_of(source, values)
     most = float(np.max(values, where=np.isfinite(values), initial=-math.inf))
-    label, unit = _time_unit(most) if source == 'arrival' else (style.label, 1.0)
+    label, unit = time_unit(most) if source == 'arrival' else (style.label, 1.0)
     past = 'max' if is_saturated or most > high else 'neither'
     return Scale(colours, Normalize(low / unit, high / unit), past, label, unit)
 

@@ -109,6 +109,7 @@ class Frame:
         return Terrain(
             self.elevation, self.resolution, self.origin, known.get('epsg'),
             known.get('offset', (0.0, 0.0)), wkt=known.get('wkt'),
+            sea_level=known.get('sea_level'),
         )
 
     @property
@@ -292,8 +293,26 @@ class Recording:
         end = self.timeline.log_time_at(time)
         if time is not None and (end is None or time > self.timeline.last_time):
             raise LavaError('time', time, self.timeline.span)
+        return self.frame_logged((self.bag.end_ns or 0) if end is None else end, time)
+
+    def log_times(self) -> list[int]:
+        """Return the log time of the last map of each frame [ns], also without simulated times.
+
+        Raises:
+            LavaError: If the bag is damaged.
+        """
+        found: dict[int, int] = {}
+        for message in self.bag.messages({*self.layers}):
+            found[self.time_of(message)] = message.stamp_ns
+        return sorted(found.values())
+
+    def frame_logged(self, end: int, time: float | None = None) -> Frame:
+        """Read the newest maps up to a log time [ns]; errors name the simulated ``time`` [s].
+
+        Raises:
+            LavaError: If the bag is damaged, or has no terrain or no map at that time.
+        """
         assembly = _Assembly(self)
-        end = (self.bag.end_ns or 0) if end is None else end
         assembly.newest = {item.topic: item for item in self.bag.newest(self.topics, end + 1)}
         if what := assembly.missing_input():
             raise self.missing_error(time, what)

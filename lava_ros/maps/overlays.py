@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros.maps import labels
 from lava_ros.maps.plot import halo, Window
 from lava_ros.scene.features import Feature
 
@@ -27,15 +28,8 @@ COLOURS = ('#0b3c8c', '#111111', '#00693c', '#7b1fa2', '#8c510a')
 _MARKERS = ('o', 's', 'D', 'P', 'v')
 _LINES: tuple[Any, ...] = ('-', '--', '-.', ':', (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 
-#: Size of a marker [points].
-_MARKER_SIZE = 5.5
-
-#: Positions of a name relative to its point: offset [points], horizontal alignment. The first
-#: free position is used.
-_PLACES = (
-    ((5, 3), 'left'), ((-5, 3), 'right'), ((5, -9), 'left'), ((-5, -9), 'right'),
-    ((0, 8), 'center'), ((0, -14), 'center'),
-)
+#: Size of a marker and of that of a vent [points].
+_MARKER_SIZE, _VENT_SIZE = 5.5, 7.0
 
 #: Number of sample points along a line per width of the map, and its maximum.
 _SAMPLES, _MAX_SAMPLES = 100, 20_000
@@ -113,21 +107,19 @@ def draw_overlays(
     overlays: Iterable[tuple[Sequence[Feature], OverlayStyle]],
     window: Window,
     offset: tuple[float, float],
+    vents: np.ndarray,
 ) -> None:
-    """Draw the features of files with their names.
+    """Draw the features of files with their names, and remove labels of lines that they cover.
 
     Args:
         axes: Axes of the map.
         overlays: Features of each file in projected coordinates [m], and their style.
         window: Extent of the map, in the coordinates of the axes [m].
         offset: Easting and northing [m] of the origin of the axes.
+        vents: Positions of vents in the coordinates of the axes [m], shape [count, 2].
     """
-    from matplotlib.transforms import Bbox
-
     names: list[tuple[str, np.ndarray, OverlayStyle, bool]] = []
-    # boxes [pixels] that names avoid if possible, and half of a marker
-    taken: list[Any] = []
-    half = 0.5 * _MARKER_SIZE * axes.figure.dpi / 72.0
+    points: list[np.ndarray] = []
     for features, style in overlays:
         most: dict[str, int] = {}
         for feature in features:
@@ -141,8 +133,7 @@ def draw_overlays(
             visible = np.concatenate([_samples(ring, window) for ring in parts])
             visible = visible[_inside(visible, window)]
             if is_point and len(visible):
-                middle = axes.transData.transform(visible[0])
-                taken.append(Bbox([middle - half, middle + half]))
+                points.append(visible[0])
             name, place = feature.name, _place_of_name(feature, visible, window, offset)
             if not name or place is None:
                 continue
@@ -155,8 +146,17 @@ def draw_overlays(
             names.append((name, place, style, is_point))
     if len(names) > MAX_NAMES:
         _LOG.warning(f'only {MAX_NAMES} of {len(names)} names of overlays are written on the map')
-    for name, place, style, is_point in names[:MAX_NAMES]:
-        _draw_name(axes, name, place, style.colour, taken, is_point)
+    taken = labels.fixed_boxes(axes, [(np.array(points), _MARKER_SIZE), (vents, _VENT_SIZE)])
+    missing = [
+        name for name, place, style, is_point in names[:MAX_NAMES]
+        if not labels.place_name(axes, name, place, style.colour, taken, is_point=is_point)
+    ]
+    if missing:
+        _LOG.warning(
+            f'names that would hide others are not on the map: {", ".join(missing)} '
+            '(--extent shows a smaller part)'
+        )
+    labels.remove_covered(axes, taken)
 
 
 def _place_of_name(
@@ -169,30 +169,6 @@ def _place_of_name(
     if _surrounds(feature, (*np.add(window[:2], offset), *np.add(window[2:], offset))):
         return np.asarray(0.5 * np.add(window[:2], window[2:]))
     return None
-
-
-def _draw_name(
-    axes: Any, name: str, place: np.ndarray, colour: str, taken: list[Any], is_point: bool
-) -> None:
-    """Write a name where it does not hide another name, and is not cut off at the edge."""
-    at = (float(place[0]), float(place[1]))
-    label = axes.annotate(
-        name, at, (0, 0), textcoords='offset points', fontsize=7, color=colour,
-        path_effects=halo(), zorder=8, annotation_clip=True,
-        style='normal' if is_point else 'italic',
-    )
-    edge = axes.get_window_extent()
-    room = []
-    for offset, side in _PLACES:
-        label.set(position=offset, ha=side)
-        box = label.get_window_extent()
-        is_in = edge.x0 <= box.x0 and box.x1 <= edge.x1 and edge.y0 <= box.y0 and box.y1 <= edge.y1
-        room.append((sum(map(box.overlaps, taken)) + 10 * (not is_in), box))
-        if room[-1][0] == 0:
-            break
-    best = min(range(len(room)), key=lambda index: room[index][0])
-    label.set(position=_PLACES[best][0], ha=_PLACES[best][1])
-    taken.append(room[best][1])
 
 
 def _inside(places: np.ndarray, window: Sequence[float]) -> np.ndarray:

@@ -4,7 +4,7 @@
 """Layout of a printed page: title, imprint, legend and notes around the maps."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from textwrap import wrap
 from typing import Any
@@ -19,6 +19,10 @@ BANNER = 'SIMULATION, NOT VERIFIED'
 
 #: Sides of A4 [inches], and resolution of a picture [pixels/inch].
 _LONG, _SHORT, DPI = 11.69, 8.27, 150
+
+#: Width of a picture for a screen [inches], so that its texts can be read on a phone, and its
+#: minimum ratio of height and width.
+_SCREEN, _FLATTEST = 4.6, 0.7
 
 #: Margins around the page, above the maps, and around each map: left, right, bottom, top [inches].
 _MARGIN, _HEADER, _AROUND = 0.4, 0.98, (0.42, 0.78, 0.42, 0.3)
@@ -44,7 +48,10 @@ class Imprint:
 
 @dataclass(frozen=True)
 class Page:
-    """The layout of a page: its size [inches], its grid of maps, and its footer [inches]."""
+    """The layout of a page: its size, its grid of maps, its footer and its header [inches].
+
+    A picture without a header has the legend only.
+    """
 
     width: float
     height: float
@@ -52,12 +59,13 @@ class Page:
     columns: int
     footer: float
     legend: float
+    header: float = _HEADER
 
     @property
     def map_size(self) -> tuple[float, float]:
         """Width and height of a map [inches]."""
         width = (self.width - 2.0 * _MARGIN) / self.columns - _AROUND[0] - _AROUND[1]
-        room = self.height - _HEADER - self.footer
+        room = self.height - self.header - self.footer
         return width, room / self.rows - _AROUND[2] - _AROUND[3]
 
     def axes(self, figure: Any, index: int) -> tuple[Any, tuple[float, float, float, float]]:
@@ -65,7 +73,7 @@ class Page:
         width, height = self.map_size
         row, column = divmod(index, self.columns)
         left = _MARGIN + column * (width + _AROUND[0] + _AROUND[1]) + _AROUND[0]
-        top = self.height - _HEADER - row * (height + _AROUND[2] + _AROUND[3]) - _AROUND[3]
+        top = self.height - self.header - row * (height + _AROUND[2] + _AROUND[3]) - _AROUND[3]
         room = (left / self.width, (top - height) / self.height)
         size = (width / self.width, height / self.height)
         bar = ((left + width + 0.08) / self.width, room[1], 0.13 / self.width, size[1])
@@ -82,6 +90,10 @@ class Page:
         logo: Any,
     ) -> None:
         """Write the texts, the legend and the logo outside the maps."""
+        if legend:
+            self._write_legend(figure, legend)
+        if not self.header:
+            return
         from matplotlib.patches import Rectangle
 
         strip = (0.0, 1.0 - 0.22 / self.height)
@@ -97,26 +109,27 @@ class Page:
         )
         for down, words, look in texts:
             _shrink(self._text(figure, _MARGIN, down, ' '.join(words.split()), **look), room)
-        if legend:
-            # matplotlib hides names that begin with _
-            names = ['\u200b' + name if name.startswith('_') else name for name, _ in legend]
-            figure.legend(
-                [handle for _, handle in legend],
-                names,
-                loc='upper left',
-                bbox_to_anchor=(_MARGIN / self.width, self.footer / self.height),
-                ncols=_legend_columns(names, self.width),
-                fontsize=7.5,
-                frameon=False,
-                borderaxespad=0.0,
-                borderpad=0.0,
-            )
         columns = _columns(notes, self.width)
         for number, lines in enumerate(columns):
             left = _MARGIN + number * (self.width - 2.0 * _MARGIN) / len(columns)
             for line, words in enumerate(lines):
                 down = self.height - self.footer + self.legend + (line + 0.5) * _LINE
                 self._text(figure, left, down, words, fontsize=7.5)
+
+    def _write_legend(self, figure: Any, legend: Sequence[tuple[str, Any]]) -> None:
+        # matplotlib hides names that begin with _
+        names = ['\u200b' + name if name.startswith('_') else name for name, _ in legend]
+        figure.legend(
+            [handle for _, handle in legend],
+            names,
+            loc='upper left',
+            bbox_to_anchor=(_MARGIN / self.width, self.footer / self.height),
+            ncols=_legend_columns(names, self.width),
+            fontsize=7.5,
+            frameon=False,
+            borderaxespad=0.0,
+            borderpad=0.0,
+        )
 
     def _text(self, figure: Any, x: float, down: float, words: str, **look: Any) -> Any:
         """Write a text at a distance from the left and from the top [inches]."""
@@ -196,6 +209,17 @@ def choose_page(
     if not pages:
         raise LavaError('maps', count, 'fewer maps: they do not fit on one page')
     return max(pages, key=size)
+
+
+def screen_page(bounds: Window, legend: Sequence[str]) -> Page:
+    """Return the layout of a picture of one map on a screen, as high as its bounds need."""
+    width, height = (max(bounds[axis + 2] - bounds[axis], 1.0) for axis in (0, 1))
+    rows = math.ceil(len(legend) / _legend_columns(legend, _SCREEN)) if legend else 0
+    above = 0.13 + _LEGEND_ROW * rows
+    page = Page(_SCREEN, 1.0, 1, 1, footer=above, legend=above, header=0.0)
+    map_width, missing = page.map_size[0], 1.0 - page.map_size[1]
+    shape = min(max(height / width, _FLATTEST), 1.0 / _FLATTEST)
+    return replace(page, height=map_width * shape + missing)
 
 
 def _columns(notes: Mapping[str, str], width: float) -> list[list[str]]:

@@ -87,13 +87,16 @@ class PlaceArrival:
     def map_words(self) -> str:
         """Describe the part of the place off the map; empty if there is none."""
         if not self.is_known:
-            return 'off the map: nothing is known'
+            return f'{OFF_MAP}: nothing is known'
         return f'{100.0 * self.off_map:.2g} % of it off the map' if self.off_map else ''
 
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
 
+
+#: Text for a place outside the map.
+OFF_MAP = 'off the map'
 
 _UNKNOWN = dict.fromkeys(QUANTILES)
 
@@ -232,9 +235,14 @@ class ArrivalTable:
         return [tuple(line[index] for index in kept) for line in texts]
 
     def _texts(self, row: PlaceArrival, fractions: Sequence[float]) -> tuple[str, ...]:
-        never = '-' if self.is_ensemble or not row.is_known else 'not reached'
+        never = '-' if self.is_ensemble else 'not reached'
+        if not row.is_known:
+            # unlike a place that lava does not reach
+            never = 'unknown' if self.is_ensemble else OFF_MAP
         times = (row.arrival[fraction] for fraction in fractions)
         probability = '-' if row.probability is None else f'{row.probability:.0f} %'
+        if not row.is_known:
+            probability = OFF_MAP
         front = row.front_distance
         return (
             row.name, *[probability] * self.is_ensemble,

@@ -23,6 +23,9 @@ LEAST_CELLS = 24
 
 INK = '#222222'
 
+#: Colour of the sea before it is shaded, RGBA.
+SEA = (0.66, 0.78, 0.88, 1.0)
+
 #: Style of vents in maps and legends.
 VENT: dict[str, Any] = {
     'linestyle': 'none',
@@ -32,6 +35,10 @@ VENT: dict[str, Any] = {
     'markeredgecolor': 'black',
     'markeredgewidth': 0.9,
 }
+
+#: Identifiers of the labels of isochrones and contours, and of the scale bar.
+ISOCHRONE_LABEL, CONTOUR_LABEL = 'isochrone label', 'contour label'
+SCALE_BAR = 'scale bar'
 
 #: Styles of elevation contours and isochrones.
 CONTOUR: dict[str, Any] = {'colors': '#3b352a', 'alpha': 0.5}
@@ -182,6 +189,9 @@ def shaded_ground(frame: Frame) -> np.ndarray:
     )[::-1]
     tint = LinearSegmentedColormap.from_list('ground', GROUND)
     colours = tint((elevation - low) / max(high - low, 1e-6))
+    level = (frame.scene.get('terrain') or {}).get('sea_level')
+    if isinstance(level, int | float):
+        colours[frame.elevation <= level] = SEA
     colours[..., :3] *= (0.42 + 0.62 * shade)[..., None]
     colours[~known] = (0.93, 0.93, 0.93, 1.0)
     return np.clip(colours, 0.0, 1.0)
@@ -268,7 +278,8 @@ def draw_contours(axes: Any, frame: Frame, window: Window, interval: float) -> N
         look = {'linewidths': width, **CONTOUR}
         lines = axes.contour(x, y, shown, levels=levels, **look)
         if width > 0.5:
-            axes.clabel(lines, levels, fontsize=6.5, fmt='%g m', inline_spacing=2)
+            for text in axes.clabel(lines, levels, fontsize=6.5, fmt='%g m', inline_spacing=2):
+                text.set_gid(CONTOUR_LABEL)
 
 
 def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
@@ -293,7 +304,7 @@ def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
             x, y = map(float, longest[len(longest) // 2])
             axes.text(
                 x, y, duration(time), fontsize=6.5, color=INK, ha='center', va='center',
-                path_effects=halo(), zorder=6, clip_on=True,
+                path_effects=halo(), zorder=6, clip_on=True, gid=ISOCHRONE_LABEL,
             )
 
 
@@ -337,16 +348,23 @@ def scale_bar_length(width: float) -> float:
     return round_up(0.11 * width, _GRID)
 
 
+def scale_bar_words(length: float) -> str:
+    """Format the length of a scale bar [m]."""
+    return f'{length / 1000.0:g} km' if length >= 1000.0 else f'{length:g} m'
+
+
 def draw_scale_bar(axes: Any, window: Window) -> None:
     """Draw a bar of a round length in the lower left corner."""
     width, height = window[2] - window[0], window[3] - window[1]
     length = scale_bar_length(width)
-    label = f'{length / 1000.0:g} km' if length >= 1000.0 else f'{length:g} m'
     left, bottom = window[0] + 0.04 * width, window[1] + 0.045 * height
     ends = ([left, left + length], [bottom, bottom])
     look = {'color': INK, 'path_effects': halo()}
-    axes.plot(*ends, linewidth=3.0, solid_capstyle='butt', **look)
-    axes.text(left, bottom + 0.012 * height, label, fontsize=8, ha='left', va='bottom', **look)
+    axes.plot(*ends, linewidth=3.0, solid_capstyle='butt', gid=SCALE_BAR, **look)
+    axes.text(
+        left, bottom + 0.012 * height, scale_bar_words(length), fontsize=8, ha='left',
+        va='bottom', **look,
+    )
 
 
 def draw_north(axes: Any) -> None:

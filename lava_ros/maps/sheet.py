@@ -20,7 +20,7 @@ from lava_ros.maps.colours import picture_of, Scale, scale_of, STYLES
 from lava_ros.maps.export import georeference_of
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.overlays import COLOURS, OverlayStyle
-from lava_ros.maps.page_layout import choose_page, DPI, Imprint, shrink_title
+from lava_ros.maps.page_layout import choose_page, DPI, Imprint, screen_page, shrink_title
 from lava_ros.maps.plot import halo, INK, Window
 from lava_ros.scene.features import Feature
 from lava_ros.scene.projection import transformed
@@ -75,6 +75,8 @@ def draw_sheet(
     extent: Window | None = None,
     scale: float | None = None,
     imprint: Imprint | None = None,
+    others: Sequence[Panel] = (),
+    is_bare: bool = False,
 ) -> None:
     """Draw maps and charts on one page, in the layout with the largest lava.
 
@@ -93,6 +95,9 @@ def draw_sheet(
             the north-eastern corner; None for the lava with the places within reach.
         scale: The N of a scale 1:N on paper; None for the largest possible scale.
         imprint: Publisher of the page.
+        others: Maps of other pictures with the same extent and colours.
+        is_bare: True for a picture of one map or chart without texts around it, which a page on a
+            screen has.
 
     Raises:
         LavaError: If matplotlib is not installed, the maps do not fit on the page, the logo
@@ -100,20 +105,24 @@ def draw_sheet(
     """
     notes, overlays, imprint = dict(notes or {}), overlays or {}, imprint or Imprint()
     logo = read_picture('--logo', imprint.logo) if imprint.logo else None
+    alike = [*panels, *others]
     # the area of all maps, in projected coordinates
-    limits = _union(_moved(plot.extent_of(item.frame), item) for item in panels)
+    limits = _union(_moved(plot.extent_of(item.frame), item) for item in alike)
     bounds, margin = extent, 0.0
     if bounds is None:
-        bounds = _union(_moved(plot.bounds_of(item.frame, item.shown), item) for item in panels)
+        bounds = _union(_moved(plot.bounds_of(item.frame, item.shown), item) for item in alike)
         bounds = overlay_files.bounds_with_places(bounds, limits, overlays.values())
         margin = plot.MARGIN
     legend, charted = _legend(panels, overlays), len(panels) + len(charts)
     if scale is not None:
         notes['scale'] = f'1:{scale:,.0f} on A4 paper'.replace(',', ' ')
-    least = plot.LEAST_CELLS * min(item.frame.resolution for item in panels)
+    least = plot.LEAST_CELLS * min(item.frame.resolution for item in alike)
     # the note on places beyond the map makes the map smaller
     for _ in range(2):
-        page = choose_page(charted, bounds, notes, [name for name, _ in legend])
+        names = [name for name, _ in legend]
+        page = screen_page(bounds, names) if is_bare else (
+            choose_page(charted, bounds, notes, names)
+        )
         width, height = page.map_size
         if scale is None:
             around = _union([limits, bounds])
@@ -126,19 +135,19 @@ def draw_sheet(
     for name, features in overlays.items():
         if count := sum(item in gone for item in features):
             _LOG.warning(f'{name}: {count} of {len(features)} features lie outside the map')
-    interval = plot.contour_interval(panels[0].frame, _moved(view, panels[0], -1.0))
+    interval = plot.contour_interval(alike[0].frame, _moved(view, alike[0], -1.0))
     legend = [
         (f'elevation contours every {interval:g} m' if name == _CONTOURS else name, handle)
         for name, handle in legend
         if interval or name != _CONTOURS
     ]
-    scales = _scales(panels)
+    scales = _scales(alike)
     with new_figure('plot', output, (page.width, page.height), DPI) as figure:
         for index, panel in enumerate(panels):
             axes, bar = page.axes(figure, index)
-            _draw_panel(axes, panel, scales[panel.source], view, interval, overlays)
-            if index == 0:
-                plot.draw_north(axes)
+            _draw_panel(
+                axes, panel, scales[panel.source], view, interval, overlays, has_north=index == 0
+            )
             plot.draw_colour_bar(figure, figure.add_axes(bar), scales[panel.source])
         for index, draw in enumerate(charts, len(panels)):
             draw(page.axes(figure, index)[0])
@@ -154,6 +163,8 @@ def _draw_panel(
     view: Window,
     interval: float,
     overlays: Mapping[str, Sequence[Feature]],
+    *,
+    has_north: bool,
 ) -> None:
     """Draw a map of an area in projected coordinates."""
     frame, window = panel.frame, _moved(view, panel, -1.0)
@@ -178,8 +189,10 @@ def _draw_panel(
         (features, OverlayStyle.of(number))
         for number, features in enumerate(overlays.values(), first)
     ]
-    overlay_files.draw_overlays(axes, styled, window, panel.offset)
     plot.draw_scale_bar(axes, window)
+    if has_north:
+        plot.draw_north(axes)
+    overlay_files.draw_overlays(axes, styled, window, panel.offset, frame.vents)
     heading = panel.title or STYLES[panel.source].title
     text = axes.set_title(heading, loc='left', fontsize=10, color=INK, pad=5)
     shrink_title(text, axes)

@@ -46,7 +46,7 @@ def table_of(
     features = [item for file in files for item in read_features(field, file, run.terrain)]
     places = places_on(features, run.terrain)
     if run.ensemble is not None:
-        table = _table_of_members(Path(path), run.ensemble, places)
+        table = _table_of_members(Path(path), run, run.ensemble, places)
     else:
         table = _table_of_bag(path, run, places, time, node)
     return replace(table, onset=dated(onset, zone, [run]))
@@ -63,7 +63,9 @@ def _table_of_bag(
         # the newest map has all earlier arrival times, to the step
         end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
-    facts: dict[str, Any] = {'threshold_m': panel.frame.threshold, 'time_s': end}
+    facts: dict[str, Any] = {
+        'threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
+    }
     if panel.frame.arrived is not panel.values and np.isfinite(places.at(arrived)).any():
         facts['note'] = 'times are those of the first map in the bag that shows the lava'
     frame = panel.frame
@@ -72,7 +74,9 @@ def _table_of_bag(
     return flow_table(places, run.terrain, arrived, frame.inundated, facts)
 
 
-def _table_of_members(folder: Path, members: Members, places: Places) -> ArrivalTable:
+def _table_of_members(
+    folder: Path, run: Run, members: Members, places: Places
+) -> ArrivalTable:
     maps = maps_at(folder, members.plan, places, members=members.count)
     if not math.isclose(maps.effective_members, members.effective, rel_tol=1e-6):
         expected = 'maps with the weights of its members: repeat the lava ensemble command'
@@ -93,5 +97,6 @@ def _table_of_members(folder: Path, members: Members, places: Places) -> Arrival
         'members': maps.members,
         'effective_members': maps.effective_members,
         'arrival_error_s': maps.arrival_error,
+        **run.quality(),
     }
     return ArrivalTable(rows, facts, is_ensemble=True)

@@ -77,6 +77,10 @@ def compare_ensembles(
             Path(path).stem: read_features('--places', path, terrain)
             for path in (*places, *lines)
         },
+        notes={
+            term: text for term, text in runs[1].facts.items()
+            if term in ('effusion rate', 'lava', 'runs', 'inundation', 'warning', 'model')
+        },
     )
     files.append(output / PICTURE)
     rows = []

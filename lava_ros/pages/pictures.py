@@ -3,8 +3,8 @@
 
 """Page of maps of runs on disk: `lava plot`, and the picture of `lava report`."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import tzinfo
 from functools import partial
 from pathlib import Path
@@ -22,13 +22,104 @@ from lava_ros.maps.page_layout import BANNER, Imprint
 from lava_ros.maps.plot import duration, isochrone_times, MAX_DRAWN_ISOCHRONES, Window
 from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.runs import dated, read_run, Run
-from lava_ros.scene.features import read_features
+from lava_ros.scene.features import Feature, read_features
 from lava_ros.scene.projection import in_degrees, projected, system_name
 
 
+@dataclass(frozen=True, eq=False)
+class RunsPage:
+    """The content of a page of runs.
+
+    Attributes:
+        runs: The runs.
+        panels: Their maps.
+        title: Title of the page.
+        subtitle: Line below it.
+        notes: Facts by term.
+        overlays: Features of each file by its name.
+        charts: Functions that draw into the given axes.
+        scores: Scores of the ensembles by the name of the run.
+        window: Minimum extent of the maps [m]; None for the lava.
+        scale: The N of a scale 1:N; None for the largest.
+    """
+
+    runs: Sequence[Run]
+    panels: Sequence[Panel]
+    title: str
+    subtitle: str
+    notes: Mapping[str, str]
+    overlays: Mapping[str, Sequence[Feature]]
+    charts: Sequence[Callable[[Any], None]]
+    scores: Mapping[str, Mapping[str, float]]
+    window: Window | None
+    scale: float | None
+
+    @property
+    def names(self) -> list[str]:
+        """Titles of the maps."""
+        return [item.title or STYLES[item.source].title for item in self.panels]
+
+    def draw(self, output: str | Path, imprint: Imprint | None = None) -> None:
+        """Draw the page to print; raise LavaError if that fails."""
+        draw_sheet(
+            self.panels, output, title=self.title, subtitle=self.subtitle, notes=self.notes,
+            overlays=self.overlays, charts=self.charts, extent=self.window, scale=self.scale,
+            imprint=imprint,
+        )
+
+    def draw_pictures(self, folder: Path) -> list[tuple[str, Path]]:
+        """Draw each map and chart as a picture for a screen, and return their titles and paths.
+
+        Raises:
+            LavaError: If that fails.
+        """
+        drawn = []
+        parts: list[tuple[str, Sequence[Panel], Sequence[Callable[[Any], None]]]] = [
+            *((name, [panel], ()) for name, panel in zip(self.names, self.panels, strict=True)),
+            *(('Reliability of the probabilities', (), [chart]) for chart in self.charts),
+        ]
+        for number, (name, panels, charts) in enumerate(parts):
+            path = folder / f'picture_{number}.png'
+            # the page has the title
+            shown = [replace(panel, title=' ') for panel in panels]
+            draw_sheet(
+                shown, path, title=name, overlays=self.overlays if panels else {}, charts=charts,
+                extent=self.window, others=self.panels, is_bare=True,
+            )
+            drawn.append((name, path))
+        return drawn
+
+
 def draw_runs(
+    paths: Sequence[str | Path], output: str | Path, *, imprint: Imprint | None = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Draw bags and ensembles on one page to print.
+
+    ``options`` are those of ``read_page``.
+
+    Returns:
+        The text, titles and scores of the page as plain data.
+
+    Raises:
+        LavaError: If a run or a file cannot be read, the runs cannot be compared, or the picture
+            cannot be written.
+    """
+    page = read_page(paths, **options)
+    page.draw(output, imprint)
+    return {
+        'title': page.title,
+        'summary': page.subtitle,
+        'banner': BANNER,
+        'notes': page.notes,
+        'maps': page.names,
+        'scores': page.scores,
+        'runs': {run.name: run.quality() for run in page.runs},
+    }
+
+
+def read_page(
     paths: Sequence[str | Path],
-    output: str | Path,
     *,
     node: str | None = None,
     layers: Sequence[str] = (),
@@ -43,9 +134,8 @@ def draw_runs(
     scale: float | None = None,
     onset: Onset | None = None,
     zone: tzinfo | None = None,
-    imprint: Imprint | None = None,
-) -> dict[str, Any]:
-    """Draw bags and ensembles on one page.
+) -> RunsPage:
+    """Read bags and ensembles for one page.
 
     Texts and files are the options of `lava plot`. ``node`` is the full name or the namespace of a
     node of the bags, None for the only one. ``time`` is a simulated time [s], None for the last
@@ -54,12 +144,8 @@ def draw_runs(
     ``onset``, the common onset of the runs is used; ``zone`` is the time zone of local times, None
     for that of this machine.
 
-    Returns:
-        The text, titles and scores of the page as plain data.
-
     Raises:
-        LavaError: If a run or a file cannot be read, the runs cannot be compared, or the picture
-            cannot be written.
+        LavaError: If a run or a file cannot be read, or the runs cannot be compared.
     """
     runs = [read_run(path, node=node, time=time, wanted=layers) for path in paths]
     if len({run.name for run in runs}) < len(runs):
@@ -103,18 +189,9 @@ def draw_runs(
     if source:
         notes['elevation'] = f'{source}, {notes["elevation"].rpartition(", ")[2]}'
     panels = [panel for _, panel in shown]
-    draw_sheet(
-        panels, output, title=title, subtitle=subtitle, notes=notes, overlays=features,
-        charts=charts, extent=window, scale=scale, imprint=imprint,
+    return RunsPage(
+        runs, panels, title, subtitle, notes, features, charts, scores, window, scale
     )
-    return {
-        'title': title,
-        'summary': subtitle,
-        'banner': BANNER,
-        'notes': notes,
-        'maps': [item.title or STYLES[item.source].title for item in panels],
-        'scores': scores,
-    }
 
 
 def _named(paths: Sequence[str]) -> dict[str, str]:
@@ -132,9 +209,13 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
     west, south, east, north = (float(value) for value in extent)
     shown = ' '.join(f'{value:g}' for value in extent)
     terrain = runs[0].terrain
+    is_geographic = in_degrees(terrain, (west, south), (east, north))
+    if is_geographic and east < 0.0 < west:
+        # across the antimeridian
+        east += 360.0
     if not (west < east and south < north):
         raise LavaError('--extent', shown, 'WEST SOUTH EAST NORTH, west < east and south < north')
-    if in_degrees(terrain, (west, south), (east, north)):
+    if is_geographic:
         corners = [projected(terrain, x, y) for x in (west, east) for y in (south, north)]
         (west, south), (east, north) = np.min(corners, axis=0), np.max(corners, axis=0)
     window = (float(west), float(south), float(east), float(north))

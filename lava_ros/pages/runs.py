@@ -15,6 +15,7 @@ import numpy as np
 
 import lava_ros
 from lava_ros import validation
+from lava_ros.bag.decoding import Moment
 from lava_ros.bag.description import described, effects_on
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
@@ -32,7 +33,14 @@ from lava_ros.maps.gis import PROBABILITIES
 from lava_ros.maps.onset import Onset, recorded_onset, stated_onset
 from lava_ros.maps.plot import area_words, duration, time_note, titles
 from lava_ros.maps.sheet import Panel
+from lava_ros.pages.run_warnings import (
+    error_of_folder,
+    error_of_moment,
+    warnings_of_moments,
+    warnings_of_plan,
+)
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
+from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.projection import system_words
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import brief_text, NOT_MEASURED
@@ -76,8 +84,9 @@ class Run:
     """A bag or an ensemble: its maps by name, its facts by term, and the ground.
 
     ``end`` is the simulated time of a bag's maps, or the horizon of an ensemble [s]; None if it is
-    unknown. ``onset`` is the date of simulated time 0; None if it is unknown. ``ensemble`` is None
-    for a bag.
+    unknown. ``onset`` is the date of simulated time 0; None if it is unknown. ``lava`` is the lava
+    of the vents, None if it is unknown. ``error`` is the numerical error as plain data, None if it
+    is not measured. ``ensemble`` is None for a bag.
     """
 
     name: str
@@ -88,7 +97,18 @@ class Run:
     terrain: Terrain
     end: float | None
     onset: Onset | None
+    lava: EruptingLava | None = None
+    error: Mapping[str, Any] | None = None
+    warnings: Sequence[str] = ()
     ensemble: Members | None = None
+
+    def quality(self) -> dict[str, Any]:
+        """Return lava, numerical error and warnings as plain data for JSON."""
+        return {
+            'erupting_lava': None if self.lava is None else self.lava.as_dict(),
+            'numerical_error': self.error,
+            'warnings': list(self.warnings),
+        }
 
     @property
     def usual(self) -> list[str]:
@@ -157,6 +177,8 @@ def _bag(path: Path, node: str | None, time: float | None, wanted: Collection[st
         if times is not None:
             title = f'Time of arrival of the lava, {frame.threshold:g} m thick'
             maps['arrival'] = Panel(frame, 'arrival', times, title)
+    at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
+    warnings = warnings_of_moments(at)
     note = time_note(time, frame)
     if note:
         _LOG.warning(f'{path.resolve().name}: {note}')
@@ -166,13 +188,17 @@ def _bag(path: Path, node: str | None, time: float | None, wanted: Collection[st
         maps,
         {
             **({'time': note} if note else {}),
-            **_emitted(recording, frame, scene),
+            **_emitted(recording, frame, scene, at),
+            **_warning(warnings),
             **_model(recording),
             **_ground(frame),
         },
         frame.terrain,
         frame.time,
         recorded_onset(recording.bag.custom_data),
+        None if scene is None else EruptingLava.of(scene),
+        error_of_moment(recording.timeline.last_run[-1] if recording.timeline.last_run else None),
+        warnings,
     )
 
 
@@ -217,7 +243,13 @@ def _day(seconds: float) -> str:
     return f'{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%d}'
 
 
-def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
+def _warning(warnings: Sequence[str]) -> dict[str, str]:
+    return {'warning': ' '.join(warnings)} if warnings else {}
+
+
+def _emitted(
+    recording: Recording, frame: Frame, scene: Scene | None, at: Sequence[Moment]
+) -> dict[str, str]:
     begun = (recording.bag.start_ns or 0) / 1e9
     # the clock of a simulation does not have a date
     computed = recording.bag.custom_data.get('begun', _day(begun) if begun > 1e9 else '')[:10]
@@ -225,14 +257,11 @@ def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[st
         **({'computed': computed} if computed else {}), **_vents(scene),
         **_changes(frame.scene),
     }
-    at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
     budget = VolumeBudget.from_texts(at[-1].values) if at else None
     if budget is not None:
         value = budget.emitted
         in_millions, rounded = f'{value / 1e6:.3g} million m³', float(f'{value:.3g}')
         facts['volume emitted'] = in_millions if value >= 1e5 else f'{rounded:,g} m³'
-        if budget.warnings():
-            facts['warning'] = '; '.join(budget.warnings())
     return facts
 
 
@@ -243,7 +272,10 @@ def _vents(scene: Scene | None) -> dict[str, str]:
     flux = f'{sum(vent.peak for vent in scene.vents):.4g} m³/s'
     if any(len(vent.series) > 1 for vent in scene.vents):
         flux += ' at most'
-    return {'effusion rate': flux + (f' from {count} vents' if count > 1 else '')}
+    return {
+        'effusion rate': flux + (f' from {count} vents' if count > 1 else ''),
+        'lava': EruptingLava.of(scene).text(),
+    }
 
 
 def _model(recording: Recording) -> dict[str, str]:
@@ -313,7 +345,11 @@ def _ensemble(folder: Path) -> Run:
             f'{_plain(item.effect)}: {item.reason}' for item in reviewed if item.effect in on
         ]
         accuracy = Accuracy(**{**plan['accuracy'], 'threshold': threshold})
-        ran = Plan(scene, horizon, accuracy, Effects(**plan['effects']), int(plan['looks']))
+        ran = Plan(
+            scene, horizon, accuracy, Effects(**plan['effects']), int(plan['looks']),
+            forced=plan['forced'],
+        )
+        measured = error_of_folder(folder)
         areas = {
             least: float(tags[f'inundated_area_p{least:.0f}_m2']) for least in PROBABILITIES
         }
@@ -322,6 +358,7 @@ def _ensemble(folder: Path) -> Run:
         raise LavaError('ensemble', str(folder), expected) from error
     texts = [f'{area_words(area)} at {least:g} % or more' for least, area in areas.items()]
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
+    warnings = warnings_of_plan(ran)
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
         **_vents(scene),
@@ -332,6 +369,7 @@ def _ensemble(folder: Path) -> Run:
         '(standard error)',
         'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
         **({'weighted by': observation} if observation != 'none' else {}),
+        **_warning(warnings),
         'uncertain': _uncertain(known.get('uncertainty') or {}) or 'nothing of the scene',
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}, '
@@ -345,7 +383,7 @@ def _ensemble(folder: Path) -> Run:
         title += ' weighted by observed lava'
     return Run(
         folder.resolve().name, title, '  ·  '.join(texts), maps, facts, terrain, horizon, onset,
-        Members(ran, int(members), effective, areas),
+        EruptingLava.of(scene), measured, warnings, Members(ran, int(members), effective, areas),
     )
 
 

@@ -358,5 +358,7 @@ def _terrain_text(terrain: Terrain) -> str:
     rows, columns = terrain.shape
     empty = int(np.isnan(terrain.elevation).sum())
     holes = f', {empty} of them without data' * bool(empty)
+    if sea := int(terrain.is_sea.sum()):
+        holes += f', {sea} in the sea'
     system = f', {system_name(terrain.epsg, terrain.wkt)}' * terrain.has_system
     return f'terrain: {columns} x {rows} cells of {terrain.resolution:g} m{holes}{system}'

@@ -80,11 +80,12 @@ def terrain_from_image(image: Image, info: MapMetaData, settings: Settings) -> T
         raise _size_mismatch(image, info)
     pixels = image_array(image, 'terrain').astype(np.float64)
     check_missing(
-        'terrain.data', pixels, resolution, unit=settings.terrain_scale, advice=NAN_ADVICE
+        'terrain.data', pixels, resolution, unit=settings.terrain_scale, advice=NAN_ADVICE,
+        sea=settings.sea_level,
     )
     elevation = pixels * settings.terrain_scale + settings.terrain_offset
     origin = info.origin.position
-    return Terrain(elevation, resolution, (origin.x, origin.y), settings.epsg, settings.offset)
+    return _terrain(elevation, resolution, (origin.x, origin.y), settings)
 
 
 def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
@@ -119,9 +120,11 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
     np.divide(total, count, out=mean, where=count > 0)
     elevation = mean.reshape(height, width)
     _check_elevation(name, elevation, settings)
-    check_missing(f'{name}.z', elevation, resolution, advice=NAN_ADVICE)
+    check_missing(
+        f'{name}.z', elevation, resolution, advice=NAN_ADVICE, sea=settings.sea_level
+    )
     origin = (float(low[0]), float(low[1]))
-    return Terrain(elevation, resolution, origin, settings.epsg, settings.offset)
+    return _terrain(elevation, resolution, origin, settings)
 
 
 def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
@@ -137,10 +140,21 @@ def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
     elevation = codec.layer_values(message, codec.ELEVATION, name)
     _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], settings)
     _check_elevation(name, elevation, settings)
-    check_missing(f'{name}.data', elevation, info.resolution, advice=NAN_ADVICE)
+    check_missing(
+        f'{name}.data', elevation, info.resolution, advice=NAN_ADVICE, sea=settings.sea_level
+    )
     centre = info.pose.position
     origin = (centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y)
-    return Terrain(elevation, info.resolution, origin, settings.epsg, settings.offset)
+    return _terrain(elevation, info.resolution, origin, settings)
+
+
+def _terrain(
+    elevation: np.ndarray, resolution: float, origin: tuple[float, float], settings: Settings
+) -> Terrain:
+    return Terrain(
+        elevation, resolution, origin, settings.epsg, settings.offset,
+        sea_level=settings.sea_level,
+    )
 
 
 def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]:

@@ -208,6 +208,10 @@ class LavaNode(LifecycleNode):
                 for name, value in parameters.constant_values(constants).items()
                 if self._values[name] == old[name] != value
             }
+        level = startup.scene and startup.scene.terrain.sea_level
+        if level is not None and self._values['sea_level'] == parameters.NO_SEA:
+            # terrain from topics has the sea of the scene
+            changed['sea_level'] = level
         if startup.onset and not self._values['onset']:
             changed['onset'] = startup.onset
         node_parameters.put(self, changed)

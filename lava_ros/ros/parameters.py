@@ -18,7 +18,14 @@ from lava_ros.live.worker import MAX_PARTICLES
 from lava_ros.maps.layer_files import MAX_MARGIN
 from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.maps.onset import Onset
-from lava_ros.scene import constants_of, ENVIRONMENT, Lava, Scene, VENT_TEMPERATURE_RANGE
+from lava_ros.scene import (
+    constants_of,
+    ENVIRONMENT,
+    Lava,
+    MAX_ELEVATION,
+    Scene,
+    VENT_TEMPERATURE_RANGE,
+)
 from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.selection import HORIZON
@@ -115,6 +122,9 @@ LIFECYCLE = (
         'Configure and activate at the start; false: wait for a lifecycle manager',
     ),
 )
+
+#: Sea level that stands for no sea [m].
+NO_SEA = -MAX_ELEVATION
 
 #: Sources of terrain and lava; the defaults of ``lava.*`` depend on them.
 SOURCES = (
@@ -302,6 +312,13 @@ class Settings:
     offset_northing: float = _parameter(
         0.0, 'Northing of the map origin [m], with epsg', (-1e9, 1e9)
     )
+    sea_level: float | None = _parameter(
+        NO_SEA,
+        'Elevation at or below which the ground is sea [m], which lava that enters it leaves the '
+        f'map for; of the scene file or terrain_file, and of terrain from topics; {NO_SEA:g}: '
+        'that of the scene file, otherwise no sea',
+        (NO_SEA, -NO_SEA), read=lambda level: level if level > NO_SEA else None,
+    )
     onset: str = _fixed(
         '',
         'Date and time of the start of the simulation (simulated time 0), with its offset from '
@@ -397,7 +414,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     check_token(values['restart_token'])
     if values['onset']:
         Onset.from_text(values['onset'], field='onset')
-    lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
+    lava = Lava.paper(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
     for name in ('ensemble_members', 'deadline'):
         if values[name] and not values['forecast_horizon']:
             raise validation.dependence(name, 'a forecast_horizon above 0')

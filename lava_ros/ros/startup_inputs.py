@@ -31,8 +31,9 @@ from lava_ros.ros.parameters import constant_values, Settings
 from lava_ros.scene import (
     constants_of,
     date_text,
+    read_scene,
     Scene,
-    scene_from_yaml,
+    scene_from_dict,
     Terrain,
     Vent,
     vents_from_list,
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
 #: Parameters of the run, which are read before those of the scene are declared.
 _RESTART = tuple(
     spec for spec in parameters.PARAMETERS
-    if spec.name in ('restart_token', 'bag_root', 'bag_directory', 'frame_id')
+    if spec.name in ('restart_token', 'bag_root', 'bag_directory', 'frame_id', 'sea_level')
 )
 
 
@@ -129,8 +130,13 @@ def _given(node: Node, values: Mapping[str, Any]) -> StartupInputs:
             if values[name]:
                 raise validation.surplus(name, 'with resume: the checkpoint contains it')
     name = values['terrain_file']
-    terrain = load_terrain(terrain_path(name)) if name else None
-    scene = scene_from_yaml(values['scene'], terrain=terrain) if values['scene'] else None
+    level = values['sea_level'] if values['sea_level'] > parameters.NO_SEA else None
+    terrain = load_terrain(terrain_path(name), sea_level=level) if name else None
+    scene = None
+    if values['scene']:
+        options = {} if level is None else {'sea_level': level}
+        data, ground = read_scene(values['scene'], terrain=terrain, options=options)
+        scene = scene_from_dict(data, ground)
     others = {'frame_id': values['frame_id'], 'resume': values['resume']}
     given = digests(scene, terrain, **others)
     onset = '' if scene is None or scene.onset is None else date_text(scene.onset)

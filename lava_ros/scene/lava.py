@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
@@ -19,10 +20,13 @@ from lava_ros.errors import LavaError
 class Lava:
     """Material constants; each field declares its description, unit and limits.
 
+    As in a scene file, constants that are not given are those of the default material
+    (``materials.DEFAULT``): ``Lava(viscosity=1e4)`` is the lava of ``lava: {viscosity: 1e4}``.
+    ``Lava.paper`` takes the others from the paper of the method.
+
     A constant that only one effect uses is declared in the file of the effect, except for
-    ``arrhenius``, which is not 0 by default. The defaults are
-    those of table 3.1 in the paper of the method; constants that the table lacks are 0, which
-    switches their physics off. A scene without a lava uses ``materials.default_lava()`` instead.
+    ``arrhenius``, which is not 0 in the paper. The values here are those of table 3.1 in the
+    paper; constants that the table lacks are 0, which switches their physics off.
     """
 
     density: float = number(2500.0, 'Density', 1.0, 1e5, 'kg/m3')
@@ -67,6 +71,19 @@ class Lava:
         for effect in EFFECTS.values():
             effect.check(self)
 
+    @classmethod
+    def paper(cls, **constants: Any) -> Lava:
+        """Return the lava of the paper, with the given constants in place of its own.
+
+        Args:
+            constants: Constants by name; all others are those of table 3.1 or 0, which switches
+                their physics off.
+
+        Raises:
+            LavaError: If a constant is not valid.
+        """
+        return cls(**{item.name: item.default for item in fields(cls)} | constants)
+
     @property
     def is_vft(self) -> bool:
         """True if the viscosity follows the VFT law."""
@@ -84,6 +101,28 @@ class Lava:
     def yield_strength_at(self, temperature: float) -> float:
         """Return the yield strength [Pa] at a temperature [K]."""
         return laws.rheology_of(self).strength_at(temperature)
+
+
+_set_all = Lava.__init__
+
+#: Returns the default lava; set by its module, because materials are lavas, too.
+_default: list[Callable[[], Lava]] = []
+
+
+def default_of_lava(function: Callable[[], Lava]) -> Callable[[], Lava]:
+    """Register the function that returns the default lava."""
+    _default.append(function)
+    return function
+
+
+def _initialize(self: Lava, **constants: Any) -> None:
+    """Initialize from constants by name; those of the default material are used for others."""
+    if len(constants) < len(fields(Lava)):
+        constants = asdict(_default[0]()) | constants
+    _set_all(self, **constants)
+
+
+Lava.__init__ = _initialize  # type: ignore[method-assign]
 
 
 def constant_units() -> dict[str, str]:

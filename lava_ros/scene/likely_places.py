@@ -64,8 +64,6 @@ def _slips(terrain: Terrain, x: float, y: float) -> Iterator[tuple[str, tuple[fl
         (f'{swapped} in the western hemisphere', (-y, x)),
         (f'{swapped} in the southern hemisphere', (y, -x)),
         (f'{swapped} in the western and southern hemispheres', (-y, -x)),
-        ('with a longitude from -180 to 180', (x - 360.0, y)),
-        (f'{swapped} from -180 to 180', (y - 360.0, x)),
     ):
         if terrain.has_system and is_degrees(place):
             yield from _transformed(words, terrain, DEGREES, place)

@@ -15,7 +15,7 @@ from lava_ros import validation
 from lava_ros.effects import drop_superseded, EFFECTS, possible
 from lava_ros.errors import LavaError
 from lava_ros.scene.composition import vft_constants
-from lava_ros.scene.lava import constant_units, Lava
+from lava_ros.scene.lava import constant_units, default_of_lava, Lava
 from lava_ros.scene.plausibility import SILICIC
 
 _LOG = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ class Constant:
 class Material:
     """A lava with a name in scene and case files, and its eruption temperature [K].
 
-    ``constants`` are the fields of ``Lava`` with a source; the others keep their defaults.
+    ``constants`` are the fields of ``Lava`` with a source; the others are those of ``Lava.paper``.
     ``composition`` is that of the melt in wt% of oxides, if it is the source of the viscosity;
     its numbers have no source if a scene or case file gives them.
     """
@@ -84,7 +84,7 @@ class Material:
         values = {name: item.value for name, item in self.constants.items() if name in names}
         # laws that need no reference temperature leave it to vents without a temperature
         usual = {'reference_temperature': self.vent_temperature.value}
-        return Lava(**{**usual, **values, **overrides})
+        return Lava.paper(**{**usual, **values, **overrides})
 
 
 @cache
@@ -105,6 +105,7 @@ def material_named(name: object) -> Material:
     return known[validation.choice('lava.material', name, known)]
 
 
+@default_of_lava
 def default_lava() -> Lava:
     """Return the lava of a scene without a material, ``DEFAULT``."""
     return material_named(DEFAULT).lava

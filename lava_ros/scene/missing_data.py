@@ -42,7 +42,8 @@ NODATA_ADVICE = (
 
 
 def check_missing(
-    field: str, elevation: np.ndarray, cell: float, *, unit: float = 1.0, advice: str = ''
+    field: str, elevation: np.ndarray, cell: float, *, unit: float = 1.0, advice: str = '',
+    sea: float | None = None,
 ) -> None:
     """Raise LavaError if some cells of an elevation probably have no data.
 
@@ -52,6 +53,7 @@ def check_missing(
         cell: Approximate side of a cell [m].
         unit: Unit of the stored values [m].
         advice: Advice for the user, in which ``{0}`` stands for the value.
+        sea: Sea level [m], None without a sea: blocks at or below it are the sea.
 
     Raises:
         LavaError: If a usual value for missing data occurs in a block or a spike with steep steps
@@ -67,8 +69,9 @@ def check_missing(
     unit = min(max(abs(unit), 1.0 / FAR), FAR)
     step = min(max(MIN_STEP * cell, MIN_STEP_HEIGHT) / unit, FAR)
     gap = min(MIN_GAP / unit, FAR)
+    level = -FAR if sea is None else sea / unit
     for value, count in (_far_value(known, gap), *_marks_with_cliffs(elevation, known, step)):
-        if count:
+        if count and not (value in BLOCK_MARKS and value <= level):
             shown = f'{value:g} in {count} {"cell" if count == 1 else "cells"}'
             expected = f'heights like those around them ({advice.format(f"{value:g}")})'
             raise LavaError(field, shown, expected)

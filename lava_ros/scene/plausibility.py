@@ -251,8 +251,8 @@ def doubts_of_sea(elevation: np.ndarray, name: str) -> Iterator[Doubt]:
     if MIN_SEA <= part <= MAX_SEA and known.max() > 10.0:
         yield Doubt(
             f'{name}: {100.0 * part:.2g} % of the cells are at 0 m, and lava flows over them as '
-            'over ground: if they are the sea, --nodata 0 or terrain.nodata: 0 in a scene file '
-            'ends the flow at the coast; --nodata none keeps them without this warning'
+            'over ground: if they are the sea, --sea-level 0 or terrain.sea_level: 0 in a scene '
+            'file ends the flow at the coast; --nodata none keeps them without this warning'
         )
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import MAX_CELLS
+from lava_ros.files.columns import MAX_LATITUDE, MAX_LONGITUDE
 from lava_ros.files.optional import is_installed, require
 from lava_ros.files.systems import plain_system
 from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
@@ -37,8 +38,8 @@ class Raster:
     """A grid read from a file: cells may be in degrees and not square; row 0 is in the south.
 
     ``corner`` is the lower-left corner in the coordinates of the file; ``offset`` is None unless
-    the file has one; its coordinates are then in metres. ``wkt`` and ``barriers`` are those of
-    ``Terrain``.
+    the file has one; its coordinates are then in metres. ``wkt``, ``barriers`` and ``sea_level``
+    are those of ``Terrain``.
     """
 
     elevation: np.ndarray
@@ -50,6 +51,7 @@ class Raster:
     wkt: str | None = None
     source: str = ''
     barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
+    sea_level: float | None = None
 
     @property
     def system(self) -> str:
@@ -320,7 +322,7 @@ def crop(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
 
 def is_degrees(place: Sequence[float]) -> bool:
     """Return True if a pair of coordinates can be longitude and latitude."""
-    return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0
+    return abs(place[0]) <= MAX_LONGITUDE and abs(place[1]) <= MAX_LATITUDE
 
 
 def in_degrees(terrain: Terrain, *places: Sequence[float]) -> bool:

@@ -182,7 +182,7 @@ def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:
         near = np.sqrt(squared_distance(x[across], y[up, None], start, end))
         distance[up, across] = np.minimum(distance[up, across], near)
     added = np.clip(barrier.height - (distance - half) * barrier.slope, 0.0, barrier.height)
-    if not (terrain.has_data & (added > 0.0)).any():
+    if not (np.isfinite(terrain.elevation) & (added > 0.0)).any():
         expected = f'a line {terrain.bounds(projected=True)}'
         raise LavaError('barrier.line', barrier.line, expected)
     if is_told and crest > barrier.width:
@@ -222,7 +222,7 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
     require('scipy', 'low_pass', width)
     from scipy.ndimage import gaussian_filter
 
-    known = terrain.has_data
+    known = np.isfinite(terrain.elevation)
     # values near zero keep the precision of a float
     level = float(np.mean(terrain.elevation[known], dtype=np.float64))
     cells = width / terrain.resolution
@@ -249,7 +249,7 @@ def finer(terrain: Terrain, factor: int) -> Terrain:
     for axis in (0, 1):
         height = _refine_axis(height, factor, axis)
     fine = replace(terrain, elevation=height, resolution=terrain.resolution / factor)
-    known = np.kron(terrain.has_data, np.ones((factor, factor), dtype=bool))
+    known = np.kron(np.isfinite(terrain.elevation), np.ones((factor, factor), dtype=bool))
     return replace(fine, elevation=np.where(known, fine.elevation, np.nan))
 
 

@@ -101,12 +101,17 @@ class Scene:
             self._check_temperature(f'emplaced_flows[{index}]', temperature)
             flows[index] = replace(flow, temperature=temperature)
         object.__setattr__(self, 'emplaced_flows', tuple(flows))
-        for index, event in enumerate(self.events):
+        events = list(self.events)
+        for index, event in enumerate(events):
             least = self.events[index - 1].time if index else 0.0
             validation.number(f'events[{index}].time', event.time, at_least=least, unit='s')
             if event.terrain is not None:
                 check_same_grid(f'events[{index}].terrain', event.terrain, self.terrain)
-                check_vents(self.vents, event.terrain, self.lava)
+                # the sea stays at its level
+                ground = replace(event.terrain, sea_level=self.terrain.sea_level)
+                events[index] = replace(event, terrain=ground)
+                check_vents(self.vents, ground, self.lava)
+        object.__setattr__(self, 'events', tuple(events))
         check_fields('scene', self)
 
     def _check_temperature(self, name: str, temperature: float) -> None:
@@ -188,6 +193,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
             **({'source': terrain.source} if terrain.source else {}),
             **({'barriers': barriers} if barriers else {}),
             **({'wkt': terrain.wkt} if terrain.wkt else {}),
+            **({} if terrain.sea_level is None else {'sea_level': terrain.sea_level}),
         },
         'vents': [
             {name: value for name, value in asdict(vent).items() if value not in (None, '')}
@@ -278,6 +284,8 @@ def read_scene(
             f'{path}: positions of vents are now counted from the lower-left corner of '
             f'{terrain.source}; projected places do not depend on the terrain'
         )
+    if isinstance(ground, Mapping) and 'sea_level' in ground and terrain.sea_level is None:
+        terrain = replace(terrain, sea_level=ground['sea_level'])
     data, terrain = with_changes(data, path.parent, terrain, options or {})
     return _with_rates(data, path.parent), terrain
 

@@ -4,7 +4,7 @@
 """Elevation of the ground on a regular grid."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 import math
 from typing import NamedTuple
 
@@ -33,6 +33,11 @@ MIN_EPSG = 1024
 
 #: Maximum length of the WKT of a coordinate system [characters].
 MAX_WKT = 100_000
+
+#: Check of a sea level.
+SEA_LEVEL_CHECK = partial(
+    validation.number, at_least=-MAX_ELEVATION, at_most=MAX_ELEVATION, unit='m'
+)
 
 #: Maximum absolute map or projected coordinate [m].
 MAX_COORDINATE = 1e9
@@ -70,6 +75,8 @@ class Terrain:
             northings [m]. Maps draw them.
         wkt: Full definition (WKT) of a coordinate system that ``epsg`` does not define completely:
             a local system without a code, or a projected one with a vertical datum.
+        sea_level: Elevation [m] at or below which a cell is sea, which lava leaves the domain for,
+            as for a cell without data; None without a sea.
     """
 
     elevation: np.ndarray
@@ -80,6 +87,7 @@ class Terrain:
     source: str = ''
     barriers: tuple[tuple[tuple[float, float], ...], ...] = ()
     wkt: str | None = None
+    sea_level: float | None = None
 
     def __post_init__(self) -> None:
         """Validate and normalise all fields; raise LavaError for an invalid one."""
@@ -122,6 +130,11 @@ class Terrain:
             raise LavaError('terrain.wkt', str(self.wkt)[:40], expected)
         if self.wkt is not None:
             plain_system('terrain.wkt', self.wkt)
+        if self.sea_level is not None:
+            put(self, 'sea_level', SEA_LEVEL_CHECK('terrain.sea_level', self.sea_level))
+            if not self.has_data.any():
+                expected = f'below {float(np.nanmax(elevation)):g} m, the highest ground'
+                raise LavaError('terrain.sea_level', self.sea_level, expected)
 
     @property
     def has_system(self) -> bool:
@@ -167,10 +180,27 @@ class Terrain:
 
     @cached_property
     def has_data(self) -> np.ndarray:
-        """True where the elevation is known, bool, shape [rows, columns]."""
-        mask = np.isfinite(self.elevation)
+        """True on ground: with data and not in the sea, bool, shape [rows, columns]."""
+        mask = np.isfinite(self.elevation) & ~self.is_sea
         mask.setflags(write=False)
         return mask
+
+    @cached_property
+    def is_sea(self) -> np.ndarray:
+        """True in the sea, bool, shape [rows, columns]."""
+        level = -math.inf if self.sea_level is None else self.sea_level
+        mask = self.elevation <= level
+        mask.setflags(write=False)
+        return mask
+
+    @cached_property
+    def ground(self) -> np.ndarray:
+        """The elevation [m], NaN also in the sea, float32, shape [rows, columns]."""
+        if self.sea_level is None:
+            return self.elevation
+        ground = np.where(self.has_data, self.elevation, np.float32(np.nan))
+        ground.setflags(write=False)
+        return ground
 
     def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
         """Return the row and column of the cell at a map position, None outside the grid."""
@@ -185,8 +215,8 @@ class Terrain:
         return cell is not None and bool(self.has_data[cell])
 
     def elevations_at(self, places: np.ndarray) -> np.ndarray:
-        """Return the elevation of the cells at map positions [m], as ``values_at``."""
-        return self.values_at(self.elevation, places)
+        """Return the ``ground`` of the cells at map positions [m], as ``values_at``."""
+        return self.values_at(self.ground, places)
 
     def values_at(self, values: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return the values of the cells at map positions [m], NaN off the grid.
@@ -212,7 +242,8 @@ class Terrain:
         east, north = self.offset if projected else (0.0, 0.0)
         return (
             f'on the terrain, which covers {names[0]} {x0 + east:.10g} to {x1 + east:.10g} m and '
-            f'{names[1]} {y0 + north:.10g} to {y1 + north:.10g} m (cells without data excluded)'
+            f'{names[1]} {y0 + north:.10g} to {y1 + north:.10g} m (cells without data excluded'
+            + ('' if self.sea_level is None else f', and the sea up to {self.sea_level:g} m') + ')'
         )
 
     def to_map(self, easting: float, northing: float) -> tuple[float, float]:
@@ -227,8 +258,9 @@ def has_same_cells(one: Terrain, other: Terrain) -> bool:
 
 
 def is_same_ground(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
-    """Return True for the same cells of the map frame, with elevations within a limit [m]."""
-    return has_same_cells(one, other) and np.allclose(
+    """Return True for the same cells and sea, with elevations within a limit [m]."""
+    is_same = has_same_cells(one, other) and one.sea_level == other.sea_level
+    return is_same and np.allclose(
         one.elevation, other.elevation, rtol=0.0, atol=within, equal_nan=True
     )
 

@@ -33,7 +33,7 @@ from lava_ros.scene.projection import (
     to_square_metric_cells,
     with_epsg,
 )
-from lava_ros.scene.terrain import check_epsg, crest_lines, Terrain
+from lava_ros.scene.terrain import check_epsg, crest_lines, SEA_LEVEL_CHECK, Terrain
 
 _LOG = logging.getLogger(__name__)
 
@@ -44,11 +44,13 @@ DEMO = Path(__file__).with_name('st_helens.npz')
 _BARRIERS = 'lava_ros_barriers'
 
 NPZ_KEYS = (
-    'elevation', 'resolution', 'origin', 'epsg', 'wkt', 'offset', 'source', _BARRIERS,
+    'elevation', 'resolution', 'origin', 'epsg', 'wkt', 'offset', 'source', 'sea_level', _BARRIERS,
 )
 
 #: Options of ``load_terrain`` that a scene file may give.
-TERRAIN_OPTIONS = ('epsg', 'resolution', 'offset', 'window', 'fill_holes', 'nodata')
+TERRAIN_OPTIONS = (
+    'epsg', 'resolution', 'offset', 'window', 'fill_holes', 'nodata', 'sea_level',
+)
 
 #: Check of the side of a cell.
 RESOLUTION_CHECK = partial(validation.number, above=0.0, unit='m')
@@ -75,6 +77,7 @@ def load_terrain(
     window: tuple[float, float, float, float] | None = None,
     fill_holes: bool = False,
     nodata: float | str | None = None,
+    sea_level: float | None = None,
     insist: bool = False,
 ) -> Terrain:
     """Read an elevation file, log its properties, and warn of suspect data.
@@ -85,7 +88,7 @@ def load_terrain(
     coordinate system or an ESRI ``.prj`` file, become metres.
 
     An .npz file has ``elevation`` and ``resolution``, and optionally ``origin``, ``offset``,
-    ``epsg``, ``wkt`` and ``source``, as in ``Terrain``.
+    ``epsg``, ``wkt``, ``source`` and ``sea_level``, as in ``Terrain``.
 
     Args:
         path: Path of the file.
@@ -98,6 +101,8 @@ def load_terrain(
         fill_holes: True to interpolate enclosed cells without data, and pits of a single cell.
         nodata: Value of cells without data as stored in the file, in addition to that which the
             file declares; ``'none'`` if all undeclared values are ground.
+        sea_level: Elevation [m] at or below which a cell is sea, None for that of an .npz file,
+            otherwise no sea.
         insist: True to accept elevations and cells that cannot be.
 
     Raises:
@@ -114,8 +119,11 @@ def load_terrain(
         require('scipy', 'terrain.fill_holes', True)
     if nodata is not None and nodata != 'none':
         nodata = validation.number('terrain.nodata', nodata)
+    if sea_level is not None:
+        sea_level = SEA_LEVEL_CHECK('terrain.sea_level', sea_level)
     is_npz = path.suffix.lower() == '.npz'
-    raster = _read_npz(path, nodata) if is_npz else _read_gdal(path, nodata, epsg)
+    read = _read_npz if is_npz else partial(_read_gdal, epsg=epsg)
+    raster = read(path, nodata, sea_level)
     source = with_epsg(raster, epsg)
     _check_heights(source, path)
     raster = to_square_metric_cells(source, resolution)
@@ -132,18 +140,19 @@ def load_terrain(
         source=raster.source or path.name,
         barriers=raster.barriers,
         wkt=raster.wkt,
+        sea_level=raster.sea_level if sea_level is None else sea_level,
     )
     wrong = _holes_and_pits(terrain)
     if fill_holes and wrong.any():
         terrain = replace(terrain, elevation=_interpolate(terrain, wrong))
     _log_summary(path, terrain, source.system, wrong, fill_holes)
     report(doubts_of_terrain(terrain, path.name), insist=insist)
-    if nodata is None:
+    if nodata is None and terrain.sea_level is None:
         report(doubts_of_sea(source.elevation, path.name))
     return terrain
 
 
-def _read_npz(path: Path, nodata: float | str | None) -> Raster:
+def _read_npz(path: Path, nodata: float | str | None, sea_level: float | None) -> Raster:
     arrays = read_arrays('terrain file', path)
     data: Any = validation.keys(
         'terrain file', arrays, allowed=NPZ_KEYS, required=['elevation', 'resolution']
@@ -155,11 +164,12 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
     data = {name: item.tolist() for name, item in data.items()}
     cell = validation.number('resolution', data['resolution'], above=0.0, unit='m')
     epsg = data.get('epsg')
+    level = data.get('sea_level', sea_level) if sea_level is None else sea_level
     offset, origin = (
         validation.pair(name, data.get(name, (0.0, 0.0))) for name in ('offset', 'origin')
     )
     return Raster(
-        elevation=_with_missing(elevation.astype(np.float32), cell, nodata, path),
+        elevation=_with_missing(elevation.astype(np.float32), cell, nodata, path, sea=level),
         dx=cell,
         dy=cell,
         corner=(origin[0] + offset[0], origin[1] + offset[1]),
@@ -168,10 +178,13 @@ def _read_npz(path: Path, nodata: float | str | None) -> Raster:
         source=str(data.get('source', '')),
         barriers=_barriers(data, epsg, path),
         wkt=str(data['wkt']) if 'wkt' in data else None,
+        sea_level=data.get('sea_level'),
     )
 
 
-def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Raster:
+def _read_gdal(
+    path: Path, nodata: float | str | None, sea_level: float | None, *, epsg: int | None
+) -> Raster:
     band = read_band('terrain file', path, lengths='elevations', kind=np.float32)
     place, crs = band.place, band.crs
     if place.b or place.d or place.a <= 0.0:
@@ -179,7 +192,9 @@ def _read_gdal(path: Path, nodata: float | str | None, epsg: int | None) -> Rast
     code = epsg_of(crs, (place.c, place.f)) if crs else None
     cell = abs(place.e) * metres_per_unit(crs if epsg is None else coordinate_system(epsg))
     # missing data have a stored value, without unit and scale
-    stored = _with_missing(band.stored.filled(np.nan), cell, nodata, path, band.scale)
+    stored = _with_missing(
+        band.stored.filled(np.nan), cell, nodata, path, band.scale, sea=sea_level
+    )
     elevation = band.converted(stored)
     if place.e < 0.0:
         elevation = np.flipud(elevation)
@@ -219,9 +234,13 @@ def _barriers(
 
 
 def _with_missing(
-    elevation: np.ndarray, cell: float, nodata: float | str | None, path: Path, unit: float = 1.0
+    elevation: np.ndarray, cell: float, nodata: float | str | None, path: Path, unit: float = 1.0,
+    *, sea: float | None = None,
 ) -> np.ndarray:
-    """Replace ``nodata`` by NaN; without it, raise LavaError for a likely undeclared value."""
+    """Replace ``nodata`` by NaN; without it, raise LavaError for a likely undeclared value.
+
+    A value at or below the ``sea`` level [m] may be that of the sea.
+    """
     if isinstance(nodata, float):
         # a value beyond float32 is infinite, both here and in the array
         with np.errstate(over='ignore'):
@@ -231,7 +250,7 @@ def _with_missing(
         return np.where(is_missing, np.float32(np.nan), elevation)
     if nodata is None:
         field = f'elevation of {path.name}'
-        check_missing(field, elevation, cell, unit=unit, advice=NODATA_ADVICE)
+        check_missing(field, elevation, cell, unit=unit, advice=NODATA_ADVICE, sea=sea)
     return elevation
 
 
@@ -258,10 +277,12 @@ def _log_summary(
         system = f'{system} taken to EPSG:{terrain.epsg}'
     low, high = float(np.nanmin(terrain.elevation)), float(np.nanmax(terrain.elevation))
     rows, columns = terrain.shape
-    holes = int((~terrain.has_data).sum())
+    holes = int(np.isnan(terrain.elevation).sum())
     _LOG.info(
         f'{path.name}: {system}, {columns} x {rows} cells of {terrain.resolution:g} m, '
         f'{holes or "none"} without data, elevations {low:.6g} to {high:.6g} m'
+        + ('' if terrain.sea_level is None else
+           f', {int(terrain.is_sea.sum())} in the sea up to {terrain.sea_level:g} m')
     )
     if wrong.any():
         count, (row, column) = int(wrong.sum()), np.argwhere(wrong)[0]
@@ -284,11 +305,11 @@ def _log_summary(
 
 def _holes_and_pits(terrain: Terrain) -> np.ndarray:
     """Mark enclosed cells without data, if scipy is installed, and pits two cells deep: bool."""
-    holes = np.zeros(terrain.shape, dtype=bool)
-    if not terrain.has_data.all() and is_installed('scipy'):
+    holes, known = np.zeros(terrain.shape, dtype=bool), np.isfinite(terrain.elevation)
+    if not known.all() and is_installed('scipy'):
         from scipy.ndimage import binary_fill_holes
 
-        holes = binary_fill_holes(terrain.has_data) & ~terrain.has_data
+        holes = binary_fill_holes(known) & ~known
     padded = np.pad(terrain.elevation, 1, constant_values=np.nan)
     rows, columns = terrain.shape
     neighbours = (
@@ -306,7 +327,7 @@ def _interpolate(terrain: Terrain, wrong: np.ndarray) -> np.ndarray:
     rasterio_for('fill_holes')
     from rasterio.fill import fillnodata
 
-    known = terrain.has_data & ~wrong
+    known = np.isfinite(terrain.elevation) & ~wrong
     around = np.where(known, terrain.elevation, np.float32(0.0))
     filled = fillnodata(around, mask=known, max_search_distance=1000.0)
     return np.where(wrong, filled, terrain.elevation)

@@ -146,7 +146,7 @@ def check_vents(
     """Return the vents as a tuple; the ``lava`` sets the temperature of vents without one.
 
     Raises:
-        LavaError: If the position or end of a vent is not on a cell with data.
+        LavaError: If the position or end of a vent is off the ground: without data or in the sea.
     """
     if not isinstance(vents, Iterable):
         raise LavaError('vents', vents, 'vents, or an empty list')

@@ -21,6 +21,7 @@ from lava_ros.files.resources import share_path
 from lava_ros.maps.frames import Frame, LayerFrame, Recording
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.layers import IMAGE, Layer, ZERO_CELSIUS
+from lava_ros.maps.onset import Onset, recorded_onset
 from lava_ros.pages.runs import ENSEMBLE_MAPS, read_run
 
 #: Names of the layers in a live view, one of each source. The thickness is not rounded.
@@ -69,7 +70,10 @@ class Frames:
     """Frames of one run, oldest first. Subclasses have those of a bag or a node.
 
     Attributes:
-        times: Simulated times of the frames [s]; None if unknown.
+        times: Simulated times of the frames [s], or those since the first one on the clock of the
+            recording, if it has no simulated times.
+        is_simulated: False for times on the clock of the recording.
+        onset: Date of simulated time 0; None if it is unknown.
         version: Number that changes with the frames.
         places: Map positions [m] of named places, by name.
         answer: The last command, and the node's answer.
@@ -77,13 +81,15 @@ class Frames:
     """
 
     heading: tuple[str, str] | None = None
+    is_simulated = True
+    onset: Onset | None = None
     _status = Status(Level.WARN, 'no maps yet')
     _facts: Mapping[str, str] = {}
 
     def __init__(self, frames: Sequence[Frame] = ()) -> None:
         """Initialize with frames that are in memory."""
         self._frames = frames
-        self.times = [frame.time for frame in frames]
+        self.times: list[float | None] = [frame.time for frame in frames]
         self.version, self.answer = 0, ''
         self.places: Mapping[str, tuple[float, float]] = {}
 
@@ -137,7 +143,7 @@ def ensemble_frames(path: str | Path, *, node: str | None = None) -> Frames:
         layers[source] = LayerFrame(Layer(source, source, source, IMAGE), panel.values, False)
     frames = Frames([replace(next(iter(run.panels.values())).frame, layers=layers)])
     frames._status, frames._facts = Status(Level.OK, 'maps of an ensemble'), run.facts
-    frames.heading = (run.title, run.summary)
+    frames.heading, frames.onset = (run.title, run.summary), run.onset
     return frames
 
 
@@ -157,6 +163,7 @@ class BagFrames(Frames):
         self._path, self._node = Path(path), node
         self._recording: Recording | None = None
         self._moments: Sequence[Moment] = ()
+        self._logged: list[int] = []
         self._sizes: list[int] = []
         self._next_look = 0.0
 
@@ -173,7 +180,13 @@ class BagFrames(Frames):
             forecasts = [item for item in watched_layers() if item.is_forecast]
             self._recording = Recording(self._path, node=self._node, more=forecasts)
             self._moments = self._recording.timeline.last_run
-            self.times = [item.time for item in self._moments] or [None]
+            self.times = [item.time for item in self._moments]
+            # without diagnostics, maps have times on the clock of the recording
+            self._logged = [] if self._moments else self._recording.log_times()
+            self.is_simulated = not self._logged
+            self.times += [1e-9 * (log_time - self._logged[0]) for log_time in self._logged]
+            self.times = self.times or [None]
+            self.onset = recorded_onset(self._recording.bag.custom_data)
             self.places = self._recording.places
             self._status = Status(Level.OK, f'recorded in {printable(str(self._path))}')
         except (OSError, LavaError) as error:
@@ -185,6 +198,8 @@ class BagFrames(Frames):
     def frame(self, index: int) -> Frame:
         """Return the maps up to one of the times."""
         assert self._recording is not None
+        if self._logged:
+            return self._recording.frame_logged(self._logged[index])
         return self._recording.frame_at(self.times[index])
 
     def facts(self, index: int) -> Mapping[str, str]:
@@ -193,7 +208,7 @@ class BagFrames(Frames):
 
     def particles(self, index: int) -> WatchedParticles:
         """Return the particles of the newest checkpoint at or before that time."""
-        time = self.times[index]
+        time = self.times[index] if self.is_simulated else None
         found = checkpoint_at(self._path, math.inf if time is None else time)
         if found is None:
             return NO_PARTICLES

@@ -13,20 +13,24 @@ from itertools import pairwise
 import math
 from typing import Any
 
-from matplotlib.colors import to_rgb
+from matplotlib.colors import ListedColormap, to_rgb
 import numpy as np
 from PIL import Image
 from viser import ClientHandle
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.colours import Scale, scale_of, STYLES
+from lava_ros.maps.colours import round_up, Scale, scale_of, STYLES, time_unit
+from lava_ros.maps.export import georeference_of
 from lava_ros.maps.frames import Frame
 from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
+from lava_ros.maps.page_layout import BANNER
 from lava_ros.maps.plot import BARRIER, barriers_of, duration, shaded_ground, titles
 from lava_ros.pages.runs import ENSEMBLE_MAPS
 from lava_ros.scene.on_terrain import PlacedPicture
+from lava_ros.scene.projection import DEGREES, transformed
 from lava_ros.watch.frames import COMMANDS, Frames, Level, Status, WatchedParticles
 from lava_ros.watch.surface import Ground, SIDE
+from lava_ros.watch.tone import tones
 
 #: Title and style of each map, in the order of the list.
 SHOWN = {
@@ -44,6 +48,9 @@ MAX_PARTICLES, MAX_LABELS, MAX_PIXELS = 100_000, 200, 1600
 
 #: Height of a map above the ground in the view, so that the ground does not show through.
 LIFT = np.array([0.0, 0.0, 0.0005 * SIDE], dtype=np.float32)
+
+#: Warning at the top of the page.
+_WARNING = f'<span style="background: #f5c542; color: #222; padding: 1px 8px">{BANNER}</span>'
 
 #: Directions from the middle of the lava to the camera.
 _VIEWS = {'From above': (0.0, -0.001, 1.0), 'From the south': (0.0, -0.8, 0.6)}
@@ -82,7 +89,7 @@ class Page:
     ) -> None:
         """Add the elements of the page; with ``control``, it can send commands to the node."""
         self._client, self._frames, self._ground_of = client, frames, ground_of
-        self._version, self._ticks, self._time = -1, 0, 0.0
+        self._version, self._ticks, self._time, self._last = -1, 0, math.nan, 0
         self._problem: Status | None = None
         self._asked: deque[Callable[[], Any]] = deque(maxlen=8)
         self._drawn: tuple[Any, ...] = ()
@@ -99,7 +106,9 @@ class Page:
         self.title, self.status = gui.add_html(''), gui.add_html('')
         self.choice = gui.add_dropdown('Map', ('-',))
         self.legend = gui.add_html('')
-        self.slider = gui.add_slider('Frame', 0, 1, 1, 0, disabled=True)
+        # times in a unit that suits the run
+        self.slider = gui.add_slider('Time', 0.0, 1.0, 0.01, 0.0, disabled=True)
+        self._index, self._put, self._unit = 0, 0.0, 1.0
         self.play = gui.add_checkbox('Play', False)
         self.stretch = gui.add_slider('Vertical scale', 1.0, 5.0, 0.25, 1.0)
         self.particles = gui.add_checkbox('Particles', False)
@@ -143,19 +152,31 @@ class Page:
     def _move(self) -> int:
         """Move the slider with new frames if it is at its end, or while it plays."""
         slider, times = self.slider, [time or 0.0 for time in self._frames.times]
-        last, value = len(times) - 1, int(slider.value)
+        last, index = len(times) - 1, self._index
         if self._version != self._frames.version:
             # disabled while there is one frame
-            is_at_end = slider.disabled or value >= slider.max
-            self._version = self._frames.version
-            slider.max, slider.disabled = max(last, 1), last == 0
-            value = last if is_at_end else int(np.searchsorted(times, self._time))
+            is_at_end = slider.disabled or index >= self._last
+            self._version, self._last = self._frames.version, last
+            name, self._unit = time_unit(times[-1])
+            slider.label = f'{"Time" if self._frames.is_simulated else "Recorded"} [{name}]'
+            low, high = times[0] / self._unit, times[-1] / self._unit
+            slider.min, slider.disabled = low, last == 0
+            slider.max = high if high > low else low + 1.0
+            slider.step = round_up((slider.max - low) / 1000.0, (1.0, 2.0, 5.0, 10.0))
+            index = last if is_at_end else int(np.searchsorted(times, self._time))
+        elif slider.value != self._put:
+            # half a step allows for the rounding of the slider
+            wanted = (slider.value + 0.5 * slider.step) * self._unit
+            index = max(int(np.searchsorted(times, wanted, side='right')) - 1, 0)
+            self._put = slider.value
         elif self.play.value:
             self._ticks += 1
-            value += self._ticks % 2
-        slider.value = value = min(value, last)
-        self._time = times[value]
-        return value
+            index += self._ticks % 2
+        index = min(index, last)
+        if index != self._index or not math.isclose(times[index], self._time):
+            slider.value = self._put = times[index] / self._unit
+        self._index, self._time = index, times[index]
+        return index
 
     def _show(self, index: int) -> None:
         frame = self._frames.frame(index)
@@ -181,12 +202,13 @@ class Page:
             self._client.camera.position = self._client.camera.position + rise
             self._mesh.scale = self._scale
         title, facts = map(escape, self._frames.heading or titles(frame))
-        last = self._frames.times[-1]
-        so_far = '' if last is None else f' of {duration(last)} so far'
+        so_far = self._so_far(index)
         if source and not is_shown.any():
             # a withdrawn forecast is a map without known cells
             facts += ' · <b>nothing on this map now</b>'
-        self.title.content = _box(f'<b>{title}{so_far}</b><br>{facts}', 'font-size: 15px')
+        self.title.content = _box(
+            f'{_WARNING}<br><b>{title}{so_far}</b><br>{facts}', 'font-size: 15px'
+        )
         before, self._lava = self._lava, {}
         if particles is not None:
             self._draw_particles(ground, frame, particles)
@@ -197,7 +219,21 @@ class Page:
             before[name].remove()
         self._draw_labels(ground, frame)
         if self._place is not None:
-            self.values.content = _table(_values(ground, maps, self._place))
+            self.values.content = _table(_values(ground, maps, self._place, frame.scene))
+
+    def _so_far(self, index: int) -> str:
+        """Return the time of the newest frame, and the date of the present one, as a text."""
+        time, last, onset = self._frames.times[index], self._frames.times[-1], self._frames.onset
+        if last is None:
+            return ''
+        if not self._frames.is_simulated:
+            return f' after {duration(time or 0.0)} of {duration(last)} of the recording'
+        date = ''
+        if onset is not None and time is not None:
+            # beyond the years that a date can have
+            with suppress(LavaError):
+                date = f', {onset.words(time)}'
+        return f' of {duration(last)} so far{date}'
 
     def _draw_lava(
         self, ground: Ground, maps: Mapping[str, np.ndarray], source: str, before: dict[Any, Any]
@@ -205,12 +241,14 @@ class Page:
         """Draw a mesh of each colour, if possible one of ``before``, which takes less time."""
         (title, style), values = SHOWN[source], maps[source]
         scale = scale_of(style, values)
-        self.legend.content = _legend(title, style, scale)
+        shades = scale.colours.resampled(min(scale.colours.N, COLOURS))
+        palette = tones(shades(np.arange(shades.N), bytes=True)[:, :3])
+        self.legend.content = _legend(title, scale, palette.shown)
         deep = maps.get('thickness', maps.get(EXPECTED, np.full_like(values, np.nan)))
         depth = ground.blocks(deep)
         blocks = depth if deep is values else ground.blocks(values)
-        shades = scale.colours.resampled(min(scale.colours.N, COLOURS))
-        colours = shades(scale.norm(np.ma.masked_invalid(blocks / scale.unit)), bytes=True)
+        known = scale.norm(np.ma.masked_invalid(blocks / scale.unit))
+        colours = ListedColormap(palette.sent / 255.0)(known, bytes=True)
         for colour, points, faces in ground.lava(colours, depth):
             mesh = self._lava[colour] = before.get(colour) or self._client.scene.add_mesh_simple(
                 '/lava/{}_{}_{}'.format(*colour), points, faces, color=colour[:3], side='double'
@@ -227,7 +265,8 @@ class Page:
         scale = scale_of('temperature', celsius)
         # a bag has fewer checkpoints than maps
         title = 'Particles' if time is None else f'Particles at {duration(time)}'
-        self.legend.content = _legend(title, 'temperature', scale)
+        shades = scale.colours(np.linspace(0.0, 1.0, COLOURS), bytes=True)[:, :3]
+        self.legend.content = _legend(title, scale, shades)
         z = ground.terrain.elevations_at(xy)
         if 'thickness' in frame.layers:
             thickness = frame.layers['thickness'].values
@@ -252,10 +291,22 @@ class Page:
         for number, (text, place) in enumerate(labels):
             at = ground.placed(np.array([place]))[0] * self._scale
             scene.add_label(f'/labels/{number}', text, position=at, anchor='bottom-center')
+        for name, (path, text) in ground.scale_and_north().items():
+            lines = np.repeat(path, 2, axis=0)[1:-1]
+            self._draw_lines(f'/labels/{name}', ground, lines, '#ffffff')
+            at = ground.placed(path[-1:])[0] * self._scale
+            scene.add_label(f'/labels/{name} text', text, position=at, anchor='bottom-center')
         if ends:
-            at = (ground.placed(np.reshape(ends, (-1, 2))) + 2.0 * LIFT).reshape(-1, 2, 3)
-            look = {'colors': to_rgb(BARRIER['color']), 'line_width': 3.0}
-            scene.add_line_segments('/labels/barriers', at, scale=self._scale, **look)
+            crests = np.reshape(ends, (-1, 2))
+            self._draw_lines('/labels/barriers', ground, crests, BARRIER['color'])
+
+    def _draw_lines(self, name: str, ground: Ground, ends: np.ndarray, colour: str) -> None:
+        """Draw segments between pairs of map positions [m], shape [2 segments, 2]."""
+        at = (ground.placed(ends) + 2.0 * LIFT).reshape(-1, 2, 3)
+        self._client.scene.add_line_segments(
+            name, at, scale=self._scale, colors=to_rgb(colour), thickness=3.0,
+            thickness_units='screen',
+        )
 
     def _click(self, event: Any) -> None:
         ray = np.array([event.ray_origin, event.ray_direction]) / self._scale
@@ -277,10 +328,12 @@ class Page:
         return (1.0, 1.0, float(self.stretch.value))
 
 
-def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -> dict[str, str]:
+def _values(
+    ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray, scene: Mapping[str, Any]
+) -> dict[str, str]:
     """Return the elevation and the values of maps at a map position [m] as texts by title."""
     rows = {
-        'x, y': f'{place[0]:.0f} m, {place[1]:.0f} m',
+        **_coordinates(place, scene),
         'Elevation': f'{ground.terrain.elevations_at(place):.0f} m',
     }
     for source, (title, style) in SHOWN.items():
@@ -288,6 +341,20 @@ def _values(ground: Ground, maps: Mapping[str, np.ndarray], place: np.ndarray) -
             value = float(ground.terrain.values_at(maps[source], place))
             text = f'{value:.4g} {STYLES[style].label}' if math.isfinite(value) else 'none'
             rows[title] = duration(value) if style == 'arrival' and text != 'none' else text
+    return rows
+
+
+def _coordinates(place: np.ndarray, scene: Mapping[str, Any]) -> dict[str, str]:
+    """Return a map position [m] in the coordinate system of a scene and in degrees, as texts."""
+    known = georeference_of(scene)
+    if not known.system:
+        return {'x, y': f'{place[0]:.0f} m, {place[1]:.0f} m'}
+    east, north = np.add(place, known.offset)
+    rows = {'Easting, northing': f'{east:.0f} m, {north:.0f} m'}
+    # without rasterio, and outside the projection
+    with suppress(LavaError, ValueError):
+        (longitude,), (latitude,) = transformed(known.system, DEGREES, [east], [north])
+        rows['Longitude, latitude'] = f'{longitude:.5f}°, {latitude:.5f}°'
     return rows
 
 
@@ -302,8 +369,9 @@ def _table(rows: Mapping[str, str]) -> str:
     return _box(f'<table>{"".join(cells)}</table>')
 
 
-def _legend(title: str, style: str, scale: Scale) -> str:
-    colours = STYLES[style].colours
+def _legend(title: str, scale: Scale, palette: np.ndarray) -> str:
+    """Return a legend with the colours of a palette, uint8, shape [count, 3]."""
+    colours = ['#{:02x}{:02x}{:02x}'.format(*colour) for colour in palette.tolist()]
     if scale.names:
         pairs = zip(colours, scale.names, strict=True)
         return _box('<br>'.join(f'<span style="color: {a}">■</span> {b}' for a, b in pairs))

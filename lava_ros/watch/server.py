@@ -31,6 +31,7 @@ from lava_ros.scene.on_terrain import PlacedPicture
 from lava_ros.watch.frames import Frames, Level
 from lava_ros.watch.page import ground_picture, Page
 from lava_ros.watch.surface import Ground
+from lava_ros.watch.tone import AMBIENT
 
 #: The only address at which the server listens, and the names of it that requests may use.
 ADDRESS, HOSTS = '127.0.0.1', {'127.0.0.1', 'localhost', '::1'}
@@ -100,9 +101,10 @@ class Server:
                 self._server = viser.ViserServer(ADDRESS, self.port, verbose=False)
         finally:
             websocket_server.serve = serve
-        # its light would change the colours of the legend
+        # with light from all sides alike, colours are those of the legend (tone.py)
         self._server.scene.configure_environment_map(None)
-        self._server.scene.configure_default_lights(cast_shadow=False)
+        self._server.scene.configure_default_lights(enabled=False)
+        self._server.scene.add_light_ambient('/light', intensity=AMBIENT)
         for message in (viser._messages.ShareUrlRequest, viser._messages.ShareUrlDisconnect):
             self._server._websock_server.unregister_handler(message)
 

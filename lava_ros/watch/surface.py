@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from lava_ros.maps.frames import Frame
-from lava_ros.maps.plot import bounds_of
+from lava_ros.maps.plot import bounds_of, scale_bar_length, scale_bar_words
 from lava_ros.scene import Terrain
 
 #: Rows or columns of large blocks along a side, and maximum number of corners of small ones.
@@ -123,6 +123,27 @@ class Ground:
         off = places - self.terrain.centre
         at = np.column_stack([off, np.nan_to_num(z, nan=self._low) - self._low])
         return (at * (self.cell / self.terrain.resolution)).astype(np.float32)
+
+    def scale_and_north(self) -> dict[str, tuple[np.ndarray, str]]:
+        """Return a scale bar and an arrow to the north, in the south-west of the small blocks.
+
+        Returns:
+            Map positions of each line [m], shape [points, 2], which ends at its text, and the
+            text.
+        """
+        (south, north), (west, east) = self._window
+        cell = self.terrain.resolution
+        length = scale_bar_length(cell * max(north - south, east - west))
+        # in sight from the south, too
+        corner = (south + 0.2 * (north - south), west + 0.05 * (east - west))
+        start = self._positions(np.floor(corner) + 0.5)
+        limit = self._positions(np.array([north, east]) - 0.5)
+        steps = np.linspace(0.0, 1.0, 17)[:, None]
+        bar = np.minimum(start + steps * (length, 0.0), limit)
+        tip = np.minimum(np.add(start, (0.0, length)), limit)
+        left, right = (np.add(tip, (side * 0.1 * length, -0.15 * length)) for side in (-1.0, 1.0))
+        arrow = np.concatenate([start + steps * (tip - start), [left, tip, right, tip]])
+        return {'scale': (bar, scale_bar_words(length)), 'north': (arrow, 'N')}
 
     def hit(self, start: np.ndarray, along: np.ndarray) -> np.ndarray | None:
         """Return where a ray of the view, without exaggeration, first meets the ground [m]."""

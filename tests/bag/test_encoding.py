@@ -28,7 +28,7 @@ FISSURE = Vent((20.0, 95.0), 3.0, name='Südspalte', end=(40.0, 95.0))
 
 def samples() -> dict[str, Message]:
     """Return the messages of a run, and some with fields of odd lengths."""
-    scene = Scene(TERRAIN, (Vent((-47.5, 95.0), 10.0), FISSURE), lava=Lava())
+    scene = Scene(TERRAIN, (Vent((-47.5, 95.0), 10.0), FISSURE), lava=Lava.paper())
     found = dict(SceneMessages().update(scene, 10.0, HEADER))
     snapshot = snapshot_at(400.0, growing(400.0), TERRAIN)
     for layer in load_layers(share_path('msg_configs/default.yaml')):

@@ -159,7 +159,8 @@ def test_page_and_numbers_list_the_oxides_of_a_composition(tmp_path):
     assert by_name['vft_b'][1] == f'{case.scene.lava.vft_b:g}'
     words = ['--preset', 'draft', '--spacing', '40', '--device', 'cpu', '--maps', '1']
     output = done('hindcast', tmp_path / 'valley', '-o', tmp_path / 'out', *words)
-    assert re.search('lava +basalt, 1441.7 K at the vents', output)
+    expected = r'lava +basalt \(changed: vft_a, vft_b, vft_c\); at the vent .* \(1442 K\)'
+    assert re.search(expected, output)
     data = json.loads((tmp_path / 'out/hindcast.json').read_text())
     assert data['composition'] == oxides
 
@@ -254,6 +255,36 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
         output = refused(*words, '2', *more)
         assert named in output and 'as it was for the runs in' in output
     assert (tmp_path / 'out/runs.csv').read_text() == table
+
+
+@pytest.mark.parametrize(('words', 'moved', 'kept'), [
+    ([], {'crust_cover'}, {'viscosity', 'vent_temperature', 'reference_temperature'}),
+    (['--unknown', 'viscosity', '--unknown', 'vent_temperature'],
+     {'viscosity', 'vent_temperature'}, {'reference_temperature'}),
+])
+def test_calibration_keeps_what_the_case_states(words, moved, kept, tmp_path):
+    stated = 'lava: {viscosity: 3.0e4, reference_temperature: 1360}\nvent_temperature: 1413\n'
+    case = write_case(tmp_path / 'valley', hours=0.5, yaml=stated)
+    output = done(
+        'calibrate', case, '--device', 'cpu', '--spacing', '40', '--runs', '4', *words,
+        '-o', tmp_path / 'out',
+    )
+    result = json.loads((tmp_path / 'out/calibration.json').read_text())
+    assert moved <= set(result['moved']) and kept <= set(result['kept'])
+    assert not set(result['moved']) & set(result['kept'])
+    assert f'kept as stated: {", ".join(result["kept"])}' in output
+    assert f'moved: {", ".join(result["moved"])}' in output
+    asked = 'stated, but moved by --unknown: vent_temperature, viscosity'
+    assert (asked in output) is bool(words)
+    # the first set are the values of the case, also outside the published ranges
+    usual = result['usual']['values']
+    if words:
+        assert usual == {'viscosity': 3e4, 'vent_temperature': 1413.0}
+        assert '3e+04' in output and '1413' in output
+    else:
+        best = result['erupting_lava']['valley']
+        assert best['vents'][0]['temperature_k'] == 1413.0
+        assert best['vents'][0]['viscosity_pa_s'] == pytest.approx(5918.0, abs=30.0)
 
 
 def test_barrier_raises_the_elevation_along_a_line(tmp_path):

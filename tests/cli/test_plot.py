@@ -26,6 +26,7 @@ from cli.conftest import ensemble_words, write_ensemble_scene, write_outline
 from command_line import done, lava, refused
 from lava_ros.maps.export import MAPS
 from lava_ros.scene import Terrain
+from lava_ros.simulation.numerical_error import AreaError, NumericalError
 from recording import GRIDS, record, TERRAIN
 
 
@@ -91,6 +92,51 @@ def test_plot_describes_and_scores_an_ensemble(ensemble, tmp_path, outline, undr
     assert output['notes']['uncertain'] == 'position' and output['scores'] == {}
     output = plot(tmp_path, ensemble, '--layers', 'inundation_probability', '--observed', outline)
     assert 0.0 < output['scores']['members']['brier_score'] < 1.0
+
+
+def pages_of(run: Path, folder: Path) -> dict[str, tuple[dict[str, Any], str]]:
+    """Return lava, error and warnings in JSON, and the text for people, of all commands."""
+    hut = folder / 'hut.csv'
+    hut.write_text('x,y,name\n500050,4180100,hut\n')
+    drawn = plot(folder, run)
+    done('report', run, '-o', folder / 'page.html')
+    page = (folder / 'page.html').read_text()
+    done('places', run, hut, '--json', folder / 'places.json')
+    return {
+        'plot': (drawn['runs'][run.name], ' '.join(drawn['notes'].values())),
+        'report': (drawn['runs'][run.name], page),
+        'places': (json.loads((folder / 'places.json').read_text()), page),
+    }
+
+
+@pytest.mark.parametrize('kind', ['bag', 'ensemble'])
+def test_all_pages_state_lava_error_and_under_resolution(kind, tmp_path, undrawn):
+    if kind == 'bag':
+        run, lava = record(tmp_path / 'coarse', times=[200.0, 400.0]), 'kedadry2023'
+    else:
+        # a spacing of 30 m on a flow of about 30 m
+        write_ensemble_scene(tmp_path, 3.0, {'position': {'deviation': 5.0}})
+        run, lava = tmp_path / 'members', 'etna_basalt'
+        words = [*ensemble_words(tmp_path, 2), '--spacing', 30, '--json', tmp_path / 'run.json']
+        words = done(*words)
+        assert 'lava: etna_basalt; at the vent' in words
+        error = NumericalError(AreaError(0.1, 0.05), AreaError(0.2, 0.1), 30.0, 5.0, 180.0)
+        (run / 'numerical_error.json').write_text(json.dumps({**error.as_dict(), 'effects': []}))
+    for name, (plain, text) in pages_of(run, tmp_path).items():
+        assert plain['erupting_lava']['material'] == lava, name
+        assert plain['erupting_lava']['vents'][0]['viscosity_pa_s'] > 0.0, name
+        assert f'{lava}; at the vent' in text, name
+        if kind == 'ensemble':
+            assert plain['numerical_error'] == error.as_dict()
+            assert 'The flow is under-resolved' in plain['warnings'][0], name
+            assert 'The flow is under-resolved' in text, name
+        else:
+            assert plain['numerical_error']['inundated']['total'] == 0.15, name
+            assert '15 % of the inundated area' in text, name
+    if kind == 'ensemble':
+        report = json.loads((tmp_path / 'run.json').read_text())
+        assert report['warnings'] == plain['warnings']
+        assert report['erupting_lava'] == plain['erupting_lava']
 
 
 def test_isochrones_of_an_ensemble_are_nested(ensemble):

@@ -97,7 +97,7 @@ class Feed(SceneFeed):
 
     def __init__(self, *events, has_vents=True):
         self.sent = {'terrain': [], 'terrain_info': [], 'vents': []}
-        scene = Scene(TERRAIN, VENTS, lava=Lava(), events=events)
+        scene = Scene(TERRAIN, VENTS, lava=Lava.paper(), events=events)
         super().__init__(scene, has_vents=has_vents)
 
     def create_publisher(self, kind, topic, *arguments, **options):

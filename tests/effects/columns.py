@@ -15,7 +15,7 @@ from solver import incline, only, simulated
 AIR, HOT = 300.0, 1423.0
 
 #: Heat capacity of lava of a default density [J/(m3 K)].
-CAPACITY = Lava().density * Lava().specific_heat
+CAPACITY = Lava.paper().density * Lava.paper().specific_heat
 
 HOUR = 3600.0
 
@@ -62,7 +62,7 @@ def viscosities(temperatures, effects, *, lava, precision, device):
     ground = incline(0.1, 8, len(x) + 4, 10.0, origin=(-20.0, -40.0))
     knobs = {'spacing': 5.0, 'thickness': 1.0, 'ratio': 1.5, 'gravity': 1e-3}
     speeds = []
-    for kind, material in ((effects, lava), (only(), Lava(viscosity=1e3, arrhenius=0.0))):
+    for kind, material in ((effects, lava), (only(), Lava.paper(viscosity=1e3, arrhenius=0.0))):
         simulation = simulated(
             ground, material, particles, effects=kind, precision=precision, device=device, **knobs
         )

@@ -31,7 +31,7 @@ def scattered(effects, *, slope=0.1, precision='float64', device='cpu', longest_
     places, volumes = rng.uniform(0, 200, (500, 2)), rng.uniform(50, 150, 500)
     return simulated(
         incline(slope, 40, 40, 10.0, origin=(-100.0, -100.0)),
-        Lava(**{'viscosity': 1e4, 'arrhenius': 0.0, **lava}),
+        Lava.paper(**{'viscosity': 1e4, 'arrhenius': 0.0, **lava}),
         Particles(places, volumes, rng.uniform(1100, 1400, 500)), effects=effects, device=device,
         precision=precision, longest_step=longest_step, deterministic=True, spacing=9.0,
         thickness=1.0,

@@ -16,7 +16,7 @@ from solver import only
 def test_viscosity_is_as_published(device, precision, within):
     """The viscosity is mu exp(alpha (T0 - T)), both above and below T0."""
     temperatures = np.linspace(1200.0, 1500.0, 7)
-    lava = Lava(viscosity=50.0, arrhenius=0.01, reference_temperature=1400.0)
+    lava = Lava.paper(viscosity=50.0, arrhenius=0.01, reference_temperature=1400.0)
     found = viscosities(
         temperatures, only('arrhenius'), lava=lava, precision=precision, device=device
     )
@@ -26,7 +26,7 @@ def test_viscosity_is_as_published(device, precision, within):
 
 
 def test_exponent_is_limited(device):
-    lava = Lava(viscosity=1e-3, arrhenius=1.0, reference_temperature=1400.0)
+    lava = Lava.paper(viscosity=1e-3, arrhenius=1.0, reference_temperature=1400.0)
     found = viscosities(
         [1330.0, 1340.0], only('arrhenius'), lava=lava, precision='float64', device=device
     )

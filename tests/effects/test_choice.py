@@ -21,7 +21,7 @@ from lava_ros.simulation.selection import decide_by, MIN_EMITTED
 DECIDED = [name for name, effect in EFFECTS.items() if effect.number is not None]
 
 #: Lava with every property on which a number may depend.
-RICH = Lava(
+RICH = Lava.paper(
     viscosity=1e4, arrhenius=0.04, yield_strength=100.0, yield_rate=0.05, solidus=1223.0,
     liquidus=1473.0, latent_heat=3.5e5, crystal_law='einstein-roscoe', crystals=0.4,
 )
@@ -129,7 +129,7 @@ def test_laws_are_interpolated_accurately():
 
 def test_little_of_the_lava_switches_no_effect_on():
     """The thin lava of an early pile is not the flow; any frozen column is ground at once."""
-    lava = Lava(yield_strength=1e4, solidus=1400.0, arrhenius=0.04)
+    lava = Lava.paper(yield_strength=1e4, solidus=1400.0, arrhenius=0.04)
     late = replace(scales(lava, [1300.0]), is_measured=True)
     late = replace(late, columns=replace(late.columns, temperature=np.array([1350.0])))
     names = ('yielding', 'solidification', 'helmholtz')

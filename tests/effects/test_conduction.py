@@ -16,8 +16,10 @@ from solver import flat, only, simulated
 CONDUCTING = only('conduction')
 
 #: Diffusivity 1e-3 m2/s.
-LAVA = Lava(density=1000.0, specific_heat=1000.0, viscosity=1e15, emissivity=0.0, convection=0.0,
-            conductivity=1000.0)
+LAVA = Lava.paper(
+    density=1000.0, specific_heat=1000.0, viscosity=1e15, emissivity=0.0, convection=0.0,
+    conductivity=1000.0,
+)
 
 
 def layer(temperature_at, *, effects=CONDUCTING, lava=LAVA, jitter=0.0, **options):

@@ -14,7 +14,9 @@ from solver import flat, lattice, only, simulated
 
 @precisions
 def test_temperature_stays_in_range_for_a_long_step(device, precision):
-    check_range(Lava(viscosity=1e14), only('cooling'), 1e9, 1, precision=precision, device=device)
+    check_range(
+        Lava.paper(viscosity=1e14), only('cooling'), 1e9, 1, precision=precision, device=device
+    )
 
 
 def cooled(lava, hours, *, longest_step, device='cpu'):
@@ -30,7 +32,7 @@ def cooled(lava, hours, *, longest_step, device='cpu'):
 
 
 def test_cooling_is_second_order_in_time():
-    lava = Lava(viscosity=1e14, convection=0.0)
+    lava = Lava.paper(viscosity=1e14, convection=0.0)
     reference, _ = cooled(lava, 10.0, longest_step=30.0)
     errors = [
         abs(cooled(lava, 10.0, longest_step=step)[0] - reference) for step in (7200.0, 3600.0)

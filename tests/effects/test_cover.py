@@ -19,7 +19,7 @@ from solver import lattice, only, simulated
 
 COVER = only('cover')
 
-COVERED = Lava(viscosity=1e15, emissivity=0.95, convection=9.0, crust_cover=0.9,
+COVERED = Lava.paper(viscosity=1e15, emissivity=0.95, convection=9.0, crust_cover=0.9,
                crust_cover_decay=0.16, crust_temperature=773.15)
 
 
@@ -72,7 +72,7 @@ def test_fast_lava_loses_more_heat_through_its_cover(device):
 
 def test_rejects_a_partial_crust_with_a_full_one():
     with pytest.raises(LavaError, match=r'crust_cover.*0\.9.*0 with lava\.crust'):
-        Lava(crust=True, conductivity=2.0, crust_cover=0.9)
+        Lava.paper(crust=True, conductivity=2.0, crust_cover=0.9)
 
 
 def test_heat_loss_on_the_host_equals_that_of_a_column():

@@ -28,7 +28,7 @@ from solver import only
 
 CRUST = only('crust')
 
-CRUSTED = Lava(viscosity=1e15, emissivity=0.9, convection=50.0, conductivity=2.0, crust=True)
+CRUSTED = Lava.paper(viscosity=1e15, emissivity=0.9, convection=50.0, conductivity=2.0, crust=True)
 
 
 @pytest.mark.parametrize('losses', [{}, {'emissivity': 0.0}, {'convection': 0.0}], ids=str)

@@ -19,7 +19,7 @@ def scattered(effects, particles, device, precision, **lava):
     """Return a simulation of particles on a plane, of very viscous lava."""
     return simulated(
         incline(SLOPE, 40, 40, 10.0, origin=(-100.0, -100.0)),
-        Lava(viscosity=1e9, arrhenius=0.0, **lava), particles,
+        Lava.paper(viscosity=1e9, arrhenius=0.0, **lava), particles,
         effects=effects, device=device, precision=precision, spacing=9.0, thickness=1.0,
         longest_step=1e4,
     )
@@ -61,7 +61,7 @@ def test_flow_is_narrower_and_thicker(device):
     for strength in (0.0, 1e5):
         simulation = simulated(
             incline(0.15, 60, 90, 5.0, origin=(-60.0, -150.0)),
-            Lava(viscosity=1e4, arrhenius=0.0, crust_strength=strength),
+            Lava.paper(viscosity=1e4, arrhenius=0.0, crust_strength=strength),
             Vent((0.0, 0.0), 2.0, radius=8.0),
             effects=only(*['crust_strength'] * (strength > 0.0)), device=device, spacing=4.0,
             thickness=1.5,

@@ -16,7 +16,7 @@ from lava_ros.effects.laws import speed_function
 from lava_ros.scene import Lava
 from solver import only
 
-CRYSTALS = Lava(
+CRYSTALS = Lava.paper(
     viscosity=50.0, arrhenius=0.01, reference_temperature=1400.0, liquidus=1450.0, solidus=1250.0,
     crystal_law='maron-pierce', crystals=0.5,
 )

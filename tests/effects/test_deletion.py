@@ -21,7 +21,8 @@ from lava_ros.scene import Lava, Vent
 from solver import incline, only, simulated
 ground = incline(-0.2, 20, 20, 5.0, origin=(-50.0, -50.0))
 simulation = simulated(
-    ground, Lava(), Vent((0.0, 0.0), 2.0), effects=only(*sys.argv[1:]), spacing=3.0, thickness=1.0
+    ground, Lava.paper(), Vent((0.0, 0.0), 2.0), effects=only(*sys.argv[1:]), spacing=3.0,
+    thickness=1.0
 )
 simulation.advance(120.0)
 seen = simulation.snapshot()

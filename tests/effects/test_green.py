@@ -20,7 +20,8 @@ def test_columns_do_not_attract_each_other(device, precision, height, distance):
     """A neighbour with more weight than the particle itself would attract it."""
     places = 0.5 * distance * np.array([[-1.0, 0.0], [1.0, 0.0]])
     simulation = simulated(
-        flat(8), Lava(viscosity=1e6), Particles(places, height, 1400.0), effects=only('green'),
+        flat(8), Lava.paper(viscosity=1e6), Particles(places, height, 1400.0),
+        effects=only('green'),
         device=device, spacing=1.0, ratio=3.5, precision=precision,
     )
     sample = simulation.sample()

@@ -14,7 +14,7 @@ from solver import only
 
 GROUND = only('ground')
 
-GROUNDED = Lava(viscosity=1e15, emissivity=0.0, convection=0.0, ground_conductivity=2.0)
+GROUNDED = Lava.paper(viscosity=1e15, emissivity=0.0, convection=0.0, ground_conductivity=2.0)
 
 
 @precisions

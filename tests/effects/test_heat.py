@@ -43,7 +43,7 @@ def column(name, *, longest_step, precision='float64', device='cpu'):
     """Return a simulation of one column that does not move, in its middle on a plane."""
     effects, constants = BALANCES[name]
     slope = SLOPE if 'steep' in effects else 0.0
-    lava = Lava(**{
+    lava = Lava.paper(**{
         'viscosity': 1e15, 'arrhenius': 0.0, 'emissivity': 0.0, 'convection': 0.0, **constants
     })
     around = {'wind_speed': 0.5} if 'wind' in effects else {}
@@ -134,7 +134,7 @@ def test_lava_of_a_vent_is_emitted_at_the_end_of_a_step(device):
     vent = Vent((0.0, 0.0), ((0.0, 0.0), (opens, 1.0)), radius=2.0)
     simulation = simulated(
         incline(0.0, 10, 10, 10.0, origin=(-50.0, -50.0)),
-        Lava(viscosity=1e8, ground_conductivity=2.0), vent, effects=only('ground'),
+        Lava.paper(viscosity=1e8, ground_conductivity=2.0), vent, effects=only('ground'),
         device=device, spacing=5.0, thickness=2.0, longest_step=10.0,
     )
     simulation.advance(opens + 200.0)
@@ -146,13 +146,13 @@ def test_lava_of_a_vent_is_emitted_at_the_end_of_a_step(device):
 
 
 def test_column_of_a_scene_without_heat_keeps_its_temperature():
-    scene = Scene(Terrain(np.zeros((4, 4)), 10.0), lava=Lava())
+    scene = Scene(Terrain(np.zeros((4, 4)), 10.0), lava=Lava.paper())
     after = host_temperature(scene, only('steep'))
     assert after(temperature=HOT, age=0.0, step=1e6) == HOT
 
 
 def test_considered_effects_leave_out_those_forced_off():
-    scene = SimpleNamespace(lava=Lava(emissivity=0.9), wind_speed=0.0)
+    scene = SimpleNamespace(lava=Lava.paper(emissivity=0.9), wind_speed=0.0)
     assert {'cooling', 'arrhenius'} <= set(considered(scene))
     assert not {'cooling', 'arrhenius'} & set(
         considered(scene, {'cooling': False, 'arrhenius': False})

@@ -19,7 +19,7 @@ from lava_ros.verification.cases.confined import channel_velocity
 from lava_ros.verification.cases.sheets import response
 from solver import only, simulated
 
-LAVA = Lava(viscosity=1e4, arrhenius=0.0)
+LAVA = Lava.paper(viscosity=1e4, arrhenius=0.0)
 
 
 @pytest.mark.parametrize('radius', [0.6, 1.0, 3.5, 10.0])

@@ -193,7 +193,7 @@ def test_rejects_an_invalid_velocity():
 
 def test_rejects_inertia_with_the_published_formulas():
     with pytest.raises(LavaError, match='effects.inertia.*as-published'):
-        simulated(flat(80), Lava(), effects=INERTIAL, formulation='as-published')
+        simulated(flat(80), Lava.paper(), effects=INERTIAL, formulation='as-published')
 
 
 def test_step_is_limited_by_waves_or_viscosity():

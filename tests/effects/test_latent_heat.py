@@ -27,7 +27,7 @@ from solver import only
 
 LATENT = only('cooling', 'latent_heat')
 
-FREEZING = Lava(viscosity=1e15, emissivity=0.0, convection=50.0, latent_heat=3.5e5,
+FREEZING = Lava.paper(viscosity=1e15, emissivity=0.0, convection=50.0, latent_heat=3.5e5,
                 liquidus=1400.0, solidus=1250.0)
 
 

@@ -14,7 +14,7 @@ from lava_ros.simulation.step.effects import merging as merging
 from lava_ros.verification.cases import CASES, spreading
 from solver import incline, only, simulated
 
-LAVA = Lava(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0)
+LAVA = Lava.paper(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 MERGING = only('merging')
 

@@ -31,7 +31,7 @@ def test_power_law_of_exponent_one_is_the_simpler_law(device, precision, within,
 def test_level_lava_has_a_finite_step(device, index):
     """On a level surface lava of n > 1 has zero viscosity."""
     simulation = simulated(
-        flat(60), Lava(viscosity=1e4, flow_index=index, arrhenius=0.0),
+        flat(60), Lava.paper(viscosity=1e4, flow_index=index, arrhenius=0.0),
         Particles(lattice(15.5), 1.0, 1400.0), effects=only('steep', 'power_law'), device=device,
         spacing=1.0, thickness=1.0,
     )
@@ -48,7 +48,7 @@ def test_level_lava_has_a_finite_step(device, index):
 )
 def test_mobility_and_step_limit_follow_the_exact_flux(device, index, strength):
     thickness = 0.8
-    lava = Lava(viscosity=2e3, yield_strength=strength, flow_index=index)
+    lava = Lava.paper(viscosity=2e3, yield_strength=strength, flow_index=index)
     effects = only('power_law', *['yielding'] * (strength > 0.0))
     slopes = np.geomspace(0.002, 0.9, 60)
 

@@ -14,12 +14,14 @@ from lava_ros.simulation.output.covered_cells import WIDTH
 from solver import incline, only, simulated
 
 #: Lava that does not cool; particles below 1200 K solidify in the first step.
-LAVA = Lava(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0,
+LAVA = Lava.paper(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0,
             solidus=1200.0)
 
 #: Lava that cools by convection alone.
-COOLING = Lava(viscosity=2e4, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=2000.0,
-               solidus=1300.0)
+COOLING = Lava.paper(
+    viscosity=2e4, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=2000.0,
+    solidus=1300.0,
+)
 
 
 def hillside(rows=40, columns=60, cell=10.0):

@@ -22,7 +22,7 @@ CELL, EDGE = 25.0, 40
 def test_sheet_has_the_exact_speed_on_any_slope(device, angle, strength):
     """The factor cos^4 b is constant above the steepest layer."""
     slope = math.tan(math.radians(angle))
-    lava = Lava(viscosity=1e6, yield_strength=strength, arrhenius=0.0)
+    lava = Lava.paper(viscosity=1e6, yield_strength=strength, arrhenius=0.0)
     sample = simulated(
         incline(slope, 41, 41, 10.0, top=200.0 * slope, origin=(-205.0, -205.0)), lava,
         Particles(lattice(51.25, 2.5), 2.5**2, 1400.0), device=device,
@@ -58,7 +58,7 @@ def test_cliff_does_not_stop_lava(device, effects, cells, drops):
         height = -math.tan(math.radians(5.0)) * x
         height = height - np.clip((np.arange(160) - EDGE) / cells, 0.0, 1.0) * drop
         simulation = simulated(
-            Terrain(np.tile(height, (81, 1)), CELL), Lava(viscosity=5e3),
+            Terrain(np.tile(height, (81, 1)), CELL), Lava.paper(viscosity=5e3),
             Vent((20 * CELL, 40.5 * CELL), 20.0, radius=30.0), effects=effects, device=device,
             spacing=12.0,
         )

@@ -9,7 +9,7 @@ from effects.columns import viscosities
 from lava_ros.scene import Lava
 from solver import only
 
-MELT = Lava(viscosity=7.0, vft_a=-4.55, vft_b=5700.0, vft_c=600.0)
+MELT = Lava.paper(viscosity=7.0, vft_a=-4.55, vft_b=5700.0, vft_c=600.0)
 
 
 def test_viscosity_is_at_most_1e15_at_and_below_c(device):
@@ -20,7 +20,7 @@ def test_viscosity_is_at_most_1e15_at_and_below_c(device):
 
 
 def test_viscosity_is_constant_below_c_plus_1_kelvin():
-    lava = Lava(vft_a=1.0, vft_b=3.0, vft_c=900.0)
+    lava = Lava.paper(vft_a=1.0, vft_b=3.0, vft_c=900.0)
     temperatures = [900.0, 901.0, 903.0]
     found = viscosities(temperatures, only('vft'), lava=lava, precision='float64', device='cpu')
     assert found == pytest.approx([1e4, 1e4, 1e2], rel=1e-9)

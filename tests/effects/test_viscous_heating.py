@@ -14,7 +14,7 @@ from lava_ros.verification import exact
 from solver import flat, incline, lattice, only, simulated
 
 # a small heat capacity, so that the warming is measurable
-LAVA = Lava(viscosity=1e4, specific_heat=1.0, emissivity=0.0, convection=0.0)
+LAVA = Lava.paper(viscosity=1e4, specific_heat=1.0, emissivity=0.0, convection=0.0)
 
 
 def sheet(device='cpu', *lateral, slope=10.0, **knobs):

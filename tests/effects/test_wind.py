@@ -16,7 +16,7 @@ from lava_ros.simulation.selection import effects_for
 from lava_ros.verification.cases.case import plane
 from solver import only
 
-WINDY = Lava(viscosity=1e15, emissivity=0.0, convection=5.0)
+WINDY = Lava.paper(viscosity=1e15, emissivity=0.0, convection=5.0)
 
 
 def test_wind_cools_a_column(device):
@@ -34,7 +34,7 @@ def test_wind_cools_a_column(device):
 
 
 def test_wind_is_on_above_a_speed():
-    scene = Scene(Terrain(np.zeros((12, 12)), 2.0), (Vent((12.0, 12.0), 0.01),), Lava())
+    scene = Scene(Terrain(np.zeros((12, 12)), 2.0), (Vent((12.0, 12.0), 0.01),), Lava.paper())
     assert 'wind' not in effects_for(scene)
     assert 'wind' in effects_for(replace(scene, wind_speed=10.0))
 

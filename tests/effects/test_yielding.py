@@ -42,7 +42,7 @@ def test_velocity_follows_strength_at_the_mean_temperature(device, precision, wi
     simulation = scattered(YIELDING, yield_strength=1500.0, yield_rate=0.002, **options)
     sample = simulation.sample()
     slope = -newtonian.velocity / (WEIGHT * newtonian.thickness**2 / 3e4)[:, None]
-    reference = Lava().reference_temperature
+    reference = Lava.paper().reference_temperature
     mean = mean_temperatures(sample, simulation.radius)
     strength = 1500.0 * np.exp(0.002 * (reference - mean))
     b = strength / (WEIGHT * sample.thickness * np.hypot(*slope.T))
@@ -85,7 +85,7 @@ def test_yielding_velocity_on_a_slope_has_two_components(degrees, strength):
 def test_slump_of_a_dome_does_not_depend_on_the_step(device):
     strength, density, count = 1e4, 2600.0, 800
     solution = exact.BinghamDome(1.5e5, strength, density, 9.81)
-    lava = Lava(density=density, viscosity=1e4, yield_strength=strength, arrhenius=0.0)
+    lava = Lava.paper(density=density, viscosity=1e4, yield_strength=strength, arrhenius=0.0)
     dome = Particles(solution.particles(count, 70.0), 1.5e5 / count, 1400.0)
     spacing = solution.radius * math.sqrt(math.pi / count)
     radii = []
@@ -105,7 +105,7 @@ def test_slump_of_a_dome_does_not_depend_on_the_step(device):
 
 def test_yield_strength_does_not_shorten_the_step(device):
     """The bound of Bingham lava is (rho g h^2 / 3 mu)(1 - B^3)."""
-    lava = Lava(viscosity=2e3, yield_strength=800.0)
+    lava = Lava.paper(viscosity=2e3, yield_strength=800.0)
     slopes = np.geomspace(0.002, 0.9, 60)
     b = 800.0 / (WEIGHT * 0.8 * slopes)
     bound = responses(YIELDING, lava, slopes, 0.8, device)[:, 1]

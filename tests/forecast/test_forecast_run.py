@@ -31,7 +31,7 @@ def flowing(device, effects):
     """Return a simulation in the middle of an eruption whose discharge varies."""
     vent = Vent((60.0, 100.0), ((0.0, 30.0), (200.0, 8.0), (300.0, 60.0)), radius=12.0)
     accuracy = Accuracy(spacing=5.0, thickness=0.7, deterministic=True)
-    lava = Lava(viscosity=3e3, solidus=1300.0 if effects.solidification else 0.0)
+    lava = Lava.paper(viscosity=3e3, solidus=1300.0 if effects.solidification else 0.0)
     simulation = Simulation(
         Scene(hill(), (vent,), lava), effects=effects, accuracy=accuracy, device=device
     )

@@ -25,7 +25,7 @@ from lava_ros.simulation.output.checkpoint import Checkpoint
 SCENE = Scene(
     Terrain(np.tile(500.0 - 2.0 * np.arange(30), (20, 1)), 10.0),
     (Vent((55.0, 100.0), 20.0, radius=15.0),),
-    Lava(viscosity=1e4),
+    Lava.paper(viscosity=1e4),
     uncertainty=uncertainty_from_dict(
         {'discharge': {'distribution': 'loguniform', 'low': 0.2, 'high': 5.0}}
     ),

@@ -32,7 +32,7 @@ SCENE = Scene(
         Vent((240.0, 100.0), ((0.0, 10.0), (600.0, 4.0)), radius=30.0),
         Vent((200.0, 60.0), 2.0, end=(300.0, 60.0), temperature=1400.0),
     ),
-    Lava(viscosity=5e3, yield_strength=100.0),
+    Lava.paper(viscosity=5e3, yield_strength=100.0),
     uncertainty=uncertainty_from_dict({
         'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
         'terrain': {'deviation': 1.0, 'correlation': 60.0},
@@ -89,7 +89,7 @@ def test_discharge_is_scaled_to_the_duration_and_volume() -> None:
 
 
 def test_viscosity_factor_applies_to_the_vft_law() -> None:
-    lava = Lava(vft_b=5000.0, vft_c=600.0)
+    lava = Lava.paper(vft_b=5000.0, vft_c=600.0)
     scene = member_scene(replace(SCENE, lava=lava, uncertainty=uncertainty_from_dict({})), DRAWN)
     for temperature in (1200.0, 1423.0):
         ratio = scene.lava.viscosity_at(temperature) / lava.viscosity_at(temperature)

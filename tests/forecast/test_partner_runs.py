@@ -25,7 +25,7 @@ X, Y = np.meshgrid(np.arange(60) * 5.0, np.arange(40) * 5.0)
 BUMPY = Scene(
     Terrain(0.1 * X + 0.8 * np.sin(X / 6.0) * np.sin(Y / 7.0), 5.0),
     (Vent((230.3, 100.2), 5.0),),
-    lava=Lava(viscosity=1000.0),
+    lava=Lava.paper(viscosity=1000.0),
 )
 SMOOTH = replace(BUMPY, terrain=Terrain(0.1 * X, 5.0))
 ACCURACY = Accuracy(spacing=4.0, thickness=1.0)

@@ -16,7 +16,8 @@ from lava_ros.simulation.numerical_error import Areas
 from lava_ros.simulation.resolution import resolution_of
 
 SCENE = Scene(
-    Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), lava=Lava(viscosity=1e6)
+    Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),),
+    lava=Lava.paper(viscosity=1e6)
 )
 
 

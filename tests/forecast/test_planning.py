@@ -28,7 +28,7 @@ from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
 X, Y = np.meshgrid(np.arange(60) * 10.0, np.arange(40) * 10.0)
 SCENE = Scene(
     Terrain(3.0 * np.sin(X / 48.0) * np.cos(Y / 48.0), 10.0), (Vent((200.0, 200.0), 20.0),),
-    lava=Lava(viscosity=1e6),
+    lava=Lava.paper(viscosity=1e6),
 )
 
 #: Error -ln J of the inundated area at a refinement of 1 by the particles, and the ground's part.

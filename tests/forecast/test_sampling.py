@@ -139,7 +139,7 @@ def test_refuses_unusable_draws() -> None:
     with pytest.raises(LavaError, match='seed'):
         draw_members(SCENE, 4, seed=-1)
     with pytest.raises(LavaError, match=r'scene\.uncertainty'):
-        draw_members(Scene(TERRAIN, (VENT,), lava=Lava()), 4)
+        draw_members(Scene(TERRAIN, (VENT,), lava=Lava.paper()), 4)
     # a wrong shape, negative or infinite values, and values only off the terrain
     nowhere = np.zeros((4, 5))
     nowhere[0, 0] = 1.0

@@ -121,7 +121,7 @@ def materials(draw: Any) -> Lava:
     if not values['crust']:
         values['crust_cover'] = draw(st.sampled_from((0.0, 0.5, 1.0)))
         values['crust_cover_decay'] = draw(st.sampled_from((0.0, 0.16)))
-    return Lava(**values)
+    return Lava.paper(**values)
 
 
 @st.composite
@@ -174,7 +174,7 @@ def extreme_scenes(draw: Any) -> tuple[Scene, Accuracy, float]:
         Vent((draw(inside), draw(inside)), rates(), radius=draw(radii))
         for _ in range(draw(st.sampled_from((1, 2, 20))))
     )
-    lava = Lava(
+    lava = Lava.paper(
         viscosity=draw(powers(1e-3, 1e15)), density=draw(powers(10.0, 1e5)), arrhenius=0.0,
         yield_strength=draw(st.sampled_from((0.0, 1e3, 1e7))),
     )

@@ -51,11 +51,11 @@ def frames(simulation: Simulation, watch: Watch, until: float, count: int = 6) -
 
 def test_refuses_a_horizon_that_is_not_a_number() -> None:
     with pytest.raises(LavaError, match='^horizon'):
-        decide(Scene(GROUND, lava=Lava()), horizon=math.nan)
+        decide(Scene(GROUND, lava=Lava.paper()), horizon=math.nan)
 
 
 def test_refuses_lava_jammed_with_crystals_at_the_vent() -> None:
-    stiff = Lava(
+    stiff = Lava.paper(
         viscosity=2e6, arrhenius=0.04, solidus=816.0, crystals=0.9, crystal_law='einstein-roscoe'
     )
     with pytest.raises(LavaError, match=r'vents\[0\].temperature is 900.*viscosity') as caught:
@@ -65,11 +65,13 @@ def test_refuses_lava_jammed_with_crystals_at_the_vent() -> None:
 
 
 @pytest.mark.parametrize('scene', [
-    Scene(GROUND, (), Lava(reference_temperature=288.15), 288.15),
-    Scene(GROUND, (), Lava(reference_temperature=200.0)),
-    Scene(GROUND, (), Lava(reference_temperature=1100.0, solidus=1100.0)),
-    Scene(GROUND, [Vent(MIDDLE, 1.0, 2000.0)], Lava(arrhenius=1.0, reference_temperature=1.0)),
-    Scene(GROUND, [Vent(MIDDLE, 1e-309)], lava=Lava()),
+    Scene(GROUND, (), Lava.paper(reference_temperature=288.15), 288.15),
+    Scene(GROUND, (), Lava.paper(reference_temperature=200.0)),
+    Scene(GROUND, (), Lava.paper(reference_temperature=1100.0, solidus=1100.0)),
+    Scene(
+        GROUND, [Vent(MIDDLE, 1.0, 2000.0)], Lava.paper(arrhenius=1.0, reference_temperature=1.0)
+    ),
+    Scene(GROUND, [Vent(MIDDLE, 1e-309)], lava=Lava.paper()),
 ], ids=['as cold as air', 'colder than air', 'at the solidus', 'no viscosity', 'no thickness'])
 def test_effects_are_chosen_for_cold_and_thin_lava(scene: Scene) -> None:
     assert all(item.reason for item in decide(scene))
@@ -114,7 +116,7 @@ def test_signalling_nan_is_refused_without_a_warning(recwarn: pytest.WarningsRec
 def test_speed_and_lava_behind_may_warm_a_particle(
     vent: Vent, viscosity: float, more: str, until: float, spacing: float
 ) -> None:
-    lava = Lava(viscosity=viscosity, specific_heat=600.0)
+    lava = Lava.paper(viscosity=viscosity, specific_heat=600.0)
     simulation, watch = flow(
         np.zeros((40, 40)), lava, vent, on=f'steep viscous_heating {more}', spacing=spacing
     )
@@ -131,7 +133,8 @@ def test_replaced_vents_determine_the_step() -> None:
     # without lava there are no steps
     other = Vent((18.0, 18.0), 100.0)
     simulation, _ = flow(
-        np.zeros((24, 24)), Lava(viscosity=1e6), slow, other, on='steep inertia', spacing=1.0,
+        np.zeros((24, 24)), Lava.paper(viscosity=1e6), slow, other, on='steep inertia',
+        spacing=1.0,
         ratio=3.5,
     )
     simulation.advance(0.5)
@@ -149,7 +152,8 @@ def test_heat_of_drag_that_does_not_change_the_speed_is_finite() -> None:
     rough = Terrain(np.array([[0.001257302, -0.0013210486], [0.006404227, 0.001049001]]), 1.0)
     discharge = ((0.0, 744.3195958314132), (1.0, 0.0), (5.0, 1488.6391916628263), (1000.0, 0.0))
     simulation, watch = flow(
-        np.zeros((2, 2)), Lava(viscosity=1.0, density=1000.0, specific_heat=600.0, arrhenius=0.04),
+        np.zeros((2, 2)),
+        Lava.paper(viscosity=1.0, density=1000.0, specific_heat=600.0, arrhenius=0.04),
         Vent((0.5, 0.5), discharge, 1459.0, radius=1.0), on='arrhenius inertia viscous_heating',
         refinement=0.5, ratio=3.5, ambient_temperature=200.0,
     )
@@ -162,7 +166,7 @@ def test_heat_of_drag_that_does_not_change_the_speed_is_finite() -> None:
 def test_cost_of_lava_that_flows_only_within_a_frame() -> None:
     simulation, watch = flow(
         np.add.outer(0.5 * np.arange(20.0), np.zeros(20)),
-        Lava(viscosity=14.0, yield_strength=1e5, flow_index=0.5),
+        Lava.paper(viscosity=14.0, yield_strength=1e5, flow_index=0.5),
         Vent((10.0, 10.0), ((0.0, 100.0), (0.25, 0.0)), radius=1.0),
         on='steep yielding power_law', spacing=1.0,
     )
@@ -176,7 +180,9 @@ def test_head_does_not_count_a_vent_that_opens_later() -> None:
     low, high = Vent((10.0, 10.0), 20.0, radius=1.0), Vent((10.0, 35.0), ((100.0, 20.0),))
     slope, heads = np.add.outer(3.0 * np.arange(40.0), np.zeros(20)), []
     for vents in ((low,), (low, high)):
-        simulation, watch = flow(slope, Lava(viscosity=1.0), *vents, spacing=1.0, thickness=1.0)
+        simulation, watch = flow(
+            slope, Lava.paper(viscosity=1.0), *vents, spacing=1.0, thickness=1.0
+        )
         simulation.advance(0.5)
         watch.check()
         heads.append((simulation.sample().velocity ** 2).sum(axis=1).max(initial=0.0) / 19.62)
@@ -189,7 +195,7 @@ def test_head_does_not_count_a_vent_that_opens_later() -> None:
 
 def test_cost_of_lava_that_leaves_within_a_frame() -> None:
     simulation, watch = flow(
-        [[0.0, 0.0], [0.1, 0.1]], Lava(viscosity=10.0), Vent((1.0, 1.0), 1.0, radius=0.1),
+        [[0.0, 0.0], [0.1, 0.1]], Lava.paper(viscosity=10.0), Vent((1.0, 1.0), 1.0, radius=0.1),
         spacing=1.0, thickness=20.0,
     )
     simulation.advance(50.0)
@@ -202,7 +208,9 @@ def test_head_counts_a_vent_whose_lava_has_left() -> None:
     high = Vent((10.0, 35.0), ((0.0, 20.0), (1.0, 0.0)), radius=1.0)
     low = Vent((10.0, 10.0), ((100.0, 20.0),), radius=1.0)
     slope = np.add.outer(3.0 * np.arange(40.0), np.zeros(20))
-    simulation, watch = flow(slope, Lava(viscosity=1.0), high, low, spacing=1.0, thickness=1.0)
+    simulation, watch = flow(
+        slope, Lava.paper(viscosity=1.0), high, low, spacing=1.0, thickness=1.0
+    )
     simulation.advance(100.0)
     assert not len(simulation.sample().volume)
     watch.check()
@@ -217,7 +225,7 @@ def test_jet_climbs_by_its_velocity_head(steep: str) -> None:
     heights = [*[0.0] * 6, 60.0, 120.0, 180.0, 240.0]
     jet = Vent((60.0, 30.0), ((0.0, 2000.0), (1.0, 0.0)), radius=5.0, velocity=(0.0, 40.0))
     simulation, watch = flow(
-        np.repeat(np.array(heights)[:, None], 6, 1), Lava(viscosity=100.0), jet, cell=20.0,
+        np.repeat(np.array(heights)[:, None], 6, 1), Lava.paper(viscosity=100.0), jet, cell=20.0,
         on=f'inertia {steep}', spacing=10.0, ratio=3.5,
     )
     assert len(list(frames(simulation, watch, 6.0, 3))) == 3
@@ -228,7 +236,8 @@ def test_jet_climbs_by_its_velocity_head(steep: str) -> None:
 def test_greens_function_may_raise_stiff_lava_next_to_runny_lava() -> None:
     columns = Particles([[3.5, 4.0], [4.5, 4.0]], [100.0, 20.0], [1300.0, 1100.0])
     simulation, watch = flow(
-        np.zeros((8, 8)), Lava(viscosity=1e6, arrhenius=0.04), columns, on='steep arrhenius green',
+        np.zeros((8, 8)), Lava.paper(viscosity=1e6, arrhenius=0.04), columns,
+        on='steep arrhenius green',
         spacing=1.0, ratio=3.5,
     )
     before = simulation.sample().thickness.sum()
@@ -243,7 +252,8 @@ def test_vent_next_to_a_spike_emits_on_the_spline() -> None:
     elevation[2, 25] = 235.0
     vent = Vent((26.5 * 2.4, 0.999 * 2.4), discharge=1.6, temperature=900.0, radius=2.4)
     simulation, watch = flow(
-        elevation, Lava(viscosity=1.0), vent, cell=2.4, on='', spacing=1.2, deterministic=True,
+        elevation, Lava.paper(viscosity=1.0), vent, cell=2.4, on='', spacing=1.2,
+        deterministic=True,
         precision='float64',
     )
     assert len(list(frames(simulation, watch, 20.0, 20))) == 20
@@ -252,7 +262,7 @@ def test_vent_next_to_a_spike_emits_on_the_spline() -> None:
 
 def test_crust_without_conductivity_insulates() -> None:
     simulation = simulated(
-        incline(0.05, 24, 39, 2.0), Lava(conductivity=0.0), Vent((30.0, 24.0), 20.0, 1400.0),
+        incline(0.05, 24, 39, 2.0), Lava.paper(conductivity=0.0), Vent((30.0, 24.0), 20.0, 1400.0),
         effects=Effects(crust=True, ground=True, conduction=True), spacing=2.0, deterministic=True,
     )
     simulation.advance(20.0)

@@ -205,7 +205,7 @@ def test_extreme_scenes_are_decided_or_refused(
     middle = (resolution, resolution)
     try:
         vents = [] if temperature is None else [Vent(middle, discharge, temperature)]
-        scene = Scene(ground, vents, Lava(**lava), ambient, gravity)
+        scene = Scene(ground, vents, Lava.paper(**lava), ambient, gravity)
         decisions = decide(scene, accuracy=preset_accuracy(preset), horizon=horizon)
     except LavaError as error:
         assert error.field
@@ -225,7 +225,7 @@ def test_yaml_of_any_shape_is_read_or_refused(data):
         lambda: layers_from_dict({'layers': data}),
         lambda: layers_from_dict({'layers': {'a': data}}),
         lambda: accuracy_from_dict(data),
-        lambda: decide(Scene(GROUND, lava=Lava()), data),
+        lambda: decide(Scene(GROUND, lava=Lava.paper()), data),
     ):
         try:
             read()
@@ -236,7 +236,7 @@ def test_yaml_of_any_shape_is_read_or_refused(data):
 PARAMETERS = {
     item.name: item
     for item in parameters.PARAMETERS
-    + parameters.constant_parameters({**constants_of(None), 'lava': Lava()})
+    + parameters.constant_parameters({**constants_of(None), 'lava': Lava.paper()})
 }
 
 
@@ -268,4 +268,4 @@ def test_parameters_within_their_limits_are_accepted_or_refused(data):
             assert error.field
         else:
             lava = found.constants['lava']
-            assert lava == Lava(**asdict(lava))
+            assert lava == Lava.paper(**asdict(lava))

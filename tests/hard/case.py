@@ -35,7 +35,7 @@ PHYSICS['heating_inertia'] = replace(PHYSICS['heating'], inertia=True)
 CELL, SIDE = 5.0, 32
 
 #: Lava that keeps its temperature, for scenes that do not test cooling.
-STEADY = Lava(viscosity=1e3, emissivity=0.0, convection=0.0)
+STEADY = Lava.paper(viscosity=1e3, emissivity=0.0, convection=0.0)
 
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

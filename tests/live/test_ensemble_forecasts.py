@@ -17,7 +17,7 @@ from lava_ros.live.session import Fork
 from lava_ros.maps.forecast import HazardMaps, QUANTILES
 from lava_ros.scene import Lava, Scene, Terrain
 
-SCENE = Scene(Terrain(np.zeros((4, 5)), 10.0), lava=Lava())
+SCENE = Scene(Terrain(np.zeros((4, 5)), 10.0), lava=Lava.paper())
 
 RULES = ForecastRules(horizon=60.0, threshold=0.01, max_age=30.0, share=1.0, max_particles=1000)
 

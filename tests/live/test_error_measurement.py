@@ -28,7 +28,7 @@ def scene():
     """Return a bumpy slope with a vent at its top."""
     x, y = np.meshgrid(np.arange(40) * 5.0, np.arange(30) * 5.0)
     ground = Terrain(0.1 * x + np.sin(x / 9.0) * np.sin(y / 8.0), 5.0)
-    return Scene(ground, (Vent((150.0, 75.0), 20.0, radius=8.0),), Lava(viscosity=1e4))
+    return Scene(ground, (Vent((150.0, 75.0), 20.0, radius=8.0),), Lava.paper(viscosity=1e4))
 
 
 def simulation_of(scene):

@@ -48,7 +48,7 @@ def scene(discharge=20.0):
     """Return a slope towards +x with a vent at its top."""
     ground = np.tile(500.0 - 2.0 * np.arange(30), (20, 1))
     vent = Vent((55.0, 100.0), discharge, radius=15.0)
-    return Scene(Terrain(ground, 10.0), (vent,), Lava(viscosity=1e4))
+    return Scene(Terrain(ground, 10.0), (vent,), Lava.paper(viscosity=1e4))
 
 
 def simulation_of(scene):

@@ -57,7 +57,8 @@ def in_a_thread(action):
 
 @pytest.fixture(scope='module')
 def simulation():
-    scene = Scene(Terrain(np.zeros((20, 20)), 10.0), (Vent((100.0, 100.0), 5.0),), lava=Lava())
+    ground = Terrain(np.zeros((20, 20)), 10.0)
+    scene = Scene(ground, (Vent((100.0, 100.0), 5.0),), lava=Lava.paper())
     return Simulation(scene, accuracy=Accuracy(spacing=10.0), device='cpu')
 
 

@@ -75,7 +75,7 @@ def test_reset_makes_a_new_simulation_at_time_0(bench):
     bench.start()
     bench.go_on()
     bench.run(bench.worker.pause(True))
-    bench.run(bench.worker.set_constants({'lava': Lava(viscosity=7.0)}))
+    bench.run(bench.worker.set_constants({'lava': Lava.paper(viscosity=7.0)}))
     bench.run(bench.worker.reset())
     assert len(bench.made) == 2
     assert bench.simulation.scene.vents == (VENT,)
@@ -218,7 +218,7 @@ def test_slow_drift_outdates_forecasts(bench):
 def test_origin_and_schedule_are_kept_until_a_reset(bench):
     assert bench.worker.session.origin is None
     earlier = replace(VENT, discharge=((0.0, 7.0), (2.0, 9.0)))
-    scene, origin = Scene(TERRAIN, (VENT,), lava=Lava()), Origin('bags/first', 120.0, 7)
+    scene, origin = Scene(TERRAIN, (VENT,), lava=Lava.paper()), Origin('bags/first', 120.0, 7)
     bench.run(bench.worker.pause(True))
     bench.run(bench.worker.resume_with(lambda: bench.make(scene), scene, origin, (earlier,)))
     assert bench.worker.session.origin == origin
@@ -241,7 +241,7 @@ def test_origin_and_schedule_are_kept_until_a_reset(bench):
     indirect=['bench'],
 )
 def test_resumed_simulation_catches_up_before_it_is_shown(bench, reached, expected):
-    scene = Scene(TERRAIN, (VENT,), lava=Lava())
+    scene = Scene(TERRAIN, (VENT,), lava=Lava.paper())
 
     def resume():
         simulation = bench.make(scene)
@@ -268,7 +268,7 @@ def test_resumed_simulation_catches_up_before_it_is_shown(bench, reached, expect
 )
 @pytest.mark.parametrize('bench', [{'time_scale': 2.0, 'speed': 1000.0}], indirect=True)
 def test_resumed_simulation_catches_up_with_the_clock(bench, published, expected):
-    scene, worker = Scene(TERRAIN, (VENT,), lava=Lava()), bench.worker
+    scene, worker = Scene(TERRAIN, (VENT,), lava=Lava.paper()), bench.worker
 
     def resume():
         simulation = bench.make(scene)
@@ -293,7 +293,7 @@ def test_resumed_simulation_catches_up_with_the_clock(bench, published, expected
 
 @pytest.mark.parametrize('bench', [{'speed': 1000.0}], indirect=True)
 def test_simulation_that_catches_up_says_so(bench):
-    scene, worker = Scene(TERRAIN, (VENT,), lava=Lava()), bench.worker
+    scene, worker = Scene(TERRAIN, (VENT,), lava=Lava.paper()), bench.worker
     made = bench.make(scene)
     made.speed = 1e-3
     bench.run(worker.pause(True))
@@ -373,7 +373,7 @@ def test_effects_can_be_forced_during_a_run(bench):
 def _scene(slope=0.5, **material):
     x = 10.0 * np.arange(30)
     terrain = Terrain(np.tile(500.0 - slope * x, (20, 1)), 10.0)
-    return Scene(terrain, (Vent((50.0, 100.0), 20.0),), Lava(**material))
+    return Scene(terrain, (Vent((50.0, 100.0), 20.0),), Lava.paper(**material))
 
 
 def test_every_effect_has_a_reason():
@@ -405,7 +405,8 @@ def test_every_effect_has_a_reason():
 def test_frames_continue_while_effects_change():
     x = 10.0 * np.arange(40)
     scene = Scene(
-        Terrain(np.tile(300.0 - 0.3 * x, (30, 1)), 10.0), (Vent((60.0, 150.0), 20.0),), lava=Lava()
+        Terrain(np.tile(300.0 - 0.3 * x, (30, 1)), 10.0), (Vent((60.0, 150.0), 20.0),),
+        lava=Lava.paper()
     )
     frames = []
     worker = SimulationWorker(

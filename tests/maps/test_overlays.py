@@ -154,6 +154,36 @@ def test_names_avoid_each_other_and_the_edge(page):
     assert all(box.x1 <= axes.get_window_extent().x1 for box in boxes)
 
 
+@pytest.mark.parametrize('source', ['thickness', 'arrival'])
+def test_no_text_of_a_map_overprints_another(source, page):
+    rng = np.random.default_rng(2)
+    places = rng.uniform((1600.0, 1100.0), (2300.0, 1800.0), (14, 2))
+    places[:3] = [(1800.0, 1505.0), (1805.0, 1510.0), (1795.0, 1513.0)]
+    villages = [feature('Point', [place], f'village {i}') for i, place in enumerate(places)]
+    axes, _ = page(source, overlays={'villages': villages})
+    axes.figure.canvas.draw()
+    shown = [item for item in axes.texts if item.get_text()]
+    boxes = {item: item.get_window_extent() for item in shown}
+    clashes = [
+        (one.get_text(), other.get_text())
+        for index, one in enumerate(shown) for other in shown[:index]
+        if boxes[one].overlaps(boxes[other])
+    ]
+    assert not clashes
+    names = [item.get_text() for item in shown]
+    assert sum(name.startswith('village') for name in names) == 14
+    # names close together have lines to their points
+    assert sum(item.arrow_patch is not None for item in axes.texts if not item.get_text()) >= 1
+
+
+def test_names_without_room_are_left_out_and_logged(page, caplog):
+    places = [feature('Point', [(1900.0, 1500.0)], f'place {i}') for i in range(60)]
+    _, texts = page(overlays={'places': places})
+    shown = [text for text in texts if text.startswith('place ')]
+    assert 8 <= len(shown) < 60
+    assert 'names that would hide others are not on the map: place ' in caplog.text
+
+
 def test_each_file_has_its_own_style(page):
     styles = [OverlayStyle.of(number) for number in range(25)]
     assert len({(style.colour, style.marker, str(style.line)) for style in styles}) == 25

@@ -19,7 +19,7 @@ from lava_ros.maps.colours import scale_of
 from lava_ros.maps.frames import Frame, LayerFrame
 from lava_ros.maps.layers import IMAGE, Layer
 from lava_ros.maps.numbers import percent, seconds
-from lava_ros.maps.plot import barriers_of, duration
+from lava_ros.maps.plot import barriers_of, duration, shaded_ground
 from lava_ros.maps.sheet import draw_sheet, Panel
 
 
@@ -49,6 +49,23 @@ def frame():
         layers[source] = LayerFrame(Layer(source, source, source, IMAGE), values, False)
     vents, scene = np.array([[430.0, 480.0]]), {'terrain': {'epsg': 32633}}
     return Frame(elevation, 10.0, (0.0, 0.0), layers, vents, 5400.0, scene)
+
+
+def test_arrival_times_differ_in_grey():
+    scale = scale_of('arrival', np.array([0.0, 36_000.0]))
+    red, green, blue, _ = scale.colours(np.linspace(0.0, 1.0, 12)).T
+    grey = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2
+    # the lightness of CIE 1976, of which one can see a difference of 2
+    assert np.diff(116.0 * np.cbrt(grey) - 16.0).min() > 3.0
+
+
+def test_sea_is_blue_and_shaded(frame):
+    sea = replace(frame, scene={'terrain': {'sea_level': 40.0}})
+    ground, coast = shaded_ground(frame), shaded_ground(sea)
+    is_sea = frame.elevation <= 40.0
+    assert 500 < is_sea.sum() < is_sea.size
+    assert (coast[is_sea][:, 2] > 1.2 * coast[is_sea][:, 0]).all()
+    np.testing.assert_array_equal(coast[~is_sea], ground[~is_sea])
 
 
 def test_barriers_are_drawn_in_map_coordinates(frame, tmp_path):

@@ -316,7 +316,8 @@ def test_foxglove_plots_numbers_of_the_diagnostics(foxglove):
 
 def write_run(directory):
     """Write a bag as `lava run` does; return it."""
-    snapshot, scene = snapshot_at(600.0, growing(600.0), TERRAIN), Scene(TERRAIN, (VENT,), Lava())
+    scene = Scene(TERRAIN, (VENT,), Lava.paper())
+    snapshot = snapshot_at(600.0, growing(600.0), TERRAIN)
     with RunBag(directory, scene, {}) as bag:
         bag.put_snapshot(scene, snapshot, {})
     return directory

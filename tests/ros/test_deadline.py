@@ -19,7 +19,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.numerical_error import AreaError, NumericalError
 from lava_ros.simulation.presets import preset_accuracy
 
-SCENE = Scene(Terrain(np.zeros((10, 10)), 10.0), (Vent((50.0, 50.0), 5.0),), lava=Lava())
+SCENE = Scene(Terrain(np.zeros((10, 10)), 10.0), (Vent((50.0, 50.0), 5.0),), lava=Lava.paper())
 
 ERROR = NumericalError(AreaError(0.02, 0.01), AreaError(0.01, 0.0), 25.0, 10.0, 600.0)
 

@@ -164,7 +164,8 @@ def test_simulation_values_are_those_of_the_frame():
         'inundation_threshold_m': '0.1',
         'standing_area_m2': '1.0', 'volume_emitted_m3': '10.0', 'volume_held_m3': '10.0',
         'volume_pending_m3': '0.5', 'volume_late_m3': '0.0', 'volume_left_m3': '0.0',
-        'volume_frozen_m3': '0.0', 'volume_in_holes_m3': '0.0', 'volume_thin_m3': '0.0',
+        'volume_frozen_m3': '0.0', 'volume_in_holes_m3': '0.0', 'volume_in_sea_m3': '0.0',
+        'volume_thin_m3': '0.0',
         'volume_error': '0.000e+00',
         'steps': '40', 'step_s': '0.25', 'step_limit': 'advection', 'step_stages': '1',
         'highest_temperature_c': '-273.15',
@@ -320,7 +321,7 @@ GROUND = Terrain(np.zeros((4, 5)), 10.0)
 
 
 def _view(time, changes, *vents):
-    return SessionView(time=time, scene=Scene(GROUND, vents, lava=Lava()), changes=changes)
+    return SessionView(time=time, scene=Scene(GROUND, vents, lava=Lava.paper()), changes=changes)
 
 
 @pytest.mark.parametrize(('time', 'rate'), [

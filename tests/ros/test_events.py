@@ -33,7 +33,7 @@ WALL = Barrier(
 FLOW = EmplacedFlow(np.full((6, 4), 2.0), 2.5, (15.0, 30.0), 1360.0, 'old.tif')
 
 SCENE = Scene(
-    GROUND, (Vent((20.0, 40.0), 2.0, 1360.0, radius=5.0),), Lava(viscosity=1e4),
+    GROUND, (Vent((20.0, 40.0), 2.0, 1360.0, radius=5.0),), Lava.paper(viscosity=1e4),
     emplaced_flows=(FLOW,),
     events=(
         TerrainEvent(4.0, 'dug', replace(GROUND, elevation=GROUND.elevation + 0.5)),

@@ -114,6 +114,10 @@ def test_terrain_does_not_depend_on_the_layout_of_the_buffer(start, row_major, o
     np.testing.assert_array_equal(terrain.elevation, TERRAIN.elevation)
     assert (terrain.origin, terrain.resolution) == (TERRAIN.origin, TERRAIN.resolution)
     assert (terrain.epsg, terrain.offset) == (32633, (5e5, 4e6))
+    assert terrain.sea_level is None
+    level = float(np.median(TERRAIN.elevation))
+    terrain = inputs.terrain_from_grid(message, Settings(sea_level=level))
+    np.testing.assert_array_equal(terrain.is_sea, TERRAIN.elevation <= level)
 
 
 def spoilt(**changes):

@@ -291,7 +291,7 @@ SPRINGS = {'vents', 'vents_markers'}
     ],
 )
 def test_scene_messages_are_only_those_that_changed(change, time, expected):
-    scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages()
+    scene, messages = Scene(HILL, VENTS, lava=Lava.paper()), SceneMessages()
     assert set(messages.update(scene, 10.0, codec.header('map', 1))) == GROUND | SPRINGS
     changed = messages.update(replace(scene, **change), time, codec.header('map', 2))
     assert set(changed) == expected
@@ -302,7 +302,7 @@ def test_scene_messages_are_only_those_that_changed(change, time, expected):
 
 
 def test_scene_messages_have_the_terrain_of_the_flow():
-    scene, messages = Scene(HILL, VENTS, lava=Lava()), SceneMessages()
+    scene, messages = Scene(HILL, VENTS, lava=Lava.paper()), SceneMessages()
     old = Terrain(np.zeros((4, 5)), 10.0)
     shown = messages.update(scene, 10.0, codec.header('map', 1), ground=old)
     assert (shown['terrain'].height, shown['relief'].info.width) == (4, 5)

@@ -27,7 +27,7 @@ def _values(**changes):
 
 def test_defaults_are_those_of_settings_and_material():
     assert parameters.settings_from(_values()) == parameters.Settings()
-    values = parameters.constant_values({**constants_of(None), 'lava': Lava(density=2000.0)})
+    values = parameters.constant_values({**constants_of(None), 'lava': Lava.paper(density=2000.0)})
     assert values['lava.density'] == 2000.0
 
 

@@ -8,6 +8,7 @@ import re
 
 import numpy as np
 import pytest
+import yaml
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder, image_array
@@ -17,7 +18,7 @@ from lava_ros.ros.forecast_topics import load_places
 from ros.graph_publisher import elevation
 
 SCENE = """
-terrain: {file: slope.npz}
+terrain: {file: slope.npz, sea_level: -50}
 vents: [{position: [60.0, 155.0], discharge: 20.0, radius: 12.0}]
 lava: {viscosity: 1.0e4}
 onset: 2026-11-27T05:30:00Z
@@ -84,6 +85,9 @@ def test_arrivals_are_those_of_the_maps(local, folder):
     assert status['post 394'].startswith('no lava yet, and no forecast; the front is ')
     assert node.change('shutdown')
     bag = BagReader(folder / 'recorded')
+    # terrain from topics would have the sea of the scene file
+    parameters = yaml.safe_load(bag.custom_data['parameters'])
+    assert parameters['sea_level'] == -50.0
     # the date of the scene file, without the parameter onset
     assert bag.custom_data['onset'] == '2026-11-27T05:30:00Z'
     arrived = dict(read(bag, '/arrived', lambda image: image_array(image, 'arrived').copy()))

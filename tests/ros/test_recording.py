@@ -33,7 +33,7 @@ class FrameRecording:
 
     def __init__(self, directory, terrain=TERRAIN):
         self.directory = directory
-        self.scene = Scene(terrain, (Vent((25.0, 15.0), 2.0),), lava=Lava())
+        self.scene = Scene(terrain, (Vent((25.0, 15.0), 2.0),), lava=Lava.paper())
         self.schedule = self.scene.vents
         node = SimpleNamespace(
             resolve_topic_name='/{}'.format, get_namespace=lambda: '/',
@@ -69,7 +69,7 @@ def test_bag_has_each_change_of_effects(frames):
     frames.write(3.0, FAST)
     # also in a truncated recording
     assert [entry['time'] for entry in frames.effects('one')] == [1.0, 3.0]
-    frames.scene = Scene(TERRAIN, lava=Lava())
+    frames.scene = Scene(TERRAIN, lava=Lava.paper())
     frames.write(4.0, FAST)
     frames.write(5.0, STEEP)
     frames.write(6.0, FAST)
@@ -86,7 +86,7 @@ def test_bag_has_each_change_of_effects(frames):
 
 def test_bag_has_the_schedule_of_closed_vents(frames):
     frames.schedule = (Vent((25.0, 15.0), ((0.0, 2.0), (3.0, 5.0), (4.0, 0.0)), 1423.0),)
-    frames.scene = Scene(TERRAIN, lava=Lava())
+    frames.scene = Scene(TERRAIN, lava=Lava.paper())
     frames.write(4.0, STEEP)
     frames.recorder.stop()
     scene = yaml.safe_load(BagReader(frames.directory / 'one').custom_data['scene'])

@@ -162,7 +162,7 @@ def test_node_that_cannot_resume_exits_with_2(run_program, tmp_path, bag, parame
 
 @lru_cache
 def _standard():
-    scene = Scene(Terrain(np.zeros((5, 5)), 10.0), lava=Lava(viscosity=1234.5))
+    scene = Scene(Terrain(np.zeros((5, 5)), 10.0), lava=Lava.paper(viscosity=1234.5))
     accuracy = preset_accuracy('standard')
     return Simulation(scene, accuracy=accuracy, effects={}, device='cpu').checkpoint()
 

@@ -69,6 +69,7 @@ VALID = {
             'terrain': {
                 'file': 'ground.npz', 'epsg': 32633, 'resolution': 10.0, 'offset': [0.0, 0.0],
                 'window': [0.0, 0.0, 300.0, 300.0], 'fill_holes': False, 'nodata': -9999,
+                'sea_level': -50.0,
             },
             'lava': {
                 'material': 'etna_basalt',
@@ -123,6 +124,7 @@ VALID = {
             'vent_temperature': 1360.0, 'vent_radius': 25.0,
             **{name: value for name, value in constants_of(None).items() if name != 'lava'},
             'start': 0.0, 'end': 9000.0, 'epsg': 32633, 'nodata': -9999, 'fill_holes': True,
+            'sea_level': -50.0,
             'low_pass': 40.0, 'insist': True, 'uncertainty': {'effusion_rate': UNIFORM},
             'events': [
                 {'time': 600.0, 'terrain': 'elevation.asc'},
@@ -173,7 +175,7 @@ VALID = {
 
 #: Values whose limits depend on other values, a file or a list of codes: no schema has them.
 DEPENDENT = re.compile(
-    r'scene\.terrain\.(file|epsg|resolution|(window|offset)\[.\])'
+    r'scene\.terrain\.(file|epsg|resolution|sea_level|(window|offset)\[.\])'
     r'|scene\.vents\[.\]\.(position|end|projected|projected_end)\[.\]'
     r'|scene\.vents\[.\]\.(temperature|effusion_rate\.(file|porosity)|discharge\[.\]\[0\])'
     # only conduction transfers heat through an aging crust
@@ -182,7 +184,7 @@ DEPENDENT = re.compile(
     r'|scene\.uncertainty\.(viscosity\.median|\w+\.limits\[.\])'
     r'|\w+\.uncertainty\..*\.(low|mode|high)'
     # the widest filter depends on the size of the grid
-    r'|case\.(start|end|epsg|low_pass)|\w+\.events\[.\]\.(time|terrain|barriers)'
+    r'|case\.(start|end|epsg|low_pass|sea_level)|\w+\.events\[.\]\.(time|terrain|barriers)'
     r'|scene\.emplaced_flows\[.\]\.(file|temperature)'
     r'|case\.(vent_temperature|effusion_rate\.porosity|outlines\[.\]\.(time|file))'
     r'|layers\.layers\.(height\.(range|scale)\[.\]|depth\.classes\[.\])'

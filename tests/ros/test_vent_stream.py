@@ -41,7 +41,8 @@ def undisturbed(terrain: Terrain) -> Simulation:
         for x, y, discharge, celsius, radius in zip(*(COLUMNS[n] for n in names), strict=True)
     )
     accuracy = preset_accuracy('standard', spacing=4.0)
-    simulation = Simulation(Scene(terrain, vents, Lava(**LAVA)), accuracy=accuracy, device='cpu')
+    scene = Scene(terrain, vents, Lava.paper(**LAVA))
+    simulation = Simulation(scene, accuracy=accuracy, device='cpu')
     simulation.advance(END)
     return simulation
 

@@ -14,7 +14,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 
 SLOPE = Terrain(np.tile(np.linspace(40.0, 0.0, 30), (20, 1)), 10.0)
-SCENE = Scene(SLOPE, (Vent((50.0, 100.0), 5.0),), Lava())
+SCENE = Scene(SLOPE, (Vent((50.0, 100.0), 5.0),), Lava.paper())
 END = 300.0
 
 

@@ -32,7 +32,7 @@ SLOPE = Terrain(np.tile(np.linspace(40.0, 0.0, 30), (20, 1)), 10.0)
 DAM = replace(SLOPE, elevation=SLOPE.elevation + np.where(np.arange(30) == 12, 5.0, 0.0))
 ONSET = datetime(2031, 3, 1, 4, 30, tzinfo=timezone.utc)
 SCENE = Scene(
-    SLOPE, (Vent((50.0, 100.0), 5.0),), Lava(), onset=ONSET,
+    SLOPE, (Vent((50.0, 100.0), 5.0),), Lava.paper(), onset=ONSET,
     events=(TerrainEvent(130.0, 'a dam', DAM),),
 )
 TIMES = [60.0, 120.0, 180.0, 240.0, 300.0]

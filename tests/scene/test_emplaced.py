@@ -206,7 +206,7 @@ def test_new_ground_without_a_system_is_in_that_of_the_scene(tmp_path):
 @pytest.mark.parametrize('hot', [1100.0, 1400.0])
 def test_emplaced_lava_without_a_temperature_has_that_of_erupting_lava(hot):
     flow = EmplacedFlow(_flow().astype(float), CELL, (0.0, 0.0))
-    scene = Scene(GROUND, emplaced_flows=(flow,), lava=Lava(reference_temperature=hot))
+    scene = Scene(GROUND, emplaced_flows=(flow,), lava=Lava.paper(reference_temperature=hot))
     assert scene.emplaced_flows[0].temperature == hot
     temperature = Simulation(scene, device='cpu').sample().temperature
     assert temperature == pytest.approx(hot)

@@ -213,7 +213,8 @@ def test_refined_terrain_is_the_surface_of_the_simulation():
     terrain = Terrain(heights, 30.0, origin=(5.0, -7.0))
     fine = finer(terrain, 3)
     assert fine.resolution == 10.0 and fine.shape == (21, 27) and fine.extent == terrain.extent
-    ring = ringed_heights(terrain) + heights.astype(np.float64).mean()
+    ring = ringed_heights(terrain)
+    ring = ring + float(heights[0, 0] - ring[1, 1])
     near, middle, far = 25 / 72, 46 / 72, 1 / 72
     weights = {-1: (near, middle, far), 0: (1 / 8, 3 / 4, 1 / 8), 1: (far, middle, near)}
     for row, column in ((0, 0), (3, 5), (6, 8)):

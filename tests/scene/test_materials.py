@@ -3,21 +3,23 @@
 
 """Laws of named lavas, and warnings about given constants, which name many effects."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lava_ros.effects.crystals import fraction
 from lava_ros.scene import Lava, scene_from_dict, Terrain
-from lava_ros.scene.materials import material_named
+from lava_ros.scene.materials import DEFAULT, lava_from_dict, material_named
 
 
 @pytest.mark.parametrize('temperature', [1143.0, 1250.0, 1360.0])
 def test_material_laws_are_as_published(temperature):
-    """``Lava()`` is table 3.1 of the paper.
+    """``Lava.paper()`` is table 3.1 of the paper.
 
     Etna: log10 mu = 20.7089 - 0.0133 T and log10 tau_y = 13.00997 - 0.0089 T.
     """
-    assert material_named('kedadry2023').lava == Lava()
+    assert material_named('kedadry2023').lava == Lava.paper()
     lava = material_named('etna_magflow').lava
     assert np.log10(lava.viscosity_at(temperature)) == pytest.approx(
         20.7089 - 0.0133 * temperature, abs=2e-3
@@ -57,3 +59,16 @@ def test_material_laws_are_as_published(temperature):
 def test_warns_of_constants_in_another_unit_or_without_effect(lava, phrase, caplog):
     scene_from_dict({'lava': lava}, Terrain(np.zeros((10, 20)), 10.0))
     assert phrase in caplog.text and len(caplog.records) == bool(phrase)
+
+
+@pytest.mark.parametrize('given', [
+    {}, {'viscosity': 1e4}, {'viscosity': 1e5, 'solidus': 1150.0}, {'crust_cover': 0.5},
+])
+def test_same_words_give_the_same_lava_in_python_and_in_yaml(given):
+    lava, material = lava_from_dict('lava', given)
+    assert Lava.paper(**given) == lava and material.name == DEFAULT
+    # the paper's constants are those of a material of their own
+    paper, _ = lava_from_dict('lava', {'material': 'kedadry2023', **given})
+    assert Lava.paper(**given) == paper
+    assert (Lava.paper(**given) == Lava.paper(**given)) is False
+    assert replace(Lava.paper(**given), density=2000.0) == Lava.paper(**given, density=2000.0)

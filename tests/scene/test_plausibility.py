@@ -156,7 +156,7 @@ SLIPS = {
     ),
     'sea at 0 m': Slip(
         {'elevation': np.maximum(SLOPE - 300.0, 0.0)}, {'elevation': np.maximum(SLOPE, 1.0)},
-        '--nodata 0',
+        '--sea-level 0',
     ),
     'latitude first': Slip(
         place('-39.385,-71.3'), place('-71.3,-39.385'), 'longitude and latitude are swapped'
@@ -169,9 +169,6 @@ SLIPS = {
     ),
     'eastern hemisphere': Slip(
         place('71.3,-39.385'), place('-71.3,-39.385'), 'in the western hemisphere'
-    ),
-    'longitude beyond 180': Slip(
-        place('288.7,-39.385'), place('-71.3,-39.385'), 'a longitude from -180 to 180'
     ),
     'northing first': Slip(
         place('5637500,302500'), place('302500,5637500'), 'easting and northing are swapped'

@@ -63,16 +63,16 @@ COLD = Vent(MIDDLE, 1.0, temperature=1100.0)
     (lambda: Vent(MIDDLE, [(0.0, 1.0), (0.0, 2.0)]), 'vent.discharge[1][0]'),
     (lambda: Vent(MIDDLE, 1.0, 20.0), 'vent.temperature'),
     (lambda: Vent(MIDDLE, 1.0, end='far'), 'vent.end'),
-    (lambda: Lava(density=0), 'lava.density'),
+    (lambda: Lava.paper(density=0), 'lava.density'),
     (lambda: Terrain([['1', '2'], ['3', '4']], 1.0), 'terrain.elevation'),
     (lambda: Terrain(np.zeros((2, 2)), 1.0, (1.7e308, 0.0)), 'terrain.origin[0]'),
     (lambda: Vent(MIDDLE, [(0.0, 3e38)]), 'vent.discharge[0][1]'),
     (lambda: Vent(MIDDLE, 1.0, velocity=(1e30, 0.0)), 'vent.velocity[0]'),
     (lambda: Vent((1e300, 0.0), 1.0), 'vent.position[0]'),
-    (lambda: Lava(density=HUGE), 'lava.density'),
-    (lambda: Scene(flat(), None, lava=Lava()), 'vents'),
-    (lambda: Scene(flat(), [COLD], Lava(solidus=1200.0)), 'vents[0].temperature'),
-    (lambda: Scene(flat(), gravity=1e-300, lava=Lava()), 'scene.gravity'),
+    (lambda: Lava.paper(density=HUGE), 'lava.density'),
+    (lambda: Scene(flat(), None, lava=Lava.paper()), 'vents'),
+    (lambda: Scene(flat(), [COLD], Lava.paper(solidus=1200.0)), 'vents[0].temperature'),
+    (lambda: Scene(flat(), gravity=1e-300, lava=Lava.paper()), 'scene.gravity'),
     (lambda: Scene(flat(), (Vent(MIDDLE, 1.0), Vent((5.0, 500.0), 1.0))), 'vents[1].position'),
     (lambda: check_vents([Vent(MIDDLE, 1.0, end=(-1.0, 5.0))], flat()), 'vents[0].end'),
 ])
@@ -112,7 +112,7 @@ vents:
 ambient_temperature: 290
 """
     scene = scene_from_yaml(scene_file(tmp_path, text))
-    assert scene.lava == Lava(viscosity=1e4, density=2600.0)
+    assert scene.lava == Lava.paper(viscosity=1e4, density=2600.0)
     assert scene.vents[0] == Vent((50.0, 50.0), 3.0, 1400.0, name='vent 0')
     assert scene.vents[1].position == (70.0, 70.0)
     assert scene.vents[1].end == (90.0, 70.0)
@@ -342,7 +342,7 @@ def test_scene_file_has_a_material_and_constants_that_replace_its_own(tmp_path):
     assert scene.lava.emissivity == 0.7
     assert scene.lava.solidus == 1143.0
     assert [vent.temperature for vent in scene.vents] == [1360.0, 1340.0]
-    assert Scene(flat(), [COLD], Lava(solidus=1000.0)).vents == (COLD,)
+    assert Scene(flat(), [COLD], Lava.paper(solidus=1000.0)).vents == (COLD,)
     for name in ('obsidian', 3, None):
         with pytest.raises(LavaError, match='etna_basalt'):
             material_named(name)
@@ -355,7 +355,7 @@ def test_scene_without_lava_has_the_default_material():
     assert scene.lava == written.lava == material_named(DEFAULT).lava
     assert scene.vents == written.vents
     assert scene.vents[0].temperature == material_named(DEFAULT).vent_temperature.value
-    hotter = Scene(terrain, (Vent((50.0, 50.0), 1.0),), Lava(reference_temperature=1400.0))
+    hotter = Scene(terrain, (Vent((50.0, 50.0), 1.0),), Lava.paper(reference_temperature=1400.0))
     data = {'vents': [{'position': [50, 50], 'discharge': 1}]}
     written = scene_from_dict({**data, 'lava': {'reference_temperature': 1400.0}}, terrain)
     assert hotter.vents[0].temperature == written.vents[0].temperature == 1400.0

@@ -230,10 +230,10 @@ def test_column_names_have_one_meaning():
 
 
 @pytest.mark.parametrize(
-    'text', ['15 61', '15 30.5 20', '15,006', '-15 W', 'W 15 W', '15 0 0 N', '181', '']
+    'text', ['15 61', '15 30.5 20', '15,006', '-15 W', 'W 15 W', '15 0 0 N', '361', '']
 )
 def test_rejects_invalid_angles(text):
-    with pytest.raises(LavaError, match='a longitude from -180 to 180 degrees'):
+    with pytest.raises(LavaError, match='a longitude from -360 to 360 degrees'):
         angle('lon', text, 'longitude')
 
 

@@ -27,7 +27,7 @@ from lava_ros.simulation.presets import preset_accuracy
 from solver import incline
 
 TERRAIN = incline(0.2, 30, 40, 5.0)
-SCENE = Scene(TERRAIN, (Vent((40.0, 75.0), 20.0),), lava=Lava())
+SCENE = Scene(TERRAIN, (Vent((40.0, 75.0), 20.0),), lava=Lava.paper())
 END = 90.0
 
 
@@ -110,7 +110,7 @@ def test_arrival_equals_that_of_frequent_maps():
 
 
 def test_frozen_lava_is_on_reached_cells_and_keeps_its_volume(device):
-    lava = Lava(viscosity=2e4, solidus=1300.0, convection=300.0)
+    lava = Lava.paper(viscosity=2e4, solidus=1300.0, convection=300.0)
     scene = Scene(TERRAIN, (Vent((40.0, 75.0), ((0.0, 20.0), (40.0, 0.0))),), lava=lava)
     accuracy = Accuracy(spacing=3.5, thickness=0.7)
     on = {'cooling': True, 'solidification': True}
@@ -179,7 +179,7 @@ def test_inundated_area_of_a_disc_is_exact_for_any_cells_and_particles(cell):
     density, viscosity, flux, end = 2600.0, 1e5, 10.0, 900.0
     radius = 0.715 * (9.81 * density * flux**3 / (3.0 * viscosity)) ** 0.125 * end**0.5
     count = round(200.0 / cell)
-    lava = Lava(
+    lava = Lava.paper(
         density=density, viscosity=viscosity, arrhenius=0.0, emissivity=0.0, convection=0.0,
         reference_temperature=1400.0,
     )

@@ -19,7 +19,7 @@ ENDS = (0.25, 0.5)
 
 def simulation_of(flux, device):
     ground, vent = incline(0.2, 20, 24, 2.0), Vent((12.0, 20.0), flux, 1400.0)
-    return simulated(ground, Lava(), vent, device=device, spacing=1.5, deterministic=True)
+    return simulated(ground, Lava.paper(), vent, device=device, spacing=1.5, deterministic=True)
 
 
 def task_of(flux, device, ends):
@@ -72,7 +72,7 @@ def test_different_members_are_bitwise_identical_to_single_runs(device, name, mo
         knobs = {'spacing': 1.0, 'thickness': 0.4, 'deterministic': True, 'device': device}
         ground = incline(0.2, 400, 400, 2.0)
         # without parameters for vft it would be as thin as water
-        lava = Lava(vft_a=2.0)
+        lava = Lava.paper(vft_a=2.0)
         return simulated(ground, lava, vent, effects=chosen[number == 1], **knobs)
 
     def route(number):

@@ -28,7 +28,7 @@ from solver import incline, only
 GROUND = incline(0.1, 100, 100, 10.0)
 
 #: Lava whose viscosity does not depend on its temperature.
-STIFF = Lava(viscosity=1e15, arrhenius=0.0)
+STIFF = Lava.paper(viscosity=1e15, arrhenius=0.0)
 
 
 def vents(rates, radius=5.0):
@@ -46,9 +46,9 @@ def begin(scene, accuracy=None, horizon=HORIZON):
 
 @pytest.mark.parametrize(('rates', 'lava', 'horizon'), [
     (np.geomspace(1e-8, 1e3, 20), STIFF, HORIZON),
-    (np.geomspace(1e-3, 1e3, 20), Lava(viscosity=1e4, yield_strength=1e7), HORIZON),
+    (np.geomspace(1e-3, 1e3, 20), Lava.paper(viscosity=1e4, yield_strength=1e7), HORIZON),
     ([1e3] * 20, STIFF, 60.0),
-    ([((0.0, 1e7), (1e-5, 0.0))], Lava(), HORIZON),
+    ([((0.0, 1e7), (1e-5, 0.0))], Lava.paper(), HORIZON),
     ([5.0], replace(STIFF, viscosity=1e12), 1e9),
 ], ids=['rates', 'strength', 'minute', 'burst', 'years'])
 @pytest.mark.parametrize('refinement', [0.707, 2.0])
@@ -66,15 +66,17 @@ def test_automatic_resolution_is_physical(rates, lava, horizon, refinement):
 
 
 @pytest.mark.parametrize(('rates', 'lava', 'given', 'field', 'words'), [
-    ([1e-10] * 20, Lava(viscosity=1e3), {}, 'vents[0].discharge',
+    ([1e-10] * 20, Lava.paper(viscosity=1e3), {}, 'vents[0].discharge',
      'automatic spacing of .* neighbour grid .* or give `spacing`'),
     ([1e-3, 5e7], STIFF, {}, 'vents[1].discharge',
      'automatic thickness of .* at most 10000 m; or give `thickness`'),
-    ([1e-15], Lava(), {}, 'vents[0].discharge', 'automatic spacing of .* coincide by rounding'),
-    ([5.0], Lava(), {'spacing': 1e-5}, 'accuracy.spacing', 'coincide by rounding'),
-    ([5.0] * 20, Lava(), {'spacing': 0.01}, 'accuracy.spacing', 'neighbour grid'),
-    ([5.0], Lava(), {'spacing': 0.1, 'thickness': 1e-6}, 'vents[0].discharge', 'in a second'),
-    ([5.0], Lava(), {'thickness': 1e5}, 'accuracy.thickness', 'at most 10000 m'),
+    ([1e-15], Lava.paper(), {}, 'vents[0].discharge',
+     'automatic spacing of .* coincide by rounding'),
+    ([5.0], Lava.paper(), {'spacing': 1e-5}, 'accuracy.spacing', 'coincide by rounding'),
+    ([5.0] * 20, Lava.paper(), {'spacing': 0.01}, 'accuracy.spacing', 'neighbour grid'),
+    ([5.0], Lava.paper(), {'spacing': 0.1, 'thickness': 1e-6}, 'vents[0].discharge',
+     'in a second'),
+    ([5.0], Lava.paper(), {'thickness': 1e5}, 'accuracy.thickness', 'at most 10000 m'),
 ])
 def test_resolution_that_cannot_be_computed_is_refused(rates, lava, given, field, words):
     scene = Scene(GROUND, vents(rates), lava)
@@ -93,7 +95,7 @@ def test_resolution_that_cannot_be_computed_is_refused(rates, lava, given, field
 def test_refused_change_leaves_the_simulation_as_it_was(change, words, monkeypatch):
     monkeypatch.setattr(neighbors, 'WHOLE', 64)
     monkeypatch.setattr(neighbors, 'MAX_CELLS', 20_000)
-    scene = Scene(GROUND, (Vent((500.0, 500.0), 5.0, radius=5.0),), Lava())
+    scene = Scene(GROUND, (Vent((500.0, 500.0), 5.0, radius=5.0),), Lava.paper())
     runs = [begin(scene, Accuracy(spacing=2.0, thickness=1.0)) for _ in range(2)]
     for run in runs:
         run.advance(20.0)
@@ -110,7 +112,7 @@ def test_refused_change_leaves_the_simulation_as_it_was(change, words, monkeypat
 def test_lava_that_outgrows_the_neighbour_grid_is_refused(monkeypatch):
     monkeypatch.setattr(neighbors, 'WHOLE', 64)
     monkeypatch.setattr(neighbors, 'MAX_CELLS', 15_000)
-    fluid = Lava(viscosity=10.0, arrhenius=0.0)
+    fluid = Lava.paper(viscosity=10.0, arrhenius=0.0)
     scene = Scene(GROUND, (Vent((500.0, 500.0), 50.0, radius=5.0),), fluid)
     simulation = begin(scene, Accuracy(spacing=2.0, thickness=0.2))
     with pytest.raises(LavaError, match=r'^accuracy\.spacing .*neighbour grid'):
@@ -121,7 +123,8 @@ def test_lava_that_outgrows_the_neighbour_grid_is_refused(monkeypatch):
 def test_neighbour_grid_covers_wide_vents(monkeypatch):
     monkeypatch.setattr(neighbors, 'WHOLE', 64)
     vent = Vent((500.0, 500.0), 5.0, radius=400.0)
-    cells = begin(Scene(GROUND, (vent,), Lava()), Accuracy(spacing=2.0)).solver.neighbors.cells
+    simulation = begin(Scene(GROUND, (vent,), Lava.paper()), Accuracy(spacing=2.0))
+    cells = simulation.solver.neighbors.cells
     assert cells.columns / cells.columns_per_metre > 800.0
     assert cells.rows / cells.rows_per_metre > 800.0
 
@@ -154,7 +157,7 @@ def test_vent_wider_than_the_terrain_emits_all_over_it():
     ('switch_effects', lambda it: it.set_effects({'steep': True})),
 ])
 def test_exhausted_memory_is_an_error_with_a_remedy(method, call, error, monkeypatch):
-    scene = Scene(GROUND, vents([5.0]), Lava())
+    scene = Scene(GROUND, vents([5.0]), Lava.paper())
     simulation = Simulation(
         scene, effects=dict.fromkeys(only(), False) | {'steep': False}, device='cpu'
     )

@@ -27,7 +27,7 @@ _checkpoints: dict[str, Checkpoint] = {}
 def checkpoint(device: str) -> Checkpoint:
     """Return a checkpoint of lava that solidifies."""
     if device not in _checkpoints:
-        lava = Lava(viscosity=1e4, solidus=1300.0)
+        lava = Lava.paper(viscosity=1e4, solidus=1300.0)
         scene = Scene(SLOPE, (Vent((100.0, 200.0), 5.0, temperature=1360.0),), lava)
         simulation = Simulation(scene, effects={'solidification': True}, device=device)
         simulation.advance(600.0)

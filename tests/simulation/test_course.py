@@ -141,7 +141,7 @@ def test_yielding_lava_is_thicker_than_its_strength_over_its_weight():
 def test_thickness_of_very_strong_lava_is_that_of_a_hemisphere():
     ground = Terrain(np.tile(0.01 * np.arange(26.0), (24, 1)), 1.0)
     vent = Vent((16.5, 9.5), ((0.0, 1.0), (1.0, 0.0)), temperature=900.0, radius=1.0)
-    lava = Lava(
+    lava = Lava.paper(
         density=1000.0, viscosity=1.0, yield_strength=100.0, yield_rate=0.05,
         reference_temperature=1423.0, liquidus=1350.0, solidus=800.0, arrhenius=0.0,
     )

@@ -28,7 +28,7 @@ def scattered(effects, count=500, **options):
         rng.uniform(1100, 1400, count),
     )
     knobs = {'spacing': 9.0, 'thickness': 1.0, **options}
-    simulation = simulated(terrain, Lava(viscosity=1e4), particles, effects=effects, **knobs)
+    simulation = simulated(terrain, Lava.paper(viscosity=1e4), particles, effects=effects, **knobs)
     return simulation, particles
 
 
@@ -91,7 +91,8 @@ def test_thickness_is_the_sum_over_all_pairs(device, precision):
 def test_velocity_follows_the_gradient_of_the_thickness_sum():
     places = np.random.default_rng(1).uniform(20, 80, (60, 2))
     simulation = simulated(
-        Terrain(np.zeros((10, 10)), 10.0), Lava(viscosity=1e4), Particles(places, 64.0, 1400.0),
+        Terrain(np.zeros((10, 10)), 10.0), Lava.paper(viscosity=1e4),
+        Particles(places, 64.0, 1400.0),
         effects=only(), spacing=8.0, thickness=1.0, precision='float64',
     )
     sample = simulation.sample()
@@ -154,7 +155,7 @@ CRYSTALS = {
 )
 def test_columns_in_one_place_do_not_overtake_each_other(device, gradient, on, constants):
     on = on.split()
-    lava = Lava(**STIFF, **constants)
+    lava = Lava.paper(**STIFF, **constants)
     speeds, is_hot = checkered(lava, on, gradient=gradient, device=device)
     alone = [checkered(lava, on, kelvin, kelvin, device)[0].mean() for kelvin in (1400.0, 1300.0)]
     assert alone[0] > 1.5 * alone[1]
@@ -164,7 +165,7 @@ def test_columns_in_one_place_do_not_overtake_each_other(device, gradient, on, c
 
 
 def test_printed_formulas_follow_the_temperature_of_each_column():
-    lava = Lava(**STIFF, arrhenius=0.03)
+    lava = Lava.paper(**STIFF, arrhenius=0.03)
     speeds, is_hot = checkered(lava, ('arrhenius', 'green'), formulation='as-published')
     mixed, _ = checkered(lava, ('arrhenius', 'green'), 1350.0, 1350.0, formulation='as-published')
     assert abs(speeds[is_hot].mean() / mixed.mean() - 1.0) > 0.1
@@ -174,7 +175,7 @@ def test_edge_moves_by_its_own_temperature():
     # a plain mean makes the edge 3.4 times as fast
     places = lattice(12.0)
     is_edge = places[:, 0] > 11.0
-    lava = Lava(**STIFF, arrhenius=0.03)
+    lava = Lava.paper(**STIFF, arrhenius=0.03)
 
     def speed(inside):
         simulation = simulated(
@@ -202,7 +203,7 @@ def sheet_velocity(lava, thickness, device='cpu', **options):
 
 def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
     green, local = (
-        sheet_velocity(Lava(), 1.0, device, effects=only(*names), ratio=4.0)
+        sheet_velocity(Lava.paper(), 1.0, device, effects=only(*names), ratio=4.0)
         for names in (('green',), ())
     )
     assert green == pytest.approx(local, rel=1e-4, abs=1e-5)
@@ -212,7 +213,7 @@ def test_published_velocity_is_the_printed_sum(device):
     """Equations 3.36, 3.40 and 3.44, summed over all pairs."""
     slope = 0.125
     simulation = simulated(
-        incline(-slope, 20, 20, 1.0), Lava(viscosity=100.0),
+        incline(-slope, 20, 20, 1.0), Lava.paper(viscosity=100.0),
         Particles(np.random.default_rng(5).uniform(4.0, 16.0, (150, 2)), 0.64, 1423.0),
         effects=only(), device=device, spacing=0.8, ratio=2.5, thickness=1.0, kernel='poly6',
         formulation='as-published', precision='float64',
@@ -261,7 +262,7 @@ def test_free_fall_limit_does_not_change_slow_lava(device):
     samples = []
     for bound in (True, False):
         simulation = simulated(
-            ground, Lava(viscosity=1e4), vent, device=device, deterministic=True
+            ground, Lava.paper(viscosity=1e4), vent, device=device, deterministic=True
         )
         if not bound:
             simulation.solver.state.top.fill_(FAR)
@@ -278,7 +279,7 @@ def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
     # each particle has a different temperature, which identifies it
     label = 1000.0 + np.arange(len(places))
     simulation = simulated(
-        flat(40), Lava(viscosity=viscosity),
+        flat(40), Lava.paper(viscosity=viscosity),
         Particles(places, 0.5 + 0.5 * np.exp(-0.02 * (places**2).sum(axis=1)), label),
         effects=only(), longest_step=longest_step, integrator=integrator,
         **{'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **options},

@@ -25,7 +25,7 @@ PRINTED = preset_accuracy('as-published', spacing=10.0)
 #: Effects that the printed formulas have, and those that they exclude.
 USED, EXCLUDED = 'green', ('helmholtz', 'inertia', 'steep')
 
-PLAIN = Lava(viscosity=1e5, arrhenius=0.0, emissivity=0.0, convection=0.0)
+PLAIN = Lava.paper(viscosity=1e5, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 VENT = Vent((300.0, 150.0), 500.0, radius=10.0)
 

@@ -32,7 +32,7 @@ def smooth_hills():
 def flow(elevation, places, effects, *, origin=None, time=120.0, **options):
     """Return a blob of lava on a terrain after a while, and its particles."""
     simulation = simulated(
-        Terrain(elevation, 5.0, origin=origin or (-2.5 * SIDE,) * 2), Lava(viscosity=2e3),
+        Terrain(elevation, 5.0, origin=origin or (-2.5 * SIDE,) * 2), Lava.paper(viscosity=2e3),
         Particles(places, 32.0, 1400.0), effects=effects, spacing=4.0, thickness=2.0, **options,
     )
     simulation.advance(time)
@@ -78,7 +78,7 @@ def test_symmetric_vents_give_symmetric_grids(device, kind):
         place, end = moved(np.array([[17.0, -9.0], [38.0, 12.0]])).tolist()
         vent = Vent(tuple(place), 0.3, radius=6.0, end=tuple(end) if kind == 'fissure' else None)
         simulation = Simulation(
-            Scene(Terrain(elevation, 5.0, (-2.5 * SIDE,) * 2), (vent,), Lava(viscosity=2e3)),
+            Scene(Terrain(elevation, 5.0, (-2.5 * SIDE,) * 2), (vent,), Lava.paper(viscosity=2e3)),
             accuracy=replace(preset_accuracy('reference'), spacing=3.0, thickness=0.5),
             device=device,
         )
@@ -110,7 +110,7 @@ def test_sheet_far_from_the_centre_keeps_its_speed(speed):
     viscosity = 2500.0 * 9.81 * slope / (3.0 * speed)
     simulation = simulated(
         terrain,
-        Lava(viscosity=viscosity, arrhenius=0.0),
+        Lava.paper(viscosity=viscosity, arrhenius=0.0),
         # a different temperature identifies each particle
         Particles(places, 100.0, 1000.0 + np.arange(len(places))),
         effects=only(),

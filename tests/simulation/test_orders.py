@@ -19,7 +19,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.resolution import MAX_STEP_FRACTION, resolved_accuracy
 from solver import flat, incline, lattice, only, simulated
 
-LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
+LAVA = Lava.paper(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 #: Without inertia, without drag, and with a relaxation time of half a second.
 THIN, THICK = replace(LAVA, viscosity=1e-6), replace(LAVA, viscosity=1e3)
@@ -148,7 +148,7 @@ def test_similar_flow_takes_the_same_steps_at_any_speed():
     valley = Terrain(500.0 - 0.16 * x + 0.0015 * (y - 95.0) ** 2, 10.0)
     steps, volumes = [], []
     for slowness in (1.0, 100.0):
-        lava = Lava(viscosity=2e4 * slowness, arrhenius=0.0, emissivity=0.0, convection=0.0)
+        lava = Lava.paper(viscosity=2e4 * slowness, arrhenius=0.0, emissivity=0.0, convection=0.0)
         scene = Scene(valley, (Vent((100.0, 95.0), 7.0 / slowness, radius=10.0),), lava)
         simulation = Simulation(
             scene, accuracy=Accuracy(spacing=12.0), device='cpu', horizon=1200.0 * slowness
@@ -163,7 +163,7 @@ def test_similar_flow_takes_the_same_steps_at_any_speed():
 def test_longest_step_of_cooling_lava_does_not_change_the_flow():
     """Lava that radiates for two days is as thick, and spreads as far, as with shorter steps."""
     level = Terrain(np.zeros((60, 60)), 10.0)
-    lava = Lava(viscosity=3e5, arrhenius=0.02, density=2600.0)
+    lava = Lava.paper(viscosity=3e5, arrhenius=0.02, density=2600.0)
     scene = Scene(level, (Vent((300.0, 300.0), ((0.0, 4.0), (20000.0, 0.0)), radius=15.0),), lava)
     horizon = 172800.0
     automatic = resolved_accuracy(Accuracy(spacing=14.0), scene, horizon=horizon)

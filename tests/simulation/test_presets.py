@@ -34,7 +34,7 @@ def test_rejects_an_unknown_setting():
 def test_expected_thickness_is_the_scale_of_a_point_source():
     """(3 mu Q / (rho g))^(1/4), with 1 m3/s if no vent is active."""
     terrain = Terrain(np.zeros((10, 10)), 10.0)
-    lava = Lava(viscosity=1e4, density=2600.0)
+    lava = Lava.paper(viscosity=1e4, density=2600.0)
     vents = (Vent((5.0, 5.0), 10.0), Vent((50.0, 50.0), [(0.0, 4.0), (5.0, 160.0)]))
     assert expected_thickness(Scene(terrain, vents, lava)) == pytest.approx(3.703, abs=1e-3)
     assert expected_thickness(Scene(terrain, vents[:1], lava)) == pytest.approx(1.852, abs=1e-3)

@@ -22,7 +22,7 @@ TIME = DOME.time_of_radius(RADIUS)
 def mapped(count, ratio, device='cpu', cells=300):
     """Return the map of Huppert's profile given as particles, on a square of 400 m."""
     simulation = simulated(
-        flat(cells, 400.0 / cells), Lava(),
+        flat(cells, 400.0 / cells), Lava.paper(),
         Particles(DOME.particles(count, TIME), VOLUME / count, 1400.0), effects=only(),
         device=device, spacing=RADIUS * math.sqrt(math.pi / count),
         thickness=VOLUME / (math.pi * RADIUS**2), ratio=ratio,
@@ -68,14 +68,14 @@ FINER = ('standard', 'fine', 'reference')
 
 #: Terrain, position of the vent, and lava.
 SCENES = {
-    'plane': (slope(), (60.0, 75.0), Lava(viscosity=5e3)),
-    'valley': (slope(valley=0.6), (60.0, 76.0), Lava(viscosity=5e3)),
-    'holes': (slope(holes=True), (62.0, 80.0), Lava(viscosity=2e3)),
-    'border': (slope(), (192.0, 6.0), Lava(viscosity=2e3)),
+    'plane': (slope(), (60.0, 75.0), Lava.paper(viscosity=5e3)),
+    'valley': (slope(valley=0.6), (60.0, 76.0), Lava.paper(viscosity=5e3)),
+    'holes': (slope(holes=True), (62.0, 80.0), Lava.paper(viscosity=2e3)),
+    'border': (slope(), (192.0, 6.0), Lava.paper(viscosity=2e3)),
     'freezing': (
         slope(),
         (60.0, 75.0),
-        Lava(viscosity=5e3, arrhenius=0.0, convection=2000.0, solidus=1400.0),
+        Lava.paper(viscosity=5e3, arrhenius=0.0, convection=2000.0, solidus=1400.0),
     ),
 }
 
@@ -110,7 +110,7 @@ def test_map_has_the_volume_of_particles_and_deposit(device, scene, preset):
 def test_single_particle_keeps_its_volume_on_any_cell(device, cell, place):
     ground, lone = Terrain(np.zeros((round(120.0 / cell),) * 2), cell), [place]
     knobs = {'device': device, 'spacing': 4.0, 'thickness': 1.0}
-    snapshot = simulated(ground, Lava(), Particles(lone, 16.0, 1400.0), **knobs).snapshot()
+    snapshot = simulated(ground, Lava.paper(), Particles(lone, 16.0, 1400.0), **knobs).snapshot()
     assert snapshot.thickness.sum() * cell**2 == pytest.approx(16.0, rel=1e-5)
     assert snapshot.temperature[snapshot.thickness > 0.0] == pytest.approx(1400.0, rel=1e-6)
 
@@ -119,7 +119,7 @@ def test_narrow_stream_is_in_the_cells_that_contain_it(device):
     x = np.arange(1.0, 119.0, 2.0)
     lava = Particles(np.column_stack([x, np.full_like(x, 47.0)]), 4.0, 1400.0)
     knobs = {'device': device, 'spacing': 2.0, 'thickness': 1.0}
-    simulation = simulated(Terrain(np.zeros((6, 6)), 20.0), Lava(), lava, **knobs)
+    simulation = simulated(Terrain(np.zeros((6, 6)), 20.0), Lava.paper(), lava, **knobs)
     exact = np.zeros((6, 6))
     exact[2] = np.bincount((x / 20.0).astype(int), minlength=6) * 4.0 / 400.0
     assert simulation.snapshot().thickness == pytest.approx(exact, rel=1e-5)
@@ -156,7 +156,7 @@ def test_map_restores_the_height_of_waves(wavelength):
     y = np.arange(0.5, side)
     rows = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
     simulation = simulated(
-        Terrain(np.zeros((160, 160)), 0.5), Lava(),
+        Terrain(np.zeros((160, 160)), 0.5), Lava.paper(),
         Particles(rows, thickness * (held[-1] - held[0]) / side, 1400.0), spacing=1.0,
         thickness=thickness, ratio=radius, raster_ratio=1.0,
     )

@@ -16,7 +16,7 @@ from lava_ros.simulation.batch import Batch
 SLOPE = Terrain(np.tile(900.0 - 0.3 * 10.0 * np.arange(30.0), (24, 1)), 10.0)
 
 #: It loses its heat above the solidus within minutes.
-LAVA = Lava(viscosity=5e3, density=2600.0, convection=500.0, solidus=1395.0)
+LAVA = Lava.paper(viscosity=5e3, density=2600.0, convection=500.0, solidus=1395.0)
 
 VENT = Vent((60.0, 120.0), ((0.0, 20.0), (300.0, 0.0)), radius=12.0)
 

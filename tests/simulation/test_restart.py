@@ -25,7 +25,7 @@ from lava_ros.simulation.resolution import resolution_of
 _Y, _X = np.mgrid[0:40, 0:24] * 10.0
 GROUND = Terrain(200.0 + 0.1 * _Y, 10.0)
 
-LAVA = Lava(viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
+LAVA = Lava.paper(viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 VENT = Vent((120.0, 300.0), 5.0, radius=20.0, temperature=1400.0)
 

@@ -83,7 +83,7 @@ def test_neighbour_grid_of_a_resumed_run_covers_lava_far_from_vents(device, monk
     ground = Terrain(np.zeros((300, 300)), 10.0)
     places = np.stack(np.meshgrid(*[np.arange(100.0, 300.0, 10.0)] * 2), axis=-1).reshape(-1, 2)
     simulation = Simulation(
-        Scene(ground, (Vent((2800.0, 2800.0), 1.0),), Lava()), effects=Effects(),
+        Scene(ground, (Vent((2800.0, 2800.0), 1.0),), Lava.paper()), effects=Effects(),
         accuracy=Accuracy(spacing=10.0, thickness=1.0), device=device,
         particles=Particles(places, 100.0, 1400.0),
     )

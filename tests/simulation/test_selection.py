@@ -35,7 +35,7 @@ from slope_scenes import ground, HOUR, LAVA, scene
 from solver import incline
 
 #: Lava that only moves by its weight and viscosity.
-PLAIN = Lava(viscosity=1e5, arrhenius=0.0, emissivity=0.0, convection=0.0)
+PLAIN = Lava.paper(viscosity=1e5, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 
 def test_spacing_follows_the_width_of_the_flow():
@@ -211,7 +211,7 @@ def test_one_of_two_exclusive_effects_is_on():
 
 
 def test_every_decision_has_a_reason_and_a_source():
-    decisions = decide(Scene(slope(20.0), lava=Lava()), {'inertia': False})
+    decisions = decide(Scene(slope(20.0), lava=Lava.paper()), {'inertia': False})
     named = [item.name for item in decisions]
     assert len(set(named)) == len(named)
     # merging changes no physics, and is on only by request

@@ -18,7 +18,7 @@ from lava_ros.simulation import Particles
 from lava_ros.simulation.setup import defaults
 from solver import incline, simulated
 
-LAVA = Lava(viscosity=2e3, density=2600.0)
+LAVA = Lava.paper(viscosity=2e3, density=2600.0)
 
 EXACT = {'device': 'cpu', 'precision': 'float64'}
 
@@ -92,9 +92,9 @@ def test_rejected_changes_leave_the_simulation_unchanged():
 
 def test_rejects_an_unknown_device_and_a_particle_off_the_map():
     with pytest.raises(LavaError, match='^device'):
-        simulated(hillside(), Lava(), device='tpu')
+        simulated(hillside(), Lava.paper(), device='tpu')
     with pytest.raises(LavaError, match=r'^particles\.position\[0\]'):
-        simulated(hillside(), Lava(), Particles([[1e6, 0.0]], 1.0, 1400.0))
+        simulated(hillside(), Lava.paper(), Particles([[1e6, 0.0]], 1.0, 1400.0))
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_precision_device_and_order_change_only_rounding(device, one, other, err
 
 
 def test_scene_without_vents_stays_dry(device):
-    simulation = simulated(hillside(), Lava(), device=device)
+    simulation = simulated(hillside(), Lava.paper(), device=device)
     simulation.advance(1e5)
     snapshot = simulation.snapshot()
     assert snapshot.time == 1e5

@@ -73,7 +73,8 @@ def test_budget_warns_of_lost_overdue_and_unaccounted_lava(budget, phrase):
 @pytest.mark.parametrize(('viscosity', 'is_thin'), [(1e-3, True), (1e4, False)])
 def test_budget_of_a_snapshot_has_lava_that_does_not_inundate(viscosity, is_thin):
     simulation = simulated(
-        Terrain(valley(), 10.0), Lava(viscosity=viscosity), VENTS[0], spacing=5.0, thickness=0.05,
+        Terrain(valley(), 10.0), Lava.paper(viscosity=viscosity), VENTS[0], spacing=5.0,
+        thickness=0.05,
         threshold=0.1, effects=Effects(inertia=is_thin),
     )
     simulation.advance(30.0)
@@ -95,7 +96,7 @@ def flow(device):
     """Return lava in a valley with a hole in it, bitwise identical each time."""
     ground = valley()
     ground[3:6, 20:30] = np.nan
-    scene = Scene(Terrain(ground, 10.0), VENTS, lava=Lava())
+    scene = Scene(Terrain(ground, 10.0), VENTS, lava=Lava.paper())
     forced = {'cooling': True, 'solidification': True}
     return Simulation(scene, effects=forced, accuracy=Accuracy(deterministic=True), device=device)
 
@@ -148,7 +149,8 @@ def test_launches_in_flight_do_not_change_the_flow(monkeypatch):
         monkeypatch.setitem(advance._IN_FLIGHT, False, number)
         ground = incline(0.5, 30, 200, 10.0, top=900.0)
         simulation = simulated(
-            ground, Lava(), Vent((60.0, 155.0), 100.0), effects=Effects(inertia=True), spacing=5.0,
+            ground, Lava.paper(), Vent((60.0, 155.0), 100.0), effects=Effects(inertia=True),
+            spacing=5.0,
             thickness=0.4, deterministic=True,
         )
         room = simulation.solver.state.capacity
@@ -182,7 +184,7 @@ def test_diagnostics_equal_sums_over_the_particles(device):
 
 @pytest.fixture
 def sound(device):
-    simulation = simulated(Terrain(valley(), 10.0), Lava(), VENTS[0], device=device)
+    simulation = simulated(Terrain(valley(), 10.0), Lava.paper(), VENTS[0], device=device)
     simulation.advance(120.0)
     assert simulation.snapshot().flaw() == ''
     return simulation

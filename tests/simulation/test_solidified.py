@@ -30,7 +30,7 @@ CHANGE, NEXT, END = 200.0, 210.0, 230.0
 VENT = Vent((95.0, 150.0), 30.0, radius=12.0, temperature=1423.0)
 
 #: Lava that has the constants of every effect, and begins to solidify before the change.
-LAVA = Lava(**{
+LAVA = Lava.paper(**{
     'viscosity': 5e3, 'liquidus': 1500.0,
     **{name: value for one in EFFECTS.values() for name, value in one.benchmark.items()
        if name not in one.environment},

@@ -26,9 +26,9 @@ from lava_ros.simulation.solver import Solver
 
 END = 400.0
 
-LAVA = Lava(viscosity=2e3, density=2600.0)
+LAVA = Lava.paper(viscosity=2e3, density=2600.0)
 
-COOLING = Lava(viscosity=5e3, density=2600.0, convection=300.0, yield_strength=500.0,
+COOLING = Lava.paper(viscosity=5e3, density=2600.0, convection=300.0, yield_strength=500.0,
                yield_rate=0.01, solidus=1395.0, conductivity=900.0)
 
 CRUSTED = replace(LAVA, conductivity=900.0, crust=True, ground_conductivity=2.0)

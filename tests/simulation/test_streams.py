@@ -19,7 +19,7 @@ from lava_ros.simulation.presets import preset_accuracy
 #: A slope towards +x of cells of 5 m.
 GROUND = Terrain(np.tile(-0.5 * np.arange(140.0), (180, 1)), 5.0)
 
-LAVA = Lava(viscosity=1e5, emissivity=0.0, convection=0.0)
+LAVA = Lava.paper(viscosity=1e5, emissivity=0.0, convection=0.0)
 
 #: Number of particles emitted in a run: half of them are still moving at the end.
 COUNT = 200.5

@@ -29,7 +29,8 @@ VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 
 def flow(*vents: Vent, device: str = 'cpu', **accuracy: object) -> Simulation:
     """Return vents on level ground, with particles of 1 m3."""
-    scene = Scene(Terrain(np.zeros((50, 50)), 2.0), vents, Lava(viscosity=1e4, arrhenius=0.0))
+    ground = Terrain(np.zeros((50, 50)), 2.0)
+    scene = Scene(ground, vents, Lava.paper(viscosity=1e4, arrhenius=0.0))
     knobs = Accuracy(spacing=1.0, thickness=1.0, **accuracy)
     return Simulation(scene, accuracy=knobs, device=device)
 
@@ -179,7 +180,7 @@ def test_vent_emits_only_on_connected_ground(name: str, symmetric: bool) -> None
     """Not beyond the map, on a hole, behind a ridge or on a cliff."""
     terrain, vent, most = NARROW[name]
     # lava that does not move stays where it was emitted
-    lava = Lava(viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
+    lava = Lava.paper(viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
     simulation = Simulation(
         Scene(terrain, (vent,), lava), effects=Effects(), device='cpu',
         accuracy=Accuracy(spacing=40.0, thickness=2.0, symmetric=symmetric),

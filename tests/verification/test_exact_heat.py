@@ -17,7 +17,7 @@ from lava_ros.verification import exact
 from lava_ros.verification.cases import heat as silicone
 
 CAPACITY = 2500.0 * 1150.0
-LAVA = Lava(density=2500.0, specific_heat=1150.0)
+LAVA = Lava.paper(density=2500.0, specific_heat=1150.0)
 
 
 def column_on_ground(thickness):
@@ -84,7 +84,7 @@ def test_radiating_sheet_solves_its_equation():
 
 
 def test_solidified_fraction_of_a_freezing_lens():
-    lava = Lava(density=3000.0, specific_heat=1000.0, convection=25.0, solidus=1300.0)
+    lava = Lava.paper(density=3000.0, specific_heat=1000.0, convection=25.0, solidus=1300.0)
     lens = exact.FreezingLens(lava, depth=3.0, radius=60.0, first=1423.0, ambient=300.0)
     r = 60.0 * np.sqrt((np.arange(100000) + 0.5) / 100000)
     h = lens.thickness(r)
@@ -159,7 +159,7 @@ def test_linear_heat_loss_of_silicone_oil_is_within_the_uncertainty():
     places = np.array([0.5, 1.0, 1.5]) * 0.0358
     curves, oil, room = [], 315.0, 293.0
     for convection in (1.0, 2.0, 3.0):
-        lava = Lava(
+        lava = Lava.paper(
             density=silicone.DENSITY, specific_heat=silicone.SPECIFIC_HEAT,
             emissivity=0.96, convection=convection,
         )

@@ -33,11 +33,11 @@ from lava_ros.scene.on_terrain import read_placed_picture
 from lava_ros.watch import server as server_module
 from lava_ros.watch import surface
 from lava_ros.watch.frames import BagFrames, ensemble_frames, Level, Status, watched_layers
-from lava_ros.watch.page import ground_picture, SHOWN
+from lava_ros.watch.page import _coordinates, ground_picture, SHOWN
 from lava_ros.watch.surface import Ground, SIDE
 from recording import growing, record, TERRAIN
 from small_checkpoint import small_checkpoint
-from watch_page import Growing, served, Visitor
+from watch_page import Growing, served, TIMES, Visitor
 
 PROBABLE = SHOWN[PROBABILITY][0]
 
@@ -195,21 +195,25 @@ def test_a_long_update_does_not_delay_the_next_one(frames, monkeypatch):
 
 
 def test_follows_new_frames_only_at_the_end(visitor, page, frames):
-    assert (page.slider.value, page.slider.max) == (3, 3)
+    # times, in minutes
+    assert page.slider.label == 'Time [min]'
+    assert (page.slider.value, page.slider.max) == (800.0 / 60.0, 800.0 / 60.0)
     for number in (5, 1, 5):
         frames.grow(number)
-        visitor.wait(lambda last=number - 1: page.slider.value == last)
-    visitor.press(page.slider, 2)
+        visitor.wait(lambda last=number - 1: page._drawn[1] == last)
+        assert page.slider.value == TIMES[number - 1] / 60.0
+    # the newest map at or before the chosen time
+    visitor.press(page.slider, 12.0)
     visitor.wait(lambda: '10 min of 17 min' in page.title.content)
     frames.grow(6)
-    visitor.wait(lambda: page.slider.max == 5)
-    assert page.slider.value == 2
+    visitor.wait(lambda: page.slider.max == 20.0)
+    assert page._drawn[1] == 2
     del frames.times[1], frames._frames[1]
     frames.version += 1
-    visitor.wait(lambda: page.slider.max == 4)
-    assert page.slider.value == 1 and '10 min' in page.title.content
+    visitor.wait(lambda: page._drawn[:2] == (frames.version, 1))
+    assert '10 min' in page.title.content
     visitor.press(page.play)
-    visitor.wait(lambda: page.slider.value == 4)
+    visitor.wait(lambda: page.slider.value == 20.0 and page._drawn[1] == 4)
 
 
 def test_offers_the_maps_that_there_are(visitor, page, frames):
@@ -261,8 +265,9 @@ def test_untrusted_texts_are_escaped(page):
     assert 'no node answers &lt;here&gt;' in page.status.content
     assert '<td>&lt;i&gt;effects&lt;/i&gt;</td><td>frame &lt;3&gt;</td>' in page.facts.content
     # a label is drawn as text; one off the map is left out
-    labels = [item.text for item in drawn(page, '/labels/').values()]
-    assert labels == ['▲ open', '<b>hut</b>']
+    shown = drawn(page, '/labels/').values()
+    labels = [item.text for item in shown if hasattr(item, 'text')]
+    assert labels == ['▲ open', '<b>hut</b>', '20 m', 'N']
 
 
 @pytest.mark.filterwarnings('error')
@@ -277,7 +282,7 @@ def test_shows_particles_in_place_of_the_lava(visitor, page, frames, monkeypatch
     visitor.wait(lambda: '/lava/particles' in drawn(page))
     assert drawn(page)['/lava/particles'].points.shape == (3, 3)
     assert 'Particles at 2 min' in page.legend.content
-    visitor.press(page.slider, 2)
+    visitor.press(page.slider, 10.0)
     visitor.wait(lambda: page._drawn[1] == 2)
     assert list(drawn(page, '/lava/')) == ['/lava/particles']
     visitor.press(page.slider, 0)
@@ -429,6 +434,58 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     assert frames.status.level is Level.WARN
 
 
+def test_a_bag_without_diagnostics_shows_every_map(visit, tmp_path):
+    bag = record(tmp_path / 'bag', TIMES, clock=False)
+    frames = BagFrames(bag)
+    visitor = visit(frames)
+    page = visitor.page
+    visitor.wait(lambda: page.title.content)
+    # two seconds of ROS time apart
+    assert frames.times == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
+    expected = list(Recording(bag).frames())
+    assert len(expected) == 6
+    for index, frame in enumerate(expected):
+        shown = frames.frame(index).layers['thickness'].values
+        np.testing.assert_array_equal(shown, frame.layers['thickness'].values)
+    assert page.slider.label == 'Recorded [s]' and page.slider.value == 10.0
+    assert 'after 10 s of 10 s of the recording' in page.title.content
+    visitor.press(page.slider, 4.0)
+    visitor.wait(lambda: 'after 4 s of 10 s of the recording' in page.title.content)
+
+
+def test_page_has_warning_scale_north_and_date(visit, tmp_path):
+    frames = BagFrames(
+        record(tmp_path / 'bag', TIMES, custom_data={'onset': '2006-07-14T22:00:00Z'})
+    )
+    page = visit(frames).page
+    assert 'SIMULATION, NOT VERIFIED' in page.title.content
+    assert '2006-07-14 22:20 UTC' in page.title.content
+    texts = {item.text: item.position for item in drawn(page, '/labels/').values()
+             if hasattr(item, 'text')}
+    bar, north = texts['20 m'], texts['N']
+    lines = [item for name, item in drawn(page, '/labels/').items() if name.endswith('/north')]
+    assert len(lines) == 1
+    # the text of the scale is 20 m east of the corner at which the arrow begins
+    start = lines[0].points[0, 0]
+    cells = SIDE / max(TERRAIN.shape) / TERRAIN.resolution
+    assert bar[0] - start[0] == pytest.approx(20.0 * cells, rel=1e-3)
+    assert north[1] - start[1] == pytest.approx(20.0 * cells, rel=1e-3)
+    assert abs(north[0] - start[0]) < 1e-5
+
+
+def test_a_click_shows_coordinates(visit, frames):
+    page = visit(frames).page
+    known = {'terrain': {'epsg': 32633, 'offset': (500_000.0, 4_180_000.0)}}
+    rows = _coordinates(np.array([20.0, 95.0]), known)
+    assert rows['Easting, northing'] == '500020 m, 4180095 m'
+    longitude, latitude = (
+        float(item.strip(' °')) for item in rows['Longitude, latitude'].split(',')
+    )
+    assert longitude == pytest.approx(15.0002, abs=1e-4) and 37.7 < latitude < 37.8
+    assert _coordinates(np.array([20.0, 95.0]), {}) == {'x, y': '20 m, 95 m'}
+    assert page.values.content
+
+
 def test_a_bag_without_maps_waits(visit, tmp_path):
     frames = BagFrames(record(tmp_path / 'bag', []))
     visitor = visit(frames)
@@ -440,7 +497,9 @@ def test_an_ensemble_is_one_frame(visit, frames, monkeypatch):
     frame = replace(frames.frame(5), arrived=None, time=None)
     values = frame.layers[PROBABILITY].values
     panels = {PROBABILITY: Panel(frame, 'probability', values, '')}
-    run = SimpleNamespace(panels=panels, title='3 runs', summary='all', facts={'runs': '3'})
+    run = SimpleNamespace(
+        panels=panels, title='3 runs', summary='all', facts={'runs': '3'}, onset=None
+    )
     monkeypatch.setattr('lava_ros.watch.frames.read_run', lambda path, node: run)
     visitor = visit(ensemble_frames('folder'))
     visitor.wait(lambda: '<td>runs</td><td>3</td>' in visitor.page.facts.content)

@@ -26,6 +26,7 @@ _VOLUMES = {'emitted': 'volume_emitted_m3', 'held': 'volume_held_m3'}
 _OTHERS = {
     'lost': 'volume_left_m3',
     'lost in no-data cells': 'volume_in_holes_m3',
+    'in the sea': 'volume_in_sea_m3',
     'solidified': 'volume_frozen_m3',
     'overdue in the vents': 'volume_late_m3',
 }

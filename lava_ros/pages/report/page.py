@@ -17,15 +17,21 @@ from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import georeference_of
 from lava_ros.maps.frames import Progress, Recording, silent
 from lava_ros.maps.onset import recorded_onset
-from lava_ros.maps.page_layout import BANNER
+from lava_ros.maps.page_layout import BANNER, Imprint
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import barriers_of, duration
 from lava_ros.pages.arrivals import table_of
-from lava_ros.pages.pictures import draw_runs
+from lava_ros.pages.pictures import read_page
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, charts_of, svg
 from lava_ros.pages.report.static_page import read_asset, render_page, write_static_page
 from lava_ros.pages.report.summary import pack_maps, relief, RunSummary, summarize, view_of
+
+#: Facts at the top of a page of runs, which are short.
+_BRIEF = (
+    'start of the eruption', 'forecast until', 'maps show', 'effusion rate', 'volume emitted',
+    'inundation',
+)
 
 #: First warning of a page of runs.
 _NOTICE = f'{BANNER.capitalize()}.'
@@ -155,28 +161,37 @@ def _json(data: Any) -> str:
 def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -> int:
     """Write a page about an ensemble, or about several runs, and return its size [bytes].
 
-    ``options`` are those of ``draw_runs``.
+    ``options`` are those of ``read_page``, and ``imprint``, the publisher of the page.
 
     Raises:
         LavaError: If a run or a file cannot be read, or the page cannot be written.
     """
     output = file_to_write('output', output, ('.html', '.htm'))
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
-        picture = Path(folder) / 'maps.png'
-        drawn = draw_runs(paths, picture, **options)
-        facts = drawn['notes'] | {
+        imprint = options.pop('imprint', None) or Imprint()
+        shown = read_page(paths, **options)
+        pictures = shown.draw_pictures(Path(folder))
+        facts = dict(shown.notes)
+        # at the top of the page
+        warnings = facts.pop('warning', '')
+        facts |= {
             f'{term.replace("_", " ")} of {name}': f'{value:.3g}'
-            for name, scores in drawn['scores'].items()
+            for name, scores in shown.scores.items()
             for term, value in scores.items()
+        }
+        facts |= {
+            term: text
+            for term, text in (('author', imprint.author), ('agency', imprint.agency)) if text
         }
         return write_static_page(
             output,
-            picture,
-            title=drawn['title'],
-            subtitle=drawn['summary'],
-            warnings=[_NOTICE],
-            facts=facts,
-            shows=', '.join(drawn['maps']),
+            pictures,
+            title=shown.title,
+            subtitle=shown.subtitle,
+            warnings=[_NOTICE, *filter(None, [warnings])],
+            facts={term: facts.pop(term) for term in _BRIEF if term in facts},
+            about=facts,
+            logo=imprint.logo,
             places=sections.place_tables(
                 _tables(
                     paths, options.get('overlays', ()), options.get('node'),

@@ -19,16 +19,17 @@ from lava_ros.maps.layers import (
     HazardLimits,
     ZERO_CELSIUS,
 )
-from lava_ros.maps.numbers import percent, seconds
+from lava_ros.maps.numbers import seconds
 from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.summary import RunSummary
+from lava_ros.pages.run_warnings import warnings_of_moments
+from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.projection import system_name
 from lava_ros.simulation.numerical_error import NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
-from lava_ros.simulation.resolution import MIN_ACROSS
 
 
 class Table(NamedTuple):
@@ -48,22 +49,7 @@ def warnings(recording: Recording, summary: RunSummary) -> list[str]:
     moments, run = recording.timeline.moments, recording.timeline.last_run
     if len(run) < len(moments):
         found.append('The simulation was reset during the recording: this is the last run.')
-    parsed = (VolumeBudget.from_texts(item.values) for item in run)
-    budgets = [budget for budget in parsed if budget is not None]
-    errors = [budget.error for budget in budgets if not budget.is_conserved]
-    if errors:
-        found.append(
-            f'Volume was not conserved: up to {percent(max(errors))} of it is unaccounted for. Do '
-            'not trust these maps.'
-        )
-    elif budgets:
-        found += [f'{text[0].upper()}{text[1:]}.' for text in budgets[-1].warnings()]
-    across, width = (run[-1].number(key) for key in ('particles_across', 'flow_width_m'))
-    if across < MIN_ACROSS:
-        found.append(
-            f'The flow is under-resolved: {across:.2g} particles across about {width:.2g} m. '
-            'The inundated area would differ in a finer run.'
-        )
+    found += warnings_of_moments(run)
     if 'thickness' in summary.saturated:
         layer = summary.frame.layers['thickness'].layer
         if layer.range is not None:
@@ -75,7 +61,7 @@ def warnings(recording: Recording, summary: RunSummary) -> list[str]:
 
 
 def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
-    """Return names and values of the main results of a run."""
+    """Return names and values of the main results of a run, and the lava of its vents."""
     last = recording.timeline.last_run[-1]
     onset = recorded_onset(recording.bag.custom_data)
     dates = [] if onset is None else [
@@ -104,6 +90,9 @@ def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
     budget = VolumeBudget.from_texts(last.values)
     if budget is not None:
         rows += [(f'volume {name}', text.replace('m3', 'm³')) for name, text in budget.rows()]
+    rows.append(('numerical error', last.values.get('numerical_error', NOT_MEASURED)))
+    if (lava := EruptingLava.described(recording.scene)) is not None:
+        rows.append(('lava', lava.text()))
     speed = last.number('mean_speed')
     if speed > 0.0:
         rows.append(('speed', f'{float(f"{speed:.3g}"):,g} times real time'))

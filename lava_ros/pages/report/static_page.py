@@ -4,13 +4,15 @@
 """Templates of HTML pages, and static pages with one picture."""
 
 import base64
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import lava_ros
-from lava_ros.errors import LavaError
+from lava_ros.errors import refusing
 from lava_ros.files import write_output
 from lava_ros.files.optional import require
+from lava_ros.files.pictures import read_picture
 
 
 def render_page(template: str, **content: Any) -> str:
@@ -31,16 +33,18 @@ def read_asset(name: str) -> str:
 
 
 def write_static_page(
-    output: Path, picture: Path, *, template: str = 'still.html', **content: Any
+    output: Path, pictures: Sequence[tuple[str, Path]], *, template: str = 'still.html',
+    **content: Any,
 ) -> int:
-    """Write a self-contained HTML page about a PNG.
+    """Write a self-contained HTML page about some pictures.
 
     Args:
         output: The page.
-        picture: The PNG.
+        pictures: Titles and paths of the pictures (PNG).
         template: A template of this folder: ``still.html``, or one that extends it.
-        content: Variables of the template: ``title``, ``subtitle``, ``warnings`` and ``facts`` of
-            the page, ``shows``, which describes the picture, and the sections after the picture.
+        content: Variables of the template: ``title``, ``subtitle``, ``warnings`` and short
+            ``facts`` of the page, and the sections after the pictures, such as the long facts
+            ``about`` the runs. ``logo`` is the path of a logo.
 
     Returns:
         Size of the page [bytes].
@@ -48,10 +52,22 @@ def write_static_page(
     Raises:
         LavaError: If the page cannot be written, or the picture cannot be read.
     """
-    try:
-        image = base64.b64encode(picture.read_bytes()).decode()
-    except OSError as error:
-        raise LavaError('output', str(picture), f'a readable picture ({error})') from error
-    text = render_page(template, style=read_asset('report.css'), picture=image, **content)
+    content.setdefault('about', {})
+    logo = content.pop('logo', '')
+    if logo:
+        # raises for a file without a picture
+        read_picture('--logo', logo)
+    content['logo'] = _encoded(Path(logo)) if logo else ''
+    images = []
+    for title, path in pictures:
+        images.append((title, _encoded(path)))
+    text = render_page(template, style=read_asset('report.css'), pictures=images, **content)
     write_output('output', output, text)
     return len(text.encode())
+
+
+def _encoded(path: Path) -> str:
+    """Return a PNG or JPEG as a data URL."""
+    with refusing('output', str(path), 'a readable picture', OSError):
+        kind = 'jpeg' if path.suffix.lower() in ('.jpg', '.jpeg') else 'png'
+        return f'data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}'

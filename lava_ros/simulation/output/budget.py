@@ -23,6 +23,7 @@ _PARTS = {
     'frozen': 'solidified',
     'over_border': 'lost over the border',
     'in_holes': 'lost in no-data cells',
+    'in_sea': 'in the sea',
     'pending': 'waiting in the vents',
     'late': 'overdue in the vents',
 }
@@ -41,10 +42,12 @@ class VolumeBudget:
         held: Volume in the simulation: the sum of the particles' volumes, and ``pending``.
         pending: Part of ``held`` that waits in the vents' conduits, less than one particle per
             vent (less than eight where vents emit symmetrically).
-        left: Volume that has flowed over the terrain's border or onto cells without data.
+        left: Volume that has flowed over the terrain's border, onto cells without data or into the
+            sea.
         frozen: Volume that has solidified and become ground.
         late: Part of ``pending`` that is overdue: the vents are behind.
         in_holes: Part of ``left`` that has flowed onto cells without data.
+        in_sea: Part of ``left`` that has flowed into the sea.
         thin: Volume on cells that lava has not reached, because it is too thin to count
             (``Accuracy.inundation_threshold``); 0 in a budget without maps.
     """
@@ -56,6 +59,7 @@ class VolumeBudget:
     frozen: float = 0.0
     late: float = 0.0
     in_holes: float = 0.0
+    in_sea: float = 0.0
     thin: float = 0.0
 
     @property
@@ -72,7 +76,7 @@ class VolumeBudget:
     @property
     def over_border(self) -> float:
         """Part of ``left`` that has flowed over the border [m3]."""
-        return self.left - self.in_holes
+        return self.left - self.in_holes - self.in_sea
 
     def texts(self) -> dict[str, str]:
         """Return the values of a diagnostics status, by key."""
@@ -96,7 +100,11 @@ class VolumeBudget:
 
     def rows(self) -> list[tuple[str, str]]:
         """Return labels and values for people, ending with the unaccounted volume."""
-        rows = [(name, f'{_shown(getattr(self, part))} m3') for part, name in _PARTS.items()]
+        rows = [
+            (name, f'{_shown(getattr(self, part))} m3') for part, name in _PARTS.items()
+            # scenes usually have no sea
+            if part != 'in_sea' or self.in_sea > 0.0
+        ]
         error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e} of the emitted volume'
         return [*rows, ('unaccounted for', error)]
 

@@ -250,7 +250,7 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
     scene = Scene(
         ground,
         vents=tuple(Vent(**vent) for vent in data['vents']),
-        lava=Lava(**data['lava']),
+        lava=Lava.paper(**data['lava']),
         **{name: data[name] for name in ENVIRONMENT if name in data},
         uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
         emplaced_flows=tuple(flows),
@@ -260,6 +260,10 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
         ),
         onset=onset_from('checkpoint.scene', data),
     )
+    left = arrays.get('state.left')
+    if left is not None and left.shape == (2,):
+        # written before there was a sea
+        arrays['state.left'] = np.append(left, 0.0)
     forced = header['forced']
     return Checkpoint(
         time=time,

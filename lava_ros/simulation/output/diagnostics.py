@@ -65,7 +65,8 @@ def _kernel(real: Any) -> Any:
             place = int(wp.static(_SUMS))
             numbers[place] = left[at.BORDER]
             numbers[place + 1] = left[at.HOLES]
-            place += 2
+            numbers[place + 2] = left[at.SEA]
+            place += 3
             for i in range(clock.shape[0]):
                 numbers[place + i] = clock[i]
             place += clock.shape[0]
@@ -98,7 +99,7 @@ class FlowDiagnostics:
         Particles that have left must have been dropped. ``raised`` is the ground if lava can have
         solidified onto it.
         """
-        length = _SUMS + 2 + state.clock.size + state.counts.size + vents.released.size
+        length = _SUMS + 3 + state.clock.size + state.counts.size + vents.released.size
         placed, unit = None, 0.0
         if raised is not None:
             length += _SUMS
@@ -123,8 +124,9 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
 
     Only the sizes of the state's arrays are read; ``before`` [m3] was emitted by earlier vents.
     """
-    sizes = [_SUMS, 2, state.clock.size, state.counts.size, vents.released.size]
-    sums, (border, holes), clock, places, released, frozen = np.split(numbers, np.cumsum(sizes))
+    sizes = [_SUMS, 3, state.clock.size, state.counts.size, vents.released.size]
+    parts = np.split(numbers, np.cumsum(sizes))
+    sums, (border, holes, sea), clock, places, released, frozen = parts
     counts, time = places.astype(np.int64), float(clock[at.TIME])
     pending = float(vents.pending(time, released.astype(np.int32)).sum())
     return Moment(
@@ -141,10 +143,11 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
             emitted=before + vents.emitted(time),
             held=float(sums.sum()) + pending,
             pending=pending,
-            left=float(border + holes),
+            left=float(border + holes + sea),
             frozen=float(frozen.sum()),
             late=vents.late(pending),
             in_holes=float(holes),
+            in_sea=float(sea),
         ),
     )
 

@@ -107,6 +107,13 @@ def border_functions(real: Any) -> tuple[Any, Any, Any]:
         # places are relative to the middle of the grid
         if wp.abs(x) >= -ground.x0 or wp.abs(y) >= -ground.y0:
             return at.BORDER
+        if ground.sea:
+            j = int(wp.floor((x - ground.x0) / ground.resolution))
+            i = int(wp.floor((y - ground.y0) / ground.resolution))
+            i = wp.clamp(i, 0, ground.rows - 1)
+            j = wp.clamp(j, 0, ground.columns - 1)
+            if ground.sea[i, j] != wp.uint8(0):
+                return at.SEA
         return at.HOLES
 
     @wp.func

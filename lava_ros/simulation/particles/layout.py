@@ -32,8 +32,8 @@ CURRENT, NEAR_BORDER, NEWCOMERS = range(8, 11)
 # Indices into State.rates: reciprocals of the longest step that each limit allows [1/s].
 DIFFUSION, ADVECTION = range(2)
 
-#: Indices into ``left``: over the terrain's border, and onto cells without data.
-BORDER, HOLES = range(2)
+#: Indices into ``left``: over the terrain's border, onto cells without data, and into the sea.
+BORDER, HOLES, SEA = range(3)
 
 #: Elevation above, or with a minus sign below, any other [m]; finite, as required in a checkpoint.
 FAR = 1e30
@@ -73,7 +73,7 @@ ARRAYS = {
     'home': Array('int32'),
     'clock': Array('float64', 5),
     'limit_time': Array('float64', 2),
-    'left': Array('float64', 2),
+    'left': Array('float64', 3),
 }
 
 #: Arrays of the cells of the terrain, which ``covered_cells.CoveredCells`` keeps.
@@ -102,7 +102,7 @@ def ground_type(real: Any) -> Any:
     """Return the struct of a terrain: position from its centre [m], cells with data, elevation.
 
     It has the precision of the kernels that read it: converting numbers in each thread would cost
-    more than reading them. ``elevation`` and ``known`` are as in ``StaggeredTerrain``.
+    more than reading them. ``elevation``, ``known`` and ``sea`` are as in ``StaggeredTerrain``.
     """
 
     @wp.struct
@@ -114,6 +114,7 @@ def ground_type(real: Any) -> Any:
         columns: wp.int32
         elevation: wp.array2d(dtype=real)
         known: wp.array2d(dtype=wp.uint8)
+        sea: wp.array2d(dtype=wp.uint8)
 
     return Ground
 

@@ -26,7 +26,7 @@ from lava_ros.scene.terrain import has_same_cells
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.output.window import cell_in, CellWindow, Window
-from lava_ros.simulation.particles.layout import BORDER, fitting, ground_type, HOLES
+from lava_ros.simulation.particles.layout import BORDER, fitting, ground_type, HOLES, SEA
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import averaged, StaggeredTerrain
 
@@ -110,9 +110,10 @@ class RaisedTerrain(StaggeredTerrain):
             values.sum() * cells.resolution**2
             for values, cells in ((frozen, before), (thickness, terrain))
         )
-        lost = np.zeros(2)
+        lost = np.zeros(3)
         lost[BORDER] = volume - on_map
-        lost[HOLES] = thickness[~terrain.has_data].sum() * terrain.resolution**2
+        for place, cells in ((HOLES, np.isnan(terrain.elevation)), (SEA, terrain.is_sea)):
+            lost[place] = thickness[cells].sum() * terrain.resolution**2
         # smaller differences are rounding
         if abs(lost.sum()) > 1e-9 * volume:
             left.assign(left.numpy() + lost)

@@ -26,10 +26,11 @@ class StaggeredTerrain:
     """A terrain on a device.
 
     Attributes:
-        height: Elevation of the cells and of a ring around them, above the mean [m], shape
+        height: Elevation of the cells and of a ring around them, above a level [m], shape
             [rows + 2, columns + 2].
         bare: ``height`` without solidified lava.
-        known: 1 for cells with data, 0 for others, shape [rows, columns].
+        known: 1 for cells of ground, 0 for those without data and the sea, shape [rows, columns].
+        sea: 1 for cells in the sea, 0 for others, same shape; None without a sea.
         ground: Argument of kernels with all of these.
         exact_ground: The same argument in float64, without elevations.
     """
@@ -40,6 +41,9 @@ class StaggeredTerrain:
         self.bare = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
         self.height = self.bare
         self.known = wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
+        self.sea = None
+        if terrain.sea_level is not None:
+            self.sea = wp.array(terrain.is_sea.astype(np.uint8), dtype=wp.uint8, device=device)
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
         self.ground, self.exact_ground = ground_type(REAL[precision])(), ground_type(wp.float64)()
         for ground in (self.ground, self.exact_ground):
@@ -47,6 +51,8 @@ class StaggeredTerrain:
             ground.resolution = terrain.resolution
             ground.rows, ground.columns = rows, columns
             ground.known = self.known
+            if self.sea is not None:
+                ground.sea = self.sea
         self.ground.elevation = self.height
 
     @classmethod
@@ -140,16 +146,28 @@ def _averaged_along(
 
 @lru_cache(maxsize=1)
 def ringed_heights(terrain: Terrain) -> np.ndarray:
-    """Return elevations above the mean [m], extended by one cell, shape [rows + 2, columns + 2].
+    """Return elevations above a level [m], extended by one cell, shape [rows + 2, columns + 2].
 
     Outside the grid the terrain continues with the slope of its border; on cells without data it
-    continues with the slope of adjacent cells. Subtracting the mean saves digits in float32.
+    continues with the slope of adjacent cells. A level near the mean saves digits in float32.
     Members of an ensemble on the same terrain share the array.
     """
     height = terrain.elevation.astype(np.float64)
-    if not terrain.has_data.all():
+    if np.isnan(height).any():
         height = _extended(height)
-    return np.pad(height - height.mean(), 1, mode='reflect', reflect_type='odd')
+    return np.pad(height - _level(height), 1, mode='reflect', reflect_type='odd')
+
+
+def _level(height: np.ndarray) -> float:
+    """Return the mean, rounded to a multiple of a power of two that the relief exceeds [m].
+
+    With the mean itself, ground that is raised anywhere would change all rounding errors.
+    """
+    mean, relief = float(height.mean()), float(np.ptp(height))
+    if relief == 0.0:
+        return mean
+    unit = 2.0 ** math.floor(math.log2(relief))
+    return unit * round(mean / unit)
 
 
 def _extended(height: np.ndarray) -> np.ndarray:

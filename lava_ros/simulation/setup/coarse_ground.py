@@ -71,6 +71,6 @@ def subdivide_ground(terrain: Terrain) -> Terrain:
 
 
 def _mean(terrain: Terrain) -> float:
-    """Return the mean elevation that ``ringed_heights`` subtracts [m]."""
+    """Return the level that ``ringed_heights`` subtracts [m]."""
     known = terrain.has_data
     return float((terrain.elevation - ringed_heights(terrain)[1:-1, 1:-1])[known].mean())

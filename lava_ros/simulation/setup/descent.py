@@ -40,7 +40,7 @@ def averaged(terrain: Terrain, factor: int) -> Terrain:
     mean = np.empty((rows, columns))
     for row in range(0, rows, _STRIP):
         count = min(_STRIP, rows - row)
-        known = terrain.elevation[row * factor : (row + count) * factor]
+        known = terrain.ground[row * factor : (row + count) * factor]
         strip = np.full((count * factor, columns * factor), np.nan)
         strip[: known.shape[0], : known.shape[1]] = known
         blocks = strip.reshape(count, factor, columns, factor)
@@ -157,7 +157,7 @@ def _known_place(terrain: Terrain, place: np.ndarray) -> np.ndarray:
     """Return a place [m], or the nearest middle of a cell with data if it is on none."""
     if terrain.covered(place[None])[0]:
         return place
-    rows, columns = np.nonzero(np.isfinite(terrain.elevation))
+    rows, columns = np.nonzero(terrain.has_data)
     middles = terrain.origin + (np.column_stack([columns, rows]) + 0.5) * terrain.resolution
     return middles[np.argmin(np.hypot(*(middles - place).T))]
 
@@ -189,7 +189,7 @@ def _cell(terrain: Terrain, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Return the elevations of cells [i, j] [m], float64, NaN off the grid."""
     rows, columns = terrain.shape
     inside = (i >= 0) & (j >= 0) & (i < rows) & (j < columns)
-    found = terrain.elevation[np.where(inside, i, 0), np.where(inside, j, 0)]
+    found = terrain.ground[np.where(inside, i, 0), np.where(inside, j, 0)]
     return np.where(inside, found, np.nan).astype(np.float64)
 
 

@@ -43,7 +43,7 @@ STEP = 1e-3
 #: Lava that has every constant, hot enough not to solidify.
 _NUMBERS = {key: value for one in EFFECTS.values() for key, value in one.benchmark.items()}
 _AROUND = {key: _NUMBERS.pop(key) for one in EFFECTS.values() for key in one.environment}
-LAVA = Lava(viscosity=1e5, liquidus=1500.0, **_NUMBERS)
+LAVA = Lava.paper(viscosity=1e5, liquidus=1500.0, **_NUMBERS)
 
 
 def effect_sets() -> dict[str, Effects]:

@@ -20,7 +20,9 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.snapshot import ParticleSample
 
 #: Isothermal lava: nothing but weight and viscosity.
-ISOTHERMAL = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
+ISOTHERMAL = Lava.paper(
+    density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0
+)
 
 #: Its kinematic viscosity [m2/s].
 NU = ISOTHERMAL.viscosity / ISOTHERMAL.density

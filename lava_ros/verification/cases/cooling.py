@@ -17,7 +17,7 @@ from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import FRONT, GRAVITY
 
 #: Lava whose viscosity is 20 times as large after cooling by 100 K.
-STIFFENING = Lava(
+STIFFENING = Lava.paper(
     density=2600.0, viscosity=1e4, specific_heat=1150.0, arrhenius=0.03, emissivity=0.9,
     convection=50.0, reference_temperature=1360.0,
 )

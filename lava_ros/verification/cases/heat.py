@@ -22,7 +22,7 @@ from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU, SLOPING
 
 #: Lava too viscous to move, which loses no heat unless a case changes that.
-STILL = Lava(density=2500.0, viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
+STILL = Lava.paper(density=2500.0, viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 #: Temperatures of vents and of the air [K], and the thickness of sheets [m].
 HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
@@ -239,7 +239,7 @@ def _run_oil(accuracy: Accuracy, device: str) -> case.Run:
     half = 3.6 * thermal
     window = case.square(half)
     vent = Vent((0.0, 0.0), DISCHARGE, radius=HOLE, temperature=hot)
-    oil = Lava(
+    oil = Lava.paper(
         density=DENSITY, viscosity=VISCOSITY * DENSITY, arrhenius=0.0, specific_heat=SPECIFIC_HEAT,
         emissivity=0.0, convection=LOSS,
     )

@@ -21,7 +21,7 @@ from lava_ros.verification.cases.confined import ground_at
 INERTIAL = case.only('inertia')
 
 #: Lava with negligible drag.
-THIN = Lava(density=2600.0, viscosity=1e-6, arrhenius=0.0, emissivity=0.0, convection=0.0)
+THIN = Lava.paper(density=2600.0, viscosity=1e-6, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
 #: Length of a fan behind a dam when it is measured, and the thickness behind it [m].
 REACH, HEIGHT = 10.0, 1.0

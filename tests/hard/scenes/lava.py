@@ -113,7 +113,7 @@ THICKNESS = (
 )
 
 #: A basalt that solidifies, with a crust and conduction into the ground.
-BASALT = Lava(
+BASALT = Lava.paper(
     density=2600.0, viscosity=1000.0, arrhenius=0.04, solidus=1223.0, latent_heat=3.5e5,
     conductivity=1.5, ground_conductivity=2.0, crust=True,
 )
@@ -145,13 +145,13 @@ HEAT = (
               lava=both(block(60.0, 60.0, 1.0, temperature=900.0),
                         lambda spacing: block(60.0, 60.0, 1.0)(0.83 * spacing)), thickness=1.0),
     HardScene('as_cold_as_the_air', 'lava that has the temperature of the air',
-              scene(plane(0.2), (), Lava(viscosity=1.0, arrhenius=0.004),
+              scene(plane(0.2), (), Lava.paper(viscosity=1.0, arrhenius=0.004),
                     ambient_temperature=600.0), 1000.0,
               lava=block(40.0, 40.0, 1.0, temperature=600.0), thickness=1.0, mirrored=True,
               mirrored_until=100.0),
     HardScene('chilled_at_once', 'heat transfer so strong that a step takes all of it',
               scene(plane(0.1), (vent(0.0, 30.0, 2.0),),
-                    Lava(viscosity=100.0, arrhenius=0.002, convection=1e5),
+                    Lava.paper(viscosity=100.0, arrhenius=0.002, convection=1e5),
                     ambient_temperature=100.0), 200.0, mirrored=True),
     HardScene('heated_by_fall',
               'lava that its fall over a cliff of 1000 m warms, and nothing cools',

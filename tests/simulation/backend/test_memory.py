@@ -24,7 +24,7 @@ NO_ROOM = f'room for {TOO_MANY} particles: Failed to allocate'
 def flow(device):
     ground, vent = incline(0.2, 30, 40, 10.0, top=500.0), Vent((60.0, 155.0), 20.0)
     knobs = {'effects': Effects(inertia=True), 'spacing': 5.0, 'deterministic': True}
-    simulation = simulated(ground, Lava(), vent, device=device, **knobs)
+    simulation = simulated(ground, Lava.paper(), vent, device=device, **knobs)
     simulation.advance(60.0)
     return simulation
 
