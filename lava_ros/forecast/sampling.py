@@ -22,7 +22,9 @@ from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import effective_members
 from lava_ros.scene import Scene, Terrain
-from lava_ros.scene.uncertainty import CONSTANTS, Distribution, Roughness, Uncertainty
+from lava_ros.scene.distributions import Distribution, Roughness
+from lava_ros.scene.ranges import with_ranges
+from lava_ros.scene.uncertainty import CONSTANTS, Uncertainty
 
 #: Quantity of each coordinate of a point; add new ones at the end, so that the others keep theirs.
 COORDINATES = (
@@ -204,6 +206,7 @@ def draw_members(
 ) -> tuple[Member, ...]:
     """Draw the first members of the ensemble of a scene and a seed.
 
+    Quantities that the scene leaves open have their usual ranges (``ranges.with_ranges``).
     ``susceptibility`` is the distribution of the vent's position, in place of the scene's.
     ``posterior`` is the distribution after observations; its parents are of the same scene.
 
@@ -212,8 +215,9 @@ def draw_members(
     """
     count = validation.whole('members', count, at_least=1, at_most=MAX_MEMBERS)
     seed = validation.whole('seed', seed, at_least=0, at_most=2**32 - 1)
-    uncertainty = scene.uncertainty
-    if count > 1 and uncertainty == Uncertainty() and susceptibility is None:
+    uncertainty = with_ranges(scene).uncertainty
+    is_uncertain = bool(uncertainty.drawn or uncertainty.eruption or susceptibility)
+    if count > 1 and not is_uncertain:
         raise LavaError(
             'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
         )
@@ -225,8 +229,9 @@ def draw_members(
     if posterior is None:
         points = _points(count, (seed,), len(names))
     else:
-        uncertain = {name for name in COORDINATES[:4] if getattr(uncertainty, name)}
-        uncertain |= {*constants, *ERUPTION[1:]}
+        drawn_names = {*COORDINATES[:4], *constants}
+        uncertain = {name for name in drawn_names if is_independent(uncertainty, name)}
+        uncertain |= {*ERUPTION[1:]}
         uncertain |= {'x', 'y'} if uncertainty.position else set()
         uncertain |= {'place_x', 'place_y'} if susceptibility else set()
         cube = _points(count, (seed, posterior.generation), len(names) + 1)
@@ -237,7 +242,11 @@ def draw_members(
         point = dict(zip(names, numbers, strict=True))
 
         def drawn(name: str, distribution: Distribution) -> float:
-            return _rounded(distribution.quantile(point[name]))
+            leader = distribution.follows.removeprefix('-') or name
+            share = point['discharge' if leader == 'effusion_rate' else leader]
+            return _rounded(
+                distribution.quantile(1.0 - share if distribution.follows[:1] == '-' else share)
+            )
 
         values: dict[str, Any] = {
             name: drawn(name, distribution)
@@ -259,6 +268,12 @@ def draw_members(
         )
 
     return tuple(member(index, numbers) for index, numbers in enumerate(points.tolist()))
+
+
+def is_independent(uncertainty: Uncertainty, name: str) -> bool:
+    """Return True if a coordinate is drawn, and does not follow another quantity."""
+    found = uncertainty.distribution_of('effusion_rate' if name == 'discharge' else name)
+    return isinstance(found, Distribution) and not found.follows
 
 
 def prepare_sampling() -> None:

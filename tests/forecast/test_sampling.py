@@ -29,7 +29,7 @@ from lava_ros.forecast.sampling import (
 )
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.scene.on_terrain import read_raster_on
-from lava_ros.scene.uncertainty import Roughness
+from lava_ros.scene.distributions import Roughness
 
 UNCERTAIN = {
     'temperature': {'distribution': 'normal', 'mean': 5.0, 'deviation': 20.0},
