@@ -252,9 +252,7 @@ def distribution() -> Schema:
     kinds = []
     words = {
         'source': TEXT | {'description': 'Reference, for people'},
-        'follows': TEXT | {
-            'description': 'Quantity with the same, or after a minus sign the opposite, rank'
-        },
+        'follows': {'$ref': '#/definitions/leader'},
     }
     for kind, names in distributions.KINDS.items():
         numbers = {name: of_check(distributions.check_of(kind, name)) for name in names}
@@ -264,6 +262,15 @@ def distribution() -> Schema:
         known = {'distribution': {'const': kind}, **numbers, **limits, **words}
         kinds.append(mapping(known, ['distribution', *names]))
     return {'anyOf': kinds}
+
+
+def definitions() -> dict[str, Schema]:
+    """Return the schemas to which others refer."""
+    names = [sign + name for sign in ('', '-') for name in uncertainty.QUANTITIES]
+    meaning = 'Quantity with the same, or after a minus sign the opposite, rank'
+    return {
+        'distribution': distribution(), 'leader': {'description': meaning, 'enum': ['', *names]}
+    }
 
 
 def uncertainties() -> Schema:
@@ -369,7 +376,7 @@ def scene() -> Schema:
     }
     known = {name: known[name] for name in SCENE_KEYS}
     return mapping(
-        {**known, 'material': deprecated_material()}, definitions={'distribution': distribution()}
+        {**known, 'material': deprecated_material()}, definitions=definitions()
     )
 
 
@@ -402,7 +409,7 @@ def case_file() -> Schema:
     }
     known = {name: known[name] for name in case.KEYS}
     return mapping(
-        {**known, 'material': deprecated_material()}, definitions={'distribution': distribution()}
+        {**known, 'material': deprecated_material()}, definitions=definitions()
     )
 
 

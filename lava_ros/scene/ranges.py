@@ -15,7 +15,7 @@ from dataclasses import fields, replace
 import math
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.effects import possible
+from lava_ros.effects import EFFECTS, possible
 from lava_ros.scene.distributions import Displacement, Distribution, Roughness
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Constant, Material, material_named
@@ -51,6 +51,9 @@ FIXED, UNPUBLISHED = 'fixed by the scene', 'no published range'
 _LAWS = ('reference_temperature', 'vft_a', 'vft_b', 'vft_c')
 
 _LIMITS = {item.name: item.metadata['limits'] for item in fields(Lava) if 'limits' in item.metadata}
+
+#: Effect to which a constant of the lava belongs.
+_OWNERS = {key: name for name, effect in EFFECTS.items() for key in effect.constants}
 
 #: A distribution, or the reason for which there is none.
 Found = Distribution | Displacement | Roughness | str
@@ -214,6 +217,8 @@ def _constant(name: str, scene: Scene, material: Material) -> Found:
     if not value and usual.range[0] > 0.0:
         # a value of 0 switches an effect off
         return '0 in the scene'
+    if _OWNERS.get(name, name) not in (name, *possible(scene.lava)):
+        return 'without effect in this lava'
     is_log = name in LOGARITHMIC
     low, high = span_of(usual.range, value, is_log=is_log)
     low, high = max(low, _LIMITS[name][0]), min(high, _LIMITS[name][1])

@@ -9,8 +9,8 @@ the usual distributions of the quantities that a scene does not mention.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
 
@@ -144,6 +144,27 @@ class Uncertainty:
         """The distributions by name, in the order of ``QUANTITIES``; without classes."""
         found = ((name, self.distribution_of(name)) for name in QUANTITIES)
         return {name: item for name, item in found if item is not None}
+
+    def fixing(self, names: Iterable[str]) -> Uncertainty:
+        """Return the uncertainty with some of ``QUANTITIES`` exact, without their distributions.
+
+        ``ALL`` leaves those that have distributions.
+
+        Raises:
+            LavaError: If a name is not valid.
+        """
+        names = tuple(names)
+        kept = {name: item for name, item in self.drawn.items() if name not in names}
+        for name, item in kept.items():
+            if isinstance(item, Distribution) and item.follows.removeprefix('-') in names:
+                kept[name] = replace(item, follows='')
+        constants = {name: kept[name] for name in self.constants if name in kept}
+        others = {
+            'discharge' if name == 'effusion_rate' else name: kept.get(name)
+            for name in QUANTITIES if name not in CONSTANTS
+        }
+        exact = tuple(dict.fromkeys((*self.exact, *names)))
+        return replace(self, constants=constants, exact=exact, **others)  # type: ignore[arg-type]
 
     def is_followed(self, name: str, by: str) -> bool:
         """Return True if another quantity may have the cumulative probability of this one."""

@@ -168,3 +168,16 @@ def test_explicit_uncertainty_of_python_draws_nothing_else(tmp_path):
     scene = scene_of(tmp_path)
     alone = replace(scene, uncertainty=replace(scene.uncertainty, material=''))
     assert with_ranges(alone) is alone
+
+
+def test_fixing_a_quantity_removes_its_distribution():
+    own = {'distribution': 'loguniform', 'low': 0.5, 'high': 2.0}
+    known = uncertainty_from_dict({
+        'viscosity': own, 'yield_strength': {**own, 'follows': 'viscosity'},
+        'effusion_rate': own, 'constants': {'density': {**own, 'low': 2e3, 'high': 3e3}},
+    })
+    fixed = known.fixing(['viscosity', 'density'])
+    assert set(fixed.drawn) == {'effusion_rate', 'yield_strength'}
+    assert fixed.exact == ('viscosity', 'density') and not fixed.yield_strength.follows
+    assert set(known.fixing(['all']).drawn) == set(known.drawn)
+    assert known.fixing(['all']).is_exact('terrain')
