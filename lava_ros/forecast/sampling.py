@@ -221,9 +221,8 @@ def draw_members(
         raise LavaError(
             'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
         )
-    # in the order of Lava, independent of that of a file
-    constants = [name for name in CONSTANTS if name in uncertainty.constants]
-    names = (*COORDINATES, *constants, *(ERUPTION if uncertainty.eruption else ()))
+    constants = _constants_of(uncertainty)
+    names = _names(uncertainty)
     sums = np.cumsum([item.probability for item in uncertainty.eruption])
     seeds: list[tuple[int, ...]] = [(seed, index) for index in range(count)]
     if posterior is None:
@@ -268,6 +267,21 @@ def draw_members(
         )
 
     return tuple(member(index, numbers) for index, numbers in enumerate(points.tolist()))
+
+
+def coordinates_of(scene: Scene) -> tuple[str, ...]:
+    """Return the names of the coordinates of ``Member.point`` of a scene."""
+    return _names(with_ranges(scene).uncertainty)
+
+
+def _names(uncertainty: Uncertainty) -> tuple[str, ...]:
+    eruption = ERUPTION if uncertainty.eruption else ()
+    return (*COORDINATES, *_constants_of(uncertainty), *eruption)
+
+
+def _constants_of(uncertainty: Uncertainty) -> list[str]:
+    # in the order of Lava, independent of that of a file
+    return [name for name in CONSTANTS if name in uncertainty.constants]
 
 
 def is_independent(uncertainty: Uncertainty, name: str) -> bool:

@@ -69,8 +69,7 @@ SURVEYS: Mapping[str, Survey] = {
     'lidar': Survey(
         'airborne lidar',
         0.15,
-        'U.S. Geological Survey, Lidar Base Specification, quality level 2: 0.3 m at 95 % under '
-        'plants',
+        'USGS (2012), Lidar Base Specification, quality level 2: 0.3 m at 95 % under plants',
         1.0,
         ('lidar', 'laser'),
     ),

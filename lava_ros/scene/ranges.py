@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 import math
+import re
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.effects import EFFECTS, possible
@@ -45,7 +46,7 @@ PIXEL = Constant(
 ABOVE_SOLIDUS = 1.0
 
 #: Reason for which a quantity is not drawn.
-FIXED, UNPUBLISHED = 'fixed by the scene', 'no published range'
+FIXED, UNPUBLISHED = 'fixed by the user', 'no published range'
 
 #: Constants of the lava that define a law or are not measured: their error is that of others.
 _LAWS = ('reference_temperature', 'vft_a', 'vft_b', 'vft_c')
@@ -111,6 +112,12 @@ def describe_inputs(scene: Scene) -> dict[str, Any]:
             'distribution': f'classes: {", ".join(names)}', 'source': 'given by the scene'
         }
     return {'drawn': drawn, 'exact': exact_quantities(whole)}
+
+
+def short_citation(source: str) -> str:
+    """Return author and year of the first reference in a source, or the source without one."""
+    found = re.search(r"([A-Z][\w-]+)(?:, [A-Z]\.[^()]*)? \((\d{4})\)", source)
+    return f'{found[1]} {found[2]}' if found else source
 
 
 def _usual(scene: Scene) -> dict[str, Found]:

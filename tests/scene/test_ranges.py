@@ -66,7 +66,7 @@ def test_scene_fixes_quantities(tmp_path, exact, fixed):
     assert set(found) == ETNA - fixed
     assert found['density'] == Distribution('uniform', (2300.0, 2400.0))
     reasons = exact_quantities(scene)
-    assert {name for name in ETNA if reasons.get(name) == 'fixed by the scene'} == fixed
+    assert {name for name in ETNA if reasons.get(name) == 'fixed by the user'} == fixed
     # without the quantity that determines it, a follower is drawn independently
     assert 'yield_strength' not in found or bool(found['yield_strength'].follows) == (
         'viscosity' in found
