@@ -14,7 +14,6 @@ from lava_ros.forecast.sampling import Member, rough_terrain
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.distributions import Distribution
-from lava_ros.scene.ranges import with_ranges
 from lava_ros.scene.vents import erupting
 
 #: Maximum number of times that a displacement is halved before the vent is not displaced.
@@ -22,7 +21,7 @@ _HALVINGS = 12
 
 
 def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
-    """Return the scene of a member of a scene with its usual ranges (``ranges.with_ranges``).
+    """Return the scene of a member.
 
     ``rough`` adds the errors of the terrain, which is slow. A displacement that would move a vent
     off the terrain is halved until it does not.
@@ -48,7 +47,6 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
 
 def median_scene(scene: Scene) -> Scene:
     """Return the scene with every uncertain value at its median, except classes of eruptions."""
-    scene = with_ranges(scene)
     uncertainty = scene.uncertainty
     drawn: dict[str, Any] = {
         name: distribution.quantile(0.5)
@@ -68,7 +66,6 @@ def end_scenes(scene: Scene) -> list[Scene]:
     Raises:
         LavaError: If the values do not make a valid scene.
     """
-    scene = with_ranges(scene)
     uncertainty, drawn = scene.uncertainty, list[dict[str, Any]]()
     for fraction in (0.1, 0.9):
         for name, distribution in vars(uncertainty).items():

@@ -145,9 +145,8 @@ def make_plan(
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     samples = _sampling(samples, horizon)
-    scene = with_ranges(scene)
-    # one spacing for all members
-    median = median_scene(scene)
+    # one spacing for all members, that of the values of the scene
+    median, scene = median_scene(scene), with_ranges(scene)
     accuracy = resolved_accuracy(accuracy or Accuracy(), median, effects, horizon=horizon)
     if threshold is not None:
         threshold = validation.number('threshold', threshold, above=0.0, unit='m')

@@ -43,6 +43,10 @@ _MARGIN = 1e-3
 #: Extension of a field beyond the terrain in correlation lengths, so that opposite borders differ.
 _BEYOND = 3.0
 
+#: Cells of the noise of a field in a correlation length: its shorter waves have no more than 1e-4
+#: of the amplitude.
+_FINE = 3.0
+
 #: Steps of a field [1/m]: rounding to them removes the error of the Fourier transform.
 _STEPS = 1024.0
 
@@ -343,20 +347,33 @@ def random_field(
         LavaError: If scipy is not installed.
     """
     require('scipy.special', 'uncertainty.terrain', roughness)
+    from scipy.fft import irfft2, next_fast_len, rfft2
     from scipy.special import ndtri
 
+    # coarser noise has no waves that the field lacks, and is interpolated by its waves
+    step = max(int(roughness.correlation / (_FINE * resolution)), 1)
     beyond = int(np.ceil(_BEYOND * roughness.correlation / resolution))
     # limit the extension of a field that hardly changes over the terrain
-    rows, columns = (side + min(beyond, 4 * max(shape)) for side in shape)
+    rows, columns = (
+        next_fast_len(-(-(side + min(beyond, 4 * max(shape))) // step), real=True)
+        for side in shape
+    )
     # raw bits of the generator are the same in all versions, its normal numbers may not be
     bits = np.random.PCG64(np.random.SeedSequence(seed)).random_raw(rows * columns)
     noise = ndtri(((bits >> np.uint64(11)) + 0.5) * 2.0**-53).reshape(rows, columns)
-    waves_y = np.fft.fftfreq(rows, resolution)[:, None]
-    waves_x = np.fft.rfftfreq(columns, resolution)
     width = 0.5 * roughness.correlation
-    gain = np.exp(-2.0 * (np.pi * width) ** 2 * (waves_y**2 + waves_x**2))
-    kernel = np.fft.irfft2(gain, (rows, columns))
-    scale = roughness.deviation / np.sqrt((kernel**2).sum())
-    field = scale * np.fft.irfft2(gain * np.fft.rfft2(noise), (rows, columns))
+    gain_y, gain_x = (
+        np.exp(-2.0 * (np.pi * width * np.fft.fftfreq(side, step * resolution)) ** 2)
+        for side in (rows, columns)
+    )
+    # the sum of the squares of the kernel is that of its spectrum (Parseval)
+    variance = (gain_y**2).mean() * (gain_x**2).mean()
+    scale = step**2 * roughness.deviation / np.sqrt(variance)
+    waves = rfft2(noise) * (scale * gain_y[:, None] * gain_x[: columns // 2 + 1])
+    whole = np.zeros((rows * step, columns * step // 2 + 1), dtype=waves.dtype)
+    half = (rows + 1) // 2
+    whole[:half, : waves.shape[1]] = waves[:half]
+    whole[half - rows :, : waves.shape[1]] = waves[half:]
+    field = irfft2(whole, (rows * step, columns * step))
     field = np.rint(field[: shape[0], : shape[1]] * _STEPS) / _STEPS
     return field.astype(np.float32)
