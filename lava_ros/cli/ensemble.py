@@ -106,14 +106,14 @@ def ensemble(args: argparse.Namespace) -> int:
     all cores or GPUs. It draws the distributions in the section `uncertainty` of a scene, the
     published ranges of the lava, and the usual errors of effusion rates, vents and ground, except
     for the quantities that the section lists as `exact`. It prints what it has drawn, from which
-    source, and which quantities decide the inundated area. It writes the probability of inundation,
-    the times by which lava has reached a cell in 10, 50 and 90 % of the members, and the expected
-    thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and
-    adds members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava
-    hindcast: the command then scores the probability against the mapped flow, and at the dates of
-    its outlines if it has any. With --barriers the members run a second time with barriers; the
-    folder with_barriers has the maps of these runs, and the folder comparison what the barriers
-    change.
+    source, and which quantities decide the inundated area. It writes the probability of
+    inundation, the times by which lava has reached a cell in 10, 50 and 90 % of the members, and
+    the expected thickness, as GeoTIFF and as a bag. The same command continues an interrupted
+    ensemble, and adds members to a finished one. SCENE may also be the folder of a mapped
+    eruption, as for lava hindcast: the command then scores the probability against the mapped
+    flow, and at the dates of its outlines if it has any. With --barriers the members run a second
+    time with barriers; the folder with_barriers has the maps of these runs, and the folder
+    comparison what the barriers change.
     """
     import numpy as np
 

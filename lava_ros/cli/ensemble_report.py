@@ -205,7 +205,9 @@ def _input_lines(inputs: dict[str, Any]) -> list[str]:
         ]
         for name, item in inputs['drawn'].items()
     ]
-    lines = ['drawn:', *table_lines(rows, '<<<')] if rows else ['drawn: only the place of the vent']
+    lines = ['drawn:', *table_lines(rows, '<<<')]
+    if not rows:
+        lines = ['drawn: only the place of the vent']
     reasons: dict[str, list[str]] = {}
     for name, reason in inputs['exact'].items():
         reasons.setdefault(reason, []).append(name.replace('_', ' '))

@@ -34,8 +34,9 @@ def plan(args: argparse.Namespace) -> int:
 
     The command makes coarse pilot runs of a scene on this machine, in at most 15 % of the given
     time. It prints a table of particle spacings with the numerical error and its parts, and the
-    time that a run takes; what the uncertain quantities change, for comparison; the preset and the spacing of the finest run that fits; and the number
-    of members that an ensemble can have, with the sampling error of a probability.
+    time that a run takes; for comparison, what the uncertain quantities of the scene change; the
+    preset and the spacing of the finest run that fits; and the number of members that an ensemble
+    can have, with the sampling error of a probability.
     """
     from lava_ros.cli.scenes import log_resolution, scene_from_arguments
     from lava_ros.forecast.planning import plan_within

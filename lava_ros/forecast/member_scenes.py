@@ -12,8 +12,8 @@ from lava_ros.effects import possible
 from lava_ros.errors import LavaError
 from lava_ros.forecast.sampling import Member, rough_terrain
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.scene.lava import Lava
 from lava_ros.scene.distributions import Displacement, Distribution, Roughness
+from lava_ros.scene.lava import Lava
 from lava_ros.scene.uncertainty import CONSTANTS
 from lava_ros.scene.vents import erupting
 
@@ -96,10 +96,14 @@ def changes_of(scene: Scene) -> dict[str, tuple[Member, Member]]:
         elif isinstance(item, Displacement):
             # of a disc, the marginal distribution of x
             reach = 1.2815515655 * item.deviation or 0.6870 * item.radius
-            result[name] = Member(0, displacement=(-reach, 0.0)), Member(0, displacement=(reach, 0.0))
+            result[name] = _displaced_by(-reach), _displaced_by(reach)
         elif not item.follows:
             result[name] = _at(drawn, name, 0.1), _at(drawn, name, 0.9)
     return result
+
+
+def _displaced_by(reach: float) -> Member:
+    return Member(0, displacement=(reach, 0.0))
 
 
 def _at(drawn: Mapping[str, Any], name: str, share: float) -> Member:

@@ -27,8 +27,8 @@ CELLS = 200
 def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -> Plan:
     """Plan an ensemble of a case whose members run like its hindcast, to the same end.
 
-    Each map is an observation, of which dated outlines need more; ``threshold`` is the thickness at
-    or above which lava has arrived [m], None for the automatic one.
+    Each map is an observation, of which dated outlines need more; ``threshold`` is the thickness
+    at or above which lava has arrived [m], None for the automatic one.
 
     Raises:
         LavaError: If the case has events, or an argument is not valid.

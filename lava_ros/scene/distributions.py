@@ -157,7 +157,8 @@ class Displacement:
     """A common displacement of all vents.
 
     Either ``deviation`` is the standard deviation of each normal coordinate [m], or ``radius`` is
-    that of a disc with uniform probability density [m]; the other is 0. ``source`` is the reference.
+    that of a disc with uniform probability density [m]; the other is 0. ``source`` is the
+    reference.
     """
 
     deviation: float = number(0.0, 'Deviation', 0.0, MAX_LENGTH, 'm')

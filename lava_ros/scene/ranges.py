@@ -51,7 +51,9 @@ FIXED, UNPUBLISHED = 'fixed by the user', 'no published range'
 #: Constants of the lava that define a law or are not measured: their error is that of others.
 _LAWS = ('reference_temperature', 'vft_a', 'vft_b', 'vft_c')
 
-_LIMITS = {item.name: item.metadata['limits'] for item in fields(Lava) if 'limits' in item.metadata}
+_LIMITS = {
+    item.name: item.metadata['limits'] for item in fields(Lava) if 'limits' in item.metadata
+}
 
 #: Effect to which a constant of the lava belongs.
 _OWNERS = {key: name for name, effect in EFFECTS.items() for key in effect.constants}
@@ -71,7 +73,7 @@ def with_ranges(scene: Scene) -> Scene:
     known, values = scene.uncertainty, dict[str, Any]()
     constants = dict(known.constants)
     for name, item in found.items():
-        if name in CONSTANTS:
+        if name in CONSTANTS and isinstance(item, Distribution):
             constants[name] = item
         else:
             values['discharge' if name == 'effusion_rate' else name] = item
@@ -241,7 +243,7 @@ def _constant(name: str, scene: Scene, material: Material) -> Found:
 def span_of(
     published: tuple[float, float], value: float, *, is_log: bool
 ) -> tuple[float, float]:
-    """Return the published range or, if the value is outside of it, one as wide about the value."""
+    """Return the published range or, if the value is outside of it, one as wide about it."""
     low, high = published
     if low <= value <= high:
         return published

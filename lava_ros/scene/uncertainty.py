@@ -120,8 +120,8 @@ class Uncertainty:
             if value.support[0] < 0.0:
                 expected = 'a distribution of factors, above 0: lognormal, or with limits'
                 raise LavaError(label, value, expected)
-        for name, item in self.drawn.items():
-            leader = getattr(item, 'follows', '').removeprefix('-')
+        for name, one in self.drawn.items():
+            leader = getattr(one, 'follows', '').removeprefix('-')
             if leader and not self.is_followed(leader, name):
                 others = [other for other in self.drawn if self.is_followed(other, name)]
                 expected = f'a quantity with a distribution of its own: {", ".join(others)}'

@@ -300,8 +300,8 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     described['uncertainty']['exact'] = ['density', 'terrain']
     scene.write_text(yaml.safe_dump(described))
     out, report = tmp_path / 'out', tmp_path / 'report.json'
-    words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1', '--spacing', '30']
-    output = done(*words, '--device', 'cpu', '--json', report, '--members', '16')
+    words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
+    output = done(*words, '--spacing', '30', '--device', 'cpu', '--json', report, '--members', '16')
     found = json.loads(report.read_text())
     drawn, exact = found['inputs']['drawn'], found['inputs']['exact']
     assert {'effusion_rate', 'viscosity', 'position', 'crust_strength'} <= set(drawn)
@@ -311,8 +311,9 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
         assert item['distribution'] in output and item['source'] in output, name
     influence = found['influence']
     names = [row['quantity'] for row in influence['rows']]
+    effects = [row['mismatch'] for row in influence['rows']]
     assert set(names) == set(drawn) - {'yield_strength', 'crust_cover_decay'}
-    assert names == sorted(names, key=lambda name: -influence['rows'][names.index(name)]['mismatch'])
+    assert effects == sorted(effects, reverse=True)
     table = output[output.index('what decides'):].splitlines()[1 : len(names) + 1]
     assert [line.split('  ')[0].split(' with ')[0].replace(' ', '_') for line in table] == names
     # the page shows it

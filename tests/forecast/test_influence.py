@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from disc_flow import FACTOR, LOGNORMAL
-from lava_ros.forecast.influence import influences_of, Influences
+from lava_ros.forecast.influence import Influences, influences_of
 from lava_ros.forecast.probability import Footprint, NEVER
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.scene import Scene, Terrain, Vent

@@ -28,8 +28,8 @@ from lava_ros.forecast.sampling import (
     Susceptibility,
 )
 from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.scene.distributions import Roughness
+from lava_ros.scene.on_terrain import read_raster_on
 
 UNCERTAIN = {
     'temperature': {'distribution': 'normal', 'mean': 5.0, 'deviation': 20.0},

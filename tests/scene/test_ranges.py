@@ -56,7 +56,7 @@ def test_everything_with_a_published_range_is_drawn(tmp_path):
 
 @pytest.mark.parametrize(('exact', 'fixed'), [
     (['viscosity'], {'viscosity'}),
-    (['effusion_rate', 'terrain', 'crust_strength'], {'effusion_rate', 'terrain', 'crust_strength'}),
+    (['effusion_rate', 'crust_strength'], {'effusion_rate', 'crust_strength'}),
     ('all', ETNA - {'density'}),
 ])
 def test_scene_fixes_quantities(tmp_path, exact, fixed):
