@@ -196,7 +196,7 @@ def print_report(
 
 
 def _input_lines(inputs: dict[str, Any]) -> list[str]:
-    """Describe what was drawn, from which source, and what was exact."""
+    """Describe the drawn quantities with their sources, and the exact ones."""
     sources: dict[str, int] = {}
     rows = [
         [

@@ -34,7 +34,7 @@ def plan(args: argparse.Namespace) -> int:
 
     The command makes coarse pilot runs of a scene on this machine, in at most 15 % of the given
     time. It prints a table of particle spacings with the numerical error and its parts, and the
-    time that a run takes; for comparison, what the uncertain quantities of the scene change; the
+    time that a run takes; for comparison, the effects of the uncertain quantities; the
     preset and the spacing of the finest run that fits; and the number of members that an ensemble
     can have, with the sampling error of a probability.
     """

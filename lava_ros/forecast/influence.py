@@ -15,8 +15,8 @@ part m_c and the size of its change, e_ck, the Jaccard index J of the areas befo
     1 - J = sum e_ck / sum (m_c + e_ck / 2)        e_ck^2 = max(d_ck^2 - s_ck^2, 0)
 
 s is the standard error of d: few members scatter, which is not an effect. The change of the map is
-that of its mean over the other quantities. What the regression of f does not explain is due to the
-errors of the terrain, which have no u, and to the interaction of quantities. Standard errors are
+that of its mean over the other quantities. The variance that the regression of f does not explain
+is due to the errors of the terrain, which have no u, and to the interaction of quantities. Standard errors are
 those of least squares for A, and of the jackknife over members for J.
 """
 
@@ -83,7 +83,7 @@ class Influence:
 
 @dataclass(frozen=True)
 class Influences:
-    """What decides the inundated area.
+    """Effects of all uncertain quantities on the inundated area.
 
     Attributes:
         rows: Effects, the largest ``mismatch`` first; empty with too few members.
@@ -151,7 +151,7 @@ def influences_of(
             name, growth - 1.0, growth * float(errors[number]), float(mismatch[number]),
             float(mismatch_errors[number]), together.get(name, ()),
         )
-        # of a place, the coordinate with the larger effect
+        # a place has two coordinates: keep the larger effect
         if name not in rows or row.mismatch > rows[name].mismatch:
             rows[name] = row
     ordered = sorted(rows.values(), key=lambda row: -row.mismatch)
@@ -226,7 +226,7 @@ def _changes_of_maps(
     inverse = np.linalg.pinv(table)
     left = 1.0 - np.einsum('mu,um->m', table, inverse)
     norm = (inverse**2).sum(axis=1)[:-1, None]
-    # of all members, and without each of them
+    # one row without each member, and the last one with all members
     changes, means = np.zeros((count + 1, unknowns - 1)), np.zeros(count + 1)
     unexplained = variance = 0.0
     for cells in _cells(footprints, shape):
@@ -245,7 +245,6 @@ def _changes_of_maps(
             error = norm * (scatter / max(degrees, 1))
             changes[member] += np.sqrt(np.maximum(slopes[:-1] ** 2 - error, 0.0)).sum(axis=1)
             means[member] += slopes[-1].sum()
-    # the last row is that of all members
     mismatch = changes / (means[:, None] + 0.5 * changes)
     without = mismatch[:-1] - mismatch[:-1].mean(axis=0)
     errors = np.sqrt((count - 1.0) / count * (without**2).sum(axis=0))

@@ -94,7 +94,7 @@ def changes_of(scene: Scene) -> dict[str, tuple[Member, Member]]:
         if isinstance(item, Roughness):
             result[name] = Member(0), Member(0, seed=(0, 1))
         elif isinstance(item, Displacement):
-            # of a disc, the marginal distribution of x
+            # the quantile of x in a disc with uniform density
             reach = 1.2815515655 * item.deviation or 0.6870 * item.radius
             result[name] = _displaced_by(-reach), _displaced_by(reach)
         elif not item.follows:

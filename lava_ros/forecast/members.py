@@ -132,7 +132,7 @@ def make_plan(
     one of their values. Sentinels review this choice on their flow (``sentinels``).
 
     Args:
-        scene: The scene; what it leaves open has the usual ranges (``ranges.with_ranges``).
+        scene: The scene; open quantities have their usual ranges (``ranges.with_ranges``).
         horizon: Simulated duration of each member [s].
         accuracy: The resolution; None for automatic.
         effects: Effects forced on or off, by name.

@@ -38,7 +38,7 @@ class Survey:
         deviation: Standard deviation [m].
         source: Reference of the deviation.
         cell: Side of a cell of the original data [m].
-        words: Words in the description or the name of a file that tell the survey, in lower case.
+        words: Words in descriptions and names of files of such surveys, in lower case.
     """
 
     title: str

@@ -89,7 +89,7 @@ def exact_quantities(scene: Scene) -> dict[str, str]:
 
 
 def describe_inputs(scene: Scene) -> dict[str, Any]:
-    """Return what is drawn and what is exact as plain data.
+    """Return the drawn and the exact quantities of a scene as plain data.
 
     ``drawn`` has ``distribution``, a text, and ``source`` by quantity, and ``exact`` the reason by
     quantity. Classes of eruptions have their names in ``distribution``.

@@ -301,7 +301,8 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     scene.write_text(yaml.safe_dump(described))
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
-    output = done(*words, '--spacing', '30', '--device', 'cpu', '--json', report, '--members', '16')
+    words += ['--device', 'cpu', '--json', report, '--members', '16', '--spacing', '30']
+    output = done(*words)
     found = json.loads(report.read_text())
     drawn, exact = found['inputs']['drawn'], found['inputs']['exact']
     assert {'effusion_rate', 'viscosity', 'position', 'crust_strength'} <= set(drawn)

@@ -129,7 +129,7 @@ def test_plan_shows_what_uncertain_inputs_change(monkeypatch):
     for item in plan.inputs.values():
         assert item.mismatch == pytest.approx(1.0 - np.exp(-0.8), rel=0.02)
         assert item.area == pytest.approx(np.exp(0.8) - 1.0, rel=0.02)
-    # of a scene without uncertain quantities there are none
+    # a scene without uncertain quantities has no effects of them
     assert not _plan(_machine(monkeypatch), 1000.0, with_inputs=True).inputs
 
 

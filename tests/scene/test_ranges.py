@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Usual ranges of what a scene leaves open, and what it fixes."""
+"""Usual ranges of open quantities, and exact quantities."""
 
 from dataclasses import replace
 from pathlib import Path
