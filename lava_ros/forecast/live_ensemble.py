@@ -30,6 +30,7 @@ from lava_ros.forecast.probability import (
 from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
+from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.checkpoint import Checkpoint
 
 #: Number of members in the first maps of a scene; new maps follow at each doubling.
@@ -105,7 +106,7 @@ class LiveEnsemble:
             fixed = scene.uncertainty.fixing(exact)
             checkpoint = replace(checkpoint, scene=replace(scene, uncertainty=fixed))
         self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
-        self.start = checkpoint.time
+        self.start, self.inputs = checkpoint.time, describe_inputs(self.plan.scene)
         self.population = population or Population()
         self._members = draw_members(
             self.plan.scene, members, posterior=self.population.posterior
@@ -359,4 +360,9 @@ class LiveEnsembles:
             is_done=ensemble.is_done,
             outlines=ensemble.population.outlines,
             duration=ensemble.duration,
+            drawn='; '.join(
+                f'{name.replace("_", " ")} {item["distribution"]}'
+                for name, item in ensemble.inputs['drawn'].items()
+            ),
+            exact=', '.join(name.replace('_', ' ') for name in ensemble.inputs['exact']),
         )
