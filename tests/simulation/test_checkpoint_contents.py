@@ -4,7 +4,7 @@
 """Checkpoints with a valid checksum that no simulation has written."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 import re
 from typing import Any
 
@@ -97,4 +97,5 @@ def test_capacity_is_bounded_by_the_particles(capacity, checkpoint, device):
     simulation.advance(900.0)
     expected = Simulation.resume(checkpoint, device=device)
     expected.advance(900.0)
-    assert simulation.budget() == expected.budget()
+    # the order in which a GPU adds up volumes varies
+    assert asdict(simulation.budget()) == pytest.approx(asdict(expected.budget()), rel=1e-9)
