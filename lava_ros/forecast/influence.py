@@ -42,8 +42,9 @@ from lava_ros.simulation.output.inundation import TOUCHED
 #: Maximum number of members that are read.
 MAX_MEMBERS = 128
 
-#: Minimum number of members for each unknown of a regression.
-MEMBERS_PER_UNKNOWN = 1.5
+#: Minimum number of members for each unknown of a regression: with fewer, the scatter of members
+#: looks like an effect.
+MEMBERS_PER_UNKNOWN = 2.5
 
 #: Cumulative probability of the lower end of a change.
 END = 0.1
@@ -136,7 +137,7 @@ def influences_of(
             kept.append(footprint)
     columns = _columns(scene, [known[item.index] for item in kept])
     count, unknowns = len(kept), len(columns) + 1
-    needed = math.ceil(MEMBERS_PER_UNKNOWN * unknowns) + 1
+    needed = math.ceil(MEMBERS_PER_UNKNOWN * unknowns)
     if not columns or count < needed:
         return Influences((), None, count, needed)
     table = np.stack([values for _, values in columns], axis=1)

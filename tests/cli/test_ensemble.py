@@ -297,7 +297,8 @@ def test_susceptibility_map_places_the_vents(scene, tmp_path):
 
 def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     described = yaml.safe_load(scene.read_text())
-    described['uncertainty']['exact'] = ['density', 'terrain']
+    crust = ['crust_strength', 'crust_cover', 'crust_cover_decay', 'crust_temperature']
+    described['uncertainty']['exact'] = ['density', 'terrain', *crust]
     scene.write_text(yaml.safe_dump(described))
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
@@ -305,15 +306,17 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     output = done(*words)
     found = json.loads(report.read_text())
     drawn, exact = found['inputs']['drawn'], found['inputs']['exact']
-    assert {'effusion_rate', 'viscosity', 'position', 'crust_strength'} <= set(drawn)
+    assert set(drawn) == {
+        'effusion_rate', 'temperature', 'viscosity', 'yield_strength', 'position',
+    }
     assert exact['density'] == exact['terrain'] == 'fixed by the user'
-    assert 'taken as exact: terrain, density (fixed by the user)' in output
+    assert 'taken as exact: terrain, density, crust strength, ' in output
     for name, item in drawn.items():
         assert item['distribution'] in output and item['source'] in output, name
     influence = found['influence']
     names = [row['quantity'] for row in influence['rows']]
     effects = [row['mismatch'] for row in influence['rows']]
-    assert set(names) == set(drawn) - {'yield_strength', 'crust_cover_decay'}
+    assert set(names) == set(drawn) - {'yield_strength'}
     assert effects == sorted(effects, reverse=True)
     table = output[output.index('what decides'):].splitlines()[1 : len(names) + 1]
     assert [line.split('  ')[0].split(' with ')[0].replace(' ', '_') for line in table] == names
