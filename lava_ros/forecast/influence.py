@@ -16,8 +16,8 @@ part m_c and the size of its change, e_ck, the Jaccard index J of the areas befo
 
 s is the standard error of d: few members scatter, which is not an effect. The change of the map is
 that of its mean over the other quantities. The variance that the regression of f does not explain
-is due to the errors of the terrain, which have no u, and to the interaction of quantities. Standard errors are
-those of least squares for A, and of the jackknife over members for J.
+is due to the errors of the terrain, which have no u, and to the interaction of quantities.
+Standard errors are those of least squares for A, and of the jackknife over members for J.
 """
 
 from __future__ import annotations
