@@ -93,10 +93,21 @@ class Simulation:
                 unknown or contradicts the formulation, or spacing or thickness is out of range.
             OutOfMemoryError: The simulation does not fit into memory; all methods may raise it.
         """
+        self._prepare(scene, effects, accuracy or Accuracy(), device, horizon)
+        if particles is None:
+            particles = particles_of(scene, self.accuracy.spacing)
+        self.solver.start_with(particles)
+        self._watch(is_due=particles is not None)
+
+    def _prepare(
+        self, scene: Scene, effects: Effects | Mapping[str, bool] | None, given: Accuracy,
+        device: str | None, horizon: float,
+    ) -> None:
+        """Choose resolution and effects, and allocate a solver that has no vents yet."""
         self._owner = threading.get_ident()
         self.step = 0.0
         self._is_waiting, self._asked = False, -math.inf
-        used, given = device_of(device), accuracy or Accuracy()
+        used = device_of(device)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
         forced = asdict(effects) if isinstance(effects, Effects) else self._forced
@@ -107,10 +118,6 @@ class Simulation:
         chosen = formulated(chosen, self.accuracy)
         with naming_the_cause(scene, given):
             self._solver = Solver(scene, chosen, self.accuracy, used)
-        if particles is None:
-            particles = particles_of(scene, self.accuracy.spacing)
-        self.solver.start_with(particles)
-        self._watch(is_due=particles is not None)
 
     @property
     def solver(self) -> Solver:
@@ -477,12 +484,8 @@ class Simulation:
             LavaError: If the checkpoint is inconsistent, or the device does not exist.
         """
         scene, effects, accuracy = checkpoint.scene, checkpoint.effects, checkpoint.accuracy
-        # the lava of emplaced flows is among the particles of the checkpoint
-        simulation = cls(
-            replace(scene, emplaced_flows=()), effects=effects, accuracy=accuracy, device=device,
-            horizon=checkpoint.horizon,
-        )
-        simulation.solver.scene = scene
+        simulation = cls.__new__(cls)
+        simulation._prepare(scene, effects, accuracy, device, checkpoint.horizon)
         restore_arrays(simulation.solver, checkpoint)
         simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
         simulation._review.since.update(checkpoint.switched_on)

@@ -24,7 +24,7 @@ from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.covered_maps import CoveredCells, note_lava, show_fractions
+from lava_ros.simulation.output.covered_maps import CoveredCells, note_lava, show_covered_cells
 from lava_ros.simulation.output.diagnostics import (
     FlowDiagnostics,
     moment_of,
@@ -186,6 +186,9 @@ class Solver:
             self.terrain, output_radius, accuracy.kernel, self.device,
             reach=max(output_radius, self.radius), more=(self.raised is not None) + len(SHOWN),
         )
+        self._shown = self.raster.grids[-len(SHOWN) :]
+        # times of cells that lava has not reached
+        self._shown[1:].fill_(math.nan)
         solid = None if self.raised is None else self.raised.thickness()
         self.covered.move(terrain, solid, accuracy.inundation_threshold)
         self.covered.attach(self.state)
@@ -415,7 +418,7 @@ class Solver:
         self.stage.compute_flow()
         self._reader.before_writing()
         self._fill_raster()
-        show_fractions(self.state, self.raster.grids[-len(SHOWN)], self.raster.window)
+        show_covered_cells(self.state, self._shown, self.raster.window)
         return self.raster.grids
 
     def _fill_raster(self) -> None:
@@ -428,8 +431,6 @@ class Solver:
     def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
         """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""
         state, grids = self.state, self.draw_maps()
-        wp.copy(grids[-2], state.half_inundated)
-        wp.copy(grids[-1], state.arrived)
         numbers = self._diagnostics.take(state, self.vents, self.raised)
         copies = self._reader.begin([grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before

@@ -66,42 +66,49 @@ def note_function(real: Any, is_new: bool) -> Any:
         own_row, own_column = int(wp.floor(y)), int(wp.floor(x))
         rows, columns = m.ground.rows, m.ground.columns
         is_inside = own_row >= 0 and own_row < rows and own_column >= 0 and own_column < columns
-        if is_inside and m.ground.known[own_row, own_column] != wp.uint8(0):
-            raised(m.bounds, 0, rows - own_row)
-            raised(m.bounds, 1, own_row + 1)
-            raised(m.bounds, 2, columns - own_column)
-            raised(m.bounds, 3, own_column + 1)
         # squares from the first one with its centre in that of the particle to the end
         south = wp.int32(0)
         north = wp.int32(0)
         west = wp.int32(0)
         east = wp.int32(0)
-        if wp.static(not is_new):
-            # false for NaN
-            if not thickness >= m.constants.threshold:
+        # false for NaN
+        is_thick = thickness >= m.constants.threshold
+        if wp.static(not is_new):  # noqa: SIM102, the static test decides what is compiled
+            if is_thick:
+                parts = real(wp.static(PARTS))
+                half = real(wp.static(0.5 * WIDTH)) * wp.sqrt(p[2] / thickness) * inverse
+                if is_inside and is_done(x, y, half, m):
+                    return
+                south = int(wp.ceil((y - half) * parts - real(0.5)))
+                north = int(wp.ceil((y + half) * parts - real(0.5)))
+                west = int(wp.ceil((x - half) * parts - real(0.5)))
+                east = int(wp.ceil((x + half) * parts - real(0.5)))
+        first_row, last_row = own_row, own_row
+        first_column, last_column = own_column, own_column
+        if wp.static(not is_new):  # noqa: SIM102, the static test decides what is compiled
+            if is_thick:
+                last_row = wp.max(own_row, wp.max(north - 1, 0) // wp.static(PARTS))
+                last_column = wp.max(own_column, wp.max(east - 1, 0) // wp.static(PARTS))
+                first_row = wp.min(own_row, wp.max(south, 0) // wp.static(PARTS))
+                first_column = wp.min(own_column, wp.max(west, 0) // wp.static(PARTS))
+        first_row, last_row = wp.max(first_row, 0), wp.min(last_row, rows - 1)
+        first_column, last_column = wp.max(first_column, 0), wp.min(last_column, columns - 1)
+        if first_row > last_row or first_column > last_column:
+            return
+        raised(m.bounds, 0, rows - first_row)
+        raised(m.bounds, 1, last_row + 1)
+        raised(m.bounds, 2, columns - first_column)
+        raised(m.bounds, 3, last_column + 1)
+        if wp.static(not is_new):  # noqa: SIM102, the static test decides what is compiled
+            if not is_thick:
                 return
-            parts = real(wp.static(PARTS))
-            half = real(wp.static(0.5 * WIDTH)) * wp.sqrt(p[2] / thickness) * inverse
-            if is_inside and is_done(x, y, half, m):
-                return
-            south = int(wp.ceil((y - half) * parts - real(0.5)))
-            north = int(wp.ceil((y + half) * parts - real(0.5)))
-            west = int(wp.ceil((x - half) * parts - real(0.5)))
-            east = int(wp.ceil((x + half) * parts - real(0.5)))
         time = wp.float32(m.clock[at.TIME])
-        last_row = wp.max(own_row, wp.max(north - 1, 0) // wp.static(PARTS))
-        last_column = wp.max(own_column, wp.max(east - 1, 0) // wp.static(PARTS))
-        first_row = wp.min(own_row, wp.max(south, 0) // wp.static(PARTS))
-        first_column = wp.min(own_column, wp.max(west, 0) // wp.static(PARTS))
-        if wp.static(is_new):
-            first_row, first_column = own_row, own_column
-            last_row, last_column = own_row, own_column
-        for row in range(wp.max(first_row, 0), wp.min(last_row + 1, rows)):
+        for row in range(first_row, last_row + 1):
             # bits of the first row of squares before the first one and up to the last one
             below = (1 << (wp.static(PARTS) * squares_before(south, row))) - 1
             above = (1 << (wp.static(PARTS) * squares_before(north, row))) - 1
             lines = wp.max(above - below, 0) & wp.static(_COLUMN)
-            for column in range(wp.max(first_column, 0), wp.min(last_column + 1, columns)):
+            for column in range(first_column, last_column + 1):
                 left = (1 << squares_before(west, column)) - 1
                 right = (1 << squares_before(east, column)) - 1
                 bits = lines * wp.max(right - left, 0)

@@ -51,25 +51,34 @@ def _kernel(real: Any) -> Any:
 
 
 @quick_kernel
-def _fractions(
+def _show(
     thread: int,
     arrived: wp.array2d(dtype=wp.float32),
+    half_inundated: wp.array2d(dtype=wp.float32),
     covered: wp.array2d(dtype=wp.int32),
-    fraction: wp.array2d(dtype=wp.float32),
+    maps: wp.array3d(dtype=wp.float32),
     window: CellWindow,
 ):
     cell = cell_in(window, thread)
     i, j = cell[0], cell[1]
     if i >= 0 and arrived[i, j] >= wp.float32(0.0):
         count = wp.float32(mark_bits(covered, i, j, 0))
-        fraction[i, j] = wp.max(
+        maps[0, i, j] = wp.max(
             count / wp.float32(wp.static(PARTS**2)), wp.float32(wp.static(TOUCHED))
         )
+        maps[2, i, j] = arrived[i, j]
+        if half_inundated[i, j] >= wp.float32(0.0):
+            maps[1, i, j] = half_inundated[i, j]
 
 
-def show_fractions(state: State, fraction: Any, window: Window) -> None:
-    """Write the inundated fraction of each cell to a grid (``Snapshot.inundated``)."""
-    window.launch(state, _fractions, [state.arrived, state.covered, fraction])
+def show_covered_cells(state: State, maps: Any, window: Window) -> None:
+    """Write fractions and times of the cells that lava has covered to maps.
+
+    ``maps`` are ``Snapshot.inundated``, ``half_inundated`` and ``arrived``, with the values of
+    other cells, float32, shape [3, rows, columns].
+    """
+    arguments = [state.arrived, state.half_inundated, state.covered, maps]
+    window.launch(state, _show, arguments)
 
 
 def note_lava(state: State, way: Any) -> None:
@@ -162,7 +171,7 @@ class CoveredCells:
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy the arrays of cells, by name."""
-        return {key: self.maps[name].numpy().copy() for key, name in _SAVED.items()}
+        return {key: read(self.maps[name]) for key, name in _SAVED.items()}
 
     def load(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Restore a copy of ``save``; of times alone, cells are covered wholly or not at all.

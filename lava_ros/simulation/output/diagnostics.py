@@ -165,14 +165,11 @@ def snapshot_of(
     lava can have solidified, and ``SHOWN``), and the gathered values.
     """
     grids, numbers = copies
-    is_dry = grids[-1] < 0.0
-    inundated, half_inundated, arrived = (
-        np.where(values < 0.0, np.float32(np.nan), values) for values in grids[-len(SHOWN) :]
-    )
+    inundated, half_inundated, arrived = grids[-len(SHOWN) :]
     grids = grids[: -len(SHOWN)]
     moment = moment_of(numbers, state, vents, before)
     # not nansum, which copies the grid
-    thin = np.sum(grids[0], where=is_dry & (grids[0] > 0.0), dtype=np.float64)
+    thin = np.sum(grids[0], where=np.isnan(arrived) & (grids[0] > 0.0), dtype=np.float64)
     budget = replace(moment.budget, thin=float(thin) * terrain.resolution**2)
     return Snapshot(
         terrain=terrain,

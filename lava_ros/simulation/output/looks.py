@@ -7,6 +7,7 @@ Arrival times are those that the simulation records at its steps (``covered_cell
 observation visits the cells that lava can reach.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,11 +116,11 @@ class Looks:
     def seen(self, state: State, part: tuple[slice, slice]) -> Seen:
         """Return the results so far for some rows and columns."""
         start, corner = self._start, (part[0].start, part[1].start)
-        maps = state.arrived, state.half_inundated, state.covered, self._peaks[0], self._peaks[1]
-        arrived, half_inundated, squares, thickness, temperature = (
-            read(wp.clone(values[part])) if _has_cells(part) else np.zeros((0, 0), np.float32)
-            for values in maps
+        maps = (
+            state.arrived, state.half_inundated, state.covered.view(wp.float32), self._peaks[0],
+            self._peaks[1],
         )
+        arrived, half_inundated, squares, thickness, temperature = _read_parts(maps, part)
         arrival, half = (
             np.where(times >= 0.0, np.maximum(times.astype(np.float64), start), np.nan)
             for times in (arrived, half_inundated)
@@ -127,10 +128,18 @@ class Looks:
         # lava that came and drained between two observations was as thick as the threshold
         least = np.where(arrival > start, np.float32(self._threshold), np.float32(0.0))
         return Seen(
-            corner, arrival, half, inundated_fraction(arrived, squares.astype(np.int32)),
+            corner, arrival, half, inundated_fraction(arrived, squares.view(np.int32)),
             np.maximum(thickness, least), temperature, self.flaw(),
         )
 
 
-def _has_cells(part: tuple[slice, slice]) -> bool:
-    return all(one.stop > one.start for one in part)
+def _read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> np.ndarray:
+    """Copy some rows and columns of several maps, float32, to the host, waiting only once."""
+    rows, columns = (max(one.stop - one.start, 0) for one in part)
+    if not rows * columns:
+        return np.zeros((len(maps), rows, columns), dtype=np.float32)
+    shape = len(maps), rows, columns
+    parts = wp.empty(shape, dtype=wp.float32, device=maps[0].device)
+    for number, one in enumerate(maps):
+        wp.copy(parts[number], one[part])
+    return read(parts)

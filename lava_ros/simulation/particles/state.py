@@ -336,7 +336,7 @@ class State:
         new ones are emitted now.
         """
         count = min(self.count, len(values))
-        kept = {name: getattr(self, name).numpy()[:count].copy() for name in self._carried}
+        kept = {name: read(getattr(self, name)[:count]) for name in self._carried if count}
         if self.has_remainder:
             kept['remainder'] = values[:, :2] - values[:, :2].astype(np.float32)
         if self.has_temperature_remainder:
@@ -370,10 +370,10 @@ class State:
         """Copy all arrays that the next step depends on, between two steps, by name."""
         count = self.count
         arrays = {
-            name: getattr(self, name).numpy()[:count].copy()
+            name: read(getattr(self, name))[:count]
             for name in ('particle', *self._carried)
         }
-        return arrays | {name: getattr(self, name).numpy().copy() for name in self._sums}
+        return arrays | {name: read(getattr(self, name)) for name in self._sums}
 
     def load(self, arrays: Mapping[str, np.ndarray], capacity: int) -> None:
         """Restore the arrays that ``save`` has copied, with the same capacity.
@@ -384,10 +384,11 @@ class State:
         count = len(arrays['particle'])
         self._allocate(capacity)
         for name in ('particle', *self._carried, *self._sums):
-            template = getattr(self, name).numpy()
-            shape = template.shape if name in self._sums else (count, *template.shape[1:])
-            values = at.fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
-            self._put(name, values)
+            # reading the array itself would wait for the device
+            array = getattr(self, name)
+            item = wp.empty(0, dtype=array.dtype, device='cpu').numpy()
+            shape = (*(array.shape if name in self._sums else (count,)), *item.shape[1:])
+            self._put(name, at.fitting(f'state.{name}', arrays.get(name), shape, item.dtype))
         _, counts = self.read_clock()
         if (counts[at.PARTICLES], counts[at.NEWCOMERS], counts[at.STAGE]) != (count, 0, 0):
             expected = f'{count} particles, between two steps'

@@ -200,11 +200,11 @@ def motion_function(
             p = vec4(new[0], new[1], p[2], temperature)
         else:
             p = vec4(x + dx, y + dy, p[2], temperature)
-        if m.counts[at.IS_LAST] == 1:
-            note(p, f[0], m)
         store(m.particle, i, p)
         if wp.static(bins):
             place(i, p, m)
+        if m.counts[at.IS_LAST] == 1:
+            note(p, f[0], m)
 
     return move_on
 
