@@ -19,7 +19,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros.effects import EFFECTS, possible
 from lava_ros.scene.distributions import Displacement, Distribution, Roughness
 from lava_ros.scene.lava import constant_units, Lava
-from lava_ros.scene.materials import Constant, Material, material_named
+from lava_ros.scene.materials import ANY_BASALT, Constant, Material, material_named
 from lava_ros.scene.measurements import RATE_ERRORS, SURVEYS, USUAL_RATE, usual_survey
 from lava_ros.scene.uncertainty import CONSTANTS, QUANTITIES
 
@@ -197,8 +197,11 @@ def _viscosity(scene: Scene, material: Material) -> Found:
     lava = scene.lava
     if not lava.is_vft:
         return _factor('viscosity', scene, material)
-    usual = material.constants.get('vft_a')
-    if usual is None or usual.range is None:
+    if 'vft_a' not in material.constants:
+        # a law that the scene gives
+        material = material_named(ANY_BASALT)
+    usual = material.constants['vft_a']
+    if usual.range is None:
         return UNPUBLISHED
     low, high = (10.0 ** (value - float(usual.value)) for value in usual.range)
     source = _cited(usual, material, '', 'the logarithm of the viscosity')
