@@ -4,6 +4,7 @@
 """Write the tables of file formats into docs/FORMATS.md: `python docs/formats.py`."""
 
 from collections.abc import Iterator
+import json
 from pathlib import Path
 
 from lava_ros.files import raster_formats, vectors
@@ -11,6 +12,9 @@ from lava_ros.files.columns import COLUMNS
 from lava_ros.scene import effusion_rates, features, measurements, reshaping, vent_files
 
 PAGE = Path(__file__).with_name('FORMATS.md')
+
+#: JSON Schema of ``run.json``.
+SCHEMA = Path(__file__).parents[1] / 'schemas/run.schema.json'
 
 #: Meaning of each column, in its unit unless the header states another.
 MEANINGS = {
@@ -103,9 +107,18 @@ def survey_rows() -> Iterator[tuple[str, ...]]:
         )
 
 
+def run_rows() -> Iterator[tuple[str, ...]]:
+    """Yield a row for each key of ``run.json``, from its JSON Schema."""
+    yield ('key', 'content')
+    schema = json.loads(SCHEMA.read_text(encoding='utf-8'))
+    for name, item in schema['properties'].items():
+        yield (f'`{name}`', item['description'])
+
+
 #: Rows of tables, by the name of their section.
 TABLES = {
-    'rasters': raster_rows, 'vectors': vector_rows, 'columns': column_rows, 'surveys': survey_rows,
+    'rasters': raster_rows, 'vectors': vector_rows, 'columns': column_rows, 'run': run_rows,
+    'surveys': survey_rows,
 }
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write the JSON Schemas of our YAML files into schemas/: `python docs/schemas.py`.
+"""Write the JSON Schemas of our files into schemas/: `python docs/schemas.py`.
 
 Names, limits and choices are those of the parsers. Limits that depend on other values of a file,
 such as a solidus below the liquidus, are not in the schemas.
@@ -19,6 +19,7 @@ from lava_ros.hindcast import case
 from lava_ros.maps import layer_files
 from lava_ros.maps.layers import HazardLimits, Layer
 from lava_ros.ros import parameters
+from lava_ros.runs.store import FINISHED, RUNNING, VERSION
 from lava_ros.scene import (
     constants_of,
     distributions,
@@ -38,6 +39,7 @@ from lava_ros.scene.scene import ENVIRONMENT, SCENE_KEYS
 from lava_ros.scene.terrain import MIN_EPSG
 from lava_ros.scene.terrain_files import RESOLUTION_CHECK, TERRAIN_OPTIONS
 from lava_ros.scene.vents import RATE_CHECK, VENT_CHECKS
+from lava_ros.simulation.output.budget import VolumeBudget
 
 FOLDER = Path(__file__).parents[1] / 'schemas'
 
@@ -45,6 +47,7 @@ Schema = dict[str, Any]
 
 TEXT: Schema = {'type': 'string'}
 FLAG: Schema = {'type': 'boolean'}
+DATE: Schema = {'type': 'string', 'pattern': r'^\s*\d{4}'}
 
 #: Descriptions of keys in editors, for keys without a description in the code.
 MEANINGS = {
@@ -56,6 +59,7 @@ MEANINGS = {
     'window': 'Part to keep: smallest easting and northing, largest easting and northing [m]',
     'fill_holes': 'Fill cells without data that data surround',
     'nodata': 'Value of cells without data that the file does not declare; none: all have data',
+    'onset': 'Date and time of the start of the simulation: 2021-09-19T14:10:00Z',
     'insist': 'Accept numbers that cannot be, such as an effusion rate above any known, with a '
     'warning',
     'vents': 'Points and lines at which lava is emitted',
@@ -204,7 +208,7 @@ def rate_options() -> dict[str, Schema]:
     known = {
         'start': {
             'description': 'Start of the eruption (ISO 8601), which is time 0',
-            'type': 'string', 'pattern': r'^\s*\d{4}',
+            **DATE,
         },
         'gaps': {
             'description': 'Effusion rate in a time without data',
@@ -371,6 +375,7 @@ def scene() -> Schema:
         'uncertainty': uncertainties(),
         'emplaced_flows': list_of(emplaced_flow()),
         'events': list_of(event(of_check(partial(validation.number, at_least=0.0)))),
+        'onset': DATE,
         'insist': FLAG,
         **surroundings(),
     }
@@ -477,12 +482,58 @@ def parameter_file() -> Schema:
     }
 
 
+def run_file() -> Schema:
+    """Return the schema of the ``run.json`` of a run; results are absent until it is finished."""
+    number, count, group = {'type': 'number'}, {'type': 'integer'}, {'type': 'object'}
+    meanings: dict[str, tuple[Schema, str]] = {
+        'version': ({'const': VERSION}, 'Version of this format'),
+        'status': ({'enum': [RUNNING, FINISHED]}, 'running also if the run was interrupted'),
+        'program': (group, 'Version of lava_ros, number of the model, commit of the checkout'),
+        'identity': (TEXT, 'Digest of the scene and of the settings: the same for equal runs'),
+        'begun': (TEXT, 'Date and time at which the run was begun'),
+        'onset': ({'type': ['string', 'null']}, 'Date and time of simulated time 0'),
+        'settings': (group, 'Choices of the user: times [s], preset, spacing [m], effects'),
+        'inputs': (list_of(group), 'Path as given, size [bytes] and SHA-256 digest of each file'),
+        'scene': (group, 'The scene, with all values resolved'),
+        'preset': (TEXT, 'Preset of the accuracy'),
+        'accuracy': (group, 'The accuracy, without automatic values'),
+        'device': (TEXT, 'Computing device'),
+        'effects': (list_of(group), 'Effects at the start and later switches, with times [s]'),
+        'node': (TEXT, 'Node whose topics the bag has'),
+        'topics': (group, 'Topic of each layer in the bag'),
+        'maps': (TEXT, 'Folder of the bag, in that of the run'),
+        'wall_time_s': (number, 'Wall time of the run, with its earlier parts'),
+        'resolution': (group, 'Spacing [m], width of the flow [m], particles across'),
+        'numerical_error': ({'type': ['object', 'null']}, 'Fractions of the areas; null: unknown'),
+        'numerical_error_text': (TEXT, 'The numerical error in words'),
+        'simulated_time_s': (number, 'Simulated time of the results'),
+        'inundation_threshold_m': (number, 'Thickness at or above which lava has arrived'),
+        'inundated_area_m2': (number, 'Area inundated so far'),
+        'standing_area_m2': (number, 'Area with lava at the end'),
+        **dict.fromkeys(
+            VolumeBudget(0.0, 0.0, 0.0, 0.0).texts(),
+            (number, 'Volume of lava [m3], as in the diagnostics'),
+        ),
+        'particles': (count, 'Number of particles'),
+        'steps': (count, 'Number of time steps'),
+        'warnings': (list_of(TEXT), 'What a reader of the maps must know'),
+    }
+    properties = {
+        name: {'description': text, **kind} for name, (kind, text) in meanings.items()
+    }
+    properties['volume_error']['description'] = 'Fraction of the volume that is unaccounted for'
+    names = list(meanings)
+    required = [*names[: names.index('preset')], 'maps', 'node', 'topics']
+    return mapping(properties, required)
+
+
 #: Title and function of the schema of each kind of file.
 KINDS: Mapping[str, tuple[str, Callable[[], Schema]]] = {
     'scene': ('Scene of lava_ros: terrain, vents, lava', scene),
     'case': ('case.yaml of a mapped eruption', case_file),
     'layers': ('Published layers of the node', layers),
     'parameters': ('Parameters of the node', parameter_file),
+    'run': ('run.json of a run', run_file),
 }
 
 

@@ -47,11 +47,43 @@ class LavaError(ValueError):
         self.expected = expected
         shown = 'missing' if value is None else _cut(_Shown().repr(value), MAX_VALUE_LENGTH)
         phrase = one_line(expected, MAX_EXPECTED_LENGTH)
-        super().__init__(f'{one_line(field, MAX_FIELD_LENGTH)} is {shown}, expected {phrase}')
+        super().__init__(self._sentence(one_line(field, MAX_FIELD_LENGTH), shown, phrase))
+
+    @staticmethod
+    def _sentence(field: str, shown: str, expected: str) -> str:
+        return f'{field} is {shown}, expected {expected}'
+
+    def named(self, field: str) -> 'LavaError':
+        """Return the same error about a field with another name."""
+        return type(self)(field, self.value, self.expected)
 
     def __reduce__(self) -> tuple[type['LavaError'], tuple[str, object, str]]:
         """Return the arguments from which another process rebuilds the exception."""
         return type(self), (self.field, self.value, self.expected)
+
+
+class UnknownKeyError(LavaError):
+    """A key of a mapping that does not exist, with its value, and the keys that do."""
+
+    @staticmethod
+    def _sentence(field: str, shown: str, expected: str) -> str:
+        return f'{field}: unknown key, expected {expected}'
+
+
+class RefusalError(LavaError):
+    """A request that cannot be met although no value is wrong, such as one without a package.
+
+    Attributes:
+        field: Name of the request, such as an option.
+        value: The problem, as a sentence without a full stop.
+        expected: The remedy, as a sentence without a full stop.
+    """
+
+    def __init__(self, field: str, problem: str, remedy: str) -> None:
+        """Compose the message from the problem and its remedy."""
+        super().__init__(field, problem, remedy)
+        texts = one_line(problem, MAX_EXPECTED_LENGTH), one_line(remedy, MAX_EXPECTED_LENGTH)
+        self.args = ('{}. {}.'.format(*texts),)
 
 
 #: Message of the loader about a shared library: its file, and what is wrong.

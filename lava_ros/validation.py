@@ -10,11 +10,49 @@ import math
 import re
 from typing import Any, TypeVar
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError, UnknownKeyError
 
 Built = TypeVar('Built')
 
 _DECIMAL_COMMA = re.compile(r'\s*[-+]?\d+,\d+\s*')
+
+#: A number that is followed by a unit, such as 8 m3/s.
+_WITH_UNIT = re.compile(r'\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[A-Za-z%°].*')
+
+#: Minimum similarity of a word and the one that was meant, from 0 to 1.
+_SIMILARITY = 0.68
+
+
+def meant(word: object, known: Iterable[str]) -> str:
+    """Return a remark about the known word that is most similar to a mistyped one, or nothing."""
+    from difflib import SequenceMatcher
+
+    text = str(word).lower()
+
+    def similarity(item: str) -> float:
+        """Compare with a word and with its beginning; a part of the text is similar too."""
+        parts = {item.lower(), item.lower()[: len(text)]}
+        found = max(SequenceMatcher(None, text, part).ratio() for part in parts)
+        return max(found, _SIMILARITY) if len(item) > 2 and item.lower() in text else found
+
+    best = max(known, key=similarity, default='')
+    return f'; did you mean {best}?' if best and similarity(best) >= _SIMILARITY else ''
+
+
+def conflict(one: str, other: str) -> RefusalError:
+    """Return the error about two arguments that exclude each other."""
+    return RefusalError(one, f'{one} and {other} exclude each other', 'Leave out one of them')
+
+
+def surplus(field: str, reason: str) -> RefusalError:
+    """Return the error about a field that does not apply, with the reason as a phrase."""
+    return RefusalError(field, f'{field} does not apply {reason}', 'Leave it out')
+
+
+def dependence(one: str, other: str) -> RefusalError:
+    """Return the error about an argument that has no effect without another one."""
+    remedy = f'Add {other}, or leave out {one}'
+    return RefusalError(one, f'{one} has no effect without {other}', remedy)
 
 
 def number(
@@ -45,16 +83,19 @@ def number(
     ):
         return result
     suffix = f' {unit}' if unit else ''
+    alone = f' in {unit}' if unit else ''
     limits = {'above': above, 'at least': at_least, 'at most': at_most}
     phrases = [f' {word} {limit:g}{suffix}' for word, limit in limits.items() if limit is not None]
-    expected = f'a finite number{" and".join(phrases) or suffix}'
+    expected = f'a finite number{" and".join(phrases) or alone}'
     raise LavaError(field, value, expected + _slip(value, at_least, at_most, unit))
 
 
 def _slip(value: object, least: float | None, most: float | None, unit: str) -> str:
-    """Return a remark about a decimal comma, or a temperature in Celsius; empty without either."""
+    """Return a remark about a comma, a unit, or a temperature in Celsius; empty without these."""
     if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value):
-        return f' with a decimal point: {value.strip().replace(",", ".")}'
+        return f', with a decimal point: {value.strip().replace(",", ".")}'
+    if isinstance(value, str) and _WITH_UNIT.fullmatch(value):
+        return ', without a unit'
     if unit == 'K' and isinstance(value, int | float) and math.isfinite(value):
         kelvin = value + 273.15
         if (least is None or kelvin >= least) and (most is None or kelvin <= most):
@@ -132,7 +173,7 @@ def choice(field: str, value: object, allowed: Iterable[str]) -> str:
     """
     words = list(allowed)
     if not isinstance(value, str) or value not in words:
-        raise LavaError(field, value, f'one of {", ".join(words)}')
+        raise LavaError(field, value, f'one of {", ".join(words)}{meant(value, words)}')
     return value
 
 
@@ -173,8 +214,8 @@ def keys(
         raise LavaError(field, value, f'a mapping with keys {", ".join(names)}')
     for key in value:
         if key not in names:
-            expected = f'no such key; one of {", ".join(names)}'
-            raise LavaError(f'{field}.{key}', value[key], expected)
+            expected = f'one of {", ".join(names)}{meant(key, names)}'
+            raise UnknownKeyError(f'{field}.{key}', value[key], expected)
     for key in required:
         if key not in value:
             raise LavaError(f'{field}.{key}', None, 'a value: this key is required')
@@ -199,4 +240,4 @@ def build(kind: type[Built], label: str, data: object) -> Built:
         return kind(**values)
     except LavaError as error:
         _, dot, name = error.field.partition('.')
-        raise LavaError(label + dot + name, error.value, error.expected) from None
+        raise error.named(label + dot + name) from None

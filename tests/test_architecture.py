@@ -3,6 +3,7 @@
 
 """Imports between the rooms of the package, compared with docs/ARCHITECTURE.md."""
 
+import ast
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -53,6 +54,21 @@ def test_rooms_before_the_node_import_no_rclpy():
                 r'^\s*(from|import) (rclpy|\w+_(msgs|srvs|interfaces))\b',
                 path.read_text(encoding='utf-8'), re.MULTILINE,
             ), module
+
+
+def test_one_loop_runs_simulations_without_a_clock():
+    found = set()
+    for module, path in MODULES.items():
+        if room_of(module) not in ('simulation', 'live'):
+            tree = ast.parse(path.read_text(encoding='utf-8'))
+            found |= {
+                module for node in ast.walk(tree)
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+                and (node.func.attr == 'advancing' or ast.unparse(node.func).endswith(
+                    'simulation.advance'
+                ))
+            }
+    assert found == {'lava_ros.runs.drive'}
 
 
 def test_imports_are_not_circular():

@@ -122,7 +122,8 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if match := re.match(r'# (\w+\.yaml)\n', block.text):
             (folder / match.group(1)).write_text(block.text)
     write_case(folder / 'valley', hours=0.5)
-    shutil.copytree(ROOT / 'bags/sample', folder / 'bags/demo')
+    for name in ('bags/demo', 'runs/etna', 'runs/lidar'):
+        shutil.copytree(ROOT / 'bags/sample', folder / name)
     for name in ('docs', 'examples', 'msg_configs'):
         shutil.copytree(ROOT / name, folder / name)
     return folder

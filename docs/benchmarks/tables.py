@@ -355,6 +355,36 @@ def plans() -> Iterator[Line]:
     )
 
 
+#: Rows of ground.csv in the table of MODEL: label, scene, column, quantity.
+GROUNDS = (
+    ('V-shaped valley, cells of 5 m: position of the front', 'valley', '5', 'front'),
+    ('the same, cells of 10 m', 'valley', '10', 'front'),
+    ('bumps 40 and 130 m long, cells of 5 m: thickness', 'rougher', '5', 'profile'),
+    ('the same, cells of 10 m', 'rougher', '10', 'profile'),
+    ('waves of 40 to 160 m, cells of 5 m: inundated area', 'rough_5m', '5', 'inundated_actual'),
+    ('the same, cells of 10 m', 'rough_10m', '10', 'inundated_actual'),
+    ('the same, cells of 20 m', 'rough_20m', '20', 'inundated_actual'),
+    ('the same, cells of 20 m: part of the ground as stated', 'rough_20m', '20',
+     'inundated_ground'),
+    ('valley across cells of 10 m: inundated area', 'oblique_valley', '10', 'inundated_actual'),
+    ('ground rough at all lengths, cells of 10 m: inundated area', 'fractal', '10',
+     'inundated_actual'),
+)
+
+
+def grounds() -> Iterator[Line]:
+    """Yield errors on three kinds of ground; of the finest particles of each scene."""
+    columns = ('spline', 'third_order', 'through')
+    yield ('error, %', 'of the elevations', 'of third order', 'through the elevations')
+    rows = lines_of('ground.csv')
+    for label, scene, cell, quantity in GROUNDS:
+        row = [
+            row for row in rows
+            if (row['scene'], row['cell_m'], row['quantity']) == (scene, cell, quantity)
+        ][-1]
+        yield (label, *(f'{float(row[column]):.2g}' for column in columns))
+
+
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
@@ -362,7 +392,7 @@ PAGES: Mapping[str, Tables] = {
         'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
         'dates': dates, 'changes': changes, 'commands': commands,
     },
-    'MODEL.md': {'kernel_radii': kernel_radii},
+    'MODEL.md': {'grounds': grounds, 'kernel_radii': kernel_radii},
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'NAV2.md': {'rolling_windows': rolling_windows, 'masks': masks},
     'benchmarks/README.md': {

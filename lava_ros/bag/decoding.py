@@ -279,9 +279,6 @@ class Timeline:
         pairs = enumerate(pairwise(self.moments), start=1)
         starts = [index for index, (before, after) in pairs if after.time < before.time]
         self.last_run = self.moments[max(starts, default=0) :]
-        # A float64 cannot represent nanoseconds since 1970 exactly.
-        first = self.moments[0].stamp_ns if self.moments else 0
-        self._since_first = np.array([item.stamp_ns - first for item in self.moments], float)
         self._times = np.array([item.time for item in self.moments], float)
 
     def log_time_at(self, time: float | None) -> int | None:
@@ -297,7 +294,13 @@ class Timeline:
         moments = self.moments
         if not moments or not moments[0].stamp_ns <= stamp_ns <= moments[-1].stamp_ns:
             return None
-        return float(np.interp(stamp_ns - moments[0].stamp_ns, self._since_first, self._times))
+        index = bisect_right(moments, stamp_ns, key=lambda item: item.stamp_ns) - 1
+        if index == len(moments) - 1:
+            return moments[-1].time
+        # integers: a float64 cannot represent nanoseconds since 1970 exactly
+        start, end = moments[index : index + 2]
+        part = (stamp_ns - start.stamp_ns) / (end.stamp_ns - start.stamp_ns)
+        return start.time + part * (end.time - start.time)
 
     @property
     def last_time(self) -> float:

@@ -3,12 +3,15 @@
 
 """Description of a recording in the ``custom_data`` of its bag."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 import math
 from typing import Any
 
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import parse_json, parse_yaml
+from lava_ros.simulation.selection import Decision
 
 
 def described(custom_data: Mapping[str, str]) -> dict[str, Any]:
@@ -40,6 +43,31 @@ def effects_on(description: Mapping[str, Any]) -> tuple[str, ...] | None:
     for change in description['effects']:
         states |= change['effects']
     return tuple(name for name, text in states.items() if str(text).startswith('on'))
+
+
+def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
+    """Return the state of each effect with the reason, such as ``on: slope = 0.82 > 0.12``."""
+    decided = {item.name: item for item in decisions}
+    return {
+        name: f'{"on" if is_on else "off"}: {_reason(name, effects, decided.get(name))}'
+        for name, is_on in asdict(effects).items()
+    }
+
+
+def is_on(text: str) -> bool:
+    """Return True if a text of the table is that of an active effect."""
+    return text.startswith('on:')
+
+
+def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
+    if decision is None:
+        return 'forced' if name in effects else 'never chosen, only forced'
+    is_needed = decision.value > decision.effect.threshold
+    is_switched_on = not math.isnan(decision.since)
+    is_fixed = decision.is_forced or bool(decision.formulation)
+    if name in effects and not (is_needed or is_switched_on or is_fixed):
+        return f'{decision.reason}, but an effect stays on during a run'
+    return decision.reason
 
 
 def _has(value: object, **types: Any) -> bool:

@@ -33,7 +33,7 @@ from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import records
 from lava_ros.bag.records import MAGIC
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files import open_input
+from lava_ros.files import open_input, similar_file
 
 # Length at which a run of messages outside of chunks ends its block [bytes].
 _RUN_SIZE = 4 * 1024 * 1024
@@ -261,7 +261,7 @@ def has_begun(path: Path) -> bool:
 def mapped(path: Path) -> Iterator[mmap.mmap]:
     """Map the bytes of an MCAP file, finished or not; errors as in ``open_mcap``."""
     if not path.exists():
-        raise LavaError('bag', str(path), 'an MCAP file that exists')
+        raise LavaError('bag', str(path), f'an MCAP file that exists{similar_file(path)}')
     with refusing('bag', str(path), 'a readable MCAP file', OSError), open_input(path) as stream:
         if not stream.read(1):
             raise LavaError('bag', str(path), 'an MCAP file; this one is empty')

@@ -15,8 +15,10 @@ from lava_ros.bag import qos as bag_qos
 from lava_ros.bag.mcap_file import has_begun, McapFile, open_mcap
 from lava_ros.bag.metadata import Topic
 from lava_ros.bag.qos import QosProfile
+from lava_ros.bag.run_bag import bag_in
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
+from lava_ros.files import similar_file
 
 _LOG = logging.getLogger(__name__)
 
@@ -51,7 +53,7 @@ class BagReader:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Read the contents of a bag directory or an .mcap file.
+        """Read the contents of a bag directory, an .mcap file or the folder of a run.
 
         An unfinished file is read once from start to end.
 
@@ -60,8 +62,9 @@ class BagReader:
         """
         self.path = Path(path)
         if not self.path.exists():
-            raise LavaError('bag', str(path), 'a bag directory or an .mcap file that exists')
-        yaml_path = self.path / bag_metadata.FILE_NAME
+            expected = f'a bag directory or an .mcap file that exists{similar_file(self.path)}'
+            raise LavaError('bag', str(path), expected)
+        yaml_path = bag_in(path) / bag_metadata.FILE_NAME
         stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
         self.files = mcap_files(self.path, None if stored is None else stored.files)
         was_begun = stored is not None or len(self.files) == 1 or has_begun(self.files[-1])
@@ -152,7 +155,7 @@ class BagReader:
 
 
 def mcap_files(bag: Path, names: Sequence[str] | None = None) -> tuple[Path, ...]:
-    """Return the files of a bag, a single .mcap file or a directory, oldest first.
+    """Return the files of a bag (a single .mcap file, a directory, or a run), oldest first.
 
     Without ``names``, the number in the file name sets the order: 2 is before 10.
 
@@ -164,6 +167,7 @@ def mcap_files(bag: Path, names: Sequence[str] | None = None) -> tuple[Path, ...
         parts = re.split(r'(\d+)', path.name)
         return [(int(part) if part.isdigit() else -1, part) for part in parts]
 
+    bag = bag_in(bag)
     if not bag.is_dir():
         return (bag,)
     named = sorted(bag.glob('*.mcap'), key=order) if names is None else [bag / n for n in names]

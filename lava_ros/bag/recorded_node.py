@@ -19,6 +19,9 @@ from lava_ros.bag.description import described
 from lava_ros.bag.reader import BagMessage, BagReader
 from lava_ros.errors import LavaError
 
+#: Default full name of the node.
+DEFAULT_NODE = '/lava'
+
 
 @dataclass(frozen=True)
 class RecordedNode:

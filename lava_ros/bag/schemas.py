@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Message definitions and type hashes, from the share directories of installed packages."""
+"""Message definitions and type hashes, from the share directories of installed packages.
+
+``interfaces.json`` has the types of a run's messages, for machines without ROS 2 Jazzy.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -20,7 +23,8 @@ _FIELD_TYPE = re.compile(r'\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-
 
 _PRIMITIVE = re.compile(r'bool|byte|char|float(32|64)|u?int(8|16|32|64)|w?string')
 
-_SEPARATOR = '=' * 80
+#: Line between the definitions of a type and of its dependencies.
+SEPARATOR = '=' * 80
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ def message_schema(message_type: str) -> MessageSchema:
     """Look up a message type such as ``nav_msgs/msg/OccupancyGrid`` among installed packages.
 
     Packages are searched in ``share`` of each prefix in AMENT_PREFIX_PATH, of the interpreter
-    and of each site-packages directory on the import path.
+    and of each site-packages directory on the import path, then in ``interfaces.json``.
 
     Raises:
         LavaError: If the name is not that of a message type, or it or a dependency is not
@@ -65,9 +69,22 @@ def _message_schema(message_type: str, prefixes: tuple[Path, ...]) -> MessageSch
     if not isinstance(message_type, str) or not _TYPE_NAME.fullmatch(message_type):
         raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
     package, _, name = message_type.split('/')
-    path = _definition_file(f'{package}/{name}', prefixes)
+    try:
+        path = _definition_file(f'{package}/{name}', prefixes)
+    except LavaError:
+        if (known := _packaged().get(message_type)) is None:
+            raise
+        return MessageSchema(message_type, **known)
     text = _full_text(f'{package}/{name}', prefixes, set())
     return MessageSchema(message_type, text, _type_hash(message_type, path.with_suffix('.json')))
+
+
+@cache
+def _packaged() -> dict[str, dict[str, str]]:
+    """Return text and hash of the types in ``interfaces.json``."""
+    text = Path(__file__).with_name('interfaces.json').read_text(encoding='utf-8')
+    found: dict[str, dict[str, str]] = json.loads(text)
+    return found
 
 
 def _definition_file(resource: str, prefixes: tuple[Path, ...]) -> Path:
@@ -87,7 +104,7 @@ def _full_text(resource: str, prefixes: tuple[Path, ...], seen: set[str]) -> str
     parts = [text]
     for dependency in _dependencies(text, resource.split('/')[0]):
         if dependency not in seen:
-            parts.append(f'\n{_SEPARATOR}\nMSG: {dependency}\n')
+            parts.append(f'\n{SEPARATOR}\nMSG: {dependency}\n')
             parts.append(_full_text(dependency, prefixes, seen))
     return ''.join(parts)
 

@@ -19,7 +19,6 @@ from lava_ros.cli.console import Progress, write_json
 from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scene_options import SCENE_OPTIONS
-from lava_ros.errors import LavaError, refusing
 
 if TYPE_CHECKING:
     from lava_ros.scene import Scene
@@ -36,7 +35,7 @@ PROGRESS_TIMEOUT = 120.0
 #: Minimum wait for the numerical error at the end [s]; its process loads the solver.
 MIN_ERROR_TIME = 15.0
 
-#: Files in the folder of the bag; the first marks it as the output of a demo.
+#: Files in the folder of the bag.
 RESULT, PICTURE = 'demo.json', 'demo.png'
 
 #: Options that apply to ``--forecast``.
@@ -48,7 +47,10 @@ _FORECAST_OPTIONS = frozenset(
 @command(
     *SCENE_OPTIONS,
     argument('--duration', 'TIME', 'simulated time: 6h, 90min', '12h'),
-    argument('--output', 'DIR', 'bag to record; it replaces an earlier demo there', 'bags/demo'),
+    argument(
+        '--output', 'DIR', 'bag to record; if it exists, a number is added to the name',
+        'bags/demo',
+    ),
     argument(
         '--max-speed', 'X', 'run at most X times as fast as real time (default: the speed '
         f'that takes {DEFAULT_WALL_TIME:g} s in all; with --forecast 40)', float,
@@ -73,7 +75,8 @@ def demo(args: argparse.Namespace) -> int:
     takes, and sends the node the outline of a flow whose effusion rate and viscosity the node is
     not given. It draws the probabilities before and after the outline.
     """
-    from lava_ros.cli.scenes import onset_of, scene_from_arguments
+    from lava_ros.cli.scenes import scene_from_arguments
+    from lava_ros.maps.onset import Onset
     from lava_ros.pages.pictures import draw_runs
 
     require_ros()
@@ -92,9 +95,9 @@ def demo(args: argparse.Namespace) -> int:
             '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
         )
     domain = _own_domain(args.domain)
-    scene, onset = scene_from_arguments(args), onset_of(args)
-    output = Path(args.output)
-    _remove_earlier_demo(output)
+    scene = scene_from_arguments(args)
+    onset = Onset.of(scene)
+    output = _unused(args.output)
     settings = {
         'record': True,
         'bag_directory': str(output),
@@ -115,10 +118,6 @@ def demo(args: argparse.Namespace) -> int:
     except ChildError as error:
         print(f'lava demo: {error}', file=sys.stderr)
         return 1
-    finally:
-        # the next demo may replace this folder, also after a failure
-        if output.is_dir():
-            write_json({}, output / RESULT)
     result = _result(values, speed) | {'height_maps_received': frames}
     draw_runs([output], output / PICTURE)
     result['wall_time'] = round(time.monotonic() - started, 2)
@@ -136,9 +135,9 @@ def _check_forecast_options(args: argparse.Namespace) -> None:
         if value is None or value is False or value == options.get('default'):
             continue
         if args.forecast and name not in _FORECAST_OPTIONS:
-            raise LavaError(name, value, f'no {name} together with --forecast')
+            raise validation.conflict(name, '--forecast')
         if not args.forecast and name in ('--members', '--picture'):
-            raise LavaError(name, value, f'no {name} without --forecast')
+            raise validation.dependence(name, '--forecast')
 
 
 def _own_domain(number: int | None) -> int:
@@ -148,21 +147,14 @@ def _own_domain(number: int | None) -> int:
     return domain
 
 
-def _remove_earlier_demo(output: Path) -> None:
-    """Remove the output of an earlier demo; raise LavaError for any other file or folder."""
-    with refusing('--output', str(output), 'a folder that can be made', OSError):
-        if not output.exists():
-            return
-    own = {RESULT, PICTURE, 'metadata.yaml'}
-    names = {item.name for item in output.iterdir()} if output.is_dir() else set()
-    foreign = {name for name in names - own if not name.endswith('.mcap')}
-    if RESULT not in names or foreign:
-        raise LavaError(
-            '--output', str(output), 'a folder that does not exist, or that an earlier demo made'
-        )
-    for name in names:
-        (output / name).unlink()
-    output.rmdir()
+def _unused(name: str) -> Path:
+    """Return a folder that does not exist, and print it if it has another name."""
+    from lava_ros.runs.store import numbered
+
+    output = next(path for path in numbered(Path(name)) if not os.path.lexists(path))
+    if output != Path(name):
+        print(f'{name} exists and is kept; this demo records to {output}')
+    return output
 
 
 def _flow(

@@ -21,6 +21,7 @@ from lava_ros.cli.ros import Child, ChildError, running_node
 from lava_ros.files import file_to_write, PICTURES
 from lava_ros.forecast.picture import draw_narrowing
 from lava_ros.forecast.scores import brier_score, entropy
+from lava_ros.runs.drive import drive
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.distributions import Displacement, Distribution
 from lava_ros.scene.terrain_files import demo_terrain
@@ -106,7 +107,7 @@ def narrow_forecast(args: argparse.Namespace, domain: int) -> int:
 
 def _reached(simulation: Simulation, time: float) -> np.ndarray:
     """Return the footprint of the lava at a time [s], bool, shape [rows, columns]."""
-    simulation.advance(time)
+    drive(simulation, time)
     return simulation.snapshot().footprint
 
 

@@ -79,6 +79,8 @@ def _measured(
 ) -> tuple[Decision, ...]:
     from lava_ros.effects import EFFECTS
     from lava_ros.maps.plot import duration
+    from lava_ros.runs.drive import drive
+    from lava_ros.runs.sinks import ProgressSink
 
     # the solver loads Warp, which the expected numbers do not need
     from lava_ros.simulation.simulation import Simulation
@@ -87,8 +89,10 @@ def _measured(
         scene, effects=forced, accuracy=accuracy, device=device, horizon=horizon
     )
     with Progress() as progress:
-        for _ in simulation.advancing(horizon):
-            progress.show(duration(simulation.time), simulation.time / horizon)
+        drive(simulation, horizon, [ProgressSink(
+            lambda time: progress.show(duration(time), time / horizon), horizon,
+            lambda: progress.is_due,
+        )])
     simulation.review(EFFECTS)
     return simulation.decisions()
 

@@ -25,7 +25,7 @@ from lava_ros.cli.ensemble_report import (
 )
 from lava_ros.cli.options import argument, command, device_named, formats, seconds_of
 from lava_ros.cli.scene_options import RATE_OPTIONS, SCENE
-from lava_ros.errors import import_failure, LavaError
+from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 
 if TYPE_CHECKING:
@@ -117,7 +117,6 @@ def ensemble(args: argparse.Namespace) -> int:
     """
     import numpy as np
 
-    from lava_ros.cli.scenes import onset_of
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.ensemble_error import measure_ensemble_error
@@ -132,6 +131,7 @@ def ensemble(args: argparse.Namespace) -> int:
     )
     from lava_ros.forecast.store import Store
     from lava_ros.maps.gis import Provenance, require_formats, usual_formats
+    from lava_ros.maps.onset import Onset
     from lava_ros.pages.comparison import compare_ensembles
     from lava_ros.scene.on_terrain import read_raster_on
     from lava_ros.scene.projection import coordinate_system
@@ -139,13 +139,14 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.scene.uncertainty import uncertainty_to_dict
     from lava_ros.simulation.numerical_error import mean_difference, NOT_MEASURED
 
-    if (args.observed is None) != (args.observed_at is None):
-        expected = 'a time together with --observed, and neither without the other'
-        raise LavaError('--observed-at', args.observed_at, expected)
+    if args.observed is None and args.observed_at is not None:
+        raise validation.dependence('--observed-at', '--observed')
+    if args.observed is not None and args.observed_at is None:
+        raise LavaError('--observed-at', None, 'the time of the observation: 6h, 90min')
     if args.posterior is not None:
         validation.whole('--posterior', args.posterior, at_least=1, at_most=MAX_MEMBERS)
         if args.observed is None:
-            raise LavaError('--posterior', args.posterior, 'a number together with --observed')
+            raise validation.dependence('--posterior', '--observed')
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     if case is not None and case.outlines:
@@ -170,7 +171,7 @@ def ensemble(args: argparse.Namespace) -> int:
     check_members(scene, members)
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
-    onset = onset_of(args) if case is None else case.onset
+    onset = Onset.of(scene)
     store = Store(output, plan, **kept)
     error: NumericalError | None = None
     decides: Influences | None = None
@@ -315,11 +316,11 @@ def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
     for name in ('barriers_at', 'places'):
         if getattr(args, name) and not args.barriers:
             option = f'--{name.replace("_", "-")}'
-            raise LavaError(option, getattr(args, name), f'no {option} without --barriers FILE')
+            raise validation.dependence(option, '--barriers')
     if not args.barriers:
         return []
     if args.observed:
-        raise LavaError('--barriers', args.barriers, 'no --observed together with --barriers')
+        raise validation.conflict('--barriers', '--observed')
     usual = {'height': None, 'width': None, 'slope': Barrier.slope}
     barriers = read_barriers('--barriers', args.barriers, plan.scene.terrain, usual)
     for file in args.places or ():
@@ -380,8 +381,7 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     for name in options:
         if getattr(args, name) not in (None, False):
             option = f'--{name.replace("_", "-")}'.replace('discharge', 'effusion-rate')
-            expected = f'no {option} for {args.scene}, a mapped eruption'
-            raise LavaError(option, getattr(args, name), expected)
+            raise validation.surplus(option, f'to {args.scene}, a mapped eruption')
     case = load_case(args.scene, material=args.material)
     settings = Settings(args.preset, args.spacing, args.device)
     return plan_of(case, settings, threshold=args.threshold), case
@@ -400,7 +400,7 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     if workers is not None:
         workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
         if args.scheduler is not None:
-            raise LavaError('--workers', workers, 'no --workers together with --scheduler')
+            raise validation.conflict('--workers', '--scheduler')
     if args.scheduler is not None:
         require('distributed', '--scheduler', args.scheduler)
         where = {'scheduler': args.scheduler, 'device': args.device}
@@ -415,12 +415,8 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
 
 
 def _write_bag(bag: Path, plan: Plan, maps: HazardMaps, report: dict[str, Any]) -> list[str]:
-    try:
-        from lava_ros.ros.snapshot_bags import write_atlas_bag
-    except ImportError as error:
-        reason = import_failure(error) or error
-        print(f'lava ensemble: wrote no bag, which needs ROS 2: {reason}', file=sys.stderr)
-        return []
+    from lava_ros.forecast.atlas_bag import write_atlas_bag
+
     effects = [{'time': 0.0, 'effects': plan.explain_effects()}]
     data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}
     write_atlas_bag(bag, maps, plan, stamp_ns=time.time_ns(), custom_data=data)

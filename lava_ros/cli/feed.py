@@ -6,6 +6,7 @@
 import argparse
 import signal
 
+from lava_ros import validation
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.ros import require_ros
 from lava_ros.cli.scene_options import SCENE_OPTIONS
@@ -38,8 +39,7 @@ def feed(args: argparse.Namespace) -> int:
     require_ros()
     for name in ('vent', 'vents'):
         if args.no_vents and getattr(args, name):
-            expected = f'no --{name} together with --no-vents'
-            raise LavaError(f'--{name}', getattr(args, name), expected)
+            raise validation.conflict(f'--{name}', '--no-vents')
     # without vents no flow determines how fine the cells have to be
     scene = scene_as_given(args) if args.no_vents else scene_from_arguments(args)
     if scene.emplaced_flows:

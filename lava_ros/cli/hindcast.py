@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-import json
 from pathlib import Path
 import shutil
 import sys
@@ -18,12 +17,12 @@ from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command, forced_effects
 from lava_ros.cli.scene_options import vent_arguments
-from lava_ros.errors import import_failure, LavaError
+from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
     from lava_ros.hindcast.case import Case
-    from lava_ros.hindcast.run import Result, Run, Settings
+    from lava_ros.hindcast.run import Result, Settings
     from lava_ros.hindcast.score import Score
     from lava_ros.scene import Terrain
     from lava_ros.scene.vent_files import VentRow
@@ -60,6 +59,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.run import measure_run_error, Run, Settings, UNFINISHED
     from lava_ros.hindcast.score import score_snapshot
     from lava_ros.maps.plot import duration
+    from lava_ros.runs.sinks import ProgressSink
 
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
@@ -81,9 +81,12 @@ def hindcast(args: argparse.Namespace) -> int:
     if run.is_resumed:
         print(f'continuing the unfinished run in {output}', file=sys.stderr)
     with Progress() as progress:
-        for time in run.parts():
-            if time is not None or progress.is_due:
-                progress.show(duration(run.time), run.time / case.duration)
+        shown = ProgressSink(
+            lambda time: progress.show(duration(time), time / case.duration), case.duration,
+            lambda: progress.is_due,
+        )
+        for _ in run.parts(shown):
+            pass
     result = run.result()
     judged = score_snapshot(case, result.snapshot)
     several, results = None, [result]
@@ -108,7 +111,8 @@ def hindcast(args: argparse.Namespace) -> int:
     files = write_maps(case, settings, result, output, several)
     draw_comparison(case, result.snapshot, judged, picture)
     write_page(case, settings, result, judged, picture, page, error, several, dated)
-    files = [*files, picture, page, *_write_bag(case, settings, run, result, output / BAG)]
+    run.write_bag(result, error, output / BAG)
+    files = [*files, picture, page, output / BAG]
     shutil.rmtree(unfinished, ignore_errors=True)
     data = _as_dict(case, settings, result, judged, error)
     if several is not None:
@@ -175,38 +179,6 @@ def _prepare(output: Path) -> None:
     if names and not {RESULT, UNFINISHED} & names:
         raise LavaError('--output', str(output), 'a folder that is new, empty or of a hindcast')
     file_to_write('--output', made_folder(output) / PICTURE)
-
-
-def _write_bag(
-    case: Case, settings: Settings, run: Run, result: Result, bag: Path
-) -> list[Path]:
-    try:
-        from lava_ros.ros.snapshot_bags import write_snapshots
-    except ImportError as error:
-        reason = import_failure(error) or error
-        print(f'lava hindcast: wrote no bag, which needs ROS 2: {reason}', file=sys.stderr)
-        return []
-    shutil.rmtree(bag, ignore_errors=True)
-    effects = {
-        item.name: f'{"on" if item.is_on else "off"}: {item.reason}' for item in result.decisions
-    }
-    try:
-        write_snapshots(
-            bag,
-            case.scene,
-            run.kept(),
-            custom_data={
-                'device': result.device,
-                'case': case.name,
-                'parameters': json.dumps({'preset': settings.preset}),
-                'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
-                **({} if case.onset is None else {'onset': case.onset.text}),
-            },
-            terrains=[(event.time - case.start, event.terrain) for event in case.events],
-        )
-    except OSError as error:
-        raise LavaError('output', str(bag), f'a folder to write to ({error})') from error
-    return [bag]
 
 
 def _as_dict(

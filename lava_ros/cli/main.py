@@ -12,7 +12,12 @@ import re
 import sys
 
 from lava_ros.cli.console import check_outputs, Printable
-from lava_ros.cli.parser import command_line_parser, parse_command_line, ROS_COMMANDS
+from lava_ros.cli.parser import (
+    as_typed,
+    command_line_parser,
+    parse_command_line,
+    ROS_COMMANDS,
+)
 from lava_ros.cli.start import end_start, INTERRUPTED
 from lava_ros.errors import LavaError, printable
 
@@ -38,8 +43,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if '_ARGCOMPLETE' in os.environ:
         _complete()
     arguments = list(sys.argv[1:] if argv is None else argv)
-    # a space keeps argparse from reading a place that begins with a minus as an option
-    arguments = [f' {word}' if re.match(r'-[\d.]+,', word) else word for word in arguments]
+    # a space keeps argparse from reading a value that begins with a minus as an option
+    arguments = [f' {word}' if re.match(r'-\.?\d', word) else word for word in arguments]
     # ROS reads everything after --ros-args
     end = len(arguments)
     if arguments and arguments[0] in ROS_COMMANDS and _ROS_ARGS in arguments:
@@ -65,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             is_accepted = getattr(args, 'incomplete', False)
             return status or (DAMAGED if handler.has_warned and not is_accepted else 0)
     except LavaError as error:
-        problem = str(error)
+        problem = str(as_typed(error, args))
     except MemoryError as error:
         problem = f'no memory is left: {printable(str(error))}'
     except KeyboardInterrupt:

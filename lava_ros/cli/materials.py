@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-import json
 from typing import TYPE_CHECKING
 
+from lava_ros.cli.console import write_json
 from lava_ros.cli.options import argument, command
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @command(
     argument('name', 'NAME', 'list only this lava', nargs='?'),
-    argument('--json', None, 'print JSON', action='store_true'),
+    '--json',
 )
 def materials(args: argparse.Namespace) -> int:
     """List the named lavas, with their constants and sources.
@@ -33,7 +33,7 @@ def materials(args: argparse.Namespace) -> int:
 
     chosen = [material_named(args.name)] if args.name else list(known_materials().values())
     if args.json:
-        print(json.dumps([asdict(item) for item in chosen], indent=1))
+        write_json([asdict(item) for item in chosen], args.json)
         return 0
     units = {**constant_units(), **dict.fromkeys(MOLAR_MASSES, 'wt%')}
     sources: dict[str, int] = {}

@@ -4,7 +4,8 @@
 """Declaration of commands, their common options, and times with a unit, such as 6h."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 import math
 import re
 from typing import Any, NamedTuple
@@ -51,6 +52,7 @@ def argument(
 
     ``usual`` is the default value, which is added to the text, or the type of a value without one.
     """
+    name = long_name(names.split())
     if isinstance(usual, type):
         options['type'] = usual
     elif usual is not None:
@@ -61,7 +63,52 @@ def argument(
             text = f'{text} (default: %(default){"g" if isinstance(usual, float) else "s"})'
     if metavar is not None:
         options['metavar'] = metavar
+    if 'choices' in options:
+        options['type'] = _checked(partial(validation.choice, name, allowed=options['choices']))
+    elif options.get('type') in (int, float):
+        options['type'] = _checked(partial(_number, name, options['type']))
+    elif options.get('action', 'append') in ('append', 'extend') and 'type' not in options:
+        options['type'] = _without_space
     return tuple(names.split()), {'help': text, **options}
+
+
+def long_name(names: Sequence[str]) -> str:
+    """Return the first long name of an option, or the name of another argument."""
+    return next((item for item in names if item.startswith('--')), names[-1])
+
+
+def _checked(check: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Return a check as a type of argparse, which replaces the text of other exceptions."""
+
+    def convert(text: str) -> Any:
+        try:
+            return check(_without_space(text))
+        except LavaError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return convert
+
+
+def _number(name: str, kind: type, text: str) -> float:
+    if kind is float:
+        return validation.number(name, text)
+    try:
+        return int(text)
+    except ValueError:
+        raise LavaError(name, text, 'a whole number') from None
+
+
+def epsg_code(text: str) -> int:
+    """Return the number in an EPSG code, such as 32633 or EPSG:32633."""
+    code = re.fullmatch(r'(?:EPSG:)?(\d+)', text, re.IGNORECASE)
+    if code is None:
+        raise LavaError('--epsg', text, 'an EPSG code such as 32633')
+    return int(code[1])
+
+
+def _without_space(text: str) -> str:
+    """Remove the space that ``main`` puts before a minus."""
+    return text[1:] if re.match(r' -\.?\d', text) else text
 
 
 def command(*arguments: str | Argument, **defaults: Any) -> Callable[[Run], Command]:
@@ -82,7 +129,8 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--domain', None, 'ROS domain ID (default: a free one)', int),
     argument(
-        '--epsg', 'CODE', 'EPSG code of the coordinate system; replaces what the file states', int
+        '--epsg', 'CODE', 'EPSG code of the coordinate system; replaces what the file states',
+        type=_checked(epsg_code),
     ),
     argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
     argument('--horizon', 'TIME', 'simulated time of a run: 6h, 90min', HORIZON),
@@ -91,8 +139,8 @@ _SHARED = {item[0][0]: item for item in (
         'instead of 1', action='store_true',
     ),
     argument(
-        '--json', 'FILE', 'write the result as JSON to a file; - writes it to stdout, and all '
-        'other output to stderr',
+        '--json', 'FILE', 'write the result as JSON to a file, or to stdout without a file or '
+        'with -; all other output is then on stderr', nargs='?', const='-',
     ),
     argument(
         '--low-pass', 'M', 'smooth the elevation with a Gaussian of this standard deviation [m]',
@@ -128,7 +176,7 @@ def forced_effects(args: argparse.Namespace) -> dict[str, bool]:
         LavaError: If an effect is in both.
     """
     for name in set(args.on) & set(args.off):
-        raise LavaError('--off', name, 'an effect that is not in --on as well')
+        raise validation.conflict(f'--on {name}', f'--off {name}')
     return {**dict.fromkeys(args.on, True), **dict.fromkeys(args.off, False)}
 
 
@@ -157,7 +205,10 @@ def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
     if match is None or (match[2] or 's') not in UNITS:
         raise LavaError(field, text, f'a number with a unit, {", ".join(UNITS)}: 6h, 90min')
     above, at_least = (None, 0.0) if may_be_zero else (0.0, None)
-    number = validation.number(field, match[1], above=above, at_least=at_least)
+    try:
+        number = validation.number(field, match[1], above=above, at_least=at_least)
+    except LavaError as error:
+        raise LavaError(field, text.strip(), f'{error.expected}, with a unit: 6h') from None
     seconds = number * UNITS[match[2] or 's']
     if math.isinf(seconds):
         raise LavaError(field, text, 'a finite time')

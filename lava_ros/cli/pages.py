@@ -9,7 +9,21 @@ from typing import Any
 from lava_ros import validation
 from lava_ros.cli.options import argument
 
-RUNS = argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble', nargs='+')
+RUNS = argument(
+    'bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file', nargs='+',
+)
+
+#: Options for dates and local times.
+DATES = (
+    argument(
+        '--onset', 'TIME', 'date and time of the start of the eruption, with its offset from UTC: '
+        '2006-07-14T22:00Z; pages and tables then have dates and times (default: that of the run, '
+        'if it states one)',
+    ),
+    argument(
+        '--timezone', 'ZONE', 'zone of local times: Europe/Rome (default: that of this machine)',
+    ),
+)
 
 #: Options of pages: further things to draw, the extent of the maps, and their publisher.
 PAGE = (
@@ -30,14 +44,7 @@ PAGE = (
         'its size)', float, nargs=4,
     ),
     argument('--scale', '1:N', 'scale of the maps on A4 paper: 1:25000 (default: the largest)'),
-    argument(
-        '--onset', 'TIME', 'date and time of the start of the eruption, with its offset from UTC: '
-        '2006-07-14T22:00Z; the page then has dates and times (default: that of the bag, if its '
-        'recording states one)',
-    ),
-    argument(
-        '--timezone', 'ZONE', 'zone of local times: Europe/Rome (default: that of this machine)',
-    ),
+    *DATES,
     argument('--author', 'TEXT', 'author of the page', ''),
     argument('--agency', 'TEXT', 'agency that publishes the page', ''),
     argument('--logo', 'FILE', 'logo of the agency: .png, .jpg', ''),
@@ -46,7 +53,6 @@ PAGE = (
 
 def page_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return the options of ``PAGE`` as keyword arguments of ``draw_runs``."""
-    from lava_ros.maps.onset import Onset, time_zone
     from lava_ros.maps.page_layout import Imprint
 
     return {
@@ -54,9 +60,18 @@ def page_options(args: argparse.Namespace) -> dict[str, Any]:
         'observed': args.observed,
         'extent': args.extent and _extent(args.extent),
         'scale': None if args.scale is None else _scale(args.scale),
+        **dates_of(args),
+        'imprint': Imprint(args.author, args.agency, args.logo),
+    }
+
+
+def dates_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of ``DATES`` as keyword arguments."""
+    from lava_ros.maps.onset import Onset, time_zone
+
+    return {
         'onset': None if args.onset is None else Onset.from_text(args.onset),
         'zone': None if args.timezone is None else time_zone(args.timezone),
-        'imprint': Imprint(args.author, args.agency, args.logo),
     }
 
 

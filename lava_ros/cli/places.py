@@ -7,11 +7,12 @@ import argparse
 
 from lava_ros.cli.console import table_lines, write_json
 from lava_ros.cli.options import argument, command, seconds_of
+from lava_ros.cli.pages import DATES, dates_of
 from lava_ros.files import file_to_write, write_output
 
 
 @command(
-    argument('bag', None, 'bag directory, .mcap file, or folder of an ensemble'),
+    argument('bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file'),
     argument(
         'places', 'FILE', 'named points, lines and areas, such as huts, roads and villages: '
         '.geojson, .gpkg, or .csv with x,y or lon,lat and name', nargs='+',
@@ -19,7 +20,7 @@ from lava_ros.files import file_to_write, write_output
     '--node',
     argument('--time', 'TIME', 'use the bag up to this simulated time: 2h, 90min (default: all)'),
     argument('-o --output', 'FILE', 'table to write: .csv'),
-    '--json',
+    *DATES, '--json',
 )
 def places(args: argparse.Namespace) -> int:
     """Print when lava arrives at places, and with which probability.
@@ -27,14 +28,17 @@ def places(args: argparse.Namespace) -> int:
     Of a run, the command prints the time at which lava reached each place, or its distance from
     the front. Of an ensemble, it prints the probability that lava comes, and the times by which it
     has come in 10, 50 and 90 % of the members. It also prints how much of a line or an area the
-    lava reaches, and which places are off the map.
+    lava reaches, and which places are off the map. If the start of the eruption is known, times
+    are also dates.
     """
     from lava_ros.pages.arrivals import table_of
 
     if args.output is not None:
         file_to_write('--output', args.output, ('.csv',))
     time = None if args.time is None else seconds_of('--time', args.time, may_be_zero=True)
-    table = table_of(args.bag, args.places, field='places', node=args.node, time=time)
+    table = table_of(
+        args.bag, args.places, field='places', node=args.node, time=time, **dates_of(args)
+    )
     if args.output is not None:
         write_output('--output', args.output, table.as_csv())
     write_json(table.as_dict(), args.json)

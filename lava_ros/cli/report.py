@@ -8,7 +8,7 @@ import argparse
 from lava_ros.cli.console import Progress
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.pages import PAGE, page_options, RUNS
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 
 
 @command(
@@ -35,8 +35,8 @@ def report(args: argparse.Namespace) -> int:
         name for names, _ in PAGE
         if (name := names[0]) != '--overlay' and getattr(args, name[2:])
     ]:
-        expected = 'absent for a single bag; lava plot draws a page with it'
-        raise LavaError(given[0], getattr(args, given[0][2:]), expected)
+        problem = f'{given[0]} does not apply to the report of a single bag'
+        raise RefusalError(given[0], problem, 'Leave it out, or draw a page with lava plot')
     else:
         with Progress(has_lines=False) as progress:
             size = write_report(

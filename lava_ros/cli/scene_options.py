@@ -60,8 +60,9 @@ RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity', 'measured')
 
 _TABLE = (
     argument(
-        '--eruption-start', 'DATE', 'start of the eruption, 2021-09-19T14:10:00Z, for a table of '
-        'effusion rates with dates (default: the first date)',
+        '--start --eruption-start', 'DATE', 'date of the start of the eruption, which is time 0: '
+        '2021-09-19T14:10:00Z; maps and tables then have dates (default: that of the scene, or '
+        'the first date in a table of effusion rates)', dest='eruption_start',
     ),
     argument(
         '--gaps', None, 'effusion rate in the gaps of a table: zero, or interpolate between its '

@@ -7,6 +7,7 @@ import argparse
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from datetime import datetime
 import logging
 import math
 from pathlib import Path
@@ -20,13 +21,20 @@ from lava_ros.cli.scene_options import RATE_OPTIONS
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
 from lava_ros.hindcast.tables import series_of
-from lava_ros.maps.onset import Onset
-from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain, with_changes
+from lava_ros.scene import (
+    date_text,
+    KELVIN,
+    read_scene,
+    Scene,
+    scene_from_dict,
+    Terrain,
+    with_changes,
+)
 from lava_ros.scene.effusion_rates import (
     check_start,
     error_of_rates,
-    Interval,
     Options,
+    RateTable,
     read_effusion_rates,
     series_of_rates,
 )
@@ -34,6 +42,7 @@ from lava_ros.scene.likely_places import likely_place
 from lava_ros.scene.plausibility import check_date, doubts_of_scene, report
 from lava_ros.scene.projection import in_degrees, projected
 from lava_ros.scene.reshaping import finer
+from lava_ros.scene.scene import onset_from
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.scene.vent_files import read_vents, VentRow
 from lava_ros.simulation.accuracy import Accuracy
@@ -81,7 +90,7 @@ def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
         LavaError: If an argument or a file is not valid.
     """
     if args.vent and args.vents:
-        raise LavaError('--vent', args.vent[0], 'no --vent together with --vents')
+        raise validation.conflict('--vent', '--vents')
     if args.vents:
         return list(_vents_of(args.vents, args.discharge, terrain))
     rate = None if isinstance(args.discharge, str) else args.discharge
@@ -97,8 +106,7 @@ def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
 def _vents_of(path: str, rate: float | str | None, terrain: Terrain) -> Iterator[VentRow]:
     for vent in read_vents('--vents', path, terrain):
         if vent.discharge is not None and rate is not None:
-            expected = f'no --effusion-rate, since {path} has its own'
-            raise LavaError('--effusion-rate', rate, expected)
+            raise validation.conflict('--effusion-rate', f'the effusion rates in {path}')
         for place in vent.places:
             if not terrain.covers(*terrain.to_map(*place)):
                 shown = 'easting {:.10g}, northing {:.10g}'.format(*place)
@@ -155,7 +163,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         data[name] = [*data.get(name, []), *items]
     data['events'] = sorted(data.get('events', []), key=lambda event: event.time)
     vents = vents_as_given(args, terrain)
-    rates = _rates_of(args)
+    rates, origin = _rates_of(args)
     if vents and rates:
         # the rates of a table are divided among the vents as in a case
         series = series_of(tuple(vents), rates)
@@ -174,11 +182,11 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     if vents or args.discharge is not None:
         # the error in a table of the scene is that of the rates that are replaced
         data['rate_error'] = error_of_rates(rates, args.measured)
+    data |= _onset_of(args, data, origin)
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:
         if not scene.vents:
-            expected = 'no --effusion-rate for a scene without vents, or --vent'
-            raise LavaError('--effusion-rate', args.discharge, expected)
+            raise validation.dependence('--effusion-rate', 'a vent in the scene, or --vent')
         rate = args.discharge
         if rates:
             rate = [(time, q / len(scene.vents)) for time, q in series_of_rates(rates)]
@@ -195,10 +203,9 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
     shared = {name: value for name, value in shared.items() if value is not None}
     if args.emplaced_flow:
         changes['emplaced_flows'] = [{'file': file, **shared} for file in args.emplaced_flow]
-    for name, value in shared.items():
+    for name in shared:
         if not args.emplaced_flow:
-            expected = f'no --emplaced-{name} without --emplaced-flow'
-            raise LavaError(f'--emplaced-{name}', value, expected)
+            raise validation.dependence(f'--emplaced-{name}', '--emplaced-flow')
     if args.terrain_at:
         changes['events'] = [
             {'time': seconds_of('--terrain-at', time, may_be_zero=True), 'terrain': file}
@@ -207,34 +214,49 @@ def _changes_of(args: argparse.Namespace) -> dict[str, Any]:
     return changes
 
 
-def onset_of(args: argparse.Namespace) -> Onset | None:
-    """Return the date of simulated time 0, ``--eruption-start``; None if it is not given.
+def _onset_of(
+    args: argparse.Namespace, data: Mapping[str, Any], table: datetime | None
+) -> dict[str, str]:
+    """Return the onset of a scene: of its table of rates, of the option, or of its file.
 
     Raises:
-        LavaError: If it is not a date.
+        LavaError: If the option is not a date, or is not that of the rates of the file.
     """
-    origin = Options(start=args.eruption_start).origin
-    if origin is None:
-        return None
-    if not isinstance(args.discharge, str):
+    given, field = Options(start=args.eruption_start).origin, '--eruption-start'
+    if given is not None and table is None:
         # the reader of a table checks the date
-        check_date('--eruption-start', origin)
-    return Onset(origin)
+        check_date(field, given)
+    known = table or given
+    if known is None:
+        return {}
+    has_own = any(
+        isinstance(vent.get('effusion_rate', vent.get('discharge')), list | tuple)
+        for vent in data.get('vents', ()) if isinstance(vent, Mapping)
+    )
+    own = onset_from('scene', data)
+    is_replaced = args.discharge is not None or args.vent or args.vents
+    if own not in (None, known) and has_own and not is_replaced:
+        assert own is not None
+        expected = f'{date_text(own)}, the time 0 of the effusion rates of {args.scene}'
+        raise LavaError(field, args.eruption_start, expected)
+    return {'onset': date_text(known)}
 
 
-def _rates_of(args: argparse.Namespace) -> tuple[Interval, ...]:
+def _rates_of(args: argparse.Namespace) -> RateTable:
     given = {name: getattr(args, name) for name in RATE_OPTIONS if getattr(args, name) is not None}
     if isinstance(args.discharge, str):
         if not Path(args.discharge).exists() and args.discharge[:1] in '+-0123456789':
             validation.number('--effusion-rate', args.discharge, unit='m3/s')
         given['start'] = given.pop('eruption_start', None)
-        rates = read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
-        check_start('--effusion-rate', rates)
-        return rates
-    for name, value in given.items():
-        option = f'--{name.replace("_", "-")}'
-        raise LavaError(option, value, f'no {option} without a table: --effusion-rate FILE')
-    return ()
+        table = read_effusion_rates('--effusion-rate', args.discharge, Options(**given))
+        check_start('--effusion-rate', table.intervals)
+        return table
+    for name in given:
+        # a constant rate has a start, too
+        if name != 'eruption_start':
+            option = f'--{name.replace("_", "-")}'
+            raise validation.dependence(option, 'a table of effusion rates (--effusion-rate FILE)')
+    return RateTable(())
 
 
 def place_as_typed(

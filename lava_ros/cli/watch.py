@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.ros import require_ros
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 from lava_ros.files.optional import require
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 @command(
     argument(
-        'bag', None, 'bag directory, .mcap file, or folder of an ensemble (default: the running '
-        'node)', nargs='?',
+        'bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file (default: '
+        'the running node)', nargs='?',
     ),
     '--node',
     argument('--namespace', 'NS', "namespace of the node's topics: /etna", ''),
@@ -63,14 +63,15 @@ def watch(args: argparse.Namespace) -> int:
 def _frames(args: argparse.Namespace) -> Frames:
     if args.bag is None:
         if args.node is not None:
-            raise LavaError('--node', args.node, 'a bag; --namespace chooses a running node')
+            problem = '--node chooses a node of a bag, and no bag is given'
+            raise RefusalError('--node', problem, 'Choose a running node with --namespace')
         require_ros()
         from lava_ros.clients.live_frames import LiveFrames
 
         return LiveFrames(args.namespace)
     for name in ('namespace', 'control'):
-        if value := getattr(args, name):
-            raise LavaError(f'--{name}', value, f'no --{name} together with a bag or an ensemble')
+        if getattr(args, name):
+            raise validation.conflict(f'--{name}', 'a bag or an ensemble')
     from lava_ros.pages.runs import is_ensemble
     from lava_ros.watch.frames import BagFrames, ensemble_frames
 

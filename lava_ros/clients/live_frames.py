@@ -27,9 +27,9 @@ from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame, threshold_at
 from lava_ros.maps.layers import ARRIVED, IMAGE, INUNDATED, Layer
+from lava_ros.maps.messages import BARRIERS, LABELS, PLACES
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
-from lava_ros.ros.outputs import BARRIERS, LABELS, PLACES
 from lava_ros.watch.frames import (
     Frames,
     Level,

@@ -19,6 +19,7 @@ import tempfile
 from typing import Any
 
 from lava_ros.bag.qos import LATCHED
+from lava_ros.files.optional import installation
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.simulation.backend.threads import usable_cores
 
@@ -81,7 +82,7 @@ PROBE_TIMEOUT = 30.0
 #: A round trip on one machine is slow above this time [ms].
 SLOW = 50.0
 
-_WAY_TO_ROS = "source a ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
+_WAY_TO_ROS = f'source the setup file of ROS 2 Jazzy, or run {installation("ros")}'
 
 _WAY_TO_DDS = (
     'let the firewall pass UDP 7400 to 7500 and multicast, see that /dev/shm can be written, '
@@ -118,7 +119,7 @@ def check_packages() -> Results:
     for name, lowest, untried, extra in PACKAGES:
         version = _version(name)
         if not version:
-            way_out = f"pip install 'lava_ros[{extra}]'" if extra else f'pip install {name}'
+            way_out = installation(extra) if extra else f'pip install {name}'
             results.append((WARN if extra else FAIL, f'{name} is missing', way_out))
         elif _parts(lowest) <= _parts(version) < _parts(untried):
             found.append(f'{name} {version}')

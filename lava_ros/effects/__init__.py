@@ -42,6 +42,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType, ModuleType
 from typing import Any, TYPE_CHECKING
 
+from lava_ros import validation
 from lava_ros.effects.effect import Array, Effect, flag, join_names, with_fields
 from lava_ros.effects.protocols import Lava, Scene
 from lava_ros.errors import LavaError
@@ -164,7 +165,11 @@ def considered(scene: Scene, forced: Mapping[str, bool] = MappingProxyType({})) 
 
     They are those that the scene has, relevant or not, without those that the user has forced off
     and with those forced on.
+
+    Raises:
+        LavaError: If a forced effect is unknown.
     """
+    validation.keys('effects', forced, allowed=EFFECTS)
     on = [name for name, is_on in forced.items() if is_on]
     return compatible([*on, *(name for name in existing(scene) if forced.get(name, True))])
 

@@ -9,7 +9,6 @@ import errno
 import logging
 import os
 from pathlib import Path
-import secrets
 import stat
 from typing import BinaryIO
 
@@ -53,8 +52,22 @@ def open_input(path: str | Path) -> BinaryIO:
 
 def check_exists(field: str, path: Path) -> None:
     """Raise LavaError, which names ``field``, if a file does not exist or is a folder."""
-    if not os.path.exists(path) or os.path.isdir(path):
-        raise LavaError(field, str(path), 'a file that exists')
+    if os.path.isdir(path):
+        raise LavaError(field, str(path), 'a file; this is a folder')
+    if not os.path.exists(path):
+        raise LavaError(field, str(path), f'a file that exists{similar_file(path)}')
+
+
+def similar_file(path: Path) -> str:
+    """Return a remark about the file with the most similar name in the folder; may be empty."""
+    # the reader process does without
+    from lava_ros.validation import meant
+
+    try:
+        names = [item.name for item in os.scandir(path.parent)]
+    except OSError:
+        return f'; there is no folder {path.parent}'
+    return meant(path.name, names)
 
 
 def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
@@ -78,8 +91,8 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
         is_there = os.path.lexists(place)
         if is_there:
             _check_regular(os.stat(place), place)
-        # raises OSError if the parent is not a folder
-        os.stat(os.path.join(place.parent, ''))
+        if not place.parent.is_dir():
+            raise LavaError(field, str(value), f'a file in a folder that exists: {place.parent}')
         for item in (place, place.parent) if is_there else (place.parent,):
             if not os.access(item, os.W_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(item))
@@ -99,7 +112,7 @@ def replacing(path: Path, *, is_durable: bool = True) -> Iterator[Path]:
         OSError: If the file cannot be created, or cannot replace the old one.
     """
     path = Path(os.path.realpath(path))
-    partial = path.with_name(f'.{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}')
+    partial = path.with_name(f'.{path.stem}.{os.urandom(4).hex()}.partial{path.suffix}')
     mode = stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666
     # never write into an existing file or through a link
     os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, mode))

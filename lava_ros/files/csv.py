@@ -60,7 +60,7 @@ def read_table(
     names = ','.join(columns or ['of names of columns'])
     if len(lines) < 2:
         expected = f'a first line {names} and at least one row'
-        raise LavaError(str(path), f'{len(lines)} lines', expected)
+        raise LavaError(f'number of lines in {path}', len(lines), expected)
     header = lines[0][1]
     if columns is not None and {*header} != {*columns}:
         raise LavaError(f'{path}, first line', ','.join(header), f'the columns {names}')

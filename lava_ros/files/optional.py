@@ -5,7 +5,7 @@
 
 from importlib import import_module
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 
 #: Extra that installs a package.
 _EXTRAS = {
@@ -29,9 +29,15 @@ def is_installed(package: str) -> bool:
     return True
 
 
+def installation(extra: str) -> str:
+    """Return the command that installs an extra: the package is in no registry."""
+    return f"pip install '.[{extra}]' in the folder of the source"
+
+
 def require(package: str, field: str, value: object = None) -> None:
     """Raise LavaError with the command for installation if a package is missing."""
     if not is_installed(package):
         name = package.partition('.')[0]
-        expected = f"an installation with {name}: pip install 'lava_ros[{_EXTRAS[name]}]'"
-        raise LavaError(f'{name} for {field}' if value is None else field, value, expected)
+        what = field if value is None else f'{field} ({value})'
+        remedy = f'Run {installation(_EXTRAS[name])}'
+        raise RefusalError(field, f'{what} needs {name}, which is not installed', remedy)

@@ -15,8 +15,7 @@ from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.raster_formats import FORMATS, RasterFormat, TILE_DRIVERS
-from lava_ros.files.reader import read_in_process, start
-from lava_ros.files.reader.client import File
+from lava_ros.files.reader.client import File, read_in_process, start
 from lava_ros.files.systems import plain_system
 
 #: Endings that replace or follow the suffix of a raster in names of files that belong to it.
@@ -86,7 +85,7 @@ def read_raster(
 
     place = Path(path).absolute()
     with refusing(field, str(path), 'a raster that GDAL can read'):
-        item = format_of(field, place, formats)
+        item = format_of(field, Path(path), formats)
         tiles = _tiles(field, place) if item.driver == 'VRT' else {}
         files = [file for name in (place, *tiles) for file in _parts(field, name)]
         answer = read_in_process(
@@ -94,12 +93,13 @@ def read_raster(
             tiles={name.name: driver for name, driver in tiles.items()},
             kind=kind and np.dtype(kind).name, max_bands=max_bands, max_side=max_side,
         )
-        data, (values, *mask) = answer.data['result'], answer.arrays
+        data, (values, *valid) = answer.data['result'], answer.arrays
+        mask = valid[0] == 0 if valid else np.ma.nomask
         system, place = data.pop('system'), Affine(*data.pop('place'))
         crs = system and CRS.from_wkt(plain_system(f'{field}, {path}', system))
         palette = {int(number): colour for number, colour in data.pop('palette')}
         return RasterContent(
-            np.ma.MaskedArray(values, mask[0] if mask else np.ma.nomask), place, crs,
+            np.ma.MaskedArray(values, mask if np.any(mask) else np.ma.nomask), place, crs,
             tuple(data.pop('shape')), palette=palette, **data,
         )
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import sys
 
 from lava_ros.errors import LavaError
+from lava_ros.files import similar_file
 
 PACKAGE = 'lava_ros'
 
@@ -51,7 +52,7 @@ def _first(paths: list[Path], field: str, value: str, expected: str) -> Path:
         if os.path.lexists(path):
             return path
     places = ', '.join(str(path.absolute()) for path in paths)
-    raise LavaError(field, value, f'{expected}; looked for {places}')
+    raise LavaError(field, value, f'{expected}; looked for {places}{similar_file(paths[0])}')
 
 
 def _own(relative: str) -> list[Path]:

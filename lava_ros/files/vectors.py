@@ -17,7 +17,7 @@ from lava_ros.errors import LavaError, refusing
 from lava_ros.files import check_exists, open_input, write_output
 from lava_ros.files.csv import format_table
 from lava_ros.files.optional import require
-from lava_ros.files.reader import read_in_process, start
+from lava_ros.files.reader.client import read_in_process, start
 from lava_ros.files.systems import plain_system
 
 #: Maximum size of an unpacked file [bytes].

@@ -39,7 +39,11 @@ def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML fil
         LavaError: If the file cannot be read, or as in ``parse_yaml``.
     """
     with refusing(field, str(path), expected, OSError, ValueError), open_input(path) as file:
-        text = file.read(MAX_BYTES + 1).decode()
+        data = file.read(MAX_BYTES + 1)
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        raise LavaError(field, str(path), f'{expected}; this is not text in UTF-8') from None
     return parse_yaml(field, text, expected, value=str(path))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 import lava_ros
 from lava_ros import validation
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
@@ -150,7 +150,8 @@ def run_ensemble(
 def _check_complete(done: set[int], members: Sequence[Member]) -> None:
     missing = [member.index for member in members if member.index not in done]
     if missing:
-        raise LavaError('missing members', missing, 'none; the same command runs them')
+        problem = f'Members {", ".join(map(str, missing))} have not run'
+        raise RefusalError('members', problem, 'Repeat the command to run them')
 
 
 def run_here(

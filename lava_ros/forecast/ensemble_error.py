@@ -9,6 +9,7 @@ from pathlib import Path
 from lava_ros.files import write_output
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.partner_runs import measure_error
+from lava_ros.runs.drive import drive
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.numerical_error import Areas, NumericalError
 
@@ -48,7 +49,7 @@ def measure_ensemble_error(
         plan.scene, accuracy=plan.accuracy, effects=plan.effects, device=device,
         horizon=plan.horizon,
     )
-    simulation.advance(plan.horizon)
+    drive(simulation, plan.horizon)
     run = Areas.of(simulation.snapshot())
     error = measure_error(
         plan.scene, run, plan.horizon, accuracy=simulation.accuracy, effects=plan.effects,

@@ -3,7 +3,7 @@
 
 """Runs of the members of an ensemble, one at a time or as a batch on a GPU."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import TYPE_CHECKING
@@ -12,7 +12,6 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.effects import compatible, EFFECTS, Effects
-from lava_ros.forecast.forecast_run import SampledRun
 from lava_ros.forecast.member_scenes import end_scenes, median_scene, member_scene
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import (
@@ -23,6 +22,8 @@ from lava_ros.forecast.sentinels import (
     REVIEWS,
     Sentinels,
 )
+from lava_ros.runs.drive import driving
+from lava_ros.runs.sinks import PeakSink
 from lava_ros.scene import Scene
 from lava_ros.scene.ranges import with_ranges
 from lava_ros.simulation.accuracy import Accuracy
@@ -256,12 +257,9 @@ def running(
     done: list[MemberFields] = []
 
     def route(member: Member) -> Iterator[None]:
-        run = MemberRun(plan, member, device=device, max_particles=max_particles)
-        while not run.is_done:
-            yield from run.advancing()
-            if progress is not None:
-                progress[member.index] = run.progress
-        done.append(run.fields())
+        known = {} if progress is None else progress
+        fields = yield from _fields_of(plan, member, device, max_particles, known)
+        done.append(fields)
         # yield the fields before the next member begins
         yield
 
@@ -273,18 +271,26 @@ def running(
     yield from done
 
 
-class MemberRun(SampledRun):
-    """A run of a member from the plan's start to the horizon."""
+def _fields_of(
+    plan: Plan, member: Member, device: str | None, max_particles: int | None,
+    progress: dict[int, float],
+) -> Generator[None, None, MemberFields]:
+    """Run a member in parts, and return its fields."""
+    simulation = _started(plan, member, device)
+    sink = _MemberSink(plan, member, simulation, max_particles=max_particles)
+    for _ in driving(simulation, sink.times[-1], [sink]):
+        progress[member.index] = sink.progress
+        yield
+    progress[member.index] = sink.progress
+    return sink.fields(simulation)
+
+
+class _MemberSink(PeakSink):
+    """Peaks and arrivals of a member, and the reviews of its effects if it is a sentinel."""
 
     def __init__(
-        self, plan: Plan, member: Member, *, device: str | None, max_particles: int | None = None
+        self, plan: Plan, member: Member, simulation: 'Simulation', *, max_particles: int | None
     ) -> None:
-        """Start the member's simulation.
-
-        Raises:
-            LavaError: If the member has no valid scene, or as in ``advance``.
-        """
-        simulation = _started(plan, member, device)
         start = simulation.time
         self._index, self._start = member.index, start
         self._forced = plan.forced or {}
@@ -303,29 +309,30 @@ class MemberRun(SampledRun):
             of=f' of member {member.index}',
         )
 
-    def fields(self) -> MemberFields:
+    def observe(self, simulation: 'Simulation', time: float) -> Iterator[None]:
+        """Add the flow to the peaks, and review the effects if that is due."""
+        yield from super().observe(simulation, time)
+        later = tuple(fraction for fraction in self._reviews if fraction > self.progress)
+        if len(later) < len(self._reviews):
+            self._called = find_called(
+                simulation, self._forced, member=self._index, start=self._start
+            )
+            # stop at the first call: the effects would have changed the flow of later reviews
+            self._reviews = () if self._called else later
+
+    def fields(self, simulation: 'Simulation') -> MemberFields:
         """Return the fields so far."""
-        seen = self.seen(where_wet=True)
+        seen = self.seen(simulation, where_wet=True)
         arrival, half_inundated = (
             (times - self._start).astype(np.float32)
             for times in (seen.arrival, seen.half_inundated)
         )
-        budget = self.simulation.budget()
+        budget = simulation.budget()
         left = min(max(budget.left / max(budget.emitted, 1e-9), 0.0), 1.0)
         return MemberFields(
             self._index, arrival, half_inundated, seen.inundated, np.nan_to_num(seen.thickness),
             left, seen.corner, self._called,
         )
-
-    def _note_sample(self, time: float) -> None:
-        super()._note_sample(time)
-        later = tuple(fraction for fraction in self._reviews if fraction > self.progress)
-        if len(later) < len(self._reviews):
-            self._called = find_called(
-                self.simulation, self._forced, member=self._index, start=self._start
-            )
-            # stop at the first call: the effects would have changed the flow of later reviews
-            self._reviews = () if self._called else later
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':

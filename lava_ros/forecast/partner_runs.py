@@ -13,6 +13,7 @@ import time as wall_clock
 from typing import Any
 
 from lava_ros.effects import Effects
+from lava_ros.runs.drive import driving
 from lava_ros.scene import Scene
 from lava_ros.scene.terrain import Terrain
 from lava_ros.simulation import Simulation
@@ -70,7 +71,7 @@ def measuring(
         simulation = Simulation(
             ground, effects=effects, accuracy=coarser, device=device, horizon=horizon
         )
-        yield from simulation.advancing(time)
+        yield from driving(simulation, time)
         others.append(areas(simulation.snapshot()))
         if part == 'particles':
             pairs[part] = Pair(run, others[0], richardson(COARSER, PARTICLE_ORDER))

@@ -16,6 +16,7 @@ import time as wall_clock
 import numpy as np
 
 from lava_ros.effects import EFFECTS, Effects
+from lava_ros.runs.drive import drive
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -72,11 +73,8 @@ def run_at(
         scene, accuracy=accuracy, device=device, effects=effects, horizon=horizon
     )
     setup = clock() - begun
-    for _ in simulation.advancing(horizon):
-        if clock() - begun > wall_limit:
-            # finish the current step
-            simulation.advance(simulation.time)
-            return None
+    if not drive(simulation, horizon, is_over=lambda: clock() - begun > wall_limit):
+        return None
     snapshot = simulation.snapshot()
     assert accuracy.spacing is not None
     return Pilot(

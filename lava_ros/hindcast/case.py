@@ -17,6 +17,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
+from lava_ros.files import similar_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.hindcast.outlines import Outline, read_outlines
 from lava_ros.hindcast.tables import (
@@ -90,7 +91,6 @@ class Case:
         end: End of the simulation [s].
         volume: Volume erupted during the simulation [m3].
         low_pass: Width of the filter applied to the terrain [m]; 0: none.
-        onset: Date of the start of the simulation, None if the case does not state it.
         outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
             case has one footprint only.
     """
@@ -106,8 +106,12 @@ class Case:
     volume: float
     events: tuple[Event, ...] = ()
     low_pass: float = 0.0
-    onset: Onset | None = None
     outlines: tuple[Outline, ...] = ()
+
+    @property
+    def onset(self) -> Onset | None:
+        """Date of the start of the simulation; None if the case does not state it."""
+        return Onset.of(self.scene)
 
     @property
     def duration(self) -> float:
@@ -169,7 +173,7 @@ def load_case(
     """
     folder = Path(directory)
     if not folder.is_dir():
-        raise LavaError('case', str(folder), 'a folder that exists')
+        raise LavaError('case', str(folder), f'a folder that exists{similar_file(folder)}')
     options = _options(folder)
     found = [next(filter(Path.is_file, map(folder.joinpath, names)), None) for names in FILES]
     missing = [
@@ -194,7 +198,7 @@ def load_case(
     ground = read(elevation)
     check_elevation(ground)
     choices = validation.build(Options, 'case.effusion_rate', options.get('effusion_rate', {}))
-    rates = read_effusion_rates('case', rate_table, choices)
+    rates, origin = read_effusion_rates('case', rate_table, choices)
     rows = read_vents('case', vent_table, ground)
     if vents is not None:
         rows = vents(rows, ground)
@@ -204,10 +208,10 @@ def load_case(
     first, last = rates[0].start, rates[-1].end
     start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')
     onset = None
-    if choices.origin is not None:
+    if origin is not None:
         expected = 'a time [s] at which the year is from 1 to 9999'
         with refusing('case.start', start, expected, OverflowError):
-            onset = Onset(choices.origin + timedelta(seconds=start))
+            onset = Onset(origin + timedelta(seconds=start))
     outlines: tuple[Outline, ...] = ()
     footprints = partial(_footprint, ground=ground)
     if 'outlines' in options:
@@ -243,6 +247,7 @@ def load_case(
         uncertainty=uncertainty_of(
             options.get('uncertainty', {}), used, error_of_rates(rates, choices.measured)
         ),
+        onset=None if onset is None else onset.start,
         **{key: options[key] for key in ENVIRONMENT if key in options},
     )
     insist = validation.flag('case.insist', options.get('insist', False))
@@ -262,7 +267,6 @@ def load_case(
         volume=volume,
         events=_events(folder, options.get('events', []), ground, width, read),
         low_pass=width,
-        onset=onset,
         outlines=outlines,
     )
 

@@ -23,6 +23,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import regridded
 from lava_ros.hindcast.run import Result, Run, Settings
 from lava_ros.hindcast.score import Score, score_case, score_snapshot
+from lava_ros.runs.sinks import TimeSink
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.batch import side_by_side
 from lava_ros.simulation.numerical_error import mean_difference
@@ -160,13 +161,16 @@ def run_together(
         accuracy = settings.accuracy(case)
         same = replace(settings, spacing=accuracy.spacing, thickness=accuracy.thickness)
         run = Run(direction.rotate(case), same, folder=kept, has_maps=False)
-        for time in run.parts():
-            if time is not None and progress is not None:
-                shares[number] = time / case.duration
+
+        def show(time: float) -> None:
+            shares[number] = time / case.duration
+            if progress is not None:
                 progress(float(shares.mean()))
-            yield
+
+        yield from run.parts(TimeSink(run.map_times, show, after=run.time))
         run.keep()
         result = run.result()
+        run.close()
         snapshot = regridded(result.snapshot, case.scene.terrain, direction.rotate_back)
         peak = direction.rotate_back(result.peak)
         results[number] = replace(result, snapshot=snapshot, peak=peak)

@@ -11,27 +11,31 @@ import hashlib
 import json
 import math
 from pathlib import Path
+import shutil
 import time as wall_clock
 
 import numpy as np
 
 from lava_ros import validation
+from lava_ros.bag.status_values import numerical_error_values, resolution_values
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.errors import LavaError, refusing
-from lava_ros.files import replacing, write_output
-from lava_ros.files.npz import read_arrays
+from lava_ros.errors import refusing
 from lava_ros.forecast.partner_runs import measure_error
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.coarse import coarsened, GRIDS, grids_of, refined
-from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.hindcast.coarse import coarsened, refined
+from lava_ros.runs.drive import driving, Sink
+from lava_ros.runs.provenance import identity_of as run_identity
+from lava_ros.runs.provenance import program
+from lava_ros.runs.run_folder import RunFolder
+from lava_ros.runs.sinks import SnapshotSink, valid_snapshot
+from lava_ros.runs.store import KeepSink, RunStore
+from lava_ros.scene import Scene
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import Areas, NumericalError
-from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution
-from lava_ros.simulation.output.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import Resolution, resolved_accuracy
 from lava_ros.simulation.selection import Decision
@@ -51,9 +55,6 @@ FORCED = {
     for name, effect in EFFECTS.items()
     if effect.needs_extent and math.isfinite(effect.threshold)
 }
-
-#: Wall time after which a run stores its state again [s].
-KEEP_EVERY = 10.0
 
 #: Name of the folder, inside the output, with the state of an unfinished run.
 UNFINISHED = '.unfinished'
@@ -145,57 +146,79 @@ class Run:
     ) -> None:
         """Start a run, or resume the one whose state is in ``folder``; None stores no state.
 
-        Without ``has_maps`` only the last map is made.
+        Without ``has_maps`` only the last map is made. The folder then has no bag.
 
         Raises:
             LavaError: If a setting is not valid, or the folder belongs to another case or other
                 settings.
         """
         validation.number('--maps', settings.maps, at_least=1, at_most=10_000)
-        self.case, self.settings, self._folder = case, settings, folder
+        self.case, self.settings = case, settings
         self._coarseness = settings.coarseness(case)
-        self._peak = np.zeros(case.scene.terrain.shape, np.float32)
-        self._wall_time = 0.0
-        self._most_particles = self._maps = self._stored = 0
         self._has_maps = has_maps
-        # maps that are not stored yet, and the latest map
-        self._new: list[Snapshot] = []
         self._latest: Snapshot | None = None
-        self._stored_at = wall_clock.monotonic()
-        self.is_resumed = folder is not None and (folder / 'run.json').is_file()
-        if folder is not None and self.is_resumed:
-            self._simulation = self._resumed(folder)
+        self._store = None if folder is None else self._opened(folder)
+        known = {} if self._store is None else self._store.arrays
+        shape = case.scene.terrain.shape
+        self._peak = np.array(known.get('peak', np.zeros(shape, np.float32)))
+        record = {} if self._store is None else self._store.record
+        self._wall_time = float(record.get('wall_time_s', 0.0))
+        self._most_particles = int(record.get('most_particles', 0))
+        # wall time of the current part that writes files [s]
+        self._writing_time = 0.0
+
+    def _opened(self, folder: Path) -> RunStore:
+        case, settings = self.case, self.settings
+        record = {'identity': identity_of(case, settings), 'program': program()}
+        expected = 'a folder without an unfinished run of another case or of other settings; '
+        expected += '--fresh starts again from time 0'
+        if not self._has_maps:
+            return RunStore(folder, record, expected)
+        data = {'case': case.name, 'parameters': json.dumps({'preset': settings.preset})}
+        return RunFolder(folder, self._scene_at(0.0), record, data, expected)
+
+    @property
+    def is_resumed(self) -> bool:
+        """True if the run continues an interrupted one."""
+        return self._store is not None and self._store.checkpoint is not None
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
         return self._simulation.time
 
-    def parts(self) -> Iterator[float | None]:
+    @property
+    def map_times(self) -> list[float]:
+        """Simulated times at which maps are due [s]."""
+        duration, maps = self.case.duration, self.settings.maps
+        return [*(duration * (index / maps) for index in range(1, maps)), duration]
+
+    def parts(self, *sinks: Sink) -> Iterator[None]:
         """Simulate in parts, so that the caller can do other work while a GPU computes.
 
-        Yields:
-            The simulated time [s] when a map is due, None after the other parts.
+        Args:
+            sinks: Further observers of the flow.
         """
-        case, maps = self.case, self.settings.maps
-        times = [*(case.duration * (index / maps) for index in range(1, maps)), case.duration]
-        for time in times:
-            if time <= self._simulation.time:
-                # a stored map, or that of the last step, is also for this time
-                continue
-            yield from self._advancing(time, limit=case.duration)
-            if self._has_maps or time == case.duration:
-                with self._timed():
-                    self._add(self._snapshot())
-            if wall_clock.monotonic() - self._stored_at >= KEEP_EVERY:
-                self.keep()
-            yield self.time
+        simulation, times = self._simulation, self.map_times
+        if not self._has_maps:
+            times = times[-1:]
+        maps = SnapshotSink(times, self._add, after=simulation.time, convert=self._refined)
+        keep = [KeepSink(self.keep, self.map_times)] if self._store is not None else []
+        steps = driving(simulation, self.case.duration, [maps, *keep, *sinks])
+        is_done = False
+        while not is_done:
+            started, self._writing_time = wall_clock.monotonic(), 0.0
+            is_done = next(steps, True) is True
+            self._wall_time += wall_clock.monotonic() - started - self._writing_time
+            self._most_particles = max(self._most_particles, simulation.most_particles)
+            if not is_done:
+                yield
 
     def result(self) -> Result:
         """Return the result so far."""
         simulation, snapshot = self._simulation, self._latest
         if snapshot is None or snapshot.time != simulation.time:
-            snapshot = self._snapshot()
+            snapshot = valid_snapshot(simulation, self._refined)
         return Result(
             snapshot=snapshot,
             peak=self._peak,
@@ -208,116 +231,102 @@ class Run:
             device=simulation.device,
         )
 
-    def kept(self) -> Iterator[Snapshot]:
-        """Return the maps of a run with a folder, in the order of time."""
-        folder, terrain = self._folder, self.case.scene.terrain
-        assert folder is not None
-        for index in range(self._maps):
-            yield _read(folder / f'map_{index:04d}.npz', terrain)
-        yield from self._new
+    def keep(self) -> None:
+        """Store the state for a resume, if there is a folder."""
+        if self._store is not None:
+            with self._writing():
+                self._store.keep(
+                    self._simulation.checkpoint(), {'peak': self._peak},
+                    wall_time_s=self._wall_time, most_particles=self._most_particles,
+                )
+
+    def close(self) -> None:
+        """Let another run use the folder, if there is one."""
+        if self._store is not None:
+            self._store.close()
+
+    def write_bag(self, result: Result, error: NumericalError, bag: Path) -> None:
+        """Finish the bag of a run with maps, and move it; it replaces an earlier bag.
+
+        Args:
+            result: Result of the run.
+            error: Its numerical error.
+            bag: Folder of the bag.
+
+        Raises:
+            LavaError: If it cannot be written.
+        """
+        store = self._store
+        assert isinstance(store, RunFolder)
+        effects = {
+            item.name: f'{"on" if item.is_on else "off"}: {item.reason}'
+            for item in result.decisions
+        }
+        with refusing('output', str(bag), 'a folder to write to', OSError):
+            store.bag.describe({
+                'device': result.device,
+                'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
+            })
+            store.bag.put_error({'numerical_error': error.text(), **numerical_error_values(error)})
+            store.close()
+            shutil.rmtree(bag, ignore_errors=True)
+            store.bag.directory.rename(bag)
 
     @contextmanager
-    def _timed(self) -> Iterator[None]:
+    def _writing(self) -> Iterator[None]:
         started = wall_clock.monotonic()
         yield
-        self._wall_time += wall_clock.monotonic() - started
+        self._writing_time += wall_clock.monotonic() - started
 
-    def _add(self, snapshot: Snapshot) -> None:
-        flaw = snapshot.flaw()
-        if flaw:
-            raise LavaError('the simulated flow', flaw, 'finite numbers')
+    def _add(self, simulation: Simulation, snapshot: Snapshot) -> None:
         np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
         self._latest = snapshot
-        if self._folder is not None:
-            self._new.append(snapshot)
+        if isinstance(self._store, RunFolder):
+            with self._writing():
+                scene = self._scene_at(snapshot.time)
+                values = resolution_values(simulation.resolution)
+                self._store.bag.put_snapshot(scene, snapshot, values)
 
-    def _snapshot(self) -> Snapshot:
-        snapshot = self._simulation.snapshot()
+    def _scene_at(self, time: float) -> Scene:
+        """Return the scene with the ground at a simulated time [s], on the cells of the case."""
+        grounds = [event.terrain for event in self.case.events
+                   if event.time - self.case.start <= time]
+        terrain = grounds[-1] if grounds else self.case.scene.terrain
+        return replace(self.case.scene, terrain=terrain)
+
+    def _refined(self, snapshot: Snapshot) -> Snapshot:
         return refined(snapshot, self.case.scene.terrain, self._coarseness)
 
     @cached_property
     def _simulation(self) -> Simulation:
         # made on first use, because it may have to be compiled
-        with self._timed():
-            return Simulation(
+        started, device = wall_clock.monotonic(), self.settings.device
+        if self._store is not None and self._store.checkpoint is not None:
+            simulation = Simulation.resume(self._store.checkpoint, device=device)
+        else:
+            simulation = Simulation(
                 _simulated_scene(self.case, self._coarseness),
                 effects={**FORCED, **self.settings.forced},
                 accuracy=self.settings.accuracy(self.case),
-                device=self.settings.device,
+                device=device,
                 horizon=self.case.duration,
             )
-
-    def _advancing(self, until: float, *, limit: float) -> Iterator[None]:
-        simulation, started = self._simulation, wall_clock.monotonic()
-        for _ in simulation.advancing(until, limit=limit):
-            self._wall_time += wall_clock.monotonic() - started
-            yield
-            started = wall_clock.monotonic()
         self._wall_time += wall_clock.monotonic() - started
-        self._most_particles = max(self._most_particles, simulation.most_particles)
-
-    def keep(self) -> None:
-        """Write the state for a resume, if there is a folder.
-
-        ``run.json``, written last, makes it valid.
-        """
-        folder = self._folder
-        if folder is None:
-            return
-        with refusing('output', str(folder), 'a folder to write to', OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            for index, snapshot in enumerate(self._new, self._maps):
-                _write(folder / f'map_{index:04d}.npz', snapshot)
-            self._maps += len(self._new)
-            self._new.clear()
-            self._stored += 1
-            checkpoint = self._simulation.checkpoint().to_bytes()
-            write_output('output', folder / f'checkpoint_{self._stored:04d}', checkpoint)
-            plain = {
-                'identity': identity_of(self.case, self.settings),
-                'maps': self._maps,
-                'stored': self._stored,
-                'wall_time': self._wall_time,
-                'most_particles': self._most_particles,
-            }
-            write_output('output', folder / 'run.json', json.dumps(plain))
-            (folder / f'checkpoint_{self._stored - 1:04d}').unlink(missing_ok=True)
-        self._stored_at = wall_clock.monotonic()
-
-    def _resumed(self, folder: Path) -> Simulation:
-        expected = 'a complete unfinished run; --fresh starts again from time 0'
-        with refusing('output', str(folder), expected, OSError, KeyError, ValueError):
-            plain = json.loads((folder / 'run.json').read_text(encoding='utf-8'))
-            if plain['identity'] != identity_of(self.case, self.settings):
-                expected = 'a folder without an unfinished run of another case or of other '
-                expected += 'settings; --fresh starts again from time 0'
-                raise LavaError('output', str(folder.parent), expected)
-            self._maps, self._stored = int(plain['maps']), int(plain['stored'])
-            checkpoint = from_bytes((folder / f'checkpoint_{self._stored:04d}').read_bytes())
-        for snapshot in self.kept():
-            np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
-        self._wall_time = float(plain['wall_time'])
-        self._most_particles = int(plain['most_particles'])
-        return Simulation.resume(checkpoint, device=self.settings.device)
+        return simulation
 
 
 def identity_of(case: Case, settings: Settings) -> str:
     """Return a hash that differs for every other case and other settings."""
-    digest = hashlib.sha256(case.footprint.tobytes())
-    for outline in case.outlines:
-        digest.update(outline.footprint.tobytes())
-    for terrain in (case.scene.terrain, *(event.terrain for event in case.events)):
-        digest.update(terrain.elevation.tobytes())
-    plain = {
-        'scene': scene_to_dict(case.scene),
+    grids = [case.footprint, *(outline.footprint for outline in case.outlines)]
+    grids += [event.terrain.elevation for event in case.events]
+    return run_identity(case.scene, {
+        'grids': [hashlib.sha256(grid.tobytes()).hexdigest() for grid in grids],
         'span': [case.start, case.end],
         'events': [(event.time, event.text) for event in case.events],
         'accuracy': asdict(settings.accuracy(case)),
         'forced': dict(settings.forced),
         'maps': settings.maps,
-    }
-    digest.update(json.dumps(plain, sort_keys=True).encode())
-    return digest.hexdigest()
+    })
 
 
 def simulate(case: Case, settings: Settings) -> Result:
@@ -358,32 +367,3 @@ def _simulated_scene(case: Case, coarseness: int) -> Scene:
     )
     scene = replace(case.scene, events=events)
     return scene.on(lambda terrain: coarsened(terrain, coarseness))
-
-
-def _write(path: Path, snapshot: Snapshot) -> None:
-    plain = {
-        'time': snapshot.time,
-        'budget': asdict(snapshot.budget),
-        'steps': asdict(snapshot.steps),
-        'particle_count': snapshot.particle_count,
-        'threshold': snapshot.threshold,
-    }
-    with replacing(path) as partial:
-        data = np.frombuffer(json.dumps(plain).encode(), np.uint8)
-        np.savez_compressed(partial, plain=data, **grids_of(snapshot))  # type: ignore[arg-type]
-
-
-def _read(path: Path, terrain: Terrain) -> Snapshot:
-    expected = 'a map of an earlier run; --fresh starts again from time 0'
-    with refusing('output', str(path), expected, OSError, KeyError, TypeError, ValueError):
-        arrays = read_arrays('output', path)
-        plain = json.loads(arrays['plain'].tobytes())
-        return Snapshot(
-            time=plain['time'],
-            terrain=terrain,
-            budget=VolumeBudget(**plain['budget']),
-            particle_count=plain['particle_count'],
-            steps=StepReport(**plain['steps']),
-            threshold=float(plain['threshold']),
-            **{name: arrays[name] for name in GRIDS if name in arrays},
-        )

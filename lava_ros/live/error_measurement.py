@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import threading
 import time
 
+from lava_ros.bag.description import is_on
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import Guard, LavaError
 from lava_ros.live.forecaster import ForecastProcess
-from lava_ros.live.session import is_on
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.simulation.numerical_error import Areas, error_text, NumericalError

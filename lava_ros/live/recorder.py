@@ -11,6 +11,7 @@ import time
 from typing import Any
 
 from lava_ros.bag import BagWriter, QosProfile
+from lava_ros.bag.recorded_node import DEFAULT_NODE
 from lava_ros.errors import LavaError, refusing
 from lava_ros.live.clock import JITTER
 
@@ -160,10 +161,6 @@ def _new_place(directory: Path) -> Path:
     if not is_usable:
         raise LavaError('bag_directory', name, f'a new folder: {parent} cannot be written to')
     return place
-
-
-#: Default full name of the node.
-DEFAULT_NODE = '/lava'
 
 
 def _unused(path: Path) -> Path:

@@ -3,15 +3,15 @@
 
 """Session of a simulation: the current scene, which messages change."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import count
-import math
 import threading
 from typing import Any, NamedTuple, TYPE_CHECKING
 
+from lava_ros.bag.description import effect_table
 from lava_ros.effects import Effects
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.terrain import is_same_ground
@@ -22,7 +22,6 @@ from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.measurement import measure_resolution
 from lava_ros.simulation.output.snapshot import ParticleSample
 from lava_ros.simulation.resolution import Resolution
-from lava_ros.simulation.selection import Decision
 
 if TYPE_CHECKING:
     # the solver loads Warp: done in the worker's thread, not at import
@@ -213,7 +212,8 @@ class SimulationSession:
 
     def _running(self, what: str) -> 'Simulation':
         if self.simulation is None:
-            raise LavaError(what, 'no simulation', 'one that has started and not failed')
+            problem = 'There is no running simulation'
+            raise RefusalError(what, problem, 'Publish a terrain, or start again with ~/reset')
         return self.simulation
 
     def advance(
@@ -352,7 +352,8 @@ class SimulationSession:
     def reset(self) -> None:
         """Start the scene again at time 0, also after a failure."""
         if self.scene is None:
-            raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
+            problem = 'There is no simulation to reset'
+            raise RefusalError('reset', problem, 'Publish a terrain first')
         scene = self.scene
         if self._before_events is not None:
             terrain, events = self._before_events
@@ -432,31 +433,6 @@ class SimulationSession:
 def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
     """Return True if two terrains are alike (``is_same_ground``) in one coordinate system."""
     return one.georeference == other.georeference and is_same_ground(one, other, within=within)
-
-
-def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
-    """Return the state of each effect with the reason, such as ``on: slope = 0.82 > 0.12``."""
-    decided = {item.name: item for item in decisions}
-    return {
-        name: f'{"on" if is_on else "off"}: {_reason(name, effects, decided.get(name))}'
-        for name, is_on in asdict(effects).items()
-    }
-
-
-def is_on(text: str) -> bool:
-    """Return True if a text of the table is that of an active effect."""
-    return text.startswith('on:')
-
-
-def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
-    if decision is None:
-        return 'forced' if name in effects else 'never chosen, only forced'
-    is_needed = decision.value > decision.effect.threshold
-    is_switched_on = not math.isnan(decision.since)
-    is_fixed = decision.is_forced or bool(decision.formulation)
-    if name in effects and not (is_needed or is_switched_on or is_fixed):
-        return f'{decision.reason}, but an effect stays on during a run'
-    return decision.reason
 
 
 def failure_text(error: Exception, latest: 'Snapshot | None') -> str:

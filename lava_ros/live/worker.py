@@ -14,7 +14,7 @@ import threading
 import time
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.errors import Guard, LavaError
+from lava_ros.errors import Guard, LavaError, RefusalError
 from lava_ros.live.catch_up import CatchUp, Published
 from lava_ros.live.clock import FollowedClock
 from lava_ros.live.commands import Command, command, CommandQueue, finish
@@ -72,7 +72,7 @@ MAX_WAIT = 60.0
 MAX_CATCH_UP = 5.0
 
 #: Error of a command after ``stop``.
-_STOPPED = LavaError('simulation', 'stopped', 'one that runs')
+_STOPPED = RefusalError('simulation', 'The simulation has stopped', 'Start a new one')
 
 
 @dataclass(eq=False)

@@ -33,7 +33,7 @@ from lava_ros.maps.layers import (
     ZERO_CELSIUS,
 )
 from lava_ros.scene import MAX_SIDE_CELLS
-from lava_ros.validation import choice, flag, items, keys, number, whole
+from lava_ros.validation import choice, conflict, flag, items, keys, number, surplus, whole
 
 #: Full names of message types, by the names in a file.
 MESSAGES = {
@@ -148,7 +148,7 @@ def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) 
             choice(field_name, name, known)
     for name in off:
         if name in on:
-            raise LavaError('layers_off', name, 'a layer that is not in layers_on as well')
+            raise conflict(f'{name} in layers_on', f'{name} in layers_off')
     return [
         replace(layer, enabled=layer.name in on or (layer.enabled and layer.name not in off))
         for layer in layers
@@ -175,17 +175,17 @@ def _layer(name: str, value: object) -> Layer:
         qos = keys(f'{where}.qos', data['qos'], allowed=QOS_KEYS)
         result['qos'] = replace(LATCHED, **_checked(f'{where}.qos', qos))
     if source in (*FORECAST_SOURCES, *ENSEMBLE_SOURCES):
-        _refuse(where, data, ['heartbeat'], 'absent: forecasts are withdrawn, never repeated')
+        _refuse(where, data, ['heartbeat'], 'to forecasts, which are withdrawn, never repeated')
     if message == OCCUPANCY_GRID:
         result |= _scaling(where, data, plain_source(source))
     else:
         scaling = ('range', 'scale', 'step', 'classes', 'margin', 'outside', 'min_cells')
-        _refuse(where, data, scaling, 'absent: only a grid scales the values')
+        _refuse(where, data, scaling, 'because only a grid scales the values')
     if source.endswith('hazard') or message == GRID_MAP:
         result['hazard'] = _hazard_limits(f'{where}.hazard', data.get('hazard', {}))
     else:
-        expected = 'absent unless source is hazard or the message a GridMap'
-        _refuse(where, data, ['hazard'], expected)
+        reason = 'unless source is hazard or the message a GridMap'
+        _refuse(where, data, ['hazard'], reason)
     return Layer(**result)
 
 
@@ -194,25 +194,25 @@ def _checked(where: str, data: Mapping[str, object]) -> dict[str, Any]:
     return {key: CHECKS[key](f'{where}.{key}', data[key]) for key in data if key in CHECKS}
 
 
-def _refuse(where: str, data: Mapping[str, object], names: Iterable[str], expected: str) -> None:
+def _refuse(where: str, data: Mapping[str, object], names: Iterable[str], reason: str) -> None:
     for key in names:
         if key in data:
-            raise LavaError(f'{where}.{key}', data[key], expected)
+            raise surplus(f'{where}.{key}', reason)
 
 
 def _scaling(where: str, data: Mapping[str, object], quantity: str) -> dict[str, Any]:
     """Return the fields of a layer for the values of an occupancy grid."""
     unit = _UNITS[quantity]
     if 'step' in data:
-        _refuse(where, data, ('range', 'scale', 'classes'), 'absent if step is set')
+        _refuse(where, data, ('range', 'scale', 'classes'), 'if step is set')
         return {'step': number(f'{where}.step', data['step'], unit=unit)}
     if 'classes' in data:
-        _refuse(where, data, ('range', 'scale', 'margin'), 'absent if classes is set')
+        _refuse(where, data, ('range', 'scale', 'margin'), 'if classes is set')
         return {'classes': _classes(f'{where}.classes', data['classes'], unit)}
     if quantity in (ARRIVAL, PROBABILITY) and data.get('margin'):
-        _refuse(where, data, ['margin'], 'absent unless step is set')
+        _refuse(where, data, ['margin'], 'unless step is set')
     if quantity == PROBABILITY:
-        _refuse(where, data, ('range', 'scale'), 'absent: a probability is always 0 to 100')
+        _refuse(where, data, ('range', 'scale'), 'to a probability, which is always 0 to 100')
         return {}
     ends = data.get('scale', (100, 0) if quantity == ARRIVAL else (0, 100))
     expected = 'two whole numbers, the grid values at the ends of range'

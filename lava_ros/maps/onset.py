@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo
 
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
+from lava_ros.scene import date_text, Scene
 
 _LOG = logging.getLogger(__name__)
 
@@ -43,7 +44,12 @@ class Onset:
     @property
     def text(self) -> str:
         """The date and time in ISO 8601, as ``from_text`` reads it and bags record it."""
-        return self.start.isoformat().replace('+00:00', 'Z')
+        return date_text(self.start)
+
+    @classmethod
+    def of(cls, scene: Scene) -> 'Onset | None':
+        """Return the onset of a scene; None if it is unknown."""
+        return None if scene.onset is None else cls(scene.onset)
 
     def utc(self, seconds: float = 0.0) -> str:
         """Format a simulated time [s] as date and time in ISO 8601, UTC, to the second.

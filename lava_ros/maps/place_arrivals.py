@@ -15,8 +15,10 @@ import numpy as np
 
 from lava_ros.files.csv import format_table
 from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
+from lava_ros.maps.onset import Onset
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
+from lava_ros.scene import Terrain
 from lava_ros.simulation.output.inundation import reached_cells
 
 if TYPE_CHECKING:
@@ -95,12 +97,18 @@ def _rounded(value: float | None) -> float | None:
 
 _UNKNOWN = dict.fromkeys(QUANTILES)
 
+#: Columns with the dates of arrival, by the fraction of the members.
+DATES = {fraction: f'arrival_p{100 * fraction:.0f}_utc' for fraction in QUANTILES}
+
 #: Columns of the table, those of all kinds of places; JSON has those of the kind of a place.
-COLUMNS = tuple(dict.fromkeys(
-    name
-    for kind in _MEASURES
-    for name in PlaceArrival('', kind, 0.0, None, _UNKNOWN, None, 0.0, _UNKNOWN).record()
-))
+COLUMNS = tuple(dict.fromkeys([
+    *(
+        name
+        for kind in _MEASURES
+        for name in PlaceArrival('', kind, 0.0, None, _UNKNOWN, None, 0.0, _UNKNOWN).record()
+    ),
+    *DATES.values(),
+]))
 
 
 def arrivals(
@@ -160,11 +168,13 @@ class ArrivalTable:
     """Arrival of lava at places: a row for each place, and facts about the table.
 
     ``facts`` are plain data: the threshold, the end of the covered time, the number of members.
+    ``onset`` is the date of simulated time 0; None if it is unknown.
     """
 
     rows: tuple[PlaceArrival, ...]
     facts: Mapping[str, Any]
     is_ensemble: bool
+    onset: Onset | None = None
 
     @property
     def summary(self) -> str:
@@ -175,15 +185,32 @@ class ArrivalTable:
             words += f', up to {duration(facts["time_s"])}'
         if self.is_ensemble:
             words += f', within {duration(facts["horizon_s"])}, of {facts["members"]} members'
+        if self.onset is not None:
+            words += f'; the start is {self.onset.words()}'
         return f'{words}; {facts["note"]}' if 'note' in facts else words
 
     def as_dict(self) -> dict[str, Any]:
         """Return the table as plain data for JSON; unknown values are None."""
-        return {**self.facts, 'places': [row.record() for row in self.rows]}
+        onset = None if self.onset is None else self.onset.utc()
+        return {**self.facts, 'onset_utc': onset, 'places': self._records()}
 
     def as_csv(self) -> str:
         """Format the table as CSV; unknown values are empty."""
-        return format_table(COLUMNS, (row.record() for row in self.rows))
+        return format_table(COLUMNS, self._records())
+
+    def _records(self) -> list[dict[str, Any]]:
+        """Return the rows with the date of each arrival; None if it is unknown."""
+        return [
+            {
+                **row.record(),
+                **{
+                    DATES[part]: None if time is None or self.onset is None
+                    else self.onset.utc(time)
+                    for part, time in row.arrival.items()
+                },
+            }
+            for row in self.rows
+        ]
 
     def as_texts(self) -> list[tuple[str, ...]]:
         """Format the table for people: titles, then a row for each place.
@@ -211,10 +238,35 @@ class ArrivalTable:
         front = row.front_distance
         return (
             row.name, *[probability] * self.is_ensemble,
-            *(never if time is None else duration(time) for time in times),
+            *(never if time is None else self._moment(time) for time in times),
             '-' if front is None else f'{front:.0f} m',
             *(row.size_words(fraction) or '-' for fraction in fractions), row.map_words(),
         )
+
+    def _moment(self, time: float) -> str:
+        """Format a simulated time [s], and its date if that is known."""
+        return duration(time) + ('' if self.onset is None else f', {self.onset.words(time)}')
+
+
+def flow_table(
+    places: Places, terrain: Terrain, arrived: np.ndarray, inundated: np.ndarray | None,
+    facts: Mapping[str, Any],
+) -> ArrivalTable:
+    """Return the arrival of lava at places in a single run.
+
+    Args:
+        places: The places.
+        terrain: The ground.
+        arrived: First arrival times [s], shape [rows, columns], NaN without arrival.
+        inundated: Fraction of each cell that lava has covered, same shape; None if it is unknown,
+            so that cells with arrival are covered.
+        facts: Facts about the table.
+    """
+    cells = places.at(arrived)
+    part = np.isfinite(cells) if inundated is None else places.at(inundated)
+    both = (dict.fromkeys(QUANTILES, values) for values in (cells, part))
+    front = front_distances(places, reached_cells(arrived), terrain)
+    return ArrivalTable(arrivals(places, *both, front=front), facts, is_ensemble=False)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,8 @@
 """Arrival of lava at places in runs on disk: the table of `lava places` and `lava report`."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from datetime import tzinfo
 import math
 from pathlib import Path
 from typing import Any
@@ -13,17 +15,16 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.forecast.store import maps_at
-from lava_ros.maps.forecast import QUANTILES
-from lava_ros.maps.place_arrivals import arrivals, ArrivalTable
-from lava_ros.maps.places import front_distances, Places, places_on
-from lava_ros.pages.runs import Members, read_run, Run
+from lava_ros.maps.onset import Onset
+from lava_ros.maps.place_arrivals import arrivals, ArrivalTable, flow_table
+from lava_ros.maps.places import Places, places_on
+from lava_ros.pages.runs import dated, Members, read_run, Run
 from lava_ros.scene.features import read_features
-from lava_ros.simulation.output.inundation import reached_cells
 
 
 def table_of(
     path: str | Path, files: Sequence[str | Path], *, field: str, node: str | None = None,
-    time: float | None = None,
+    time: float | None = None, onset: Onset | None = None, zone: tzinfo | None = None,
 ) -> ArrivalTable:
     """Return the arrival of lava at the points, lines and areas of files.
 
@@ -33,18 +34,22 @@ def table_of(
         field: Name of the files in errors.
         node: Full name or namespace of a node of the bag; None for the only one.
         time: Simulated time [s] up to which a bag is read; None for all of it.
+        onset: Date of simulated time 0; None for that of the run, if it states one.
+        zone: Zone of local times; None for that of this machine.
 
     Raises:
         LavaError: If a file or the run cannot be read, or the run has no arrival times.
     """
     run = read_run(path, node=node, wanted=('arrival',))
     if run.ensemble is not None and time is not None:
-        raise LavaError('--time', time, f'no --time for {path}, an ensemble')
+        raise validation.conflict('--time', f'an ensemble ({path})')
     features = [item for file in files for item in read_features(field, file, run.terrain)]
     places = places_on(features, run.terrain)
     if run.ensemble is not None:
-        return _table_of_members(Path(path), run.ensemble, places)
-    return _table_of_bag(path, run, places, time, node)
+        table = _table_of_members(Path(path), run.ensemble, places)
+    else:
+        table = _table_of_bag(path, run, places, time, node)
+    return replace(table, onset=dated(onset, zone, [run]))
 
 
 def _table_of_bag(
@@ -58,18 +63,13 @@ def _table_of_bag(
         # the newest map has all earlier arrival times, to the step
         end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
-    cells = places.at(arrived)
-    front = front_distances(places, reached_cells(arrived), run.terrain)
     facts: dict[str, Any] = {'threshold_m': panel.frame.threshold, 'time_s': end}
-    if panel.frame.arrived is not panel.values and np.isfinite(cells).any():
+    if panel.frame.arrived is not panel.values and np.isfinite(places.at(arrived)).any():
         facts['note'] = 'times are those of the first map in the bag that shows the lava'
     frame = panel.frame
     if time is not None:
         frame = read_run(path, node=node, time=time, wanted=('arrival',)).panels['arrival'].frame
-    part = np.isfinite(cells) if frame.inundated is None else places.at(frame.inundated)
-    both = (dict.fromkeys(QUANTILES, values) for values in (cells, part))
-    rows = arrivals(places, *both, front=front)
-    return ArrivalTable(rows, facts, is_ensemble=False)
+    return flow_table(places, run.terrain, arrived, frame.inundated, facts)
 
 
 def _table_of_members(folder: Path, members: Members, places: Places) -> ArrivalTable:

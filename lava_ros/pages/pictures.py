@@ -21,7 +21,7 @@ from lava_ros.maps.onset import Onset
 from lava_ros.maps.page_layout import BANNER, Imprint
 from lava_ros.maps.plot import duration, isochrone_times, MAX_DRAWN_ISOCHRONES, Window
 from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.pages.runs import read_run, Run
+from lava_ros.pages.runs import dated, read_run, Run
 from lava_ros.scene.features import read_features
 from lava_ros.scene.projection import in_degrees, projected, system_name
 
@@ -96,7 +96,7 @@ def draw_runs(
         title = f'{volcano}: {title}'
     subtitle = runs[0].summary if len(runs) == 1 else ''
     notes = {'date': date} if date else {}
-    onset = _onset(onset, zone, runs)
+    onset = dated(onset, zone, runs)
     if onset is not None:
         notes |= _moments(onset, runs, [panel for _, panel in shown])
     notes |= _facts(runs)
@@ -145,15 +145,6 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
             expected = f'an extent with some of {run.name} {run.terrain.bounds(projected=True)}'
             raise LavaError('--extent', shown, expected)
     return window
-
-
-def _onset(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onset | None:
-    """Return the given or common onset of the runs, with the zone of local times."""
-    known = {run.onset for run in runs}
-    onset = given or (known.pop() if len(known) == 1 else None)
-    if onset is None and zone is not None:
-        raise LavaError('--timezone', str(zone), 'a zone together with --onset')
-    return None if onset is None else replace(onset, zone=zone)
 
 
 def _moments(onset: Onset, runs: Sequence[Run], panels: Sequence[Panel]) -> dict[str, str]:

@@ -3,9 +3,9 @@
 
 """Runs on disk (bags and ensembles) as maps and facts for people."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timezone
+from datetime import datetime, timezone, tzinfo
 import logging
 import math
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import lava_ros
+from lava_ros import validation
 from lava_ros.bag.description import described, effects_on
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
@@ -100,6 +101,19 @@ class Run:
         return [name for name in names if name in self.panels]
 
 
+def dated(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onset | None:
+    """Return the given or common onset of runs, with the zone of local times.
+
+    Raises:
+        LavaError: If there is a zone and no onset.
+    """
+    known = {run.onset for run in runs}
+    onset = given or (known.pop() if len(known) == 1 else None)
+    if onset is None and zone is not None:
+        raise validation.dependence('--timezone', '--onset')
+    return None if onset is None else replace(onset, zone=zone)
+
+
 def is_ensemble(path: str | Path) -> bool:
     """Return True if a path is the folder of an ensemble."""
     return (Path(path) / MANIFEST).is_file()
@@ -122,7 +136,7 @@ def read_run(
         return _bag(Path(path), node, time, wanted)
     for name, value in (('--node', node), ('--time', time)):
         if value is not None:
-            raise LavaError(name, value, f'no {name} for {path}, an ensemble')
+            raise validation.conflict(name, f'an ensemble ({path})')
     return _ensemble(Path(path))
 
 
@@ -208,8 +222,9 @@ def _day(seconds: float) -> str:
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
     begun = (recording.bag.start_ns or 0) / 1e9
     # the clock of a simulation does not have a date
+    computed = recording.bag.custom_data.get('begun', _day(begun) if begun > 1e9 else '')[:10]
     facts = {
-        **({'computed': _day(begun)} if begun > 1e9 else {}), **_vents(scene),
+        **({'computed': computed} if computed else {}), **_vents(scene),
         **_changes(frame.scene),
     }
     at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]

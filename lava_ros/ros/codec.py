@@ -11,17 +11,17 @@ from collections.abc import Mapping
 from contextlib import suppress
 import importlib
 import struct
-import sys
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import Image, PointCloud2, PointField
+from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
+from lava_ros.bag import messages
+from lava_ros.bag.encoding import Message
 from lava_ros.errors import LavaError, refusing
 from lava_ros.maps.layers import GRID_MAP
 from lava_ros.scene import Terrain
@@ -51,18 +51,38 @@ def message_array(values: np.ndarray, typecode: str) -> 'array.array[int]':
     return result
 
 
+def plain(message_header: Header) -> messages.Plain:
+    """Return the fields of a header as plain data (``bag.messages``)."""
+    return messages.header_fields(message_header.frame_id, nanoseconds(message_header.stamp))
+
+
+def made(message: Message) -> Any:
+    """Make a ROS message of one in plain data (``bag.encoding``)."""
+    result = message_class(message.kind)()
+    _fill(result, message.fields)
+    return result
+
+
+def _fill(target: Any, values: Mapping[str, Any]) -> None:
+    """Set the fields of a message."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            _fill(getattr(target, name), value)
+        elif isinstance(value, np.ndarray):
+            setattr(target, name, message_array(value, value.dtype.char))
+        elif isinstance(value, list):
+            kind = target.get_fields_and_field_types()[name].removeprefix('sequence<')[:-1]
+            items = [message_class(kind.replace('/', '/msg/'))() for _ in value]
+            for item, fields in zip(items, value, strict=True):
+                _fill(item, fields)
+            setattr(target, name, items)
+        else:
+            setattr(target, name, value)
+
+
 def map_metadata(terrain: Terrain, stamp: Time) -> MapMetaData:
     """Return the grid of a terrain: size, resolution and origin."""
-    rows, columns = terrain.shape
-    origin = Pose()
-    origin.position.x, origin.position.y = terrain.origin
-    return MapMetaData(
-        map_load_time=stamp,
-        resolution=terrain.resolution,
-        width=columns,
-        height=rows,
-        origin=origin,
-    )
+    return made(messages.map_metadata(terrain, messages.stamp_fields(nanoseconds(stamp))))
 
 
 def occupancy_grid(values: np.ndarray, info: MapMetaData, message_header: Header) -> OccupancyGrid:
@@ -74,27 +94,12 @@ def occupancy_grid(values: np.ndarray, info: MapMetaData, message_header: Header
 
 def float_image(values: np.ndarray, message_header: Header) -> Image:
     """Make a 32FC1 image from float values, shape [rows, columns], row 0 at the smallest y."""
-    rows, columns = values.shape
-    image = Image(header=message_header, height=rows, width=columns, encoding='32FC1')
-    image.is_bigendian = int(sys.byteorder == 'big')
-    image.step = 4 * columns
-    image.data = message_array(values.astype(np.float32, copy=False), 'B')
-    return image
+    return made(messages.float_image(values, plain(message_header)))
 
 
 def point_cloud(columns: Mapping[str, Any], message_header: Header) -> PointCloud2:
     """Make an unorganised cloud of FLOAT32 fields from columns of equal length, by field name."""
-    points = np.stack([np.asarray(values, '<f4') for values in columns.values()], axis=-1)
-    cloud = PointCloud2(header=message_header, height=1, width=len(points))
-    cloud.fields = [
-        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-        for index, name in enumerate(columns)
-    ]
-    cloud.point_step = 4 * len(columns)
-    cloud.row_step = cloud.point_step * cloud.width
-    cloud.is_dense = bool(np.isfinite(points).all())
-    cloud.data = message_array(points, 'B')
-    return cloud
+    return made(messages.point_cloud(columns, plain(message_header)))
 
 
 def serialise(message: Any) -> bytes:

@@ -13,13 +13,18 @@ from typing import Any, TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
+from lava_ros.bag.description import is_on
+from lava_ros.bag.status_values import (
+    numerical_error_values,
+    resolution_values,
+    snapshot_values,
+)
 from lava_ros.live.ensemble_forecasts import ForecastStatus
 from lava_ros.live.error_measurement import ErrorMeasurement
 from lava_ros.live.recording_control import RecordingControl
-from lava_ros.live.session import is_on, SessionView
+from lava_ros.live.session import SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
-from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.scene.plausibility import doubts_of_scene
 from lava_ros.scene.projection import system_name
@@ -91,20 +96,10 @@ def simulation_status(
         'clock_jumps': worker.jumps,
     }
     if resolution is not None:
-        values |= {
-            'spacing_m': f'{resolution.spacing:.4g}',
-            'flow_width_m': f'{resolution.width:.4g}',
-            'particles_across': f'{resolution.across:.3g}',
-        }
+        values |= resolution_values(resolution)
     values |= error
     if snapshot is not None:
         values |= snapshot_values(snapshot, frame_stamp_ns)
-        terrain = snapshot.terrain
-        if terrain.epsg is not None:
-            values['epsg'] = terrain.epsg
-        if terrain.has_system:
-            values['coordinate_system'] = system_name(terrain.epsg, terrain.wkt)
-            values['offset_easting'], values['offset_northing'] = map(repr, terrain.offset)
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)
@@ -113,39 +108,7 @@ def simulation_status(
 def error_values(measurement: ErrorMeasurement) -> dict[str, str]:
     """Return the status values of the numerical error; without a measurement only its text."""
     error, texts = measurement.latest, {'numerical_error': measurement.text()}
-    if error is not None:
-        area = error.inundated
-        texts |= {
-            'numerical_error_inundated': f'{area.total:.2g}',
-            'numerical_error_standing': f'{error.standing.total:.2g}',
-            'numerical_error_particles': f'{area.particles:.2g}',
-            'numerical_error_ground': f'{area.ground:.2g}',
-            'numerical_error_time_s': repr(error.time),
-        }
-    return texts
-
-
-def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
-    """Return the status values of a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
-    steps = snapshot.steps
-    highest = float(np.fmax.reduce(snapshot.temperature, axis=None))
-    areas = {'standing_area_m2': repr(snapshot.standing_area)}
-    if snapshot.inundated is not None:
-        areas['inundated_area_m2'] = repr(snapshot.area(snapshot.inundated))
-        areas['inundation_threshold_m'] = repr(snapshot.threshold)
-    return {
-        'simulated_time_s': repr(snapshot.time),
-        'frame_stamp_ns': stamp_ns,
-        'particles': snapshot.particle_count,
-        **areas,
-        **snapshot.budget.texts(),
-        'steps': steps.count,
-        'step_s': f'{steps.length:.6g}',
-        'step_limit': steps.limit,
-        'step_stages': steps.stages,
-        # NaN without lava
-        'highest_temperature_c': f'{highest - ZERO_CELSIUS:.6g}',
-    }
+    return texts if error is None else texts | numerical_error_values(error)
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:

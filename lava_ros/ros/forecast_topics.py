@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import Forecaster
@@ -120,7 +120,9 @@ class ForecastTopics:
             LavaError: If the node does not make ensembles.
         """
         if not self.forecaster.is_wanted:
-            raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')
+            problem = 'The node makes no ensemble that the outline could weigh'
+            remedy = 'Set ensemble_members, and activate the node'
+            raise RefusalError('observed_outline', problem, remedy)
         return self.forecaster.ensembles.observe(mask, clock)
 
     def statuses(self) -> list[DiagnosticStatus]:

@@ -12,7 +12,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from std_msgs.msg import Header
 
-from lava_ros.bag import QosProfile
+from lava_ros.bag import messages, QosProfile
 from lava_ros.bag.georeference import read_georeference, StampedGeoreference, TOPIC
 from lava_ros.bag.schemas import message_schema
 from lava_ros.errors import LavaError
@@ -30,10 +30,7 @@ TF_LISTENER = QosProfile(depth=100, durability='transient_local')
 
 def georeference_message(georeference: Georeference, header: Header) -> TransformStamped:
     """Make the message of a georeference for the terrain with the same header."""
-    message = TransformStamped(child_frame_id=header.frame_id)
-    message.header = Header(stamp=header.stamp, frame_id=georeference.system or '')
-    message.transform.translation.x, message.transform.translation.y = georeference.offset
-    return message
+    return codec.made(messages.georeference(georeference, codec.plain(header)))
 
 
 def transform_message(terrain: Terrain, header: Header) -> TransformStamped | None:

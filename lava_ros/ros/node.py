@@ -200,8 +200,6 @@ class LavaNode(LifecycleNode):
                 startup.checkpoint, self._values, defaults,
                 frame_id=startup.frame_id, is_restart=startup.is_restart,
             )
-            if startup.onset and not self._values['onset']:
-                changed['onset'] = startup.onset
         elif previous is not None:
             # the scene file may have changed: update the parameters that the user has not set
             old = parameters.constant_values(previous)
@@ -210,6 +208,8 @@ class LavaNode(LifecycleNode):
                 for name, value in parameters.constant_values(constants).items()
                 if self._values[name] == old[name] != value
             }
+        if startup.onset and not self._values['onset']:
+            changed['onset'] = startup.onset
         node_parameters.put(self, changed)
         self._values |= changed
         return parameters.settings_from(self._values)

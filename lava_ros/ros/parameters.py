@@ -410,7 +410,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
     for name in ('ensemble_members', 'deadline'):
         if values[name] and not values['forecast_horizon']:
-            raise LavaError(name, values[name], '0 without a forecast_horizon')
+            raise validation.dependence(name, 'a forecast_horizon above 0')
     settings = Settings(
         **{spec.name: spec.setting(values[spec.name]) for spec in PARAMETERS},
         constants={'lava': lava, **{name: values[name] for name in ENVIRONMENT}},
@@ -420,7 +420,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     names_on = list(settings.effects_on)
     for name in settings.effects_off:
         if name in names_on:
-            raise LavaError('effects_off', name, 'an effect that is not in effects_on as well')
+            raise validation.conflict(f'{name} in effects_on', f'{name} in effects_off')
     for name in names_on:
         if name not in drop_superseded(possible(lava)):
             expected = 'an effect that the material has by its constants, lava.*'

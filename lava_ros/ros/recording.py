@@ -9,9 +9,10 @@ import json
 from typing import Any
 
 import lava_ros
+from lava_ros.bag.description import is_on
 from lava_ros.bag.recorded_node import RecordedNode
 from lava_ros.files.yaml import dump_yaml
-from lava_ros.live.session import is_on, Origin, SessionView
+from lava_ros.live.session import Origin, SessionView
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.georeference import StaticTransform
 from lava_ros.ros.publishers import NodeGraph

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 from lava_ros.live.catch_up import Published
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch
@@ -172,7 +172,8 @@ class NodeRuntime:
         """
         status = self.worker.status
         if status.state is WorkerState.FAILED:
-            raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
+            problem = f'The simulation has failed: {status.error}'
+            raise RefusalError('simulation', problem, 'Start it again with ~/reset')
         self._bags.begin()
         self.is_active = True
         self.worker.pause(self._is_paused)
@@ -264,8 +265,8 @@ class NodeRuntime:
 
     def _check_recorder(self) -> None:
         if self._recorder.error:
-            expected = f'a bag that can be written ({self._recorder.error})'
-            raise LavaError('recorder', self._recorder.state, expected)
+            problem = f'The recording has failed: {self._recorder.error}'
+            raise RefusalError('recorder', problem, 'See that the bag can be written')
 
     def save(self) -> str:
         """Write the current maps and a checkpoint to a bag and return its name.
@@ -277,14 +278,16 @@ class NodeRuntime:
                 ``max_saved_bytes`` have been saved.
         """
         if self.worker.latest is None:
-            raise LavaError('save', 'no simulation yet', 'a terrain')
+            raise RefusalError('save', 'There is no simulation to save', 'Publish a terrain first')
         maximum = self._settings.max_saved_bytes
         if self._saved_bytes >= maximum:
-            expected = f'less than {maximum} (max_saved_bytes)'
-            error = LavaError('save', f'{self._saved_bytes} bytes saved so far', expected)
+            problem = f'~/save has written {self._saved_bytes} bytes of at most {maximum}'
+            remedy = 'Configure the node with a larger max_saved_bytes'
+            error = RefusalError('save', problem, remedy)
             self.allowance.refuse('save', error)
         if not now_ns(self._node):
-            raise LavaError('save', 'no time yet', 'a time on /clock, or use_sim_time false')
+            problem = 'There is no time on /clock yet'
+            raise RefusalError('save', problem, 'Start the clock, or set use_sim_time to false')
         is_own, before = not self._recorder.is_recording, self._recorder.size
         if is_own:
             self._bags.arm()
@@ -299,7 +302,8 @@ class NodeRuntime:
             self._close_bag()
         self._check_recorder()
         if reason:
-            raise LavaError('save', reason, f'a checkpoint with the maps in {directory}')
+            problem = f'{directory} has the maps without a checkpoint: {reason}'
+            raise RefusalError('save', problem, 'Call ~/save again')
         return directory
 
     def _begin(self, startup: StartupInputs) -> None:

@@ -17,6 +17,7 @@ from typing import Any, TYPE_CHECKING
 
 from rclpy.node import Node
 
+from lava_ros import validation
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.bag.description import described
@@ -27,7 +28,15 @@ from lava_ros.live.session import Origin
 from lava_ros.maps.onset import recorded_onset
 from lava_ros.ros import node_parameters, parameters
 from lava_ros.ros.parameters import constant_values, Settings
-from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
+from lava_ros.scene import (
+    constants_of,
+    date_text,
+    Scene,
+    scene_from_yaml,
+    Terrain,
+    Vent,
+    vents_from_list,
+)
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -56,7 +65,7 @@ class StartupInputs:
         checkpoint: Checkpoint to resume from.
         origin: Origin of the checkpoint.
         before: Vents up to the checkpoint with their discharges, as its bag describes them.
-        onset: Date of simulated time 0 in its bag, empty without one.
+        onset: Date of simulated time 0 in its bag or in the scene, empty without one.
         frame_id: Frame of the messages of its bag, empty without one.
         given: Digests of the given inputs (``live.restart.digests``).
         restart_file: File with the progress of the run, None without a ``restart_token``.
@@ -118,14 +127,16 @@ def _given(node: Node, values: Mapping[str, Any]) -> StartupInputs:
     if values['resume']:
         for name in ('scene', 'terrain_file'):
             if values[name]:
-                expected = 'no value with resume: the checkpoint contains it'
-                raise LavaError(name, values[name], expected)
+                raise validation.surplus(name, 'with resume: the checkpoint contains it')
     name = values['terrain_file']
     terrain = load_terrain(terrain_path(name)) if name else None
     scene = scene_from_yaml(values['scene'], terrain=terrain) if values['scene'] else None
     others = {'frame_id': values['frame_id'], 'resume': values['resume']}
     given = digests(scene, terrain, **others)
-    return StartupInputs(scene=scene, terrain=None if scene else terrain, given=given)
+    onset = '' if scene is None or scene.onset is None else date_text(scene.onset)
+    return StartupInputs(
+        scene=scene, terrain=None if scene else terrain, onset=onset, given=given
+    )
 
 
 def _restart_file(node: Node, values: Mapping[str, Any]) -> RestartFile:

@@ -8,6 +8,7 @@ from lava_ros.scene.plausibility import KELVIN
 from lava_ros.scene.scene import (
     check_plausible,
     constants_of,
+    date_text,
     ENVIRONMENT,
     MAX_VENT_VISCOSITY,
     read_scene,
@@ -53,6 +54,7 @@ __all__ = [
     'check_plausible',
     'check_vents',
     'constants_of',
+    'date_text',
     'read_scene',
     'scene_from_dict',
     'scene_from_yaml',

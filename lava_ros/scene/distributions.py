@@ -94,7 +94,7 @@ class Distribution:
     def _check_limits(self) -> None:
         where = 'distribution.limits'
         if self.kind not in WITH_LIMITS:
-            raise LavaError(where, self.limits, f'absent: a {self.kind} one has its own')
+            raise validation.surplus(where, f'because a {self.kind} distribution has its own')
         low, high = bounds = validation.pair(where, self.limits, unit='', most=1e9)
         if self.kind == 'lognormal' and low <= 0.0:
             raise LavaError(f'{where}[0]', low, 'above 0')

@@ -53,6 +53,13 @@ class Interval:
         return self.discharge * (self.end - self.start)
 
 
+class RateTable(NamedTuple):
+    """The intervals of a table, of increasing time, and the date of time 0; None without one."""
+
+    intervals: tuple[Interval, ...]
+    origin: datetime | None = None
+
+
 @dataclass(frozen=True)
 class Options:
     """Choices for reading a table of effusion rates.
@@ -76,7 +83,7 @@ class Options:
     def __post_init__(self) -> None:
         """Validate all fields; raise LavaError for an invalid one."""
         if self.start is not None:
-            _date('effusion_rate.start', self.start)
+            date_in_utc('effusion_rate.start', self.start)
         if self.gaps is not None:
             validation.choice('effusion_rate.gaps', self.gaps, GAPS)
         if self.measured is not None:
@@ -90,12 +97,22 @@ class Options:
     @property
     def origin(self) -> datetime | None:
         """Date of time 0, in UTC unless it has a time zone; None if it is not given."""
-        return None if self.start is None else _date('effusion_rate.start', self.start)
+        return None if self.start is None else date_in_utc('effusion_rate.start', self.start)
+
+
+def date_in_utc(label: str, text: object, other: str = '') -> datetime:
+    """Parse a date in ISO 8601, in UTC unless it has a time zone.
+
+    Raises:
+        LavaError: If it is not a date. The error names ``label``, and expects ``other`` or a date.
+    """
+    date = validation.date(label, text, f'{other}a date such as 2021-09-19T14:10:00Z')
+    return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
 
 
 def read_effusion_rates(
     field: str, path: str | Path, options: Options | None = None
-) -> tuple[Interval, ...]:
+) -> RateTable:
     """Read a table of effusion rates, and log its interpretation.
 
     The columns are ``start`` and ``end`` with mean rates or volumes, or ``time`` with the
@@ -104,7 +121,8 @@ def read_effusion_rates(
     header, or dates (ISO 8601, UTC unless they have a time zone).
 
     Returns:
-        Intervals of increasing time, which do not overlap.
+        Intervals that do not overlap, and the date of time 0: that of the options or, without
+        it, the first date in the table.
 
     Raises:
         LavaError: If the table cannot be read, or a value is not usable.
@@ -155,7 +173,7 @@ def read_effusion_rates(
         f'{path}: {len(result)} intervals of {kind}, {result[0].start:g} to {result[-1].end:g} s, '
         f'{sum(interval.volume for interval in result):.3g} m3 in all{origin}'
     )
-    return tuple(result)
+    return RateTable(tuple(result), clock.origin)
 
 
 def check_start(field: str, intervals: Sequence[Interval]) -> None:
@@ -238,7 +256,7 @@ class _Clock:
             time = column.number(where, text)
         except LavaError:
             other = '' if column.is_date else 'a finite number, or '
-            date = _date(f'{where}, {column.header}', text, other)
+            date = date_in_utc(f'{where}, {column.header}', text, other)
         if self._is_date not in (None, date is not None):
             column.refuse(where, text, 'dates in all rows, or numbers in all')
         self._is_date = date is not None
@@ -251,20 +269,14 @@ class _Clock:
         return (date - self.origin).total_seconds()
 
 
-def _date(label: str, text: object, other: str = '') -> datetime:
-    """Parse a date, in UTC unless it has a time zone."""
-    date = validation.date(label, text, f'{other}a date such as 2021-09-19T14:10:00Z')
-    return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
-
-
 def _bulk_factor(path: Path, column: Column, options: Options) -> float:
     """Return the ratio of the bulk volume to the volume in a table."""
     if column.kind == 'dense-rock' and options.porosity is None:
         expected = 'a porosity, which converts dense-rock to bulk rates'
         column.refuse(str(path), 'dense-rock', expected)
     if column.kind == 'bulk' and options.porosity:
-        expected = f'absent: {path} has bulk rates'
-        raise LavaError('effusion_rate.porosity', options.porosity, expected)
+        reason = f'because {path} has bulk rates'
+        raise validation.surplus('effusion_rate.porosity', reason)
     return 1.0 / (1.0 - (options.porosity or 0.0))
 
 

@@ -152,7 +152,7 @@ def read_flows(
         given, temperature = data.get('thickness'), None
         if 'temperature' in data:
             if kind == 'ground':
-                raise LavaError(f'{name}.temperature', data['temperature'], 'absent for ground')
+                raise validation.surplus(f'{name}.temperature', 'to ground')
             temperature = TEMPERATURE_CHECK(f'{name}.temperature', data['temperature'])
         thickness = _thickness_on(name, path, terrain, given, is_ground=kind == 'ground')
         cell = terrain.resolution * terrain.shape[0] / len(thickness)

@@ -202,7 +202,7 @@ def with_material_in_lava(label: str, data: Mapping[str, Any]) -> dict[str, Any]
         if not isinstance(lava, Mapping):
             raise LavaError(f'{label}.lava', lava, 'a mapping of constants')
         if 'material' in lava:
-            raise LavaError(f'{label}.material', name, 'absent when lava.material is given')
+            raise validation.conflict(f'{label}.material', f'{label}.lava.material')
         _LOG.warning(f'{label}.material: its place is lava: {{material: {name}}}')
         data['lava'] = {'material': name, **lava}
     return data

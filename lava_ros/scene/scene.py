@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from datetime import datetime
 from functools import partial
 import logging
 from pathlib import Path
@@ -19,6 +20,7 @@ from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.distributions import Distribution
 from lava_ros.scene.effusion_rates import (
     check_start,
+    date_in_utc,
     error_of_rates,
     Interval,
     Options,
@@ -61,6 +63,7 @@ class Scene:
         uncertainty: Distributions from which the members of an ensemble draw.
         emplaced_flows: Lava on the terrain at the start.
         events: Changes of the ground in order of time, starting at or after time 0.
+        onset: Date and time of time 0, with a time zone; None if it is unknown.
 
     Numbers of the surroundings that only one effect uses are declared in the file of the effect.
     """
@@ -74,6 +77,7 @@ class Scene:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     emplaced_flows: tuple[EmplacedFlow, ...] = ()
     events: tuple[TerrainEvent, ...] = ()
+    onset: datetime | None = None
 
     def __post_init__(self) -> None:
         """Validate the parts and their combinations; raise LavaError for an invalid one."""
@@ -88,11 +92,14 @@ class Scene:
             ):
                 raise LavaError(f'scene.{name}', items, f'a list of {part.__name__}')
             object.__setattr__(self, name, tuple(items))
+        onset = self.onset
+        if onset is not None and not (isinstance(onset, datetime) and onset.tzinfo):
+            raise LavaError('scene.onset', onset, 'a date and time with a time zone, or None')
         vents = check_vents(self.vents, self.terrain, self.lava)
         object.__setattr__(self, 'vents', vents)
         if self.uncertainty.yield_strength is not None and 'yielding' not in possible(self.lava):
-            name, value = 'uncertainty.yield_strength', self.uncertainty.yield_strength
-            raise LavaError(name, value, 'absent: lava.yield_strength is 0')
+            name, reason = 'uncertainty.yield_strength', 'because lava.yield_strength is 0'
+            raise validation.surplus(name, reason)
         for index, vent in enumerate(self.vents):
             self._check_temperature(f'vents[{index}]', vent.temperature)
         flows, hot = list(self.emplaced_flows), self.lava.reference_temperature
@@ -138,7 +145,8 @@ ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.meta
 
 #: Keys of a scene in a file.
 SCENE_KEYS = (
-    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', 'insist', *ENVIRONMENT,
+    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', 'onset', 'insist',
+    *ENVIRONMENT,
 )
 
 
@@ -198,7 +206,23 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         **({'emplaced_flows': [flow_to_dict(item) for item in scene.emplaced_flows]}
            if scene.emplaced_flows else {}),
         **({'events': [event_to_dict(item) for item in scene.events]} if scene.events else {}),
+        **({'onset': date_text(scene.onset)} if scene.onset else {}),
     }
+
+
+def date_text(date: datetime) -> str:
+    """Format a date in ISO 8601, with Z for UTC."""
+    return date.isoformat().replace('+00:00', 'Z')
+
+
+def onset_from(label: str, known: Mapping[str, Any]) -> datetime | None:
+    """Return the ``onset`` of plain data; None without one.
+
+    Raises:
+        LavaError: If it is not a date. The error names ``label``.
+    """
+    text = known.get('onset')
+    return None if text is None else date_in_utc(f'{label}.onset', text)
 
 
 def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scene:
@@ -215,7 +239,8 @@ def read_scene(
     the scene file or ``st_helens.npz`` of the package, and the options of
     ``terrain_files.load_terrain``. The ``effusion_rate`` of a vent may be a mapping: ``file``, a
     table relative to the scene file, and the fields of ``effusion_rates.Options``. The errors in
-    such tables are the uncertainty of the effusion rate unless the file has one.
+    such tables are the uncertainty of the effusion rate unless the file has one. The date of their
+    time 0 is the ``onset`` of the scene.
 
     Args:
         path: Path of the file, or its name in the package's ``examples/``.
@@ -296,8 +321,12 @@ def with_changes(
 
 
 def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Replace the names of effusion-rate tables by their series, and add their error."""
-    vents = data.get('vents')
+    """Replace the names of effusion-rate tables by their series, and add error and onset.
+
+    Raises:
+        LavaError: If a table cannot be read, or its time 0 is not that of the scene.
+    """
+    vents, onset, source = data.get('vents'), onset_from('scene', data), 'scene.onset'
     read: list[Interval] = []
     measured: str | None = None
     if not isinstance(vents, list):
@@ -311,12 +340,22 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
         name = validation.text(f'{label}.file', rate.get('file'), 'the name of a table')
         rest = {key: value for key, value in rate.items() if key != 'file'}
         options = validation.build(Options, label, rest)
-        rates = read_effusion_rates(label, folder / name, options)
+        if options.start is None and onset is not None:
+            options = replace(options, start=date_text(onset))
+        rates, origin = read_effusion_rates(label, folder / name, options)
+        if origin is not None and onset not in (None, origin):
+            assert onset is not None
+            expected = f'{date_text(onset)}, the time 0 of {source}'
+            raise LavaError(f'{label}.start', date_text(origin), expected)
+        if onset is None:
+            onset, source = origin, label
         check_start(label, rates)
         read += rates
         measured = measured or options.measured
         vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
-    return {**data, 'vents': vents, 'rate_error': error_of_rates(read, measured)}
+    error = error_of_rates(read, measured)
+    dated = {} if onset is None else {'onset': date_text(onset)}
+    return {**data, 'vents': vents, 'rate_error': error, **dated}
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
@@ -343,6 +382,7 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
         uncertainty=uncertain,
         emplaced_flows=tuple(data.get('emplaced_flows', ())),
         events=tuple(data.get('events', ())),
+        onset=onset_from('scene', data),
         **{name: data[name] for name in ENVIRONMENT if name in data},
     )
     check_plausible(scene, insist=validation.flag('scene.insist', data.get('insist', False)))

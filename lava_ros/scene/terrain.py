@@ -237,7 +237,7 @@ def check_epsg(field: str, code: object) -> None:
     """Raise LavaError, which names ``field``, for neither an EPSG code nor None."""
     is_code = isinstance(code, int) and not isinstance(code, bool) and MIN_EPSG <= code < 2**31
     if code is not None and not is_code:
-        raise LavaError(field, code, 'an EPSG code such as 32633, or None')
+        raise LavaError(field, code, 'an EPSG code such as 32633')
 
 
 def crest_lines(field: str, lines: object) -> tuple[tuple[tuple[float, float], ...], ...]:

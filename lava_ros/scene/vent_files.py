@@ -12,6 +12,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
@@ -91,8 +92,8 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
             columns['effusion_rate'].refuse(where, rate, expected)
         time, width = number('time'), number('width', above=0.0)
         if width is not None and 'radius' in columns:
-            expected = f'no {columns["radius"].header} as well'
-            raise LavaError(where, columns['width'].header, expected)
+            names = (columns[name].header for name in ('width', 'radius'))
+            raise validation.conflict(*(f'{where}, {name}' for name in names))
         opens, closes = number('start', -math.inf), number('end', math.inf)
         if closes <= opens:
             columns['end'].refuse(where, closes, f'a time after its start, {opens:g} s')

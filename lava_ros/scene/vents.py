@@ -215,17 +215,16 @@ def vents_from_list(items: object, terrain: Terrain) -> tuple[Vent, ...]:
         allowed = [*names, 'projected', 'projected_end', 'effusion_rate']
         data = validation.keys(where, item, allowed=allowed)
         if ('effusion_rate' in data) == ('discharge' in data):
-            expected = 'a value: this key is required'
             if 'discharge' in data:
-                expected = 'absent when discharge is given'
-            raise LavaError(f'{where}.effusion_rate', data.get('effusion_rate'), expected)
+                raise validation.conflict(f'{where}.effusion_rate', 'discharge')
+            expected = 'a value: this key is required'
+            raise LavaError(f'{where}.effusion_rate', None, expected)
         if 'effusion_rate' in data:
             data['discharge'] = _discharge(f'{where}.effusion_rate', data.pop('effusion_rate'))
         for source, target in (('projected', 'position'), ('projected_end', 'end')):
             if source in data:
                 if target in data:
-                    expected = f'absent when {target} is given'
-                    raise LavaError(f'{where}.{source}', data[source], expected)
+                    raise validation.conflict(f'{where}.{source}', target)
                 place = validation.pair(f'{where}.{source}', data.pop(source))
                 data[target] = terrain.to_map(*place)
                 if not terrain.covers(*terrain.to_map(*place)):

@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from lava_ros.simulation.output.snapshot import Particles, Snapshot, StepReport
     from lava_ros.simulation.simulation import Simulation
 
+#: Number of the model, which is raised when the same scene and settings have another result.
+MODEL = 1
+
 #: Public names and their modules. Warp is loaded only by a name that needs it: accuracy, presets
 #: and checkpoints do not.
 _MODULES = {
@@ -21,7 +24,7 @@ _MODULES = {
     'VolumeBudget': 'output.budget',
 }
 
-__all__ = ['Particles', 'Simulation', 'Snapshot', 'StepReport', 'VolumeBudget']
+__all__ = ['MODEL', 'Particles', 'Simulation', 'Snapshot', 'StepReport', 'VolumeBudget']
 
 
 def __getattr__(name: str) -> Any:

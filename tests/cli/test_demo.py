@@ -6,8 +6,6 @@
 import json
 import os
 from pathlib import Path
-import re
-import shlex
 import signal
 import subprocess
 import sys
@@ -17,11 +15,9 @@ from typing import Any
 
 from matplotlib.image import imread
 import pytest
-import rasterio
 from rosbags.highlevel import AnyReader
 
-from command_line import lava, refused
-from lava_ros.cli import ros
+from lava_ros.cli import demo, ros
 from lava_ros.cli.ros import Child, ChildError, SHOWN_LINES
 from lava_ros.errors import LavaError
 from ros_domain import own_domain
@@ -54,43 +50,15 @@ def test_demo_refuses_a_domain_in_use(monkeypatch):
         ros.domain_of(None)
 
 
-def test_observatory_tutorial_runs_as_written(tmp_path, monkeypatch):
-    page = (ROOT / 'docs/tutorials/own_dem.md').read_text(encoding='utf-8')
-    example = [sys.executable, ROOT / 'examples/observatory_files.py']
-    subprocess.run(example, cwd=tmp_path, check=True)
-    (flow,) = re.findall(r'^lava demo (.* rates.csv .*)$', page, re.MULTILINE)
-    output, result = run(tmp_path, *shlex.split(flow), '--max-speed', '100000')
-    # 20 minutes of 12 m3/s and 40 of 5.5
-    assert result['volume_emitted'] == pytest.approx(27_600.0, rel=1e-6)
-    assert 'not understood' not in output
-    (drawing,) = re.findall(r'^lava (plot .* --onset .*?) +#', page, re.MULTILINE)
+def test_demo_keeps_the_bags_of_earlier_demos(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for words in (drawing, 'export bags/demo -o maps --formats tif geojson'):
-        status, *said = lava(*shlex.split(words))
-        assert status == 0, said
-    assert (tmp_path / 'map.pdf').read_bytes().startswith(b'%PDF')
-    with rasterio.open(tmp_path / 'maps/thickness.tif') as file:
-        assert file.crs.to_epsg() == 32633
-        row, column = file.index(500_600.0, 4_179_680.0)
-        assert file.read(1, masked=True)[row, column] > 0.1
-    found = json.loads((tmp_path / 'maps/fissures.geojson').read_text(encoding='utf-8'))
-    (fissure,) = found['features']
-    assert fissure['properties']['name'] == 'upper fissure'
-    assert fissure['properties']['peak_effusion_rate'] == pytest.approx(12.0)
-
-
-def test_demo_replaces_only_folders_of_earlier_demos(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'mine').mkdir()
-    for names in (('metadata.yaml', 'a_0.mcap'), ('demo.json', 'notes.txt')):
-        for name in names:
-            (tmp_path / 'mine' / name).write_text('precious')
-        assert 'that an earlier demo made' in refused('demo', '--output', 'mine')
-    assert len(list((tmp_path / 'mine').iterdir())) == 4
-    # --json is checked before an earlier demo is removed
-    (tmp_path / 'mine/notes.txt').unlink()
-    assert '--json is' in refused('demo', '--output', 'mine', '--json', 'none/out.json')
-    assert (tmp_path / 'mine/demo.json').exists()
+    assert demo._unused('bags/demo') == Path('bags/demo')
+    (tmp_path / 'bags/demo').mkdir(parents=True)
+    (tmp_path / 'bags/demo_2').symlink_to('nowhere')
+    assert demo._unused('bags/demo') == Path('bags/demo_3')
+    assert capsys.readouterr().out == (
+        'bags/demo exists and is kept; this demo records to bags/demo_3\n'
+    )
 
 
 @pytest.mark.nightly
@@ -116,7 +84,6 @@ def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
     _, errors = demo.communicate(timeout=300)
     assert demo.returncode == 130, errors
     assert 'Traceback' not in errors
-    assert (tmp_path / 'bags/demo/demo.json').is_file()
     with AnyReader([tmp_path / 'bags/demo']) as reader:
         assert reader.message_count > 0
     running = subprocess.run(['ps', '-eo', 'args'], capture_output=True, text=True, check=True)

@@ -188,7 +188,7 @@ def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
     for name, calls, of in (
         ('lava_ros.hindcast.page.draw_sheet', drawn, lambda panels, output, **_: output),
         ('lava_ros.hindcast.run.Run.result', simulated, lambda run: run.case.scene.terrain.shape),
-        ('lava_ros.hindcast.run.Run._snapshot', mapped, lambda run: run.time),
+        ('lava_ros.runs.sinks.valid_snapshot', mapped, lambda simulation, _: simulation.time),
     ):
         monkeypatch.setattr(name, _counted(name, calls, of))
     done(*valley[:-1], '3', '--runs', '3')
@@ -328,8 +328,7 @@ def test_a_case_in_degrees_runs_without_a_warning(tmp_path):
     words = ['hindcast', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
     status, out, err = lava(*words, '-o', tmp_path / 'out')
     output = [line for line in err.splitlines() if line.startswith('lava hindcast: ')]
-    # without ROS 2 another line reports that there is no bag
-    ground, rates = (line for line in output if 'no bag' not in line)
+    ground, rates = output
     assert 'EPSG:4326 taken to EPSG:32633' in ground
     assert '2 intervals of mean rates, 0 to 1800 s, 2.7e+04 m3 in all' in rates
     assert status == 0 and 'area' in out

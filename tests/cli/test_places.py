@@ -4,6 +4,7 @@
 """`lava places`: arrival times at places, compared with the GeoTIFFs of the same run."""
 
 import csv
+from datetime import datetime, timezone
 import json
 from pathlib import Path
 import shutil
@@ -108,6 +109,33 @@ def test_table_of_a_run_equals_its_geotiff(bag: Path, tmp_path: Path) -> None:
     assert found['farm']['area_m2'] == pytest.approx(50.0 * 21.0)
     assert found['town']['off_map_percent'] == 100.0
     assert found['town']['probability_percent'] is None
+
+
+@pytest.mark.parametrize('given', ['recording', 'option'])
+def test_arrivals_have_dates_if_the_start_is_known(given: str, tmp_path: Path) -> None:
+    stated = {'onset': '2006-07-14T22:00:00Z'} if given == 'recording' else {}
+    bag = record(tmp_path / 'flow', custom_data=stated)
+    words = () if stated else ('--onset', '2006-07-15T00:00+02:00')
+    zone = ('--timezone', 'Pacific/Auckland')
+    words = ('places', bag, write_places(tmp_path / 'a.geojson'), *words, *zone)
+    text = done(*words, '--json', tmp_path / 'a.json', '-o', tmp_path / 'a.csv')
+    plain = json.loads((tmp_path / 'a.json').read_text())
+    assert plain['onset_utc'] == '2006-07-14T22:00:00Z'
+    rows = {item['name']: item for item in plain['places']}
+    start = datetime(2006, 7, 14, 22, tzinfo=timezone.utc).timestamp()
+    for item in rows.values():
+        time, date = item['arrival_p50_s'], item['arrival_p50_utc']
+        assert (date is None) is (time is None)
+        if time is not None:
+            seconds = datetime.fromisoformat(date.replace('Z', '+00:00')).timestamp()
+            # to the second
+            assert 0.0 <= start + time - seconds < 1.0
+    assert rows['road']['arrival_p50_s'] == 800.0
+    assert ', 2006-07-14 22:13 UTC (2006-07-15 10:13 NZST)' in text
+    assert 'the start is 2006-07-14 22:00 UTC' in text
+    assert ',2006-07-14T22:13:20Z,' in (tmp_path / 'a.csv').read_text()
+    error = refused('places', bag, tmp_path / 'a.geojson', '--onset', 'yesterday')
+    assert '--onset is' in error
 
 
 def test_table_up_to_a_time_leaves_out_later_arrivals(bag: Path, tmp_path: Path) -> None:

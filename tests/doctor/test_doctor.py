@@ -17,6 +17,7 @@ import pytest
 from command_line import lava
 from lava_ros import doctor
 from lava_ros.doctor import FAIL, Finding, OK, Results, WARN
+from lava_ros.files.optional import installation
 from lava_ros.files.resources import share_path
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from project import EXTRAS, PROJECT
@@ -68,7 +69,7 @@ def test_missing_and_untested_packages_are_reported(monkeypatch):
     assert bad == [
         (FAIL, 'mcap is missing', 'pip install mcap'),
         (WARN, 'numpy 3.0 was not tested', "pip install 'numpy>=1.26,<3'"),
-        (WARN, 'rasterio is missing', "pip install 'lava_ros[terrain]'"),
+        (WARN, 'rasterio is missing', installation('terrain')),
     ]
 
 
@@ -168,7 +169,7 @@ def test_ros_distribution_is_checked(monkeypatch):
     monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
     found = one(doctor.check_ros({}))
     assert found.level == FAIL
-    assert "pip install 'lava_ros[ros]'" in found.way_out
+    assert "pip install '.[ros]'" in found.way_out
 
 
 @pytest.mark.parametrize(('environment', 'level', 'words'), [

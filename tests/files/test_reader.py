@@ -260,8 +260,10 @@ def test_binary_grid_has_its_parts(tmp_path):
 
 
 def test_only_the_reader_opens_files_with_gdal():
-    opens = re.compile(r'rasterio\.open\(|list_layers\(|read_info\(|raw\.read\((?!text\.encode)')
+    opens = re.compile(
+        r'rasterio\.open\(|GDALOpenEx\(|list_layers\(|read_info\(|raw\.read\((?!text\.encode)'
+    )
     found = {
         name for name, path in MODULES.items() if opens.search(path.read_text(encoding='utf-8'))
     }
-    assert found == {'lava_ros.files.reader.rasters', 'lava_ros.files.reader.vectors'}
+    assert found == {'lava_ros.files.reader.dataset', 'lava_ros.files.reader.vectors'}

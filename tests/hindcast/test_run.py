@@ -4,6 +4,8 @@
 """Runs of a case: maps, resume, changes of the terrain, and replicates."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, 
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
 from lava_ros.hindcast.run import measure_run_error, Run, Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
+from lava_ros.maps.frames import Recording
+from lava_ros.runs.sinks import TimeSink
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
@@ -40,23 +44,34 @@ def _finished(run: Run) -> Run:
     return run
 
 
+def _thickness(frame: Any) -> np.ndarray:
+    """Return the thickness in a frame [m], NaN without lava."""
+    values: np.ndarray = frame.layers['thickness'].values
+    return values
+
+
+def _frames(folder: Path) -> list[Any]:
+    """Return the frames in the bag of a run, which is closed."""
+    return list(Recording(folder).frames())
+
+
 @pytest.fixture(scope='module')
-def whole(
-    valley: Case, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Run, list[tuple[float, float | None]]]:
-    """Return a finished run with four maps, and the times before and after its parts."""
-    run = Run(valley, SETTINGS, folder=tmp_path_factory.mktemp('whole'))
-    return run, [(run.time, due) for due in run.parts()]
+def whole(valley: Case, tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path, list[float]]:
+    """Return a finished run with four maps, its folder, and the times after its parts."""
+    folder = tmp_path_factory.mktemp('whole')
+    run = Run(valley, SETTINGS, folder=folder)
+    times = [run.time for _ in run.parts()]
+    run.close()
+    return run, folder, [*times, run.time]
 
 
 def test_lava_flows_down_the_valley(valley, whole):
-    run, parts = whole
-    done, maps = [part for part, _ in parts], list(run.kept())
+    run, folder, done = whole
+    maps = _frames(folder)
     assert done == sorted(done)
     assert done[-1] == valley.duration
     # each map is at the end of the step in which it was due
     times = [item.time for item in maps]
-    assert times == [due for _, due in parts if due is not None]
     dues = (900, 1800, 2700, 3600)
     late = np.subtract(times, dues)
     assert late.min() >= 0.0 and late.max() <= SETTINGS.accuracy(valley).longest_step
@@ -67,7 +82,7 @@ def test_lava_flows_down_the_valley(valley, whole):
     budget = result.snapshot.budget
     assert budget.emitted == pytest.approx(valley.volume)
     np.testing.assert_array_equal(
-        result.peak, np.max([np.nan_to_num(item.thickness) for item in maps], axis=0)
+        result.peak, np.max([np.nan_to_num(_thickness(item)) for item in maps], axis=0)
     )
     vent = valley.scene.terrain.cell_at(*valley.scene.vents[0].position)
     assert vent is not None
@@ -79,38 +94,56 @@ def test_lava_flows_down_the_valley(valley, whole):
     assert result.most_particles > 10
 
 
+class CutOffError(Exception):
+    """Interrupts runs."""
+
+
 def test_interrupted_run_resumes(valley, whole, tmp_path, monkeypatch):
     """The state is stored at the second map, not at the first."""
-    monkeypatch.setattr('lava_ros.hindcast.run.KEEP_EVERY', np.inf)
-    first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
-    times = (time for time in first.parts() if time is not None)
-    next(times)
-    assert not Run(valley, SETTINGS, folder=tmp_path / 'parts').is_resumed
-    monkeypatch.setattr('lava_ros.hindcast.run.KEEP_EVERY', 0.0)
-    next(times)
-    second = Run(valley, SETTINGS, folder=tmp_path / 'parts')
-    assert second.is_resumed and not first.is_resumed
+    monkeypatch.setattr('lava_ros.runs.store.KEEP_EVERY', np.inf)
+    folder = tmp_path / 'parts'
+    first = Run(valley, SETTINGS, folder=folder)
+    seen: list[float] = []
+
+    def at_map(time: float) -> None:
+        seen.append(time)
+        if len(seen) == 2:
+            first.keep()
+        elif len(seen) == 3:
+            raise CutOffError
+
+    with pytest.raises(CutOffError):
+        for _ in first.parts(TimeSink(first.map_times, at_map)):
+            assert first.is_resumed is False
+    first.close()
+    second = Run(valley, SETTINGS, folder=folder)
+    assert second.is_resumed
+    assert second.time == pytest.approx(seen[1])
     one, other = whole[0].result(), _finished(second).result()
+    second.close()
     np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
     np.testing.assert_array_equal(one.peak, other.peak)
     np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
-    kept = list(second.kept())
-    assert len(kept) == SETTINGS.maps
-    for a, b in zip(whole[0].kept(), kept, strict=True):
-        np.testing.assert_array_equal(a.thickness, b.thickness)
-        assert a.budget == b.budget
+    frames = _frames(folder)
+    assert len(frames) == SETTINGS.maps
+    for before, after in zip(_frames(whole[1]), frames, strict=True):
+        assert before.time == after.time
+        np.testing.assert_array_equal(*(_thickness(frame) for frame in (before, after)))
 
 
 def test_finished_run_is_not_repeated(valley, whole, tmp_path):
     """The number of maps does not change its result."""
     settings, folder = replace(SETTINGS, maps=1), tmp_path / 'kept'
-    _finished(Run(valley, settings, folder=folder)).keep()
+    first = _finished(Run(valley, settings, folder=folder))
+    first.keep()
+    first.close()
     again = Run(valley, settings, folder=folder)
     assert list(again.parts()) == []
     one, other = again.result().snapshot, whole[0].result().snapshot
     np.testing.assert_array_equal(one.thickness, other.thickness)
     np.testing.assert_array_equal(one.arrived, other.arrived)
     assert one.steps == other.steps
+    again.close()
     for case, other in (
         (valley.with_lava({'emissivity': 0.8}), settings),
         (valley, replace(settings, spacing=15.0)),
@@ -118,7 +151,7 @@ def test_finished_run_is_not_repeated(valley, whole, tmp_path):
         with pytest.raises(LavaError, match='--fresh'):
             Run(case, other, folder=folder)
     # a checkpoint truncated by a power failure
-    path = folder / 'checkpoint_0001'
+    path = folder / 'checkpoint'
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(LavaError, match='checkpoint'):
         Run(valley, settings, folder=folder)
@@ -298,13 +331,9 @@ def test_majority_is_the_area_that_half_of_the_runs_cover(valley):
     assert found.majority.area == 60 * valley.scene.terrain.resolution**2
 
 
-class CutOffError(Exception):
-    """Interrupts runs."""
-
-
 def test_interrupted_replicates_resume(valley, tmp_path, monkeypatch):
     """They are bitwise identical, also if their number has grown; other settings raise."""
-    monkeypatch.setattr('lava_ros.hindcast.run.KEEP_EVERY', 0.0)
+    monkeypatch.setattr('lava_ros.runs.store.KEEP_EVERY', 0.0)
 
     def cut_off(done: float) -> None:
         if done > 0.6:
@@ -314,7 +343,10 @@ def test_interrupted_replicates_resume(valley, tmp_path, monkeypatch):
     with pytest.raises(CutOffError):
         run_replicates(valley, TWO_MAPS, 2, folder=tmp_path, progress=cut_off)
     kept = tmp_path / 'run_01'
-    assert Run(directions(2)[1].rotate(valley), TWO_MAPS, folder=kept).is_resumed
+    turned = directions(2)[1].rotate(valley)
+    resumed = Run(turned, TWO_MAPS, folder=kept, has_maps=False)
+    assert resumed.is_resumed
+    resumed.close()
     done: list[float] = []
     again = run_replicates(valley, TWO_MAPS, 3, folder=tmp_path, progress=done.append)
     assert len(done) == TWO_MAPS.maps * 3 - 3

@@ -11,11 +11,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lava_ros.bag.description import effect_table, is_on
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.live import worker_status as speed
 from lava_ros.live.catch_up import Published
-from lava_ros.live.session import effect_table, is_on, Origin
+from lava_ros.live.session import Origin
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerState
 from lava_ros.scene import Lava, Scene, Terrain, Vent

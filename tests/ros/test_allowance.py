@@ -129,6 +129,6 @@ def test_total_size_of_saves_is_limited():
         worker=services.worker, _settings=Settings(max_saved_bytes=1000), _saved_bytes=1000,
         allowance=services.allowance,
     )
-    with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
+    with pytest.raises(LavaError, match='written 1000 bytes of at most 1000'):
         NodeRuntime.save(node)
     assert services.status()[1]['rejected.save'] == '1'

@@ -24,7 +24,7 @@ from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
 from lava_ros.ros.codec import message_class
-from lava_ros.ros.snapshot_bags import write_snapshots
+from lava_ros.runs.map_bag import RunBag
 from lava_ros.scene import Lava, Scene
 from maps.test_layers import EASTWARD as SNAPSHOT
 from recording import growing, snapshot_at, TERRAIN, VENT
@@ -314,14 +314,15 @@ def test_foxglove_plots_numbers_of_the_diagnostics(foxglove):
         assert float(values[key]) >= 0.0
 
 
-def write_hindcast(directory):
-    """Write a bag as `lava hindcast` does; return it."""
-    snapshot = snapshot_at(600.0, growing(600.0), TERRAIN)
-    write_snapshots(directory, Scene(TERRAIN, (VENT,), lava=Lava()), [snapshot], custom_data={})
+def write_run(directory):
+    """Write a bag as `lava run` does; return it."""
+    snapshot, scene = snapshot_at(600.0, growing(600.0), TERRAIN), Scene(TERRAIN, (VENT,), Lava())
+    with RunBag(directory, scene, {}) as bag:
+        bag.put_snapshot(scene, snapshot, {})
     return directory
 
 
-@pytest.mark.parametrize('write', [write_hindcast, lambda _: ROOT / 'bags/sample'])
+@pytest.mark.parametrize('write', [write_run, lambda _: ROOT / 'bags/sample'])
 def test_bags_have_the_topics_of_the_views(write, rviz, foxglove, tmp_path):
     bag = BagReader(write(tmp_path / 'bag'))
     first = {}

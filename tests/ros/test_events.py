@@ -107,8 +107,8 @@ def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     [
         (['--emplaced-flow', 'flow.asc'], 'no topic has it'),
         (['--terrain-at', '1h', 'none.npz'], 'none.npz'),
-        (['--vent', '20,20'], 'no --vent together with --no-vents'),
-        (['--vents', 'vents.csv'], 'no --vents together with --no-vents'),
+        (['--vent', '20,20'], '--vent and --no-vents exclude each other'),
+        (['--vents', 'vents.csv'], '--vents and --no-vents exclude each other'),
     ],
 )
 def test_feed_rejects_what_it_would_not_publish(

@@ -118,7 +118,7 @@ def test_empty_list_can_be_set_and_loaded(node_with):
         ({'effects_on': [1]}, 'effects_on is 1, expected one of'),
         (
             {'effects_on': ['steep'], 'effects_off': ['steep']},
-            "effects_off is 'steep', expected an effect that is not in effects_on",
+            'steep in effects_on and steep in effects_off exclude each other',
         ),
         (
             {'effects_on': ['green', 'inertia']},

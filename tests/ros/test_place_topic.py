@@ -20,6 +20,7 @@ SCENE = """
 terrain: {file: slope.npz}
 vents: [{position: [60.0, 155.0], discharge: 20.0, radius: 12.0}]
 lava: {viscosity: 1.0e4}
+onset: 2026-11-27T05:30:00Z
 """
 
 #: Posts along the valley, map frame [m].
@@ -83,6 +84,8 @@ def test_arrivals_are_those_of_the_maps(local, folder):
     assert status['post 394'].startswith('no lava yet, and no forecast; the front is ')
     assert node.change('shutdown')
     bag = BagReader(folder / 'recorded')
+    # the date of the scene file, without the parameter onset
+    assert bag.custom_data['onset'] == '2026-11-27T05:30:00Z'
     arrived = dict(read(bag, '/arrived', lambda image: image_array(image, 'arrived').copy()))
     found = read(bag, '/place_arrivals', statuses_of)
     assert len(found) > 3

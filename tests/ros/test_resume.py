@@ -144,7 +144,7 @@ def test_process_resumes_from_the_bag_of_a_killed_process(graph, tmp_path):
     ('bag', 'parameter', 'words'),
     [
         ('empty', 'device:=cpu', 'this one has none'),
-        ('bag', 'scene:=a.yaml', "scene is 'a.yaml', expected no value with resume"),
+        ('bag', 'scene:=a.yaml', 'scene does not apply with resume'),
         ('bag', 'device:=cuda:99', "cannot resume: device is 'cuda:99'"),
     ],
 )

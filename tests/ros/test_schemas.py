@@ -96,6 +96,7 @@ VALID = {
                 'material': 'etna_basalt',
             },
             # the schema has no limits of credible values
+            'onset': '2021-09-19T14:10:00Z',
             'insist': True,
         },
         {'terrain': {'file': 'ground.npz'}, 'uncertainty': {'discharge': UNIFORM}},

@@ -61,7 +61,7 @@ def test_polygon_marks_cells_by_their_centre_except_in_holes(tmp_path):
     ('a.doc', '', 'ends with .geojson'),
     ('a.shp', '', 'a file of Shapefile'),
     ('a.csv', 'here,there\n1,2\n', "first line is 'here,there', expected the columns x,y"),
-    ('a.csv', 'x,y\n', '1 lines'),
+    ('a.csv', 'x,y\n', 'is 1, expected a first line'),
     ('a.csv', 'name,x,y\nhut,1,nan\n', r"line 2 \(hut\), y is 'nan', expected a finite"),
     ('a.csv', 'x,y\n1,1e30\n', 'coordinates of at most 1e'),
     ('a.csv', 'lon,lat,x,y\n2,4,5,6\n', 'the columns x,y or lon,lat or wkt'),

@@ -177,7 +177,7 @@ def test_error_about_a_projected_vent_has_projected_coordinates(tmp_path):
     with pytest.raises(LavaError, match=sentence):
         scene_from_yaml(scene_file(tmp_path, text))
     data = [{'position': [5, 5], 'projected': [5, 5], 'discharge': 1}]
-    with pytest.raises(LavaError, match='absent when position is given'):
+    with pytest.raises(LavaError, match='projected and position exclude each other'):
         vents_from_list(data, flat())
 
 

@@ -203,11 +203,11 @@ def test_error_names_the_missing_extra(tmp_path, monkeypatch):
     with monkeypatch.context() as lacking:
         lacking.setitem(sys.modules, 'scipy', None)
         assert load_terrain(path).has_data.all()
-        with pytest.raises(LavaError, match=r'lava_ros\[hindcast\]'):
+        with pytest.raises(LavaError, match=r'\.\[hindcast\]'):
             load_terrain(path, fill_holes=True)
     monkeypatch.setitem(sys.modules, 'rasterio', None)
     assert load_terrain(tmp_path / 'a.npz').resolution == 30.0
-    with pytest.raises(LavaError, match=r"pip install 'lava_ros\[terrain\]'"):
+    with pytest.raises(LavaError, match=r"pip install '\.\[terrain\]'"):
         load_terrain(path)
 
 
@@ -242,7 +242,7 @@ def test_rejects_invalid_geotiff_or_option(tmp_path, bands, written, options, me
 @pytest.mark.parametrize(('data', 'message'), [
     ({'resolution': 30.0}, 'elevation'),
     ({'elevation': NORTH_FIRST}, 'resolution is missing'),
-    ({'elevation': NORTH_FIRST, 'resolution': 1.0, 'height': 1.0}, 'no such key'),
+    ({'elevation': NORTH_FIRST, 'resolution': 1.0, 'height': 1.0}, 'unknown key'),
     ({'elevation': np.array([None, 1]), 'resolution': 1.0}, 'a readable .npz file'),
     ({'elevation': np.arange(4.0), 'resolution': 1.0}, 'numbers .m. of shape .rows, columns.'),
     # an EPSG code is not rounded
@@ -256,7 +256,7 @@ def test_rejects_invalid_npz(tmp_path, data, message):
 
 def test_rejects_missing_or_damaged_files(tmp_path):
     for path in (tmp_path / 'none.tif', tmp_path):
-        with pytest.raises(LavaError, match='a file that exists'):
+        with pytest.raises(LavaError, match='a file(; this is a folder| that exists)'):
             load_terrain(path)
     (tmp_path / 'a.tif').write_bytes(b'II*\0 this is not a raster')
     with pytest.raises(LavaError, match='that GDAL can read'):

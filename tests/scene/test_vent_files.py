@@ -99,7 +99,7 @@ def test_reads_vents_barriers_and_areas_of_every_format(ending, tmp_path, caplog
     assert len({item.where for item in found}) == 1
     path = write(tmp_path / f'b.{ending}', 'MultiPoint', POINTS, KNOWN)
     assert [vent.discharge for vent in vents_of(path)] == [15.0, 15.0]
-    with pytest.raises(LavaError, match='no --effusion-rate, since'):
+    with pytest.raises(LavaError, match='exclude each other'):
         vents_of(path, 5.0)
     known, usual = {'barrier_height': 12.0, 'owner': 'a'}, {'height': None, 'width': 10.0}
     path = write(tmp_path / f'c.{ending}', 'MultiLineString', FISSURE, known)
@@ -201,7 +201,7 @@ def test_reads_a_vent_table_of_lava2d(tmp_path):
     ('x,y,q\n500100,4180100,much\n', "line 2, q is 'much', expected a finite number"),
     ('x,y,q\n500100,4180100,-1\n', 'line 2, q is -1.0, expected a finite number at least 0'),
     ('x,y,q,rate\n500100,4180100,1,2\n', "is 'q and rate', expected one column for"),
-    ('x,y,radius,width\n500100,4180100,1,2\n', 'no radius as well'),
+    ('x,y,radius,width\n500100,4180100,1,2\n', 'width and .*, radius exclude each other'),
     ('x,y,start,end\n500100,4180100,5,2\n', 'line 2.*, end is 2.0, expected a time after'),
     ('x,y,rate_dre\n500100,4180100,5\n', 'rate_dre is 5.0, expected a bulk effusion rate'),
     ('x,y,time\n500100,4180100,5\n', 'an effusion rate, and a point'),

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lava_ros.bag.description import effect_table
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import make_plan
 from lava_ros.forecast.sentinels import find_called
-from lava_ros.live.session import effect_table
 from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import from_bytes

@@ -13,7 +13,8 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.forecast_run import SampledRun
+from lava_ros.runs.drive import drive, driving
+from lava_ros.runs.sinks import PeakSink
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation
 from lava_ros.simulation import simulation as simulation_module
@@ -124,16 +125,11 @@ def read_out(simulation, count, readings):
 
 def observe(simulation, count, is_in_a_batch):
     """Observe as a forecast does, in parts, or as the members of an ensemble do."""
-    looking = SampledRun(simulation, stops(count), threshold=0.1, max_particles=None)
-
-    def route():
-        while not looking.is_done:
-            yield from looking.advancing()
-
+    peaks = PeakSink(simulation, stops(count), threshold=0.1)
     if is_in_a_batch:
-        Batch().run([route()])
-    while not looking.is_done:
-        looking.advance(wall_limit=0.01)
+        Batch().run([driving(simulation, END, [peaks])])
+    while not peaks.is_done:
+        drive(simulation, END, [peaks], wall_limit=0.01)
     return simulation
 
 

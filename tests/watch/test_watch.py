@@ -457,4 +457,4 @@ def test_watches_one_layer_for_each_map():
 
 def test_without_viser_the_error_tells_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, 'viser', None)
-    assert "pip install 'lava_ros[watch]'" in refused('watch')
+    assert "pip install '.[watch]'" in refused('watch')

@@ -2,7 +2,3 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """A process that reads untrusted files with GDAL, and returns arrays and text."""
-
-from lava_ros.files.reader.client import Answer, read_in_process, start
-
-__all__ = ['Answer', 'read_in_process', 'start']

@@ -17,31 +17,27 @@ import os
 from pathlib import Path
 import signal
 import socket
-import struct
 import subprocess
 import sys
-from tempfile import TemporaryFile
 import threading
 from typing import Any, BinaryIO, NamedTuple
 import weakref
 
 import numpy as np
 
+import lava_ros
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import open_input
 from lava_ros.files.reader.confinement import MEMORY_LIMIT, SWITCHES, TIME_LIMIT
-from lava_ros.files.reader.memory import MAP_FLAGS
-
-#: Length of a request; place and length of the JSON of an answer.
-REQUEST, ANSWER = struct.Struct('<I'), struct.Struct('<QQ')
+from lava_ros.files.reader.memory import ANSWER, MAP_FLAGS, REQUEST
 
 #: Maximum size of an answer [bytes].
 MAX_ANSWER = 8 << 30
 
 #: Types of arrays in an answer.
 KINDS = (
-    'bool', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64', 'uint64', 'float32',
+    'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64', 'uint64', 'float32',
     'float64',
 )
 
@@ -50,6 +46,9 @@ _CODE = (
     'import sys; sys.path[:] = sys.argv[2:]; '
     'from lava_ros.files.reader.process import main; main(int(sys.argv[1]))'
 )
+
+#: Folder of the package, which a hook may import from elsewhere than ``sys.path``.
+_FOLDER = str(Path(lava_ros.__file__).parents[1])
 
 #: A file for the reader: its name there, and its path or its bytes.
 File = tuple[str, Path | bytes]
@@ -68,10 +67,11 @@ class _Reader:
     def __init__(self) -> None:
         ours, theirs = socket.socketpair()
         with theirs:
-            paths = [os.path.abspath(item) for item in sys.path]
+            # hooks of .pth files are not run: they take longer than Python itself
+            paths = dict.fromkeys(os.path.abspath(item) for item in (*sys.path, _FOLDER))
             # the pipe ends with this process, which ends the reader
             self.process = subprocess.Popen(
-                [sys.executable, '-c', _CODE, str(theirs.fileno()), *paths],
+                [sys.executable, '-I', '-S', '-c', _CODE, str(theirs.fileno()), *paths],
                 stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                 pass_fds=[theirs.fileno()], cwd='/', start_new_session=True,
                 env={**os.environ, **SWITCHES},
@@ -161,6 +161,9 @@ def read_in_process(
             # an interrupted exchange cannot be continued
             status = reader.end()
             _readers.clear()
+            if isinstance(error, EOFError) and status > 0:
+                problem = f'The process that reads {field} {value} ended with status {status}'
+                raise RefusalError(field, problem, "Run 'lava doctor'") from error
             if isinstance(error, EOFError):
                 raise LavaError(field, str(value), _limit(status)) from error
             raise
@@ -177,14 +180,14 @@ def _limit(status: int) -> str:
         return TIME_LIMIT
     if -status in (signal.SIGKILL, signal.SIGABRT, 0):
         return MEMORY_LIMIT
-    if status > 0:
-        return f'an installation in which files can be read: the reader ended with status {status}'
     return f'an undamaged file: its reader ended with signal {-status}'
 
 
 def _shared_file() -> BinaryIO:
     """Return an empty file in memory."""
     if not hasattr(os, 'memfd_create'):
+        from tempfile import TemporaryFile
+
         return TemporaryFile()
     return os.fdopen(os.memfd_create('lava', os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING), 'w+b')
 

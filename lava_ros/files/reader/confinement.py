@@ -11,8 +11,7 @@ sockets on every other system.
 from collections.abc import Iterator
 from contextlib import contextmanager
 import ctypes
-from pathlib import Path
-import platform
+import os
 import resource
 import struct
 import sys
@@ -54,7 +53,7 @@ _SET_NO_NEW_PRIVILEGES, _SET_SECCOMP, _FILTER = 38, 22, 2
 
 def deny_network_and_programs() -> bool:
     """Deny sockets and programs to this process for good; return False if the system cannot."""
-    arch, denied = _DENIED.get(platform.machine(), (0, ()))
+    arch, denied = _DENIED.get(os.uname().machine, (0, ()))
     if not sys.platform.startswith('linux') or not denied:
         return False
     count = len(denied)
@@ -81,7 +80,8 @@ def limited(size: int) -> Iterator[None]:
     used = resource.getrusage(resource.RUSAGE_SELF)
     time = used.ru_utime + used.ru_stime + CPU_TIME + size / CPU_RATE
     try:
-        pages = int(Path('/proc/self/statm').read_text('ascii').split()[0])
+        with open('/proc/self/statm', encoding='ascii') as file:
+            pages = int(file.read().split()[0])
     except OSError:
         pages = 0
     wanted = {

@@ -9,13 +9,34 @@ rasterio and pyogrio have a GDAL each, with drivers and a memory of its own.
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import ctypes
-from importlib import import_module
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import find_spec
+import os
+from typing import Any
 
 from lava_ros.errors import LavaError
 from lava_ros.files.reader.memory import Content
 
 #: Folder of the files in memory.
 FOLDER = '/vsimem/lava'
+
+#: Types of a pointer to an object of GDAL, of a text and of a list of texts that ends with NULL.
+HANDLE, TEXT = ctypes.c_void_p, ctypes.c_char_p
+TEXTS = ctypes.POINTER(TEXT)
+
+#: Functions in C: the type of the result, and those of the arguments.
+_FUNCTIONS = {
+    'GDALAllRegister': (None,),
+    'GDALGetDriverCount': (ctypes.c_int,),
+    'GDALGetDriver': (HANDLE, ctypes.c_int),
+    'GDALGetDescription': (TEXT, HANDLE),
+    'GDALDeregisterDriver': (None, HANDLE),
+    'VSIFileFromMemBuffer': (HANDLE, TEXT, HANDLE, ctypes.c_uint64, ctypes.c_int),
+    'VSIFCloseL': (ctypes.c_int, HANDLE),
+    'VSIUnlink': (ctypes.c_int, TEXT),
+    'CPLSetConfigOption': (None, TEXT, TEXT),
+    'OSRSetPROJSearchPaths': (None, TEXTS),
+}
 
 #: Query for the layers of a GeoPackage that are not tables of its file.
 VIEWS = (
@@ -31,28 +52,39 @@ def check_tables(field: str, views: Sequence[str]) -> None:
         raise LavaError(field, f'a view: {", ".join(map(str, views))}', expected)
 
 
-class Gdal:
-    """The GDAL library of a package."""
+def names_in_c(names: Collection[bytes]) -> Any:
+    """Return a list of texts for a function in C."""
+    return (TEXT * (len(names) + 1))(*names, None)
 
-    def __init__(self, module: str) -> None:
-        """Load the library with which an extension module is linked."""
-        path = import_module(module).__file__
-        self._call = ctypes.CDLL(path)
-        pointers = {
-            'GDALGetDriver': [ctypes.c_int],
-            'GDALGetDriverByName': [ctypes.c_char_p],
-            'GDALGetDescription': [ctypes.c_void_p],
-            'GDALDeregisterDriver': [ctypes.c_void_p],
-            'VSIFileFromMemBuffer': [
-                ctypes.c_char_p, ctypes.c_void_p, ctypes.c_uint64, ctypes.c_int,
-            ],
-            'VSIFCloseL': [ctypes.c_void_p],
-        }
-        for name, kinds in pointers.items():
+
+class Gdal:
+    """The GDAL library of a package, which is loaded without the package: that takes longer."""
+
+    def __init__(self, package: str, module: str) -> None:
+        """Load the library with which an extension module of a package is linked."""
+        spec = find_spec(package)
+        folders = spec and spec.submodule_search_locations
+        if not folders:
+            raise ImportError(f'the package {package} is not installed')
+        paths = [os.path.join(folders[0], module + suffix) for suffix in EXTENSION_SUFFIXES]
+        self._call = ctypes.CDLL(next(filter(os.path.exists, paths), paths[0]))
+        self.declare(_FUNCTIONS)
+        # wheels contain the data; other GDALs know where their own are
+        data, systems = (os.path.join(folders[0], name) for name in ('gdal_data', 'proj_data'))
+        if os.path.isdir(data) and 'GDAL_DATA' not in os.environ:
+            self._call.CPLSetConfigOption(b'GDAL_DATA', os.fsencode(data))
+        if os.path.isdir(systems) and not os.environ.keys() & {'PROJ_DATA', 'PROJ_LIB'}:
+            self._call.OSRSetPROJSearchPaths(names_in_c([os.fsencode(systems)]))
+
+    def declare(self, functions: Mapping[str, tuple[Any, ...]]) -> None:
+        """Declare functions in C by name: the type of the result, and those of the arguments."""
+        for name, (result, *arguments) in functions.items():
             function = getattr(self._call, name)
-            function.argtypes = kinds
-            function.restype = ctypes.c_void_p
-        self._call.GDALGetDescription.restype = ctypes.c_char_p
+            function.restype, function.argtypes = result, arguments
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a function of the library."""
+        return getattr(self._call, name)
 
     def keep_drivers(self, names: Collection[str]) -> None:
         """Remove all other drivers, which files could use by references."""
@@ -70,8 +102,7 @@ class Gdal:
         paths = [f'{FOLDER}/{name}'.encode() for name in files]
         try:
             for path, file in zip(paths, files.values(), strict=True):
-                place, size = file.data.ctypes.data, file.data.size
-                made = self._call.VSIFileFromMemBuffer(path, place, size, 0)
+                made = self._call.VSIFileFromMemBuffer(path, file.memory, len(file.data), 0)
                 self._call.VSIFCloseL(made)
             yield
         finally:

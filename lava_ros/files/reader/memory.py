@@ -3,16 +3,24 @@
 
 """Memory that the reader process shares with the process that asked: files and answers."""
 
+import ctypes
 import math
 import mmap
 import os
-
-import numpy as np
+import struct
+from typing import Any
 
 from lava_ros.files.reader.confinement import opening
 
+#: Length of a request; place and length of the JSON of an answer.
+REQUEST, ANSWER = struct.Struct('<I'), struct.Struct('<QQ')
+
 #: Flags of shared memory: all pages at once, where the system can.
 MAP_FLAGS = mmap.MAP_SHARED | getattr(mmap, 'MAP_POPULATE', 0)
+
+#: Flags of a file in memory. GDAL needs its address, which Python states only for a writable
+#: mapping; changes of a private one do not reach the file.
+_FILE_FLAGS = mmap.MAP_PRIVATE | getattr(mmap, 'MAP_NORESERVE', 0)
 
 
 class Content:
@@ -21,6 +29,7 @@ class Content:
     Attributes:
         descriptor: Its descriptor.
         data: Its bytes, which are read when they are used.
+        memory: Their memory for functions in C.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -28,8 +37,9 @@ class Content:
         self.descriptor = descriptor
         size = os.fstat(descriptor).st_size
         # an empty file cannot be mapped
-        memory = mmap.mmap(descriptor, size, access=mmap.ACCESS_READ) if size else b''
-        self.data = np.frombuffer(memory, np.uint8)
+        mapped = mmap.mmap(descriptor, size, _FILE_FLAGS) if size else bytearray()
+        self.data = memoryview(mapped)
+        self.memory = (ctypes.c_char * size).from_buffer(mapped)
 
     def close(self) -> None:
         """Close the file; its bytes remain."""
@@ -49,13 +59,17 @@ class Output:
         self._size = 0
         self.arrays: list[tuple[str, tuple[int, ...], int]] = []
 
-    def array(self, kind: str, shape: tuple[int, ...]) -> np.ndarray:
-        """Add an array, and return it to be filled."""
-        dtype = np.dtype(kind)
-        memory, place = self._more(math.prod(shape) * dtype.itemsize)
-        self.arrays.append((dtype.name, shape, place))
-        result: np.ndarray = np.ndarray(shape, dtype, memory)
-        return result
+    def array(self, kind: str, itemsize: int, shape: tuple[int, ...]) -> ctypes.Array[Any]:
+        """Add an array, and return its memory to be filled.
+
+        Args:
+            kind: Name of the type in NumPy.
+            itemsize: Size of an element [bytes].
+            shape: Length of each dimension.
+        """
+        memory, place = self._more(math.prod(shape) * itemsize)
+        self.arrays.append((kind, shape, place))
+        return (ctypes.c_char * len(memory)).from_buffer(memory)
 
     def write(self, text: bytes) -> tuple[int, int]:
         """Add a text, and return its place and length."""

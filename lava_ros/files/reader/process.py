@@ -14,9 +14,8 @@ from typing import Any
 
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files.reader import confinement
-from lava_ros.files.reader.client import ANSWER, REQUEST
 from lava_ros.files.reader.gdal import FOLDER
-from lava_ros.files.reader.memory import Content, Output
+from lava_ros.files.reader.memory import ANSWER, Content, Output, REQUEST
 
 #: Module and function of each task, which takes the contents of files by name, the output, and its
 #: options, and returns plain data. A module is loaded with its first task.
@@ -49,9 +48,8 @@ def main(channel: int) -> None:
     confinement.deny_network_and_programs()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     log = _Log()
-    for name in ('lava_ros', 'rasterio'):
-        logging.getLogger(name).addHandler(log)
-        logging.getLogger(name).setLevel(logging.WARNING)
+    logging.getLogger('lava_ros').addHandler(log)
+    logging.getLogger('lava_ros').setLevel(logging.WARNING)
     with socket.socket(fileno=channel) as connection:
         while request := _received(connection):
             log.found.clear()
@@ -89,7 +87,7 @@ def _answer(connection: socket.socket, request: dict[str, Any], log: _Log) -> No
     try:
         module.prepare()
         with (
-            confinement.limited(sum(item.data.size for item in files.values())),
+            confinement.limited(sum(len(item.data) for item in files.values())),
             refusing(field, path, 'a file that GDAL can read'),
         ):
             data['result'] = getattr(module, function)(files, output, **request)

@@ -6,14 +6,10 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from functools import cache
+import logging
 from pathlib import PurePath
 import re
-import sqlite3
 from typing import Any
-import warnings
-from xml.etree import ElementTree
-
-import numpy as np
 
 from lava_ros.errors import LavaError, refusing
 from lava_ros.files import MAX_CELLS, warn_of_unknown
@@ -26,9 +22,12 @@ from lava_ros.files.raster_formats import (
     POSITION_LINES,
 )
 from lava_ros.files.reader.confinement import opening
-from lava_ros.files.reader.gdal import check_tables, FOLDER, Gdal, VIEWS
+from lava_ros.files.reader.dataset import Dataset, NUMBERS, RasterGdal
+from lava_ros.files.reader.gdal import check_tables, FOLDER, VIEWS
 from lava_ros.files.reader.memory import Content, Output
 from lava_ros.files.systems import plain_system
+
+_LOG = logging.getLogger('lava_ros.files.rasters')
 
 #: Allowed elements of a virtual raster: ``SourceFilename``, and those without files or code.
 _VIRTUAL = {
@@ -41,29 +40,25 @@ _VIRTUAL = {
 #: Maximum sizes of a virtual raster, and of the part of a header that is read [bytes].
 MAX_VIRTUAL, MAX_HEADER = 1 << 22, 1 << 16
 
+#: Part of a text grid that is read at once [bytes], and a mark for each byte: a space, or x.
+_PART, _MARKS = 1 << 24, bytes(ord(' ' if byte <= ord(' ') else 'x') for byte in range(256))
+
 #: Drivers of text grids, and the header of a Surfer grid: shape, and ranges of x, y and z.
 _TEXT = ('AAIGrid', 'GSAG')
 _SURFER = re.compile(rb'DSAA(?:\s+[-+.\deE]+){8}')
 
 
 @cache
+def gdal() -> RasterGdal:
+    """Return the GDAL of rasterio, which has only the drivers of known formats."""
+    result = RasterGdal()
+    result.keep_drivers({item.driver for item in (*FORMATS, *PICTURES)})
+    return result
+
+
 def prepare() -> None:
-    """Load GDAL, and open the files that it needs itself."""
-    from rasterio.io import MemoryFile
-    gdal().keep_drivers({item.driver for item in (*FORMATS, *PICTURES)})
-    with MemoryFile() as memory:
-        size = {'width': 1, 'height': 1, 'count': 1, 'dtype': 'float32'}
-        with memory.open(driver='GTiff', crs='EPSG:32633', nodata=0.0, **size) as target:
-            target.write(np.ones((1, 1, 1), np.float32))
-        with memory.open() as source:
-            source.read(1, masked=True)
-            source.crs.to_wkt()
-
-
-@cache
-def gdal() -> Gdal:
-    """Return the GDAL of rasterio."""
-    return Gdal('rasterio._io')
+    """Load GDAL."""
+    gdal()
 
 
 def tile_names(files: Mapping[str, Content], _: Output, *, field: str, path: str) -> list[str]:
@@ -72,6 +67,9 @@ def tile_names(files: Mapping[str, Content], _: Output, *, field: str, path: str
     Raises:
         LavaError: If it has other parts than files in its folder.
     """
+    with opening():
+        from xml.etree import ElementTree
+
     (file,) = files.values()
     text, name = file.data[: MAX_VIRTUAL + 1].tobytes(), PurePath(path).name
     with refusing(field, path, 'a readable virtual raster'):
@@ -103,7 +101,8 @@ def read(
 
     Args:
         files: The raster and the files that belong to it.
-        output: Gets the bands, [bands, rows, columns], and their mask if there are missing data.
+        output: Gets the bands, [bands, rows, columns], and which cells have data if some may not,
+            uint8, 0 without data.
         field: Name of the field in errors.
         path: Path of the raster in errors.
         drivers: GDAL driver of the raster.
@@ -115,86 +114,73 @@ def read(
     Raises:
         LavaError: If the raster cannot be read.
     """
-    from rasterio.enums import ColorInterp
-
     name = next(iter(files))
+    gdal().warnings.clear()
     with gdal().holding(files), refusing(field, path, 'a raster that GDAL can read'):
         for tile, driver in tiles.items():
             with _opened(field, path, tile, driver, files):
                 pass
         with _opened(field, path, name, drivers[0], files) as source:
             count = min(source.count, max_bands)
-            step = 1 if max_side is None else max(source.shape) // max_side + 1
-            shape = (count, *(-(-side // step) for side in source.shape))
-            kind = kind or np.result_type(*source.dtypes[:count]).name
-            if np.dtype(kind).kind not in 'iuf' or np.dtype(source.dtypes[0]).kind not in 'iuf':
+            step = 1 if max_side is None else max(source.width, source.height) // max_side + 1
+            shape = (count, -(-source.height // step), -(-source.width // step))
+            kinds = {*source.dtypes[:count]}
+            if not kinds <= NUMBERS.keys():
                 # the caller refuses complex numbers
                 shape, kind = (0, 0, 0), 'float32'
-            values = output.array(kind, shape)
-            if values.size:
-                bands = list(range(1, count + 1))
-                # the declared no-data value may be beyond float32
-                with warnings.catch_warnings():
-                    warnings.filterwarnings('ignore', 'overflow encountered in cast')
-                    found = source.read(bands, out=values, masked=True)
-                mask = np.ma.getmaskarray(found)
-                if mask.any():
-                    output.array('bool', shape)[...] = mask
-            palette = {}
-            if source.colorinterp[0] == ColorInterp.palette:
-                palette = source.colormap(1)
-            return {
-                'count': source.count, 'shape': source.shape, 'dtypes': source.dtypes,
-                'scales': source.scales, 'offsets': source.offsets, 'units': source.units,
-                'descriptions': source.descriptions, 'tags': source.tags(),
-                'place': list(source.transform)[:6],
-                'system': source.crs.to_wkt() if source.crs else None,
-                'colours': [item.name for item in source.colorinterp],
-                'palette': list(palette.items()),
-            }
+            elif len(kinds) > 1:
+                raise ValueError(f'bands of several types: {", ".join(sorted(kinds))}')
+            kind = kind or kinds.pop()
+            values = output.array(kind, NUMBERS[kind][1], shape)
+            if all(shape):
+                source.read(values, kind, shape)
+                if source.has_missing(count):
+                    source.read_masks(output.array('uint8', 1, shape), shape)
+            result = source.properties()
+    for text in dict.fromkeys(gdal().warnings):
+        _LOG.warning(f'{PurePath(path).name}: {text}')
+    return result
 
 
 @contextmanager
 def _opened(
     field: str, path: str, name: str, driver: str, files: Mapping[str, Content]
-) -> Iterator[Any]:
+) -> Iterator[Dataset]:
     """Open a file in memory with one driver, and make the checks that GDAL does not make."""
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning
-
     shown = PurePath(path).name if name == next(iter(files)) else name
     if driver == 'GPKG':
         _check_database(field, path, files[name])
     numbers = _count_numbers(field, shown, files[name].data) if driver in _TEXT else None
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore', NotGeoreferencedWarning)
-        with rasterio.open(f'{FOLDER}/{name}', driver=driver) as source:
-            cells = source.width * source.height
-            if cells > MAX_CELLS:
-                found = f'{source.height} x {source.width} cells'
-                expected = f'at most {MAX_CELLS} (gdal_translate -srcwin extracts a part)'
-                raise LavaError(f'size of {shown}', found, expected)
-            if not source.count:
-                names = ', '.join(item.rpartition(':')[2] for item in source.subdatasets)
-                expected = f'a file with one raster, not {names or "none"} '
-                expected += '(gdal_translate extracts one)'
-                raise LavaError(field, path, expected)
-            if driver == 'EHdr' or files[name].data[:3].tobytes() == b'CDF':
-                _check_size(field, shown, files[name].data.size, source)
-            if driver == 'EHdr':
-                stem = PurePath(name).stem
-                header = next(item for item in (f'{stem}.hdr', f'{stem}.HDR') if item in files)
-                text = files[header].data[:MAX_HEADER].tobytes()
-                lines = re.findall(rb'^\s*(\S+)[ \t]*(\S*)', text, re.MULTILINE)
-                _check_header(field, header, lines)
-            if numbers not in (None, cells):
-                expected = f'{cells}, as many as the header has cells'
-                raise LavaError(f'number of values in {shown}', numbers, expected)
-            yield source
+    with gdal().opened(f'{FOLDER}/{name}', driver) as source:
+        cells = source.width * source.height
+        if cells > MAX_CELLS:
+            found = f'{source.height} x {source.width} cells'
+            expected = f'at most {MAX_CELLS} (gdal_translate -srcwin extracts a part)'
+            raise LavaError(f'size of {shown}', found, expected)
+        if not source.count:
+            names = ', '.join(item.rpartition(':')[2] for item in source.subdatasets)
+            expected = f'a file with one raster, not {names or "none"} '
+            expected += '(gdal_translate extracts one)'
+            raise LavaError(field, path, expected)
+        if driver == 'EHdr' or bytes(files[name].data[:3]) == b'CDF':
+            _check_size(field, shown, len(files[name].data), source)
+        if driver == 'EHdr':
+            stem = PurePath(name).stem
+            header = next(item for item in (f'{stem}.hdr', f'{stem}.HDR') if item in files)
+            text = files[header].data[:MAX_HEADER].tobytes()
+            lines = re.findall(rb'^\s*(\S+)[ \t]*(\S*)', text, re.MULTILINE)
+            _check_header(field, header, lines)
+        if numbers not in (None, cells):
+            expected = f'{cells}, as many as the header has cells'
+            raise LavaError(f'number of values in {shown}', numbers, expected)
+        yield source
 
 
 def _check_database(field: str, path: str, file: Content) -> None:
     """Raise LavaError for a database with views, and for a damaged one, which GDAL may read."""
+    with opening():
+        import sqlite3
+
     place = f'file:/dev/fd/{file.descriptor}?immutable=1'
     with (
         refusing(field, path, 'an undamaged GeoPackage'),
@@ -204,16 +190,16 @@ def _check_database(field: str, path: str, file: Content) -> None:
             database.execute(f'PRAGMA {name}').fetchone()[0]
             for name in ('quick_check(1)', 'page_count', 'page_size')
         )
-        if found == 'ok' and count * size > file.data.size:
-            found = f'{file.data.size} of {count * size} bytes'
+        if found == 'ok' and count * size > len(file.data):
+            found = f'{len(file.data)} of {count * size} bytes'
         if found != 'ok':
             raise ValueError(found)
         check_tables(field, [name for (name,) in database.execute(VIEWS)])
 
 
-def _check_size(field: str, name: str, found: int, source: Any) -> None:
+def _check_size(field: str, name: str, found: int, source: Dataset) -> None:
     """Raise LavaError for a truncated uncompressed grid, whose missing values GDAL reads as 0."""
-    needed = source.width * source.height * sum(np.dtype(kind).itemsize for kind in source.dtypes)
+    needed = source.width * source.height * source.itemsize
     if name.lower().endswith('.flt'):
         # GDAL derives the type from the size
         needed = 4 * source.width * source.height
@@ -248,9 +234,9 @@ def _check_header(field: str, name: str, lines: Sequence[tuple[bytes, bytes]]) -
         )
 
 
-def _count_numbers(field: str, name: str, content: np.ndarray) -> int:
+def _count_numbers(field: str, name: str, data: memoryview) -> int:
     """Count the values of a text grid; raise LavaError for text, which GDAL reads as a number."""
-    data, begin, known, lines = memoryview(content), 0, NUMBER, []  # type: ignore[arg-type]
+    begin, known, lines = 0, NUMBER, []
     if surfer := _SURFER.match(data):
         begin = surfer.end()
     while line := HEADER.match(data, begin):
@@ -268,7 +254,7 @@ def _count_numbers(field: str, name: str, content: np.ndarray) -> int:
         expected = 'a number with a decimal point; NODATA_value for cells without data'
         raise LavaError(place, text, expected)
     count = 0
-    for at in range(begin, content.size, 1 << 24):
-        is_text = content[at - 1 : at + (1 << 24)] > ord(' ')
-        count += int(np.count_nonzero(is_text[1:] & ~is_text[:-1]))
+    for at in range(begin, len(data), _PART):
+        # a number begins after a space
+        count += data[at - 1 : at + _PART].tobytes().translate(_MARKS).count(b' x')
     return count

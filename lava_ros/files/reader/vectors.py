@@ -55,7 +55,7 @@ def prepare() -> None:
 @cache
 def gdal() -> Gdal:
     """Return the GDAL of pyogrio."""
-    return Gdal('pyogrio._ogr')
+    return Gdal('pyogrio', '_ogr')
 
 
 def read(files: Mapping[str, Content], _: Output, *, field: str, path: str) -> list[Item]:

@@ -54,13 +54,17 @@ def write_report(
 
 
 def _tables(
-    paths: Sequence[str | Path], overlays: Sequence[str], node: str | None
+    paths: Sequence[str | Path], overlays: Sequence[str], node: str | None, **dates: Any
 ) -> dict[str, ArrivalTable]:
-    """Return the arrival of lava at the places of files, by the paths of the runs."""
+    """Return the arrival of lava at the places of files, by the paths of the runs.
+
+    ``dates`` are ``onset`` and ``zone`` for ``table_of``.
+    """
     if not overlays:
         return {}
     return {
-        str(path): table_of(path, overlays, field='--overlay', node=node) for path in paths
+        str(path): table_of(path, overlays, field='--overlay', node=node, **dates)
+        for path in paths
     }
 
 
@@ -174,6 +178,9 @@ def write_comparison(paths: Sequence[str], output: str | Path, **options: Any) -
             facts=facts,
             shows=', '.join(drawn['maps']),
             places=sections.place_tables(
-                _tables(paths, options.get('overlays', ()), options.get('node'))
+                _tables(
+                    paths, options.get('overlays', ()), options.get('node'),
+                    onset=options.get('onset'), zone=options.get('zone'),
+                )
             ),
         )

@@ -29,6 +29,7 @@ from lava_ros.scene import ENVIRONMENT, Lava, Scene, scene_to_dict, Terrain, Ven
 from lava_ros.scene.emplaced import EmplacedFlow
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.reshaping import Barrier
+from lava_ros.scene.scene import onset_from
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
 
@@ -257,6 +258,7 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
             _event(item, ground, arrays.pop(_EVENT.format(number), None))
             for number, item in enumerate(data.get('events', []))
         ),
+        onset=onset_from('checkpoint.scene', data),
     )
     forced = header['forced']
     return Checkpoint(

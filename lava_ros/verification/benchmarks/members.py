@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from lava_ros.runs.drive import driving
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.batch import Batch
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP, timed
@@ -70,7 +71,7 @@ def _rate(simulations: Sequence[Simulation], steps: int, device: str) -> float:
         return np.array([(item.steps, item.particle_count) for item in simulations])
 
     before = taken()
-    ways = (item.advancing(item.time + steps * STEP) for item in simulations)
+    ways = (driving(item, item.time + steps * STEP) for item in simulations)
     elapsed = timed(device, lambda: Batch(at_once=len(simulations)).run(ways))
     after = taken()
     particles = 0.5 * (before[:, 1] + after[:, 1])

@@ -20,6 +20,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.errors import LavaError
+from lava_ros.runs.drive import drive
 from lava_ros.verification.benchmarks.effects import (
     effect_sets,
     lava_field,
@@ -121,7 +122,7 @@ def _snapshots(cells: int, device: str, repetitions: int) -> tuple[list[float], 
 def first_snapshot(device: str) -> None:
     """Run a step and a snapshot with every effect, as the start of a process."""
     simulation = lava_field(_FIRST_PARTICLES, effect_sets()[SETS[-1]], device)
-    simulation.advance(STEP)
+    drive(simulation, STEP)
     simulation.snapshot()
 
 

@@ -13,6 +13,7 @@ from typing import Any, SupportsFloat
 import numpy as np
 
 from lava_ros.effects import compatible, EFFECTS, Effects
+from lava_ros.runs.drive import drive
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -192,7 +193,7 @@ class Trial:
         )
         # the kernels depend on the effects and the accuracy, not on the scene
         few = particles and _chosen(particles, slice(2))
-        make(scene, particles=few).advance(1e-3)
+        drive(make(scene, particles=few), 1e-3)
         self.simulation = self.start(partial(make, particles=particles), scene)
         self._wall_time = 0.0
         self._measurements: list[Measurement] = []
@@ -204,7 +205,7 @@ class Trial:
     def advance(self, until: float) -> None:
         """Simulate up to a time [s] and add to the wall time."""
         start = wall_clock.perf_counter()
-        self.simulation.advance(float(until))
+        drive(self.simulation, float(until))
         self._wall_time += wall_clock.perf_counter() - start
 
     def sample(self) -> ParticleSample:

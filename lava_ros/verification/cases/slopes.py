@@ -116,7 +116,7 @@ def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
     x = (terrain.origin[0] + columns * terrain.resolution) / COSINE
     y = terrain.origin[1] + rows * terrain.resolution
     here = np.ix_(np.abs(y) < 4.0 * run_out, (x > 0.5 * last) & (x < last))
-    measured = ahead.seen().half_inundated[here]
+    measured = ahead.peaks.seen(ahead.simulation).half_inundated[here]
     exactly = 0.5 * step + np.broadcast_to(
         [solution.arrival(place, threshold) for place in x[here[1][0]]], measured.shape
     )

@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`lava run`: simulate a scene, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+import sys
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.cli.console import Progress, table_lines, write_json
+from lava_ros.cli.options import argument, command, HORIZON
+from lava_ros.cli.scene_options import SCENE
+from lava_ros.errors import LavaError
+
+if TYPE_CHECKING:
+    from lava_ros.maps.place_arrivals import ArrivalTable
+    from lava_ros.runs.scene_run import SceneRun
+    from lava_ros.simulation.numerical_error import NumericalError
+
+
+@command(
+    *SCENE,
+    argument('--until', 'TIME', 'simulated time at which the run ends: 6h, 90min', HORIZON),
+    argument(
+        '-o --output', 'DIR', 'folder of the run: new, empty, or of an interrupted run of the '
+        'same scene (default: runs/<scene>, with a number if that is another run)',
+    ),
+    argument('--maps', 'N', 'number of maps, evenly spaced over the simulated time', 24),
+    argument(
+        '--at', 'TIME', 'simulated time of a further map: 2h; may be repeated', [],
+        action='append',
+    ),
+    argument(
+        '--places', 'FILE', 'named points, lines and areas: print when lava arrives there; may '
+        'be repeated (docs/FORMATS.md)', [], action='append',
+    ),
+    '--preset', '--spacing',
+    argument(
+        '--within', 'TIME', 'choose the preset and the spacing so that the run takes at most this '
+        'wall time: 60s, 10min',
+    ),
+    '--on', '--off', '--threshold', '--device', '--json',
+)
+def run(args: argparse.Namespace) -> int:
+    """Simulate a scene as fast as possible, and write a folder with its maps.
+
+    The folder has run.json, which describes the run and its result, and the maps as a rosbag2
+    bag. ROS is not needed. The same command continues an interrupted run, and never changes a
+    finished one. lava plot, report, places, export, animate and watch read the folder.
+    """
+    from lava_ros.cli.run_request import request_of
+    from lava_ros.maps.onset import Onset
+    from lava_ros.maps.place_arrivals import flow_table
+    from lava_ros.maps.places import places_on
+    from lava_ros.maps.plot import duration
+    from lava_ros.runs.scene_run import SceneRun
+    from lava_ros.runs.sinks import ProgressSink
+    from lava_ros.scene.features import read_features
+
+    request = request_of(args)
+    terrain, until = request.scene.terrain, request.until
+    features = [item for file in args.places for item in read_features('--places', file, terrain)]
+    places = places_on(features, terrain) if features else None
+    with SceneRun(request) as made, Progress() as progress:
+        if made.is_resumed:
+            print(f'continuing the interrupted run in {made.folder.path}', file=sys.stderr)
+        shown = ProgressSink(
+            lambda time: progress.show(duration(time), time / until), until,
+            lambda: progress.is_due,
+        )
+        try:
+            snapshot = made.run(shown)
+            progress.show('measuring the numerical error', 1.0)
+            record = {'folder': str(made.folder.path), **made.finish(_measured(made))}
+        except KeyboardInterrupt:
+            print('lava run: interrupted; the same command continues', file=sys.stderr)
+            raise
+    table = None
+    if places is not None:
+        assert snapshot.arrived is not None
+        facts = {'threshold_m': snapshot.threshold, 'time_s': snapshot.time}
+        table = flow_table(places, terrain, snapshot.arrived, snapshot.inundated, facts)
+        table = replace(table, onset=Onset.of(request.scene))
+        record['places'] = table.as_dict()['places']
+    write_json(record, args.json)
+    _print(record, table)
+    return 0
+
+
+def _measured(made: SceneRun) -> NumericalError | None:
+    """Return the numerical error of a run, None without lava or if it cannot be measured."""
+    from lava_ros.forecast.partner_runs import measure_error
+    from lava_ros.simulation.numerical_error import Areas
+
+    simulation, snapshot, request = made.simulation, made.snapshot, made.request
+    assert snapshot is not None
+    if not snapshot.budget.emitted:
+        return None
+    try:
+        return measure_error(
+            request.scene, Areas.of(snapshot), snapshot.time, accuracy=simulation.accuracy,
+            effects=simulation.effects, horizon=request.until, device=request.device,
+        )
+    except LavaError as error:
+        print(f'lava run: the numerical error is not measured: {error}', file=sys.stderr)
+        return None
+
+
+def _print(record: dict[str, Any], table: ArrivalTable | None) -> None:
+    from lava_ros.maps.plot import area_words, duration
+    from lava_ros.simulation.output.budget import VolumeBudget
+
+    resolution, across = record['resolution'], record['resolution']['particles_across']
+    budget = VolumeBudget.from_texts({name: str(value) for name, value in record.items()})
+    assert budget is not None
+    for name, value in (
+        ('simulated time', duration(record['simulated_time_s'])),
+        ('start of the eruption', record['onset'] or 'unknown'),
+        ('particles', f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart'),
+        ('particles across the flow', 'unknown' if across is None else f'{across:.2g}'),
+        ('numerical error', record['numerical_error_text']),
+        ('inundated area', area_words(record['inundated_area_m2'])),
+        ('standing lava', area_words(record['standing_area_m2'])),
+        *((f'volume {name}', value) for name, value in budget.rows()),
+        ('wall time', f'{record["wall_time_s"]:.1f} s on {record["device"]}'),
+        ('run', record['folder']),
+    ):
+        print(f'{name:32} {value}')
+    if table is not None:
+        texts = table.as_texts()
+        sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
+        print('\n'.join([table.summary, *table_lines(texts, sides)]))
+    for item in record['warnings']:
+        print(f'lava run: {item}', file=sys.stderr)

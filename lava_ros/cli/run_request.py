@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The run that the arguments of `lava run` ask for."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lava_ros import validation
+from lava_ros.cli.options import device_named, forced_effects, seconds_of
+from lava_ros.cli.scenes import log_resolution, scene_from_arguments
+from lava_ros.errors import LavaError
+from lava_ros.files.resources import find_file
+from lava_ros.files.yaml import read_yaml
+from lava_ros.runs.provenance import digests, files_in
+from lava_ros.runs.scene_run import Request
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy
+
+if TYPE_CHECKING:
+    from lava_ros.scene import Scene
+
+#: Maximum number of maps.
+MAX_MAPS = 10_000
+
+
+def request_of(args: argparse.Namespace) -> Request:
+    """Return the run of the arguments, and log warnings about its scene.
+
+    Raises:
+        LavaError: If an argument or a file is not valid.
+    """
+    until, forced = seconds_of('--until', args.until), forced_effects(args)
+    within = None if args.within is None else seconds_of('--within', args.within)
+    if within is not None and args.spacing is not None:
+        raise LavaError('--spacing', args.spacing, 'no --spacing together with --within')
+    if args.threshold is not None:
+        validation.number('--threshold', args.threshold, above=0.0, unit='m')
+    device = device_named(args.device)
+    scene = scene_from_arguments(args)
+
+    def accuracy() -> tuple[str, Accuracy]:
+        preset, spacing = args.preset, args.spacing
+        if within is not None:
+            preset, spacing = _planned(scene, within, until, device)
+        chosen = preset_accuracy(preset, spacing=spacing)
+        if args.threshold is not None:
+            chosen = replace(chosen, threshold=args.threshold)
+        log_resolution(scene, chosen, forced, until, args.threshold)
+        return preset, chosen
+
+    return Request(
+        scene,
+        name=Path(args.scene or args.terrain or 'st_helens').stem,
+        until=until,
+        times=_map_times(args, until),
+        settings={
+            'preset': args.preset, 'spacing_m': args.spacing, 'within_s': within,
+            'threshold_m': args.threshold,
+        },
+        accuracy=accuracy,
+        forced=forced,
+        device=device,
+        inputs=digests(_files(args)),
+        output=None if args.output is None else Path(args.output),
+    )
+
+
+def _planned(scene: Scene, within: float, until: float, device: str) -> tuple[str, float]:
+    """Return the preset and the spacing [m] of the finest run within a wall time [s]."""
+    from lava_ros.forecast.planning import plan_within
+
+    found = plan_within(scene, within=within, horizon=until, device=device)
+    print(f'plan: preset {found.preset}, spacing {found.spacing:.3g} m')
+    return found.preset, found.spacing
+
+
+def _map_times(args: argparse.Namespace, until: float) -> list[float]:
+    """Return the times of the maps [s], the last one at the end."""
+    count = validation.whole('--maps', args.maps, at_least=1, at_most=MAX_MAPS)
+    times = {until * number / count for number in range(1, count)} | {until}
+    for text in args.at:
+        time = seconds_of('--at', text)
+        if time > until:
+            raise LavaError('--at', text, f'a time at or before --until, {args.until}')
+        times.add(time)
+    return sorted(times)
+
+
+def _files(args: argparse.Namespace) -> Iterator[tuple[str, Path]]:
+    """Yield the input files of a scene, as given and as paths."""
+    given = [args.terrain, args.vents, *(args.emplaced_flow or ())]
+    given += [args.discharge] if isinstance(args.discharge, str) else []
+    given += [file for _, file in args.terrain_at or ()]
+    for name in given:
+        if name is not None and (path := Path(name)).is_file():
+            yield name, path
+    if args.scene is not None:
+        path = find_file(args.scene, 'examples', field='scene', expected='a readable YAML file')
+        yield args.scene, path
+        yield from files_in(read_yaml('scene', path), path.parent)

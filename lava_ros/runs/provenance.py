@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Provenance of a run: program, input files, and a digest of all that decides its result."""
+
+from collections.abc import Iterable, Iterator, Mapping
+import hashlib
+import json
+from pathlib import Path
+import subprocess
+from typing import Any
+
+import lava_ros
+from lava_ros.errors import refusing
+from lava_ros.files import open_input
+from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.simulation import MODEL
+
+#: Maximum wait for git [s].
+_GIT_TIMEOUT = 5.0
+
+
+def program() -> dict[str, Any]:
+    """Return the version, the model number and the commit of this program."""
+    return {'lava_ros': lava_ros.__version__, 'model': MODEL, 'commit': _commit()}
+
+
+def _commit() -> str | None:
+    """Return the commit of the checkout from which the package runs, None without one."""
+    root = Path(lava_ros.__file__).resolve().parents[1]
+    if not (root / '.git').exists():
+        return None
+    words = ['git', '-C', str(root), 'describe', '--always', '--dirty', '--abbrev=40',
+             '--exclude', '*']
+    try:
+        done = subprocess.run(
+            words, capture_output=True, text=True, timeout=_GIT_TIMEOUT, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None
+
+
+def files_in(data: Any, folder: Path) -> Iterator[tuple[str, Path]]:
+    """Yield the files that a scene file names, as written there and as paths.
+
+    Args:
+        data: Content of the scene file.
+        folder: Folder to which its names are relative.
+    """
+    items: Iterable[Any] = ()
+    if isinstance(data, Mapping):
+        for key in ('file', 'terrain'):
+            if isinstance(name := data.get(key), str) and (folder / name).is_file():
+                yield name, folder / name
+        items = data.values()
+    elif isinstance(data, list):
+        items = data
+    for item in items:
+        yield from files_in(item, folder)
+
+
+def digests(files: Iterable[tuple[str, Path]]) -> list[dict[str, Any]]:
+    """Return the path as given, the size and the SHA-256 digest of each file, each file once.
+
+    Raises:
+        LavaError: If a file cannot be read.
+    """
+    found: dict[Path, dict[str, Any]] = {}
+    for name, path in files:
+        if path not in found:
+            digest, size = hashlib.sha256(), 0
+            with refusing('file', name, 'a readable file', OSError), open_input(path) as stream:
+                while block := stream.read(2**20):
+                    digest.update(block)
+                    size += len(block)
+            found[path] = {'path': name, 'bytes': size, 'sha256': digest.hexdigest()}
+    return list(found.values())
+
+
+def identity_of(scene: Scene, settings: Mapping[str, Any]) -> str:
+    """Return a digest that differs for every other scene and other settings of a run.
+
+    Args:
+        scene: The scene, with all values resolved.
+        settings: Everything else that decides the result, as plain data.
+    """
+    digest = hashlib.sha256()
+    grids = [scene.terrain.elevation, *(flow.thickness for flow in scene.emplaced_flows)]
+    grids += [event.terrain.elevation for event in scene.events if event.terrain is not None]
+    for grid in grids:
+        digest.update(grid.tobytes())
+    plain = {'scene': scene_to_dict(scene), **settings}
+    digest.update(json.dumps(plain, sort_keys=True, default=str).encode())
+    return digest.hexdigest()

@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The folder of a run with maps: ``run.json``, a bag, and the state of an interrupted run.
+
+``run.json`` is written before the first map, and again at the end. Maps are flushed before the
+checkpoint that includes them. A resumed run copies the maps up to its checkpoint into a new bag.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+import shutil
+from typing import Any
+
+import numpy as np
+
+from lava_ros.bag.run_bag import bag_in, RUN_FILE
+from lava_ros.errors import refusing
+from lava_ros.runs.map_bag import RunBag, START_NS
+from lava_ros.runs.store import numbered, RunStore, USABLE
+from lava_ros.scene import Scene
+from lava_ros.simulation.output.checkpoint import Checkpoint
+
+#: Folder of the bag of maps.
+MAPS = 'maps'
+
+
+class RunFolder(RunStore):
+    """The folder of one run with maps.
+
+    Attributes:
+        bag: The bag of its maps.
+    """
+
+    def __init__(
+        self, path: Path, scene: Scene, record: Mapping[str, Any], data: Mapping[str, str],
+        expected: str = USABLE,
+    ) -> None:
+        """Create the folder, or resume the interrupted run in it.
+
+        Args:
+            path: The folder, as for ``RunStore``.
+            scene: The scene of the run.
+            record: Contents of ``run.json``, with ``identity`` and ``program``.
+            data: Description of the bag in addition to its scene.
+            expected: Description of a usable folder, for the error.
+
+        Raises:
+            LavaError: As for ``RunStore``.
+        """
+        super().__init__(path, record, expected)
+        former = bag_in(path)
+        with refusing('--output', str(path), 'a folder to write to', OSError):
+            maps = next(item for item in numbered(path / MAPS) if not item.exists())
+            self.bag = RunBag(maps, scene, data)
+            if self.checkpoint is None:
+                self.bag.put_scene(scene, 0.0, START_NS)
+            else:
+                self.bag.copy(former, self.checkpoint.time)
+            self.put({'maps': maps.name})
+            if former != path and former.is_dir():
+                # the new bag has its maps up to the checkpoint
+                shutil.rmtree(former)
+
+    def keep(
+        self, checkpoint: Checkpoint, arrays: Mapping[str, np.ndarray] = {}, **changes: Any
+    ) -> None:
+        """Store the state, and the maps before it; arguments and errors as for ``RunStore``."""
+        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+            self.bag.flush()
+        super().keep(checkpoint, arrays, **changes)
+
+    def put(self, changes: Mapping[str, Any]) -> None:
+        """Write ``run.json`` with some values changed, and with the topics of the bag."""
+        node = {'node': self.bag.node.name, 'topics': self.bag.layer_topics}
+        super().put({**changes, **node})
+
+    def finish(self, changes: Mapping[str, Any]) -> None:
+        """Close the bag, write ``run.json`` and remove the state; errors as for ``RunStore``."""
+        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+            self.bag.close()
+        super().finish(changes)
+
+    def discard(self) -> None:
+        """Remove the files of a new run that could not start; keep those of a resumed one.
+
+        Raises:
+            LavaError: If they cannot be removed.
+        """
+        self.close()
+        if self.checkpoint is None:
+            with refusing('--output', str(self.path), 'a folder to write to', OSError):
+                shutil.rmtree(self.bag.directory)
+                (self.path / RUN_FILE).unlink()
+                self.path.rmdir()
+
+    def close(self) -> None:
+        """Close the bag, and let another run use the folder.
+
+        Raises:
+            LavaError: If the bag cannot be written.
+        """
+        super().close()
+        if hasattr(self, 'bag'):
+            with refusing('--output', str(self.path), 'a folder to write to', OSError):
+                self.bag.close()

@@ -1,0 +1,238 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The state of a run in its folder, from which an interrupted run is resumed."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import fcntl
+from itertools import count
+import json
+import logging
+import math
+import os
+from pathlib import Path
+import time as wall_clock
+from typing import Any
+
+import numpy as np
+
+from lava_ros.bag.run_bag import RUN_FILE
+from lava_ros.errors import LavaError, refusing
+from lava_ros.files import open_input, replacing, write_output
+from lava_ros.files.npz import read_arrays
+from lava_ros.files.yaml import parse_json
+from lava_ros.runs.sinks import ScheduledSink
+from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes
+
+_LOG = logging.getLogger(__name__)
+
+#: Version of the format of ``run.json``.
+VERSION = 1
+
+#: Files of an interrupted run: its last state, and arrays that belong to it.
+CHECKPOINT, ARRAYS = 'checkpoint', 'arrays.npz'
+
+#: Minimum wall time after which a run stores its state again [s], and maximum fraction of the
+#: wall time that storing takes.
+KEEP_EVERY, MAX_KEEP_FRACTION = 10.0, 0.05
+
+#: Values of ``status`` in ``run.json``.
+RUNNING, FINISHED = 'running', 'finished'
+
+#: Folders that a run can use.
+USABLE = 'a folder that is new, empty, or of an interrupted run of the same scene and settings'
+
+
+class RunStore:
+    """A folder with ``run.json`` and the state of an interrupted run, which one run can use.
+
+    Attributes:
+        path: The folder.
+        record: Contents of ``run.json``; of a resumed run, those that it had.
+        checkpoint: State from which the run is resumed; None for a new run.
+        arrays: Arrays that were stored with it, by name.
+    """
+
+    def __init__(self, path: Path, record: Mapping[str, Any], expected: str = USABLE) -> None:
+        """Create the folder, or read the state of the interrupted run in it.
+
+        Args:
+            path: The folder: new, empty, or of an interrupted run with the same identity.
+            record: Contents of ``run.json``, with ``identity`` and ``program``.
+            expected: Description of a usable folder, for the error.
+
+        Raises:
+            LavaError: If the folder contains anything else, cannot be read or written, or another
+                run is using it.
+        """
+        self.path, self.record = path, {'status': RUNNING, **record}
+        self.checkpoint: Checkpoint | None = None
+        self.arrays: dict[str, np.ndarray] = {}
+        known = known_record(path)
+        if not is_usable(path, known, record['identity']):
+            raise LavaError('--output', str(path), expected)
+        with refusing('--output', str(path), 'a folder to write to', OSError):
+            path.mkdir(parents=True, exist_ok=True)
+            self._lock: int | None = _locked(path)
+        if (path / CHECKPOINT).is_file() and known:
+            with refusing('--output', str(path), expected, OSError, KeyError, TypeError):
+                self._read_state(known)
+
+    def _read_state(self, known: Mapping[str, Any]) -> None:
+        self.checkpoint = from_bytes((self.path / CHECKPOINT).read_bytes())
+        if (self.path / ARRAYS).is_file():
+            self.arrays = dict(read_arrays('--output', self.path / ARRAYS))
+        models = [item['program']['model'] for item in (known, self.record)]
+        if models[0] != models[1]:
+            _LOG.warning(
+                '{} was begun with model {}, and continues with model {}: the result is that of '
+                'neither'.format(self.path, *models)
+            )
+        self.record = dict(known)
+
+    def keep(
+        self, checkpoint: Checkpoint, arrays: Mapping[str, np.ndarray] = {}, **changes: Any
+    ) -> None:
+        """Store the state from which the run can be resumed.
+
+        Args:
+            checkpoint: The state.
+            arrays: Arrays that later parts of the run only add to.
+            changes: Changes of ``run.json``.
+
+        Raises:
+            LavaError: If a file cannot be written.
+        """
+        self.put(changes)
+        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+            if arrays:
+                with replacing(self.path / ARRAYS) as partial:
+                    np.savez(partial, **arrays)  # type: ignore[arg-type]
+        write_output('--output', self.path / CHECKPOINT, checkpoint.to_bytes())
+
+    def put(self, changes: Mapping[str, Any]) -> None:
+        """Write ``run.json`` with some values changed.
+
+        Raises:
+            LavaError: If it cannot be written.
+        """
+        self.record = _finite({'version': VERSION, **self.record, **changes})
+        text = json.dumps(self.record, indent=1, allow_nan=False) + '\n'
+        write_output('--output', self.path / RUN_FILE, text)
+
+    def finish(self, changes: Mapping[str, Any]) -> None:
+        """Write ``run.json`` of a finished run, and remove its state.
+
+        Raises:
+            LavaError: If a file cannot be written.
+        """
+        self.put({**changes, 'status': FINISHED})
+        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+            for name in (CHECKPOINT, ARRAYS):
+                (self.path / name).unlink(missing_ok=True)
+        self.close()
+
+    def close(self) -> None:
+        """Let another run use the folder."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def __del__(self) -> None:
+        """Let another run use the folder."""
+        if getattr(self, '_lock', None) is not None:
+            self.close()
+
+
+def _finite(plain: Any) -> Any:
+    """Return plain data with None in place of numbers that JSON cannot represent."""
+    if isinstance(plain, Mapping):
+        return {key: _finite(value) for key, value in plain.items()}
+    if isinstance(plain, list | tuple):
+        return [_finite(value) for value in plain]
+    return None if isinstance(plain, float) and not math.isfinite(plain) else plain
+
+
+def _locked(path: Path) -> int:
+    """Return an open folder that no other run can lock while it is open."""
+    folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(folder)
+        expected = 'a folder that no other run is writing to'
+        raise LavaError('--output', str(path), expected) from None
+    return folder
+
+
+def known_record(path: Path) -> dict[str, Any]:
+    """Read the ``run.json`` of a folder; empty without one.
+
+    Raises:
+        LavaError: If it cannot be read or is not that of a run.
+    """
+    if not (path / RUN_FILE).is_file():
+        return {}
+    expected = 'a folder whose run.json is that of a run, and undamaged'
+    with refusing('run', str(path), expected, OSError, KeyError, TypeError, ValueError):
+        with open_input(path / RUN_FILE) as file:
+            record: dict[str, Any] = parse_json(RUN_FILE, file.read())
+        if record['version'] > VERSION:
+            raise LavaError(f'version of {path / RUN_FILE}', record['version'], f'{VERSION}')
+        return record
+
+
+def unused_folder(parent: Path, name: str, identity: str) -> Path:
+    """Return the first folder of a name, with a number if needed, that a run can use.
+
+    It is new, empty, or that of an interrupted run with the same identity.
+    """
+    return next(
+        path for path in numbered(parent / name)
+        if is_usable(path, known_record(path), identity)
+    )
+
+
+def numbered(path: Path) -> Iterator[Path]:
+    """Yield a path, and then the path with the numbers from 2 in its name."""
+    yield path
+    for number in count(2):
+        yield path.with_name(f'{path.name}_{number}')
+
+
+def is_usable(path: Path, known: Mapping[str, Any], identity: str) -> bool:
+    """Return True if a run with an identity may use a folder whose record is ``known``."""
+    if known:
+        return known.get('status') == RUNNING and known.get('identity') == identity
+    return not path.exists() or (path.is_dir() and not any(path.iterdir()))
+
+
+class KeepSink(ScheduledSink):
+    """Stores the state of a run at intervals of wall time."""
+
+    def __init__(self, keep: Callable[[], object], times: Sequence[float] | None = None) -> None:
+        """Initialize.
+
+        Args:
+            keep: Function that stores the state.
+            times: Simulated times [s] at which the state may be stored; None for any time. A run
+                in a batch needs them, because it cannot complete a step by itself.
+        """
+        super().__init__([] if times is None else times)
+        self._keep, self._is_free = keep, times is None
+        self._wait(KEEP_EVERY)
+
+    def observe(self, simulation: Any, time: float) -> Iterable[object]:
+        """Store the state if that is due."""
+        self._note_time(time)
+        begun = wall_clock.monotonic()
+        if begun >= self._next:
+            self._keep()
+            self._wait(max(KEEP_EVERY, (wall_clock.monotonic() - begun) / MAX_KEEP_FRACTION))
+        return ()
+
+    def _wait(self, duration: float) -> None:
+        """Store the state again after a wall time [s]."""
+        self._next = wall_clock.monotonic() + duration
+        if self._is_free:
+            self.wall_due = self._next

@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The date of simulated time 0 in scenes, from files and options to checkpoints."""
+
+from datetime import datetime, timezone
+
+import numpy as np
+import pytest
+
+from command_line import refused
+from geodata import write_scene
+from lava_ros.cli.parser import parse_command_line
+from lava_ros.cli.scenes import scene_as_given
+from lava_ros.errors import LavaError
+from lava_ros.scene import Scene, scene_from_dict, scene_from_yaml, scene_to_dict, Terrain
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.output.checkpoint import from_bytes
+
+DATED = 'start,end,effusion_rate\n2026-11-27T05:30Z,2026-11-27T06:30Z,5\n'
+PLAIN = 'start,end,effusion_rate\n0,3600,5\n'
+ONSET = datetime(2026, 11, 27, 5, 30, tzinfo=timezone.utc)
+START = '2026-11-27T05:30:00Z'
+
+
+def write(folder, rates, table=DATED, **more):
+    (folder / 'rates.csv').write_text(table)
+    vents = [
+        {'position': [200.0 + 50.0 * index, 200.0], 'effusion_rate': rate}
+        for index, rate in enumerate(rates)
+    ]
+    return write_scene(folder, np.zeros((40, 40)), 10.0, {'vents': vents, **more})
+
+
+@pytest.mark.parametrize(('rates', 'table', 'more'), [
+    ([{'file': 'rates.csv', 'start': START}], DATED, {}),
+    ([{'file': 'rates.csv'}], DATED, {}),
+    ([{'file': 'rates.csv'}], DATED, {'onset': '2026-11-27T06:30:00+01:00'}),
+    ([{'file': 'rates.csv', 'start': START}], PLAIN, {}),
+    ([5.0], PLAIN, {'onset': START}),
+    ([5.0, {'file': 'rates.csv', 'start': START}, {'file': 'rates.csv'}], DATED, {}),
+])
+def test_scene_keeps_the_date_of_its_start(rates, table, more, tmp_path):
+    scene = scene_from_yaml(write(tmp_path, rates, table, **more))
+    assert scene.onset == ONSET
+    again = scene_from_dict(scene_to_dict(scene), scene.terrain)
+    assert again.onset == ONSET
+
+
+def test_scene_without_a_date_has_no_onset(tmp_path):
+    scene = scene_from_yaml(write(tmp_path, [{'file': 'rates.csv'}], PLAIN))
+    assert scene.onset is None and 'onset' not in scene_to_dict(scene)
+
+
+def test_tables_with_different_starts_are_refused(tmp_path):
+    other = {'file': 'rates.csv', 'start': '2026-11-27T05:00:00Z'}
+    path = write(tmp_path, [{'file': 'rates.csv', 'start': START}, other])
+    with pytest.raises(LavaError) as caught:
+        scene_from_yaml(path)
+    assert str(caught.value) == (
+        "vents[1].effusion_rate.start is '2026-11-27T05:00:00Z', expected 2026-11-27T05:30:00Z, "
+        'the time 0 of vents[0].effusion_rate'
+    )
+
+
+@pytest.mark.parametrize('onset', ['2026-11-27', datetime(2026, 11, 27), 5])
+def test_onset_without_a_time_zone_is_refused(onset):
+    with pytest.raises(LavaError, match=r'scene\.onset is .*with a time zone'):
+        Scene(Terrain(np.zeros((4, 4)), 10.0), onset=onset)
+
+
+@pytest.mark.parametrize(('words', 'rates'), [
+    (['--start', START, '--effusion-rate', '5'], [3.0]),
+    (['--eruption-start', START], [3.0]),
+    (['--effusion-rate', 'rates.csv'], [3.0]),
+    (['--effusion-rate', 'rates.csv', '--start', START], [3.0]),
+    ([], [{'file': 'rates.csv'}]),
+    (['--start', START], [{'file': 'rates.csv'}]),
+    (['--vent', '200,200', '--start', START], [{'file': 'rates.csv', 'start': '2026-11-27'}]),
+])
+def test_options_of_a_scene_give_its_onset(words, rates, tmp_path):
+    path = write(tmp_path, rates)
+    words = [str(tmp_path / word) if word == 'rates.csv' else word for word in words]
+    args = parse_command_line(['effects', str(path), *words])
+    assert scene_as_given(args).onset == ONSET
+
+
+def test_start_that_contradicts_the_rates_of_the_file_is_refused(tmp_path):
+    path = write(tmp_path, [{'file': 'rates.csv'}])
+    error = refused('effects', path, '--start', '2026-11-27T00:00Z')
+    assert '--eruption-start is ' in error
+    assert 'expected 2026-11-27T05:30:00Z, the time 0 of the effusion rates of' in error
+
+
+def test_checkpoint_keeps_the_onset():
+    scene = Scene(Terrain(np.zeros((20, 20)), 10.0), onset=ONSET)
+    stored = Simulation(scene, device='cpu').checkpoint().to_bytes()
+    assert from_bytes(stored).scene.onset == ONSET
