@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lava_ros.files import raster_formats, vectors
 from lava_ros.files.columns import COLUMNS
-from lava_ros.scene import effusion_rates, features, reshaping, vent_files
+from lava_ros.scene import effusion_rates, features, measurements, reshaping, vent_files
 
 PAGE = Path(__file__).with_name('FORMATS.md')
 
@@ -96,6 +96,17 @@ def column_rows() -> Iterator[tuple[str, ...]]:
         yield (f'`{name}`', MEANINGS[name], where, _endings(list(known[1:]), ''))
 
 
+def survey_rows() -> Iterator[tuple[str, ...]]:
+    """Yield a row for each survey of a terrain, with its errors."""
+    yield ('`terrain: {survey: ...}`', 'survey', 'standard deviation', 'correlation', 'source')
+    for name, item in measurements.SURVEYS.items():
+        errors = item.roughness
+        yield (
+            f'`{name}`', item.title, f'{errors.deviation:g} m', f'{errors.correlation:g} m',
+            item.source,
+        )
+
+
 def run_rows() -> Iterator[tuple[str, ...]]:
     """Yield a row for each key of ``run.json``, from its JSON Schema."""
     yield ('key', 'content')
@@ -107,6 +118,7 @@ def run_rows() -> Iterator[tuple[str, ...]]:
 #: Rows of tables, by the name of their section.
 TABLES = {
     'rasters': raster_rows, 'vectors': vector_rows, 'columns': column_rows, 'run': run_rows,
+    'surveys': survey_rows,
 }
 
 

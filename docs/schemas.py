@@ -22,10 +22,12 @@ from lava_ros.ros import parameters
 from lava_ros.runs.store import FINISHED, RUNNING, VERSION
 from lava_ros.scene import (
     constants_of,
+    distributions,
     effusion_rates,
     emplaced,
     events,
     Lava,
+    measurements,
     reshaping,
     Scene,
     uncertainty,
@@ -214,6 +216,10 @@ def rate_options() -> dict[str, Schema]:
             'description': 'Effusion rate in a time without data',
             'enum': list(effusion_rates.GAPS),
         },
+        'measured': {
+            'description': 'Method of measurement, for the error of rates without errors',
+            'enum': list(measurements.RATE_ERRORS),
+        },
         'porosity': {
             'description': 'Fraction of bubbles: rates are dense-rock equivalents',
             'type': 'number', 'minimum': 0.0, 'exclusiveMaximum': 1.0,
@@ -250,31 +256,57 @@ def vent() -> Schema:
 def distribution() -> Schema:
     """Return the schema of a distribution."""
     kinds = []
-    for kind, names in uncertainty.KINDS.items():
-        numbers = {name: of_check(uncertainty.check_of(kind, name)) for name in names}
+    words = {
+        'source': TEXT | {'description': 'Reference, for people'},
+        'follows': {'$ref': '#/definitions/leader'},
+    }
+    for kind, names in distributions.KINDS.items():
+        numbers = {name: of_check(distributions.check_of(kind, name)) for name in names}
         limits: dict[str, Schema] = {}
-        if kind in uncertainty.WITH_LIMITS:
+        if kind in distributions.WITH_LIMITS:
             limits['limits'] = of_check(partial(validation.pair, most=1e9))
-        known = {'distribution': {'const': kind}, **numbers, **limits}
+        known = {'distribution': {'const': kind}, **numbers, **limits, **words}
         kinds.append(mapping(known, ['distribution', *names]))
     return {'anyOf': kinds}
+
+
+def definitions() -> dict[str, Schema]:
+    """Return the schemas to which others refer."""
+    names = [sign + name for sign in ('', '-') for name in uncertainty.QUANTITIES]
+    meaning = 'Quantity with the same, or after a minus sign the opposite, rank'
+    return {
+        'distribution': distribution(), 'leader': {'description': meaning, 'enum': ['', *names]}
+    }
 
 
 def uncertainties() -> Schema:
     """Return the schema of uncertain quantities."""
     one = {'$ref': '#/definitions/distribution'}
     roughness = {
-        item.name: of_check(uncertainty.ROUGHNESS_CHECK) for item in fields(uncertainty.Roughness)
+        name: of_check(distributions.ROUGHNESS_CHECK) for name in ('deviation', 'correlation')
     }
-    displacement = {item.name: of_field(item) for item in fields(uncertainty.Displacement)}
+    displacement = {
+        item.name: of_field(item)
+        for item in fields(distributions.Displacement) if item.metadata
+    }
     probability = of_check(uncertainty.PROBABILITY_CHECK)
     classes = mapping(
         {'probability': probability, 'duration': one, 'volume': one, 'name': TEXT},
         ['probability', 'duration', 'volume'],
     )
+    source = {'source': TEXT | {'description': 'Reference, for people'}}
+    measured = {'measured': {'enum': list(measurements.RATE_ERRORS)}}
+    survey = {'survey': {'enum': list(measurements.SURVEYS)}}
+    quantities = {'enum': list(uncertainty.QUANTITIES)}
     known = {
-        'position': mapping(displacement),
-        'terrain': mapping(roughness, roughness),
+        'discharge': {'anyOf': [one, mapping(measured, measured)]},
+        'effusion_rate': {'anyOf': [one, mapping(measured, measured)]},
+        'exact': {'anyOf': [{'const': uncertainty.ALL}, list_of(quantities)]},
+        'material': {'enum': list(materials())},
+        'position': mapping(displacement | source),
+        'terrain': {
+            'anyOf': [mapping(roughness | source, roughness), mapping(survey, survey)]
+        },
         'constants': mapping(dict.fromkeys(uncertainty.CONSTANTS, one)),
         'eruption': list_of(classes),
     }
@@ -284,6 +316,8 @@ def uncertainties() -> Schema:
         'effusion_rate': 'Factor on all effusion rates',
         'temperature': 'Offset of the temperature of all vents [K]',
         'position': 'Displacement of all vents', 'terrain': 'Errors of the terrain',
+        'exact': 'Quantities that are not drawn',
+        'material': 'Material whose published ranges are drawn; that of the lava if left out',
     }
     schemas = {
         name: {'description': texts[name], 'allOf': [known.get(name, one)]}
@@ -349,7 +383,7 @@ def scene() -> Schema:
     }
     known = {name: known[name] for name in SCENE_KEYS}
     return mapping(
-        {**known, 'material': deprecated_material()}, definitions={'distribution': distribution()}
+        {**known, 'material': deprecated_material()}, definitions=definitions()
     )
 
 
@@ -382,7 +416,7 @@ def case_file() -> Schema:
     }
     known = {name: known[name] for name in case.KEYS}
     return mapping(
-        {**known, 'material': deprecated_material()}, definitions={'distribution': distribution()}
+        {**known, 'material': deprecated_material()}, definitions=definitions()
     )
 
 

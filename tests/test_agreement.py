@@ -47,7 +47,7 @@ LAVA = (
     'epsg: 32633\nlava: {viscosity: 6.0e+2, yield_strength: 0, crust_strength: 0, '
     'solidus: 1250.0, convection: 260.0, arrhenius: 0.01}\nvent_temperature: 1360.0\n'
     'effusion_rate: {start: 2021-09-19T14:10:00Z}\n'
-    'uncertainty: {temperature: {distribution: uniform, low: 0.0, high: 1.0e-9}}\n'
+    'uncertainty: {temperature: {distribution: uniform, low: 0.0, high: 1.0e-9}, exact: all}\n'
 )
 
 #: Options of every run.

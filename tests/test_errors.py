@@ -17,7 +17,7 @@ from lava_ros.errors import (
     MAX_VALUE_LENGTH,
     refusing,
 )
-from lava_ros.scene.uncertainty import Displacement, Roughness
+from lava_ros.scene.distributions import Displacement, Roughness
 
 
 def test_error_names_field_value_and_expectation():

@@ -23,8 +23,9 @@ from lava_ros.forecast.picture import draw_narrowing
 from lava_ros.forecast.scores import brier_score, entropy
 from lava_ros.runs.drive import drive
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.distributions import Displacement, Distribution
 from lava_ros.scene.terrain_files import demo_terrain
-from lava_ros.scene.uncertainty import Displacement, Distribution, Uncertainty
+from lava_ros.scene.uncertainty import Uncertainty
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
 

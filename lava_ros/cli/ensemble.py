@@ -102,22 +102,25 @@ WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
 def ensemble(args: argparse.Namespace) -> int:
     """Run a scene many times, and map the probability and the time of lava inundation.
 
-    The command draws a value of each uncertain quantity of a scene (its section `uncertainty`) for
-    each member and runs the members on all cores or GPUs. It writes the probability of inundation,
-    the times by which lava has reached a cell in 10, 50 and 90 % of the members, and the expected
-    thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and
-    adds members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava
-    hindcast: the command then draws from the published ranges of the lava, unless case.yaml has a
-    section `uncertainty`, and scores the probability against the mapped flow, and at the dates of
-    its outlines if it has any. With --barriers the members run a second time with barriers; the
-    folder with_barriers has the maps of these runs, and the folder comparison what the barriers
-    change.
+    The command draws a value of each uncertain quantity for each member and runs the members on
+    all cores or GPUs. It draws the distributions in the section `uncertainty` of a scene, the
+    published ranges of the lava, and the usual errors of effusion rates, vents and ground, except
+    for the quantities that the section lists as `exact`. It prints what it has drawn, from which
+    source, and which quantities decide the inundated area. It writes the probability of
+    inundation, the times by which lava has reached a cell in 10, 50 and 90 % of the members, and
+    the expected thickness, as GeoTIFF and as a bag. The same command continues an interrupted
+    ensemble, and adds members to a finished one. SCENE may also be the folder of a mapped
+    eruption, as for lava hindcast: the command then scores the probability against the mapped
+    flow, and at the dates of its outlines if it has any. With --barriers the members run a second
+    time with barriers; the folder with_barriers has the maps of these runs, and the folder
+    comparison what the barriers change.
     """
     import numpy as np
 
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
     from lava_ros.forecast.ensemble_error import measure_ensemble_error
+    from lava_ros.forecast.influence import Influences, influences_of
     from lava_ros.forecast.member_scenes import check_members
     from lava_ros.forecast.rasters import observed_in_file, write_atlas
     from lava_ros.forecast.sampling import (
@@ -134,6 +137,7 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.scene.on_terrain import read_raster_on
     from lava_ros.scene.projection import coordinate_system
+    from lava_ros.scene.ranges import describe_inputs
     from lava_ros.scene.uncertainty import uncertainty_to_dict
     from lava_ros.simulation.numerical_error import mean_difference, NOT_MEASURED
 
@@ -172,6 +176,7 @@ def ensemble(args: argparse.Namespace) -> int:
     onset = Onset.of(scene)
     store = Store(output, plan, **kept)
     error: NumericalError | None = None
+    decides: Influences | None = None
 
     def write_maps(
         maps: HazardMaps, folder: Path = output, seen: str = 'none', *, store: Store = store
@@ -180,6 +185,8 @@ def ensemble(args: argparse.Namespace) -> int:
             'seed': str(args.seed),
             'numerical_error': NOT_MEASURED if error is None else error.brief(),
         }
+        if decides is not None:
+            tags['influence'] = json.dumps(decides.as_dict())
         origin = Provenance(
             name, tuple(plan.effects), args.preset, observation=seen,
             onset=onset,
@@ -214,8 +221,11 @@ def ensemble(args: argparse.Namespace) -> int:
     plan = store.plan
     if args.scheduler is None:
         error = measure_ensemble_error(plan, done.maps.members, output, device=args.device)
+    decides = influences_of(scene, members, store.finished(len(members)))
     report = summarize(args, plan, done.maps, done, wall, where)
     report |= {
+        'inputs': describe_inputs(scene),
+        'influence': decides.as_dict(),
         'numerical_error': None if error is None else error.as_dict(),
         'erupting_lava': EruptingLava.of(scene).as_dict(),
         'warnings': warnings_of_plan(plan),
@@ -358,8 +368,13 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     from lava_ros.simulation import presets
 
     if args.scene is None or not Path(args.scene).is_dir():
+        scene = scene_as_given(args)
+        if args.susceptibility is not None and scene.uncertainty.position is None:
+            # the map is the distribution of the place
+            fixed = scene.uncertainty.fixing(['position'])
+            scene = replace(scene, uncertainty=fixed)
         plan = make_plan(
-            scene_as_given(args),
+            scene,
             horizon=seconds_of('--horizon', args.horizon or HORIZON),
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,

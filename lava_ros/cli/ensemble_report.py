@@ -129,6 +129,8 @@ def print_report(
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
     print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} from before')
+    print('\n'.join(_input_lines(report['inputs'])))
+    print('\n'.join(_influence_lines(report['influence'])))
     if 'observed' in report:
         mean = 100 * report['observed']['jaccard_mean']
         print(
@@ -193,6 +195,52 @@ def print_report(
                 file=sys.stderr,
             )
     print('\n'.join(f'written to {path}' for path in report['files']))
+
+
+def _input_lines(inputs: dict[str, Any]) -> list[str]:
+    """Describe the drawn quantities with their sources, and the exact ones."""
+    sources: dict[str, int] = {}
+    rows = [
+        [
+            name.replace('_', ' '), item['distribution'],
+            f'[{sources.setdefault(item["source"], len(sources) + 1)}]',
+        ]
+        for name, item in inputs['drawn'].items()
+    ]
+    lines = ['drawn:', *table_lines(rows, '<<<')]
+    if not rows:
+        lines = ['drawn: only the place of the vent']
+    reasons: dict[str, list[str]] = {}
+    for name, reason in inputs['exact'].items():
+        reasons.setdefault(reason, []).append(name.replace('_', ' '))
+    lines += [
+        f'taken as exact: {", ".join(names)} ({reason})' for reason, names in reasons.items()
+    ]
+    return lines + [f'[{number}] {source}' for source, number in sources.items()]
+
+
+def _influence_lines(data: dict[str, Any]) -> list[str]:
+    """Describe which quantities decide the inundated area."""
+    from lava_ros.forecast.influence import Influences
+    from lava_ros.maps.numbers import percent
+
+    found = Influences.from_dict(data)
+    if not found.rows:
+        return [f'what decides: {found.text()}']
+    rows = [['what decides', 'inundated area', '', '1 - J', '']]
+    rows += [
+        [
+            row.title, f'{100.0 * row.area:+.0f} %', f'+- {percent(row.area_error)}',
+            percent(row.mismatch), f'+- {percent(row.mismatch_error)}',
+        ]
+        for row in found.rows
+    ]
+    return [
+        *table_lines(rows, '<>>>>'),
+        'by a change of one quantity from its 10 % to its 90 % quantile, with standard errors, '
+        f'from {found.members} members; terrain and interaction are {percent(found.rest or 0.0)} '
+        'of the variance of the map',
+    ]
 
 
 def _print_dates(dates: dict[str, Any]) -> None:

@@ -34,13 +34,13 @@ def plan(args: argparse.Namespace) -> int:
 
     The command makes coarse pilot runs of a scene on this machine, in at most 15 % of the given
     time. It prints a table of particle spacings with the numerical error and its parts, and the
-    time that a run takes; the preset and the spacing of the finest run that fits; and the number
-    of members that an ensemble can have, with the sampling error of a probability.
+    time that a run takes; for comparison, the effects of the uncertain quantities; the
+    preset and the spacing of the finest run that fits; and the number of members that an ensemble
+    can have, with the sampling error of a probability.
     """
     from lava_ros.cli.scenes import log_resolution, scene_from_arguments
     from lava_ros.forecast.planning import plan_within
     from lava_ros.forecast.sampling import MAX_MEMBERS
-    from lava_ros.maps.numbers import percent
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.presets import preset_accuracy
 
@@ -55,6 +55,7 @@ def plan(args: argparse.Namespace) -> int:
     try:
         found = plan_within(
             scene, within=within, horizon=horizon, members=members, device=args.device,
+            with_inputs=True,
             on_pilot=lambda pilot: print(
                 f'pilot: spacing {pilot.spacing:.3g} m took {pilot.wall_time:.2g} s', flush=True
             ),
@@ -72,8 +73,8 @@ def plan(args: argparse.Namespace) -> int:
     )
     print(f'numerical error: {found.numerical_error.text()}')
     if found.inputs:
-        changes = [f'{name} changes {percent(value)}' for name, value in found.inputs.items()]
-        print(f'for comparison, {", ".join(changes)} of it')
+        print('\n'.join(table_lines(_changes(found), '<>>')))
+        print('by a change of one quantity from its 10 % to its 90 % quantile, in coarse runs')
     if found.members > 1:
         print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
@@ -82,6 +83,17 @@ def plan(args: argparse.Namespace) -> int:
     print(f'lava: {lava.text()}')
     write_json(_as_dict(found) | {'erupting_lava': lava.as_dict()}, args.json)
     return 0
+
+
+def _changes(found: RunPlan) -> list[list[str]]:
+    """Return the rows of the quantities, that with the largest effect first, with a head."""
+    from lava_ros.maps.numbers import percent
+
+    ordered = sorted(found.inputs.items(), key=lambda item: -item[1].mismatch)
+    return [['what decides', 'inundated area', '1 - J'], *(
+        [name.replace('_', ' '), f'{100.0 * item.area:+.0f} %', percent(item.mismatch)]
+        for name, item in ordered
+    )]
 
 
 def _table(found: RunPlan) -> list[list[str]]:

@@ -11,6 +11,9 @@ DEFAULT_MATERIAL = 'etna_basalt'
 #: Values for the gaps of a table, as in ``lava_ros.scene.effusion_rates``.
 GAPS = ('zero', 'interpolate')
 
+#: Methods of measurement of effusion rates, as in ``lava_ros.scene.measurements``.
+RATE_METHODS = ('satellite', 'field')
+
 #: Roles of an emplaced flow, as in ``lava_ros.scene.emplaced``.
 EMPLACED_KINDS = ('lava', 'ground')
 
@@ -53,7 +56,7 @@ def _rate(text: str) -> float | str:
 
 
 #: Options for reading a table of effusion rates.
-RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity')
+RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity', 'measured')
 
 _TABLE = (
     argument(
@@ -68,6 +71,10 @@ _TABLE = (
     argument(
         '--porosity', 'P', 'fraction of bubbles in the lava, for a table of dense-rock effusion '
         'rates (default: the rates are bulk rates)', float,
+    ),
+    argument(
+        '--measured', None, 'how the effusion rates of a table without errors were measured, for '
+        'their error in an ensemble (default: as by satellite)', choices=RATE_METHODS,
     ),
 )
 

@@ -183,7 +183,7 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
         data['lava'] = {'material': args.material}
     if vents or args.discharge is not None:
         # the error in a table of the scene is that of the rates that are replaced
-        data['rate_error'] = error_of_rates(rates)
+        data['rate_error'] = error_of_rates(rates, args.measured)
     data |= _onset_of(args, data, origin)
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:

@@ -8,8 +8,8 @@ in their drawn inputs. Member k has the same draws in successive ensembles until
 arrives, which weights these members. The next ensemble draws new ones near those of high weight.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import takewhile
 import math
@@ -30,6 +30,7 @@ from lava_ros.forecast.probability import (
 from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
+from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.checkpoint import Checkpoint
 
 #: Number of members in the first maps of a scene; new maps follow at each doubling.
@@ -85,25 +86,30 @@ class LiveEnsemble:
         number: int = 0,
         stamp_ns: int = 0,
         population: Population | None = None,
+        exact: Sequence[str] = (),
     ) -> None:
         """Draw the members; each runs from the checkpoint to ``horizon`` [s] after it.
 
         ``population`` has the distribution of the members, by default that of the scene.
         ``begun`` is the start of the ensemble on the monotonic clock [s], by default now.
         ``deadline`` is the wall time after it [s] at which the ensemble ends with the members
-        completed by then; None: no limit. The maps include arrival times at ``places``. ``number``
-        and ``stamp_ns``, a ROS time [ns], identify the ensemble in replies. Other arguments are
-        those of ``ForecastRun``.
+        completed by then; None: no limit. The maps include arrival times at ``places``. ``exact``
+        names the quantities that are not drawn. ``number`` and ``stamp_ns``, a ROS time [ns],
+        identify the ensemble in replies. Other arguments are those of ``ForecastRun``.
 
         Raises:
             LavaError: If an argument is not valid, or no input of the scene is uncertain.
         """
         self.number, self.stamp_ns, self._places = number, stamp_ns, places
+        if exact:
+            scene = checkpoint.scene
+            fixed = scene.uncertainty.fixing(exact)
+            checkpoint = replace(checkpoint, scene=replace(scene, uncertainty=fixed))
         self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
-        self.start = checkpoint.time
+        self.start, self.inputs = checkpoint.time, describe_inputs(self.plan.scene)
         self.population = population or Population()
         self._members = draw_members(
-            checkpoint.scene, members, posterior=self.population.posterior
+            self.plan.scene, members, posterior=self.population.posterior
         )
         self.asked = len(self._members)
         self._begun = wall_clock.monotonic() if begun is None else begun
@@ -354,4 +360,9 @@ class LiveEnsembles:
             is_done=ensemble.is_done,
             outlines=ensemble.population.outlines,
             duration=ensemble.duration,
+            drawn='; '.join(
+                f'{name.replace("_", " ")} {item["distribution"]}'
+                for name, item in ensemble.inputs['drawn'].items()
+            ),
+            exact=', '.join(name.replace('_', ' ') for name in ensemble.inputs['exact']),
         )

@@ -3,7 +3,7 @@
 
 """Scenes of the members of an ensemble: the scene with the drawn values of each."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import math
 from typing import Any
@@ -12,8 +12,9 @@ from lava_ros.effects import possible
 from lava_ros.errors import LavaError
 from lava_ros.forecast.sampling import Member, rough_terrain
 from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene.distributions import Displacement, Distribution, Roughness
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.uncertainty import Distribution
+from lava_ros.scene.uncertainty import CONSTANTS
 from lava_ros.scene.vents import erupting
 
 #: Maximum number of times that a displacement is halved before the vent is not displaced.
@@ -77,6 +78,47 @@ def end_scenes(scene: Scene) -> list[Scene]:
             ends = kind.duration.quantile(fraction), kind.volume.quantile(fraction)
             drawn.append({'eruption': ends})
     return [member_scene(scene, Member(0, **values), rough=False) for values in drawn]
+
+
+def changes_of(scene: Scene) -> dict[str, tuple[Member, Member]]:
+    """Return members that differ in one quantity, at its quantiles of 0.1 and 0.9, by its name.
+
+    Quantities that follow it change with it. Of places it is a displacement along x, and of the
+    terrain a member without errors and one with errors.
+
+    Args:
+        scene: The scene with its ranges.
+    """
+    drawn, result = scene.uncertainty.drawn, dict[str, tuple[Member, Member]]()
+    for name, item in drawn.items():
+        if isinstance(item, Roughness):
+            result[name] = Member(0), Member(0, seed=(0, 1))
+        elif isinstance(item, Displacement):
+            # the quantile of x in a disc with uniform density
+            reach = 1.2815515655 * item.deviation or 0.6870 * item.radius
+            result[name] = _displaced_by(-reach), _displaced_by(reach)
+        elif not item.follows:
+            result[name] = _at(drawn, name, 0.1), _at(drawn, name, 0.9)
+    return result
+
+
+def _displaced_by(reach: float) -> Member:
+    return Member(0, displacement=(reach, 0.0))
+
+
+def _at(drawn: Mapping[str, Any], name: str, share: float) -> Member:
+    """Return a member with a quantity, and those that follow it, at a quantile."""
+    values, constants = dict[str, Any](), []
+    for key, item in drawn.items():
+        if key != name and getattr(item, 'follows', '').removeprefix('-') != name:
+            continue
+        is_opposite = key != name and item.follows.startswith('-')
+        value = item.quantile(1.0 - share if is_opposite else share)
+        if key in CONSTANTS:
+            constants.append((key, value))
+        else:
+            values['discharge' if key == 'effusion_rate' else key] = value
+    return Member(0, constants=tuple(constants), **values)
 
 
 def check_members(scene: Scene, members: Sequence[Member]) -> None:

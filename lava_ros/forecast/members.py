@@ -25,6 +25,7 @@ from lava_ros.forecast.sentinels import (
 from lava_ros.runs.drive import driving
 from lava_ros.runs.sinks import PeakSink
 from lava_ros.scene import Scene
+from lava_ros.scene.ranges import with_ranges
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import resolved_accuracy
@@ -132,7 +133,7 @@ def make_plan(
     one of their values. Sentinels review this choice on their flow (``sentinels``).
 
     Args:
-        scene: The scene.
+        scene: The scene; open quantities have their usual ranges (``ranges.with_ranges``).
         horizon: Simulated duration of each member [s].
         accuracy: The resolution; None for automatic.
         effects: Effects forced on or off, by name.
@@ -145,8 +146,8 @@ def make_plan(
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     samples = _sampling(samples, horizon)
-    # one spacing for all members
-    median = median_scene(scene)
+    # one spacing for all members, that of the values of the scene
+    median, scene = median_scene(scene), with_ranges(scene)
     accuracy = resolved_accuracy(accuracy or Accuracy(), median, effects, horizon=horizon)
     if threshold is not None:
         threshold = validation.number('threshold', threshold, above=0.0, unit='m')
@@ -182,7 +183,8 @@ def plan_from(
     samples = _sampling(samples, horizon)
     if threshold is not None:
         start = start.counting(validation.number('threshold', threshold, above=0.0, unit='m'))
-    return Plan(start.scene, horizon, start.accuracy, start.effects, samples, start)
+    scene = with_ranges(start.scene)
+    return Plan(scene, horizon, start.accuracy, start.effects, samples, start)
 
 
 def batch_of(plan: Plan, device: str | None) -> int:

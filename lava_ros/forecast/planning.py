@@ -24,7 +24,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.member_scenes import member_scene
+from lava_ros.forecast.member_scenes import changes_of, member_scene
 from lava_ros.forecast.partner_runs import on_coarser_ground
 from lava_ros.forecast.pilot_runs import (
     accuracy_at,
@@ -37,6 +37,7 @@ from lava_ros.forecast.pilot_runs import (
 )
 from lava_ros.forecast.sampling import Member
 from lava_ros.scene import Scene
+from lava_ros.scene.ranges import with_ranges
 from lava_ros.simulation.numerical_error import (
     COARSER,
     difference,
@@ -69,11 +70,8 @@ FINEST = 8.0
 #: Minimum part of the particles over that of the ground: finer particles change little.
 USEFUL = 0.25
 
-#: Changes of uncertain inputs, whose effect on the inundated area a plan shows for comparison.
-CHANGED_INPUTS = {
-    'an effusion rate 25 % higher': Member(0, discharge=1.25),
-    'a viscosity 50 % higher': Member(0, viscosity=1.5),
-}
+#: Maximum fraction of the pilots' time for those with changed inputs.
+CHANGES_FRACTION = 0.4
 
 #: Fraction of the time that a plan uses, with a margin for other load on the machine.
 PLANNED_TIME_FRACTION = 0.7
@@ -103,6 +101,19 @@ class Option:
 
 
 @dataclass(frozen=True)
+class InputChange:
+    """Effect of a change of one uncertain quantity from its 10 % to its 90 % quantile.
+
+    Attributes:
+        area: Relative change of the inundated area.
+        mismatch: 1 - J of the areas before and after.
+    """
+
+    area: float
+    mismatch: float
+
+
+@dataclass(frozen=True)
 class RunPlan:
     """A plan for the runs.
 
@@ -121,8 +132,8 @@ class RunPlan:
         pilots: Number of pilots.
         spent: Time of the pilots, without compilation [s].
         options: Runs of other spacings, from the coarsest to the finest.
-        inputs: Difference of the inundated area by each of ``CHANGED_INPUTS``, from coarse
-            pilots; empty if they do not fit in the time.
+        inputs: Effects of the uncertain quantities that the scene gives or leaves open, by name,
+            from the coarsest pilots; those that did not fit in the time are missing.
     """
 
     preset: str
@@ -136,7 +147,7 @@ class RunPlan:
     pilots: int
     spent: float
     options: tuple[Option, ...] = ()
-    inputs: Mapping[str, float] = field(default_factory=dict)
+    inputs: Mapping[str, InputChange] = field(default_factory=dict)
 
     @property
     def error(self) -> float:
@@ -153,6 +164,7 @@ def plan_within(
     device: str | None = None,
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
+    with_inputs: bool = False,
 ) -> RunPlan:
     """Find the finest runs that fit in a wall time, with pilots that take at most 15 % of it.
 
@@ -166,6 +178,7 @@ def plan_within(
         device: Warp device; None for the first GPU, or the CPU without one.
         on_pilot: Called after each pilot.
         clock: Returns the time [s]; ``time.process_time`` on a shared CPU.
+        with_inputs: True for the effects of the uncertain quantities, ``RunPlan.inputs``.
 
     Raises:
         LavaError: If an argument is not valid, or the time is too short for the coarsest run.
@@ -176,7 +189,7 @@ def plan_within(
         raise LavaError('members', members, 'at least 1')
     # all pilots have the effects of preset standard
     effects = effects_for(scene, accuracy=accuracy_at(scene, 1.0, horizon), horizon=horizon)
-    search = _Search(scene, within, horizon, device, effects, on_pilot, clock)
+    search = _Search(scene, within, horizon, device, effects, on_pilot, clock, with_inputs)
     # compiles the kernels
     run_at(scene, search.first, 1e-3, device=device, effects=effects)
     search.run_pilots(members or 1)
@@ -213,6 +226,7 @@ class _Search:
     effects: Effects
     on_pilot: Callable[[Pilot], None]
     clock: Callable[[], float]
+    with_inputs: bool
     pilots: list[Pilot] = field(default_factory=list)
     spent: float = 0.0
     count: int = 0
@@ -258,11 +272,14 @@ class _Search:
         last = self.pilots[-1]
         steps = last.refinement * np.linspace(1.0, FINER, 13)
         # before those on coarser ground and with changed inputs, which are coarser
-        left -= 1.3 * (1 + len(CHANGED_INPUTS)) * last.wall_time
+        changes = 2.0 * len(self.changes) * PILOT_MARGIN * self.pilots[0].wall_time
+        left -= 1.3 * last.wall_time + min(changes, CHANGES_FRACTION * left)
         fitting = [step for step in steps.tolist() if PILOT_MARGIN * self.cost(step) <= left]
         return fitting[-1] if fitting else 0.0
 
-    def _run(self, scene: Scene, refinement: float, limit: float) -> Pilot | None:
+    def _run(
+        self, scene: Scene, refinement: float, limit: float, *, is_told: bool = True
+    ) -> Pilot | None:
         begun = self.clock()
         pilot = run_at(
             scene, refinement, self.horizon, device=self.device, effects=self.effects,
@@ -270,7 +287,7 @@ class _Search:
         )
         self.spent += self.clock() - begun
         self.count += 1
-        if pilot is not None:
+        if pilot is not None and is_told:
             self.on_pilot(pilot)
         return pilot
 
@@ -293,16 +310,39 @@ class _Search:
             cost=self.spent,
         )
 
-    def change_inputs(self) -> dict[str, float]:
-        """Return what changes of the inputs change, with coarse pilots if there is time."""
-        before = self.pilots[-2]
-        left, found = PLANNING_FRACTION * self.within - self.spent, {}
-        if len(CHANGED_INPUTS) * before.wall_time <= left:
-            for name, member in CHANGED_INPUTS.items():
-                scene = member_scene(self.scene, member, rough=False)
-                pilot = self._run(scene, before.refinement, left)
-                if pilot is not None:
-                    found[name] = difference(before.areas.inundated, pilot.areas.inundated)
+    @cached_property
+    def changes(self) -> dict[str, tuple[Member, Member]]:
+        """Members with changed inputs, by the quantity."""
+        return changes_of(with_ranges(self.scene)) if self.with_inputs else {}
+
+    def change_inputs(self) -> dict[str, InputChange]:
+        """Return what changes of the inputs change, with coarse pilots while there is time.
+
+        All have the same particle spacing, that of the finest pilot but one for which they fit in
+        the time.
+        """
+        scene, found, runs = with_ranges(self.scene), {}, 2.0 * PILOT_MARGIN
+        left = PLANNING_FRACTION * self.within - self.spent
+        fitting = [
+            pilot for pilot in self.pilots[:-1]
+            if runs * len(self.changes) * pilot.wall_time <= left
+        ]
+        base = fitting[-1] if fitting else self.pilots[0]
+
+        def run(member: Member) -> Pilot | None:
+            one = member_scene(scene, member, rough=any(member.seed))
+            refinement = spacing_at(one, 1.0, self.horizon) / base.spacing
+            return self._run(one, refinement, left, is_told=False)
+
+        for name, ends in self.changes.items():
+            left = PLANNING_FRACTION * self.within - self.spent
+            if runs * base.wall_time > left:
+                break
+            pilots = [pilot for pilot in map(run, ends) if pilot is not None]
+            if len(pilots) == len(ends):
+                low, high = (np.asarray(pilot.areas.inundated) for pilot in pilots)
+                growth = float(high.sum()) / max(float(low.sum()), 1e-9) - 1.0
+                found[name] = InputChange(growth, difference(low, high))
         return found
 
     def cost(self, refinement: float) -> float:

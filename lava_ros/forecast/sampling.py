@@ -22,7 +22,9 @@ from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import effective_members
 from lava_ros.scene import Scene, Terrain
-from lava_ros.scene.uncertainty import CONSTANTS, Distribution, Roughness, Uncertainty
+from lava_ros.scene.distributions import Distribution, Roughness
+from lava_ros.scene.ranges import with_ranges
+from lava_ros.scene.uncertainty import CONSTANTS, Uncertainty
 
 #: Quantity of each coordinate of a point; add new ones at the end, so that the others keep theirs.
 COORDINATES = (
@@ -40,6 +42,10 @@ _MARGIN = 1e-3
 
 #: Extension of a field beyond the terrain in correlation lengths, so that opposite borders differ.
 _BEYOND = 3.0
+
+#: Cells of the noise of a field in a correlation length: its shorter waves have no more than 1e-4
+#: of the amplitude.
+_FINE = 3.0
 
 #: Steps of a field [1/m]: rounding to them removes the error of the Fourier transform.
 _STEPS = 1024.0
@@ -204,6 +210,7 @@ def draw_members(
 ) -> tuple[Member, ...]:
     """Draw the first members of the ensemble of a scene and a seed.
 
+    Quantities that the scene leaves open have their usual ranges (``ranges.with_ranges``).
     ``susceptibility`` is the distribution of the vent's position, in place of the scene's.
     ``posterior`` is the distribution after observations; its parents are of the same scene.
 
@@ -212,21 +219,22 @@ def draw_members(
     """
     count = validation.whole('members', count, at_least=1, at_most=MAX_MEMBERS)
     seed = validation.whole('seed', seed, at_least=0, at_most=2**32 - 1)
-    uncertainty = scene.uncertainty
-    if count > 1 and uncertainty == Uncertainty() and susceptibility is None:
+    uncertainty = with_ranges(scene).uncertainty
+    is_uncertain = bool(uncertainty.drawn or uncertainty.eruption or susceptibility)
+    if count > 1 and not is_uncertain:
         raise LavaError(
             'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
         )
-    # in the order of Lava, independent of that of a file
-    constants = [name for name in CONSTANTS if name in uncertainty.constants]
-    names = (*COORDINATES, *constants, *(ERUPTION if uncertainty.eruption else ()))
+    constants = _constants_of(uncertainty)
+    names = _names(uncertainty)
     sums = np.cumsum([item.probability for item in uncertainty.eruption])
     seeds: list[tuple[int, ...]] = [(seed, index) for index in range(count)]
     if posterior is None:
         points = _points(count, (seed,), len(names))
     else:
-        uncertain = {name for name in COORDINATES[:4] if getattr(uncertainty, name)}
-        uncertain |= {*constants, *ERUPTION[1:]}
+        drawn_names = {*COORDINATES[:4], *constants}
+        uncertain = {name for name in drawn_names if is_independent(uncertainty, name)}
+        uncertain |= {*ERUPTION[1:]}
         uncertain |= {'x', 'y'} if uncertainty.position else set()
         uncertain |= {'place_x', 'place_y'} if susceptibility else set()
         cube = _points(count, (seed, posterior.generation), len(names) + 1)
@@ -237,7 +245,11 @@ def draw_members(
         point = dict(zip(names, numbers, strict=True))
 
         def drawn(name: str, distribution: Distribution) -> float:
-            return _rounded(distribution.quantile(point[name]))
+            leader = distribution.follows.removeprefix('-') or name
+            share = point['discharge' if leader == 'effusion_rate' else leader]
+            return _rounded(
+                distribution.quantile(1.0 - share if distribution.follows[:1] == '-' else share)
+            )
 
         values: dict[str, Any] = {
             name: drawn(name, distribution)
@@ -259,6 +271,27 @@ def draw_members(
         )
 
     return tuple(member(index, numbers) for index, numbers in enumerate(points.tolist()))
+
+
+def coordinates_of(scene: Scene) -> tuple[str, ...]:
+    """Return the names of the coordinates of ``Member.point`` of a scene."""
+    return _names(with_ranges(scene).uncertainty)
+
+
+def _names(uncertainty: Uncertainty) -> tuple[str, ...]:
+    eruption = ERUPTION if uncertainty.eruption else ()
+    return (*COORDINATES, *_constants_of(uncertainty), *eruption)
+
+
+def _constants_of(uncertainty: Uncertainty) -> list[str]:
+    # in the order of Lava, independent of that of a file
+    return [name for name in CONSTANTS if name in uncertainty.constants]
+
+
+def is_independent(uncertainty: Uncertainty, name: str) -> bool:
+    """Return True if a coordinate is drawn, and does not follow another quantity."""
+    found = uncertainty.distribution_of('effusion_rate' if name == 'discharge' else name)
+    return isinstance(found, Distribution) and not found.follows
 
 
 def prepare_sampling() -> None:
@@ -314,20 +347,33 @@ def random_field(
         LavaError: If scipy is not installed.
     """
     require('scipy.special', 'uncertainty.terrain', roughness)
+    from scipy.fft import irfft2, next_fast_len, rfft2
     from scipy.special import ndtri
 
+    # coarser noise has no waves that the field lacks, and is interpolated by its waves
+    step = max(int(roughness.correlation / (_FINE * resolution)), 1)
     beyond = int(np.ceil(_BEYOND * roughness.correlation / resolution))
     # limit the extension of a field that hardly changes over the terrain
-    rows, columns = (side + min(beyond, 4 * max(shape)) for side in shape)
+    rows, columns = (
+        next_fast_len(-(-(side + min(beyond, 4 * max(shape))) // step), real=True)
+        for side in shape
+    )
     # raw bits of the generator are the same in all versions, its normal numbers may not be
     bits = np.random.PCG64(np.random.SeedSequence(seed)).random_raw(rows * columns)
     noise = ndtri(((bits >> np.uint64(11)) + 0.5) * 2.0**-53).reshape(rows, columns)
-    waves_y = np.fft.fftfreq(rows, resolution)[:, None]
-    waves_x = np.fft.rfftfreq(columns, resolution)
     width = 0.5 * roughness.correlation
-    gain = np.exp(-2.0 * (np.pi * width) ** 2 * (waves_y**2 + waves_x**2))
-    kernel = np.fft.irfft2(gain, (rows, columns))
-    scale = roughness.deviation / np.sqrt((kernel**2).sum())
-    field = scale * np.fft.irfft2(gain * np.fft.rfft2(noise), (rows, columns))
+    gain_y, gain_x = (
+        np.exp(-2.0 * (np.pi * width * np.fft.fftfreq(side, step * resolution)) ** 2)
+        for side in (rows, columns)
+    )
+    # the sum of the squares of the kernel is that of its spectrum (Parseval)
+    variance = (gain_y**2).mean() * (gain_x**2).mean()
+    scale = step**2 * roughness.deviation / np.sqrt(variance)
+    waves = rfft2(noise) * (scale * gain_y[:, None] * gain_x[: columns // 2 + 1])
+    whole = np.zeros((rows * step, columns * step // 2 + 1), dtype=waves.dtype)
+    half = (rows + 1) // 2
+    whole[:half, : waves.shape[1]] = waves[:half]
+    whole[half - rows :, : waves.shape[1]] = waves[half:]
+    field = irfft2(whole, (rows * step, columns * step))
     field = np.rint(field[: shape[0], : shape[1]] * _STEPS) / _STEPS
     return field.astype(np.float32)

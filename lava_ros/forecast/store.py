@@ -26,12 +26,13 @@ from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
 from lava_ros.scene import MAX_ELEVATION, scene_to_dict
+from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.inundation import TOUCHED
 
 _LOG = logging.getLogger(__name__)
 
 #: Version of the format of a folder.
-VERSION = 4
+VERSION = 5
 
 #: Files with the description of the ensemble, and with the weights of its members, if any.
 MANIFEST, WEIGHTS = 'ensemble.json', 'weights.json'
@@ -151,6 +152,7 @@ class Store:
             'version': VERSION,
             'lava_ros': lava_ros.__version__,
             'scene': scene_to_dict(plan.scene),
+            'inputs': describe_inputs(plan.scene),
             'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
             'plan': {
                 'horizon_s': plan.horizon,

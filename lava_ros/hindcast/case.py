@@ -28,7 +28,7 @@ from lava_ros.hindcast.tables import (
     series_of,
 )
 from lava_ros.maps.onset import Onset
-from lava_ros.scene import check_plausible, ENVIRONMENT, Scene, Terrain, Vent
+from lava_ros.scene import check_plausible, ENVIRONMENT, Scene, Terrain, uncertainty_of, Vent
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
     Options,
@@ -40,7 +40,6 @@ from lava_ros.scene.materials import lava_from_dict, Material, with_material_in_
 from lava_ros.scene.on_terrain import read_cover_on, read_polygons_on, read_raster_on
 from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.terrain_files import load_terrain
-from lava_ros.scene.uncertainty import Distribution, Uncertainty, uncertainty_from_dict
 from lava_ros.scene.vent_files import read_vents, VentRow
 
 
@@ -92,8 +91,6 @@ class Case:
         end: End of the simulation [s].
         volume: Volume erupted during the simulation [m3].
         low_pass: Width of the filter applied to the terrain [m]; 0: none.
-        rate_error: Distribution of a factor on all effusion rates, None without errors in the
-            table.
         outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
             case has one footprint only.
         stated: Names of the constants of the lava that the files of the case state, and
@@ -111,7 +108,6 @@ class Case:
     volume: float
     events: tuple[Event, ...] = ()
     low_pass: float = 0.0
-    rate_error: Distribution | None = None
     outlines: tuple[Outline, ...] = ()
     stated: frozenset[str] = frozenset()
 
@@ -252,7 +248,9 @@ def load_case(
             for row, fluxes in zip(rows, series, strict=True)
         ),
         lava,
-        uncertainty=_uncertainty(options, error_of_rates(rates)),
+        uncertainty=uncertainty_of(
+            options.get('uncertainty', {}), used, error_of_rates(rates, choices.measured)
+        ),
         onset=None if onset is None else onset.start,
         **{key: options[key] for key in ENVIRONMENT if key in options},
     )
@@ -273,7 +271,6 @@ def load_case(
         volume=volume,
         events=_events(folder, options.get('events', []), ground, width, read),
         low_pass=width,
-        rate_error=error_of_rates(rates),
         outlines=outlines,
         stated=_stated(options, rows),
     )
@@ -314,15 +311,6 @@ def _footprint(path: Path, *, ground: Terrain) -> np.ndarray:
         expected = 'at least one cell of the elevation that was covered'
         raise LavaError('the footprint', f'{path.name} without one', expected)
     return covered
-
-
-def _uncertainty(options: Mapping[str, Any], error: Distribution | None) -> Uncertainty:
-    """Read the uncertainty in ``case.yaml``; the discharge defaults to the table's error."""
-    found = uncertainty_from_dict(options.get('uncertainty', {}))
-    # without this section, published ranges apply (probabilistic_score.py)
-    if 'uncertainty' not in options or error is None or found.discharge is not None:
-        return found
-    return replace(found, discharge=error)
 
 
 def _from(start: float, series: Series) -> list[tuple[float, float]]:

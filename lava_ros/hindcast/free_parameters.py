@@ -6,23 +6,19 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 import math
-from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Constant
-from lava_ros.scene.uncertainty import Distribution, FACTORS, Uncertainty
+from lava_ros.scene.measurements import RATE_ERRORS, USUAL_RATE
+from lava_ros.scene.ranges import LOGARITHMIC
 
-#: Factor on the discharge if the case does not define its uncertainty.
-DISCHARGE = Constant(
-    1.0,
-    'effusion_rate.csv',
-    (0.5, 1.5),
-    'Harris, A. J. L., Dehn, J. and Calvari, S. (2007). Lava effusion rate definition and '
-    'measurement: a review. Bulletin of Volcanology 70, 1-22: errors of up to 50 %',
-)
+_RATE = RATE_ERRORS[USUAL_RATE]
+
+#: Factor on the discharge.
+DISCHARGE = Constant(1.0, 'effusion_rate.csv', _RATE.support, _RATE.source)
 
 #: Units of the constants of ``Lava`` and of other possible parameters, in the order in which they
 #: are set in a case.
@@ -33,8 +29,6 @@ UNITS = {
 }
 
 _LOWEST = {item.name: item.metadata['limits'][0] for item in fields(Lava) if item.name in UNITS}
-
-_LOGARITHMIC = ('viscosity', 'yield_strength', 'crust_strength')
 
 
 @dataclass(frozen=True)
@@ -101,7 +95,7 @@ def free_parameters_of(
         if span is None:
             expected = f'a range ({name}=LOW:HIGH): none has been published for this material'
             raise LavaError('--unknown', name, expected)
-        is_log = name in _LOGARITHMIC
+        is_log = name in LOGARITHMIC
         low = validation.number(f'{name}, lowest', span[0], at_least=_LOWEST.get(name, 0.0))
         high = validation.number(f'{name}, highest', span[1], above=low)
         if is_log:
@@ -125,29 +119,6 @@ def changed(case: Case, values: Mapping[str, float]) -> Case:
         else:
             case = case.with_lava({name: value})
     return case
-
-
-def published_uncertainty(case: Case) -> Uncertainty:
-    """Return the uncertainty of a case that does not define one: all published ranges.
-
-    Values, or logarithms for ``is_log``, are distributed uniformly over a range.
-
-    Raises:
-        LavaError: If a constant of the case is outside the range of a factor.
-    """
-    found: dict[str, Any] = {'constants': {}}
-    for item in free_parameters_of(case, tuple(_published(case))):
-        name, usual, span, place = item.name, item.usual, (item.low, item.high), found
-        if name == 'vent_temperature':
-            name, span = 'temperature', (item.low - usual, item.high - usual)
-        elif name not in FACTORS:
-            place = found['constants']
-        elif usual:
-            span = (item.low / usual, item.high / usual)
-        else:
-            continue  # a value of 0 in the case remains 0
-        place[name] = Distribution('loguniform' if item.is_log else 'uniform', span)
-    return Uncertainty(**found)
 
 
 def _published(case: Case) -> dict[str, Constant]:

@@ -17,9 +17,8 @@ from lava_ros.forecast.probability import Footprint, footprint_by
 from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened
-from lava_ros.hindcast.free_parameters import published_uncertainty
 from lava_ros.hindcast.run import FORCED, Settings
-from lava_ros.scene.uncertainty import Uncertainty
+from lava_ros.scene.ranges import with_ranges
 
 #: Minimum number of cells of a bin of the reliability diagram whose gap counts.
 CELLS = 200
@@ -28,10 +27,8 @@ CELLS = 200
 def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -> Plan:
     """Plan an ensemble of a case whose members run like its hindcast, to the same end.
 
-    If the case does not define uncertainties, everything with a published range is uncertain, and
-    so are effusion rates if their table has errors. Each map is an observation, of which dated
-    outlines need more; ``threshold`` is the thickness at or above which lava has arrived [m], None
-    for the automatic one.
+    Each map is an observation, of which dated outlines need more; ``threshold`` is the thickness
+    at or above which lava has arrived [m], None for the automatic one.
 
     Raises:
         LavaError: If the case has events, or an argument is not valid.
@@ -39,12 +36,7 @@ def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -
     if case.events:
         expected = 'none in an ensemble: all members run on the ground before the first event'
         raise LavaError('case.events', len(case.events), expected)
-    scene = case.scene
-    if scene.uncertainty == Uncertainty():
-        uncertainty = published_uncertainty(case)
-        if case.rate_error is not None:
-            uncertainty = replace(uncertainty, discharge=case.rate_error)
-        scene = replace(scene, uncertainty=uncertainty)
+    scene = with_ranges(case.scene)
     typical = replace(case, scene=median_scene(scene))
     return make_plan(
         replace(scene, terrain=coarsened(scene.terrain, settings.coarseness(typical))),

@@ -42,6 +42,7 @@ class ForecastRules:
         deadline: Maximum wall time of a forecast and its ensemble [s], 0 for no limit.
         time_scale: Simulated time per clock time [s/s].
         features: Places for which ensembles also predict arrival times.
+        exact: Quantities that ensembles do not draw (``scene.uncertainty.QUANTITIES``).
     """
 
     horizon: float
@@ -53,6 +54,7 @@ class ForecastRules:
     deadline: float = 0.0
     time_scale: float = 1.0
     features: tuple[Feature, ...] = ()
+    exact: tuple[str, ...] = ()
 
     def threshold_for(self, accuracy: Accuracy) -> float:
         """Return the threshold for a simulation [m]; 0.1 m stands for its own."""
@@ -144,6 +146,7 @@ class EnsembleForecasts:
             'deadline': rules.deadline or None,
             'posterior': self._posterior,
             'outlines': self.status.outlines,
+            'exact': rules.exact,
             'places': self._places_on(rules.features, fork.checkpoint.scene.terrain),
         }
 

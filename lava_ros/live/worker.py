@@ -33,10 +33,15 @@ from lava_ros.live.worker_status import (
     WorkerStatus,
 )
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.scene.materials import DEFAULT
+from lava_ros.scene.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     # Importing the solver loads Warp, so only the thread imports it.
     from lava_ros.simulation import Simulation, Snapshot
+
+#: Uncertainty of a scene from topics: the usual ranges.
+OPEN = Uncertainty(material=DEFAULT)
 
 #: Default of the maximum number of particles.
 MAX_PARTICLES = 20_000_000
@@ -226,7 +231,7 @@ class SimulationWorker:
             vents = check_vents(vents, terrain)
         except LavaError as refused:
             vents, error = (), refused
-        self.session.start(Scene(terrain, vents=vents, **self.session.constants))
+        self.session.start(Scene(terrain, vents=vents, uncertainty=OPEN, **self.session.constants))
         self._waiting_vents = None
         if future is not None:
             finish(future, error)

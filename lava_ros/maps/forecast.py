@@ -137,6 +137,8 @@ class EnsembleForecast:
         is_done: True if no more members will be added.
         outlines: Number of observed outlines by which the members are weighted or drawn.
         duration: Wall time from the fork to the maps [s].
+        drawn: Drawn quantities with their distributions, for people.
+        exact: Quantities that are not drawn, for people.
     """
 
     time: float
@@ -150,6 +152,8 @@ class EnsembleForecast:
     duration: float
     stamp_ns: int = 0
     changes: int = 0
+    drawn: str = ''
+    exact: str = ''
 
     def forecast(self, quantile: float) -> Forecast:
         """Return a forecast with mean thickness, and arrival times of one of ``QUANTILES``."""

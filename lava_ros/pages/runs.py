@@ -23,6 +23,7 @@ from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import read_raster
 from lava_ros.files.yaml import parse_json
+from lava_ros.forecast.influence import Influences
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.forecast.store import MANIFEST
@@ -42,6 +43,7 @@ from lava_ros.pages.run_warnings import (
 from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.projection import system_words
+from lava_ros.scene.ranges import short_citation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import brief_text, NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
@@ -370,7 +372,8 @@ def _ensemble(folder: Path) -> Run:
         'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
         **({'weighted by': observation} if observation != 'none' else {}),
         **_warning(warnings),
-        'uncertain': _uncertain(known.get('uncertainty') or {}) or 'nothing of the scene',
+        **_inputs(manifest.get('inputs') or {}),
+        **_decides(tags),
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}, '
         f'numerical error {tags.get("numerical_error", NOT_MEASURED)}',
@@ -387,12 +390,25 @@ def _ensemble(folder: Path) -> Run:
     )
 
 
-def _uncertain(plain: Mapping[str, Any]) -> str:
-    """Return the names of uncertain quantities and constants."""
-    names = {*plain, *plain.get('constants', ())} - {'constants'}
-    return ', '.join(sorted(
-        {'discharge': 'effusion rate'}.get(name, name.replace('_', ' ')) for name in names
-    ))
+def _inputs(inputs: Mapping[str, Any]) -> dict[str, str]:
+    """Describe the uncertain quantities with their sources, and the exact ones."""
+    drawn = [
+        f'{name.replace("_", " ")} {item["distribution"]}, {short_citation(item["source"])}'
+        for name, item in inputs.get('drawn', {}).items()
+    ]
+    exact = [name.replace('_', ' ') for name in inputs.get('exact', {})]
+    return {
+        'uncertain': '; '.join(drawn) or 'nothing of the scene',
+        **({'taken as exact': ', '.join(exact)} if exact else {}),
+    }
+
+
+def _decides(tags: Mapping[str, str]) -> dict[str, str]:
+    """Describe which quantities decide the inundated area, if that is known."""
+    if 'influence' not in tags:
+        return {}
+    found = Influences.from_dict(parse_json('influence', tags['influence']))
+    return {'what decides (1 - J)': found.text()}
 
 
 def _raster(

@@ -165,6 +165,8 @@ def forecast_status(
             'sampling_error_percent': f'{maps.sampling_error:.1f}',
             'arrival_error_s': f'{maps.arrival_error:.6g}',
             'members_beyond': maps.members_beyond,
+            'drawn': latest.drawn,
+            'exact': latest.exact,
         }
         message = f'{maps.members} of {latest.asked} members'
         if not latest.is_done:

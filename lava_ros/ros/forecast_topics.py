@@ -164,6 +164,7 @@ class ForecastTopics:
             deadline=settings.deadline,
             time_scale=settings.time_scale,
             features=self._features,
+            exact=settings.quantities_exact,
         )
 
 

@@ -26,6 +26,7 @@ from lava_ros.scene import (
     Scene,
     VENT_TEMPERATURE_RANGE,
 )
+from lava_ros.scene.uncertainty import ALL, QUANTITIES
 from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.selection import HORIZON
@@ -41,7 +42,10 @@ CHECKPOINT_PERIOD = 60.0
 
 
 #: An element of each list, by the first word of its name.
-_EXAMPLES = {'effects': 'inertia', 'layers': 'lava_points', 'places': 'villages.geojson'}
+_EXAMPLES = {
+    'effects': 'inertia', 'layers': 'lava_points', 'places': 'villages.geojson',
+    'quantities': 'viscosity',
+}
 
 
 @dataclass(frozen=True)
@@ -253,6 +257,12 @@ class Settings:
         'uncertain inputs of the scene; 0: no ensembles',
         (0, 100_000),
     )
+    quantities_exact: tuple[str, ...] = _fixed(
+        [''],
+        'Quantities that ensembles do not draw, such as viscosity or terrain (all: only what the '
+        'scene gives a distribution), also in place of its distributions; empty: those that the '
+        'scene fixes',
+    )
     deadline: float = _parameter(
         0.0,
         'Wall time within which a forecast and its ensemble have to be ready [s]: members that '
@@ -422,6 +432,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         **{spec.name: spec.setting(values[spec.name]) for spec in PARAMETERS},
         constants={'lava': lava, **{name: values[name] for name in ENVIRONMENT}},
     )
+    for name in settings.quantities_exact:
+        validation.choice('quantities_exact', name, (ALL, *QUANTITIES))
     names_on = list(settings.effects_on)
     for name in settings.effects_off:
         if name in names_on:

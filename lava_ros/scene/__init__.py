@@ -17,6 +17,7 @@ from lava_ros.scene.scene import (
     scene_from_yaml,
     scene_to_dict,
     suspicious_temperatures,
+    uncertainty_of,
     with_changes,
 )
 from lava_ros.scene.terrain import (
@@ -59,6 +60,7 @@ __all__ = [
     'scene_from_yaml',
     'scene_to_dict',
     'suspicious_temperatures',
+    'uncertainty_of',
     'vents_from_list',
     'with_changes',
 ]

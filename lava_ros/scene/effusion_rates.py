@@ -17,8 +17,9 @@ from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import Column, understood
 from lava_ros.files.csv import read_table
+from lava_ros.scene.distributions import Distribution
+from lava_ros.scene.measurements import error_of_rate, RATE_ERRORS
 from lava_ros.scene.plausibility import check_date
-from lava_ros.scene.uncertainty import Distribution
 from lava_ros.scene.vents import MAX_DISCHARGE
 
 _LOG = logging.getLogger(__name__)
@@ -70,11 +71,14 @@ class Options:
             cell without a number is an error.
         porosity: Volume fraction of bubbles, which converts the dense-rock equivalents of the
             table to bulk rates by the factor 1 / (1 - porosity). None: the rates are bulk.
+        measured: Method by which the rates were measured, one of ``measurements.RATE_ERRORS``,
+            which states their error if the table has none; None: not stated.
     """
 
     start: str | None = None
     gaps: str | None = None
     porosity: float | None = None
+    measured: str | None = None
 
     def __post_init__(self) -> None:
         """Validate all fields; raise LavaError for an invalid one."""
@@ -82,6 +86,8 @@ class Options:
             date_in_utc('effusion_rate.start', self.start)
         if self.gaps is not None:
             validation.choice('effusion_rate.gaps', self.gaps, GAPS)
+        if self.measured is not None:
+            validation.choice('effusion_rate.measured', self.measured, RATE_ERRORS)
         if self.porosity is not None:
             value = validation.number('effusion_rate.porosity', self.porosity, at_least=0.0)
             if value >= 1.0:
@@ -197,18 +203,22 @@ def series_of_rates(intervals: Sequence[Interval]) -> tuple[tuple[float, float],
     return tuple(series)
 
 
-def error_of_rates(intervals: Sequence[Interval]) -> Distribution | None:
-    """Return the distribution of a common factor on all rates, None for rates without errors.
+def error_of_rates(
+    intervals: Sequence[Interval], measured: str | None = None
+) -> Distribution | None:
+    """Return the distribution of a common factor on all rates.
 
     The errors of a method are fully correlated in time, so that they add up: the relative standard
-    deviation of the factor is the relative error of the volume, and its median is 1.
+    deviation of the factor is the relative error of the volume, and its median is 1. Rates without
+    errors have those of the method ``measured``; None without both.
     """
     known = [item for item in intervals if item.error is not None]
     volume = sum(item.volume for item in known)
     error = sum((item.error or 0.0) * (item.end - item.start) for item in known)
     if not volume or not error:
-        return None
-    return Distribution('lognormal', (1.0, math.exp(math.sqrt(math.log1p((error / volume) ** 2)))))
+        return None if measured is None else error_of_rate('effusion_rate.measured', measured)
+    factor = math.exp(math.sqrt(math.log1p((error / volume) ** 2)))
+    return Distribution('lognormal', (1.0, factor), source='errors in the table of effusion rates')
 
 
 def instants_to_series(

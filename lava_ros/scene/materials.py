@@ -39,6 +39,9 @@ _OTHER_UNITS: Mapping[str, tuple[str, Callable[[float], float]]] = {
 #: Maximum ratio of a constant in another unit to the usual one.
 MAX_RATIO = 1e3
 
+#: Half of the range of ``vft_a`` by a composition: a standard deviation of 0.40, uniform.
+VFT_A_ERROR = 0.69
+
 #: Name of the material that has the other constants of a melt given by its composition.
 ANY_BASALT = 'basalt'
 
@@ -47,13 +50,15 @@ ANY_BASALT = 'basalt'
 class Constant:
     """A number, or the name of a law, with its reference.
 
-    ``range`` has the minimum and the maximum published value, if both are known.
+    ``range`` has the minimum and the maximum published value, if both are known. ``follows`` is
+    that of the constant's distribution (``distributions.Distribution``).
     """
 
     value: float | str
     source: str
     range: tuple[float, float] | None = None
     range_source: str = ''
+    follows: str = ''
 
 
 @dataclass(frozen=True)
@@ -132,11 +137,12 @@ def lava_from_dict(label: str, data: object) -> tuple[Lava, Material]:
     material = material_named(given.pop('material', DEFAULT if melt is None else ANY_BASALT))
     if melt is not None:
         law = vft_constants(f'{label}.composition', melt)
-        cited = material_named(ANY_BASALT).constants['vft_b'].source
+        known = material_named(ANY_BASALT).constants
         material = replace(
             material,
             composition={oxide: Constant(float(value), '') for oxide, value in melt.items()},
-            constants=dict(material.constants) | {k: Constant(v, cited) for k, v in law.items()},
+            constants=dict(material.constants)
+            | {key: replace(known[key], value=value) for key, value in law.items()},
         )
         given = law | given
     lava = material.lava_with(given)
@@ -211,6 +217,10 @@ def _material(name: str, item: Mapping[str, Any], sources: Mapping[str, str]) ->
         oxides = {oxide: Constant(value, cited) for oxide, value in melt.items()}
         law = vft_constants(f'{FILE}.{name}.composition', melt)
         by_melt = {key: Constant(value, sources['giordano2008']) for key, value in law.items()}
+        low_high = law['vft_a'] - VFT_A_ERROR, law['vft_a'] + VFT_A_ERROR
+        by_melt['vft_a'] = replace(
+            by_melt['vft_a'], range=low_high, range_source=sources['giordano2008_error']
+        )
         constants = {**by_melt, **constants}
     hot = _constant(item['vent_temperature'], sources)
     return Material(name, item['title'], hot, constants, oxides)
@@ -223,4 +233,5 @@ def _constant(item: Mapping[str, Any], sources: Mapping[str, str]) -> Constant:
         sources[item['source']],
         None if low_high is None else (float(low_high[0]), float(low_high[1])),
         sources[item['range_source']] if low_high else '',
+        item.get('follows', ''),
     )

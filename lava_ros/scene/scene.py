@@ -17,6 +17,7 @@ from lava_ros.effects.effect import check_fields, join_names, number, with_field
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
+from lava_ros.scene.distributions import Distribution
 from lava_ros.scene.effusion_rates import (
     check_start,
     date_in_utc,
@@ -29,7 +30,13 @@ from lava_ros.scene.effusion_rates import (
 from lava_ros.scene.emplaced import EmplacedFlow, flow_to_dict, read_flows
 from lava_ros.scene.events import check_same_grid, event_to_dict, read_events, TerrainEvent
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.materials import default_lava, lava_from_dict, with_material_in_lava
+from lava_ros.scene.materials import (
+    default_lava,
+    lava_from_dict,
+    Material,
+    material_named,
+    with_material_in_lava,
+)
 from lava_ros.scene.plausibility import doubts_of_scene, KELVIN, report
 from lava_ros.scene.terrain import Terrain
 from lava_ros.scene.terrain_files import load_terrain, TERRAIN_OPTIONS, terrain_path
@@ -329,6 +336,7 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """
     vents, onset, source = data.get('vents'), onset_from('scene', data), 'scene.onset'
     read: list[Interval] = []
+    measured: str | None = None
     if not isinstance(vents, list):
         return data
     vents = list(vents)
@@ -351,9 +359,11 @@ def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
             onset, source = origin, label
         check_start(label, rates)
         read += rates
+        measured = measured or options.measured
         vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
+    error = error_of_rates(read, measured)
     dated = {} if onset is None else {'onset': date_text(onset)}
-    return {**data, 'vents': vents, 'rate_error': error_of_rates(read), **dated}
+    return {**data, 'vents': vents, 'rate_error': error, **dated}
 
 
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
@@ -364,16 +374,15 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
             ``ambient_temperature``, ``gravity``, ``uncertainty``, and ``emplaced_flows`` and
             ``events`` as returned by ``with_changes``, ``insist``, True to accept numbers that
             cannot be, and ``rate_error``, the distribution of a
-            factor on all effusion rates unless ``uncertainty`` has one.
+            factor on all effusion rates unless ``uncertainty`` has one or takes them as exact.
+            The material of the lava is that of the uncertainty, unless this names another.
         terrain: Terrain of the scene.
 
     Raises:
         LavaError: If a field is not valid, or a number cannot be.
     """
-    lava, _ = lava_from_dict('scene.lava', data.get('lava', {}))
-    uncertain = uncertainty_from_dict(data.get('uncertainty', {}))
-    if uncertain.discharge is None:
-        uncertain = replace(uncertain, discharge=data.get('rate_error'))
+    lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
+    uncertain = uncertainty_of(data.get('uncertainty', {}), material, data.get('rate_error'))
     scene = Scene(
         terrain=terrain,
         vents=vents_from_list(data.get('vents', []), terrain),
@@ -386,6 +395,27 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
     )
     check_plausible(scene, insist=validation.flag('scene.insist', data.get('insist', False)))
     return scene
+
+
+def uncertainty_of(
+    data: object, material: Material, rate_error: Distribution | None
+) -> Uncertainty:
+    """Read the uncertainty of a scene or case of a material.
+
+    Args:
+        data: Plain data for ``uncertainty_from_dict``.
+        material: Material of the lava, whose ranges are those of quantities that are left open.
+        rate_error: Error of the effusion rates, used unless the data have another.
+
+    Raises:
+        LavaError: If the data are not valid.
+    """
+    found = uncertainty_from_dict(data)
+    if found.discharge is None and not found.is_exact('effusion_rate') and not found.eruption:
+        found = replace(found, discharge=rate_error)
+    if not found.material:
+        found = replace(found, material=material.name)
+    return replace(found, material=material_named(found.material).name)
 
 
 def check_plausible(scene: Scene, *, insist: bool = False) -> None:

@@ -185,7 +185,7 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     done(*words, '--members', '4', '--observed', outline, '--observed-at', '600s')
     third = json.loads(report.read_text())
     assert third['resumed'] == 4 and third['effective_members'] < 4.0
-    assert 0.3 < third['observed']['jaccard_mean'] < third['observed']['jaccard_best'] <= 1.0
+    assert 0.0 < third['observed']['jaccard_mean'] < third['observed']['jaccard_best'] <= 1.0
     assert read(out / 'weighted/inundation_probability.tif').sum() > probability.sum()
     # the maps without weights have not changed
     for name, values in maps.items():
@@ -206,13 +206,17 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     done(*words, '-o', tmp_path / 'page.png')
     notes = json.loads(page.read_text())['notes']
     assert 'outline.tif, 600 s' in notes['weighted by']
-    assert notes['uncertain'] == 'effusion rate, position'
+    drawn = notes['uncertain'].split('; ')
+    assert drawn[0] == 'effusion rate times 1 x/ 1.5 (lognormal), given by the scene'
+    assert 'position +- 20 m in x and y (normal), given by the scene' in drawn
+    assert any(text.startswith('viscosity times ') for text in drawn)
 
 
 def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
     described = yaml.safe_load(scene.read_text())
     described['vents'][0]['discharge'] = [[0, 10], [300, 0]]
     described['lava'] |= {'yield_strength': 12.0, 'crust_strength': 0.0}
+    described['uncertainty']['exact'] = 'all'
     scene.write_text(yaml.safe_dump(described))
     out, report = tmp_path / 'out', tmp_path / 'report.json'
     words = ['ensemble', scene, '-o', out, '--horizon', '15min', '--workers', '1']
@@ -289,3 +293,34 @@ def test_susceptibility_map_places_the_vents(scene, tmp_path):
     wet = np.argwhere(read(tmp_path / 'out/inundation_probability.tif') > 0.0)
     assert len(wet) > 3
     assert np.hypot(*(wet - [6.0, 3.0]).T).max() < 10.0
+
+
+def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
+    described = yaml.safe_load(scene.read_text())
+    crust = ['crust_strength', 'crust_cover', 'crust_cover_decay', 'crust_temperature']
+    described['uncertainty']['exact'] = ['density', 'terrain', *crust]
+    scene.write_text(yaml.safe_dump(described))
+    out, report = tmp_path / 'out', tmp_path / 'report.json'
+    words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
+    words += ['--device', 'cpu', '--json', report, '--members', '16', '--spacing', '30']
+    output = done(*words)
+    found = json.loads(report.read_text())
+    drawn, exact = found['inputs']['drawn'], found['inputs']['exact']
+    assert set(drawn) == {
+        'effusion_rate', 'temperature', 'viscosity', 'yield_strength', 'position',
+    }
+    assert exact['density'] == exact['terrain'] == 'fixed by the user'
+    assert 'taken as exact: terrain, density, crust strength, ' in output
+    for name, item in drawn.items():
+        assert item['distribution'] in output and item['source'] in output, name
+    influence = found['influence']
+    names = [row['quantity'] for row in influence['rows']]
+    effects = [row['mismatch'] for row in influence['rows']]
+    assert set(names) == set(drawn) - {'yield_strength'}
+    assert effects == sorted(effects, reverse=True)
+    table = output[output.index('what decides'):].splitlines()[1 : len(names) + 1]
+    assert [line.split('  ')[0].split(' with ')[0].replace(' ', '_') for line in table] == names
+    # the page shows it
+    facts = read_run(out).facts
+    assert facts['what decides (1 - J)'].startswith(names[0].replace('_', ' '))
+    assert json.loads((out / 'ensemble.json').read_text())['inputs'] == found['inputs']

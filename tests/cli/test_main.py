@@ -25,7 +25,7 @@ from lava_ros.cli.scenes import scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.maps import export, layers
 from lava_ros.pages import runs
-from lava_ros.scene import effusion_rates, emplaced, materials, Scene
+from lava_ros.scene import effusion_rates, emplaced, materials, measurements, Scene
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation import presets, resolution
 
@@ -329,6 +329,7 @@ def test_help_imports_nothing_heavy():
     (options.FORMATS, export.FORMATS),
     (plot.DRAWN, tuple(dict.fromkeys((*layers.SOURCES, 'arrival', *runs.ENSEMBLE_MAPS)))),
     (scene_options.GAPS, effusion_rates.GAPS),
+    (scene_options.RATE_METHODS, tuple(measurements.RATE_ERRORS)),
     (scene_options.EMPLACED_KINDS, emplaced.KINDS),
     (scene_options.DEFAULT_MATERIAL, materials.DEFAULT),
 ])

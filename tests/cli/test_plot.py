@@ -89,7 +89,11 @@ def test_plot_describes_and_scores_an_ensemble(ensemble, tmp_path, outline, undr
     assert 'latent heat' in output['notes']['processes included']
     assert output['notes']['runs'].startswith('4; a probability of 50 % is known to 25 percentage')
     assert output['notes']['elevation'] == 'a slope of tests, maps in cells of 5 m'
-    assert output['notes']['uncertain'] == 'position' and output['scores'] == {}
+    drawn = output['notes']['uncertain'].split('; ')
+    assert drawn[0] == 'effusion rate times 0.5 to 1.5 (uniform), Harris 2007'
+    assert any(text.startswith('position ') for text in drawn) and output['scores'] == {}
+    assert output['notes']['taken as exact'].startswith('specific heat, ')
+    assert output['notes']['what decides (1 - J)'].startswith('not known from 4 members, needs ')
     output = plot(tmp_path, ensemble, '--layers', 'inundation_probability', '--observed', outline)
     assert 0.0 < output['scores']['members']['brier_score'] < 1.0
 

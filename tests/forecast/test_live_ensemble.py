@@ -3,6 +3,7 @@
 
 """Ensembles of a running simulation: members from one state, weighted by outlines."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,21 @@ def test_leaves_out_members_that_would_be_late(moments: list[Checkpoint]) -> Non
     assert run(LiveEnsemble(moments[0], members=2, deadline=1e4, **RULES)).count == 2
     with pytest.raises(LavaError, match='member 0 is .*max_particles'):
         run(LiveEnsemble(moments[0], members=2, max_particles=3, **RULES))
+
+
+@pytest.mark.parametrize(('exact', 'drawn'), [
+    ((), {'effusion_rate', 'temperature', 'viscosity', 'position', 'density'}),
+    (('viscosity', 'effusion_rate'), {'temperature', 'position', 'density'}),
+    (('all',), {'effusion_rate'}),
+])
+def test_live_members_draw_what_is_neither_given_nor_exact(
+    moments: list[Checkpoint], exact: tuple[str, ...], drawn: set[str]
+) -> None:
+    scene = moments[0].scene
+    open_ = replace(scene, uncertainty=replace(scene.uncertainty, material='etna_basalt'))
+    ensemble = LiveEnsemble(replace(moments[0], scene=open_), members=2, exact=exact, **RULES)
+    assert set(ensemble.plan.scene.uncertainty.drawn) == set(ensemble.inputs['drawn']) == drawn
+    assert run(ensemble).maps().members == 2
 
 
 class Bench:

@@ -3,6 +3,7 @@
 
 """The accuracy that a time limit affords, and `lava plan`."""
 
+from dataclasses import replace
 import json
 import re
 
@@ -23,6 +24,7 @@ from lava_ros.forecast.planning import (
     USEFUL,
 )
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict
 from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
 
 X, Y = np.meshgrid(np.arange(60) * 10.0, np.arange(40) * 10.0)
@@ -69,8 +71,8 @@ def _wall_time(refinement, base=2e-4, each=1e-7):
     return round(800 * refinement) * (base + each * 1000.0 * refinement**2)
 
 
-def _plan(spent, within, **options):
-    return plan_within(SCENE, **{
+def _plan(spent, within, scene=SCENE, **options):
+    return plan_within(scene, **{
         'within': within, 'horizon': 3600.0, 'device': 'cpu', 'clock': lambda: spent[0], **options
     })
 
@@ -119,9 +121,24 @@ def test_options_show_the_error_and_the_time_of_other_spacings(monkeypatch):
 
 
 def test_plan_shows_what_uncertain_inputs_change(monkeypatch):
-    plan = _plan(_machine(monkeypatch), 1000.0)
-    assert list(plan.inputs.values()) == pytest.approx(1.0 - np.exp([-0.25, -0.5]), rel=0.02)
-    assert [name.split()[-2:] for name in plan.inputs] == [['%', 'higher']] * 2
+    span = {'distribution': 'uniform', 'low': 1.0, 'high': 2.0}
+    uncertainty = uncertainty_from_dict({'effusion_rate': span, 'viscosity': span})
+    uncertain = replace(SCENE, uncertainty=uncertainty)
+    plan = _plan(_machine(monkeypatch), 1000.0, uncertain, with_inputs=True)
+    assert list(plan.inputs) == ['effusion_rate', 'viscosity']
+    for item in plan.inputs.values():
+        assert item.mismatch == pytest.approx(1.0 - np.exp(-0.8), rel=0.02)
+        assert item.area == pytest.approx(np.exp(0.8) - 1.0, rel=0.02)
+    # a scene without uncertain quantities has no effects of them
+    assert not _plan(_machine(monkeypatch), 1000.0, with_inputs=True).inputs
+
+
+def test_changed_inputs_take_no_more_than_the_time_of_the_pilots(monkeypatch):
+    uncertain = replace(SCENE, uncertainty=Uncertainty(material='etna_basalt'))
+    spent = _machine(monkeypatch)
+    plan = _plan(spent, 2.0, uncertain, with_inputs=True)
+    assert plan.spent == spent[0] <= PLANNING_FRACTION * 2.0
+    assert plan.pilots >= 3 + 2 * len(plan.inputs)
 
 
 def test_members_divide_the_time(monkeypatch):
@@ -182,7 +199,10 @@ def test_command_prints_a_table_and_the_plan(monkeypatch, scene_file, tmp_path):
         [item['spacing'] for item in plan['options']], rel=5e-3
     )
     assert printed.count('<- plan') == 1
-    assert ('an effusion rate 25 % higher changes' in printed) == bool(plan['inputs'])
+    for name, item in plan['inputs'].items():
+        area = f'{100.0 * item["area"]:+.0f} %'
+        assert re.search(rf'^{name.replace("_", " ")} +{re.escape(area)} ', printed, re.MULTILINE)
+    assert ('what decides' in printed) == bool(plan['inputs'])
     assert re.search(r'^numerical error: [0-9.]+ % of the inundated area', printed, re.MULTILINE)
     total = plan['numerical_error']['inundated']['total']
     assert any(item['error']['inundated']['total'] == total for item in plan['options'])

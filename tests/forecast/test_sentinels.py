@@ -36,7 +36,7 @@ COUNT = 2
 
 def pulse(**options: Any) -> Plan:
     """Return the plan of a vent that soon closes: yield strength matters where lava thins."""
-    scene = uncertain_scene(((0.0, 10.0), (300.0, 0.0)), yield_strength=12.0)
+    scene = uncertain_scene(((0.0, 10.0), (300.0, 0.0)), yield_strength=14.0)
     return make_plan(scene, horizon=900.0, accuracy=Accuracy(), samples=20, **options)
 
 

@@ -136,7 +136,7 @@ def _yaml(path: Path, tree: Any) -> Path:
 def _known_case(path: Path) -> Any:
     case = load_case(path.parent)
     known = (case.title, case.source, case.start, case.end, case.volume, case.low_pass)
-    return *known, case.rate_error, [event.text for event in case.events], _of_scene(case.scene)
+    return *known, [event.text for event in case.events], _of_scene(case.scene)
 
 
 def _of_scene(scene: Any) -> Any:

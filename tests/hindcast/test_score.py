@@ -139,15 +139,16 @@ def test_members_fill_the_published_ranges(etna):
     assert len({tuple(values) for values in found.values()}) == len(found)
 
 
-def test_uncertainty_of_a_case_replaces_the_published_ranges(tmp_path):
+@pytest.mark.parametrize('exact', [True, False])
+def test_uncertainty_of_a_case_replaces_published_ranges_and_the_others_remain(tmp_path, exact):
     text = (
         'uncertainty:\n'
         '  constants: {crust_temperature: {distribution: uniform, low: 700, high: 710}}\n'
-    )
+    ) + '  exact: all\n' * exact
     plan = plan_of(load_case(write_case(tmp_path / 'valley', yaml=text)), SETTINGS)
     first, second = (member_scene(plan.scene, item) for item in draw_members(plan.scene, 2))
     assert 700.0 < first.lava.crust_temperature != second.lava.crust_temperature < 710.0
-    assert first.vents == second.vents
+    assert (first.vents == second.vents) == exact
     folder = write_case(tmp_path / 'colour', yaml=text.replace('crust_temp', 'viscosity_temp'))
     with pytest.raises(LavaError, match=r'uncertainty.constants.viscosity_temperature'):
         load_case(folder)

@@ -113,6 +113,7 @@ def test_empty_list_can_be_set_and_loaded(node_with):
         ({'layers_on': 'lava_points'}, "layers_on is 'lava_points', expected a list of layers"),
         ({'effects_on': ['slope']}, "effects_on is 'slope', expected one of steep, yielding"),
         ({'effects_off': ['Steep']}, "effects_off is 'Steep', expected one of steep"),
+        ({'quantities_exact': ['colour']}, "quantities_exact is 'colour', expected one of all, "),
         ({'effects_on': 'steep'}, "effects_on is 'steep', expected a list of effects"),
         ({'effects_on': [1]}, 'effects_on is 1, expected one of'),
         (

@@ -52,8 +52,8 @@ UNCERTAINTY = {
     'yield_strength': TRIANGLE,
     'temperature': NORMAL,
     'position': {'radius': 5.0, 'deviation': 0.0},
-    'terrain': {'deviation': 1.0, 'correlation': 50.0},
-    'constants': {'density': LOG_UNIFORM},
+    'terrain': {'deviation': 1.0, 'correlation': 50.0, 'source': 'a survey'},
+    'constants': {'density': {**LOG_UNIFORM, 'source': 'a paper', 'follows': 'viscosity'}},
     'eruption': [
         {'probability': 1.0, 'duration': LOG_UNIFORM, 'volume': LOG_UNIFORM, 'name': 'small'}
     ],
@@ -86,18 +86,28 @@ VALID = {
                     'temperature': 1360.0, 'radius': 20.0, 'velocity': [0.0, 1.0],
                     'effusion_rate': {
                         'file': 'rates.csv', 'start': '2021-09-19T14:10:00Z', 'gaps': 'zero',
-                        'porosity': 0.2,
+                        'porosity': 0.2, 'measured': 'satellite',
                     },
                 },
                 {'position': [100.0, 50.0], 'end': [90.0, 50.0], 'effusion_rate': 3.0},
                 {'position': [100.0, 90.0], 'discharge': [[0.0, 3.0], [5.0, 0.0]]},
             ],
-            'uncertainty': {**UNCERTAINTY, 'effusion_rate': UNIFORM},
+            'uncertainty': {
+                **UNCERTAINTY, 'effusion_rate': UNIFORM, 'exact': ['conductivity'],
+                'material': 'etna_basalt',
+            },
             # the schema has no limits of credible values
             'onset': '2021-09-19T14:10:00Z',
             'insist': True,
         },
         {'terrain': {'file': 'ground.npz'}, 'uncertainty': {'discharge': UNIFORM}},
+        {
+            'terrain': {'file': 'ground.npz'},
+            'uncertainty': {
+                'effusion_rate': {'measured': 'field'}, 'terrain': {'survey': 'srtm'},
+                'exact': 'all',
+            },
+        },
         {'terrain': {'file': 'ground.npz'}, 'material': 'etna_basalt'},
         {
             'terrain': {'file': 'ground.npz'},

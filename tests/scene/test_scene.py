@@ -156,7 +156,7 @@ def test_scenes_of_the_package_have_a_vent_in_the_crater(name):
     scene = scene_from_yaml(share_path(f'examples/{name}.yaml'))
     (vent,) = scene.vents
     assert scene.terrain.elevation[scene.terrain.cell_at(*vent.position)] > 1700.0
-    assert (scene.uncertainty == Uncertainty()) == (name == 'etna')
+    assert (scene.uncertainty == Uncertainty(material='etna_basalt')) == (name == 'etna')
 
 
 def test_detects_celsius_instead_of_kelvin(tmp_path, caplog):

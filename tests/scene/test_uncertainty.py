@@ -13,10 +13,8 @@ import yaml
 
 from geodata import write_scene
 from lava_ros.scene import scene_from_yaml, scene_to_dict
+from lava_ros.scene.distributions import Displacement, Distribution, Roughness
 from lava_ros.scene.uncertainty import (
-    Displacement,
-    Distribution,
-    Roughness,
     Uncertainty,
     uncertainty_from_dict,
     uncertainty_to_dict,
@@ -28,8 +26,11 @@ WHOLE = {
     'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5, 'limits': [0.3, 3]},
     'temperature': {'distribution': 'normal', 'mean': 0.0, 'deviation': 15.0},
     'viscosity': {'distribution': 'loguniform', 'low': 0.3, 'high': 3.0},
-    'yield_strength': {'distribution': 'triangular', 'low': 0.5, 'mode': 1.0, 'high': 2.0},
-    'position': {'radius': 40.0},
+    'yield_strength': {
+        'distribution': 'triangular', 'low': 0.5, 'mode': 1.0, 'high': 2.0, 'source': 'a paper',
+        'follows': '-viscosity',
+    },
+    'position': {'radius': 40.0, 'source': 'a map'},
     'terrain': {'deviation': 1.5, 'correlation': 100.0},
     'constants': {'crust_temperature': {'distribution': 'uniform', 'low': 700, 'high': 750}},
     'eruption': [
@@ -44,6 +45,8 @@ WHOLE = {
             'volume': {'distribution': 'loguniform', 'low': 1e6, 'high': 1e7},
         },
     ],
+    'exact': ['density'],
+    'material': 'basalt',
 }
 
 
@@ -83,7 +86,7 @@ def test_scene_file_has_every_uncertain_quantity(tmp_path):
     scene = scene_from_yaml(write_scene(tmp_path, np.zeros((10, 10)), 10.0, data))
     assert scene.uncertainty == uncertainty_from_dict(WHOLE)
     assert scene.uncertainty.discharge == Distribution('lognormal', (1.0, 1.5), (0.3, 3.0))
-    assert scene.uncertainty.position == Displacement(radius=40.0)
+    assert scene.uncertainty.position == Displacement(radius=40.0, source='a map')
     assert scene.uncertainty.terrain == Roughness(1.5, 100.0)
     plain = scene_to_dict(scene)['uncertainty']
     assert uncertainty_from_dict(plain) == scene.uncertainty
