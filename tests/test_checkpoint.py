@@ -9,6 +9,7 @@ import struct
 
 import numpy as np
 import pytest
+import zstandard
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
@@ -149,6 +150,15 @@ def test_refuses_an_invalid_header_with_a_valid_checksum(monkeypatch):
             data = one.to_bytes()
         with pytest.raises(LavaError, match=r'checkpoint|accuracy'):
             from_bytes(data)
+
+
+def test_refuses_a_body_of_another_size_than_its_arrays(monkeypatch):
+    compress = zstandard.compress
+    with monkeypatch.context() as patch:
+        patch.setattr(zstandard, 'compress', lambda data, level: compress(data + b'more', level))
+        data = checkpoint(20).to_bytes()
+    with pytest.raises(LavaError, match=r"checkpoint[.]body is '\d+ bytes', expected \d+ bytes"):
+        from_bytes(data)
 
 
 def test_checkpoint_contains_no_path(tmp_path):

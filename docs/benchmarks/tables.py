@@ -166,6 +166,19 @@ def steps() -> Iterator[Line]:
         yield size, *(line.get(name, '') for name in names)
 
 
+def covered_cells() -> Iterator[Line]:
+    """Yield the time of a step by the way in which it records the covered ground."""
+    rows = lines_of('covered_cells_h200.csv')
+    ways = list(dict.fromkeys(row['covered ground'] for row in rows))
+    columns = rows[: len(rows) // len(ways)]
+    yield ('covered ground', *(
+        f'{row["benchmark"]}, {round(float(row["particles"]), -4):,.0f} [us]' for row in columns
+    ))
+    for way in ways:
+        values = [float(row['value']) for row in rows if row['covered ground'] == way]
+        yield way, *(f'{value:,.4g}' for value in values)
+
+
 def members() -> Iterator[Line]:
     """Yield the speed of the members of a batch, by their number and size."""
     rows = lines_of('members_h200.csv')
@@ -350,7 +363,7 @@ PAGES: Mapping[str, Tables] = {
         'dates': dates, 'changes': changes, 'commands': commands,
     },
     'MODEL.md': {'kernel_radii': kernel_radii},
-    'PERFORMANCE.md': {'steps': steps, 'members': members},
+    'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'NAV2.md': {'rolling_windows': rolling_windows, 'masks': masks},
     'benchmarks/README.md': {
         'plans': plans, 'numerical_error': numerical_error,

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from lava_ros.live.clock import MAX_LAG
+from lava_ros.live.clock import FollowedClock, MAX_LAG
 from worker_bench import TERRAIN
 
 
@@ -69,6 +69,18 @@ def test_jumps_of_the_clock_are_counted_but_not_followed(bench, jump):
     # a new start resets the counts
     bench.run(bench.worker.reset())
     bench.wait(lambda: (bench.worker.status.jumps, bench.worker.status.lost) == (0, 0.0))
+
+
+def test_a_long_computation_is_no_jump(monkeypatch):
+    # a steady clock that is read after the computation alone
+    now = [100.0]
+    monkeypatch.setattr('lava_ros.live.clock.time.monotonic', lambda: now[0])
+    clock = FollowedClock(lambda: 1e9 + now[0])
+    clock.start()
+    for elapsed in (MAX_LAG, 10.0 * MAX_LAG):
+        now[0] += elapsed
+        assert clock.elapse() == pytest.approx(elapsed)
+    assert (clock.jumps, clock.lost) == (0, 0.0)
 
 
 def test_first_time_and_jitter_of_the_clock_are_not_jumps(bench):

@@ -108,6 +108,14 @@ def test_the_hazard_of_inundated_ground_is_never_0(kind, changes, expected):
     assert height.tolist() == [[0, 0, 3], [1, 0, -1]]
 
 
+def test_holes_of_the_terrain_close_no_ground_around_them():
+    thickness = np.array([[0.0, np.nan], [0.0, 0.0]], np.float32)
+    arrived = np.where(np.isnan(thickness), 1.0, np.nan).astype(np.float32)
+    shown = dataclasses.replace(_snapshot(thickness, thickness), arrived=arrived)
+    layer = _layer(source='hazard', threshold=0.01, margin=20.0, **MASK)
+    assert layer.values(shown).tolist() == [[0, -1], [0, 0]]
+
+
 def test_images_are_unscaled():
     height = _layer(message='sensor_msgs/Image', range=None, threshold=0.0)
     np.testing.assert_array_equal(height.values(SNAPSHOT), SNAPSHOT.thickness)

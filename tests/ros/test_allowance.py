@@ -5,7 +5,7 @@
 
 from concurrent.futures import Future
 from types import SimpleNamespace
-from unittest.mock import Mock
+from unittest.mock import MagicMock, Mock, PropertyMock
 
 import pytest
 from rclpy.clock import Clock
@@ -111,6 +111,16 @@ def test_delayed_reset_names_what_it_waits_for():
     answer = services.call('reset', NOTHING)
     assert answer.success
     assert answer.message == 'starting again at time 0, but later: a step takes 3 s or more'
+
+
+def test_each_save_counts():
+    node = MagicMock(_settings=Settings(max_saved_bytes=1000), _saved_bytes=0)
+    node._bags.finish_checkpoint.return_value = ''
+    # before and after each
+    type(node._recorder).size = PropertyMock(side_effect=[100, 350, 350, 1000])
+    for _ in range(2):
+        NodeRuntime.save(node)
+    assert node._saved_bytes == 900
 
 
 def test_total_size_of_saves_is_limited():

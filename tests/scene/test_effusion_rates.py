@@ -143,6 +143,9 @@ def test_uncertainty_is_the_relative_error_of_volume(header, cells, tmp_path):
     error = {'error': 1 / 3, 'Error (%)': 1 / 3, 'sigma': 1 / 2}[header]
     assert math.exp(math.log(found.numbers[1]) ** 2) == pytest.approx(1.0 + error**2)
     assert error_of_rates(read(tmp_path, WHOLE['seconds'])) is None
+    # errors of dense-rock equivalents are those of bulk rates, as a fraction
+    bulk = error_of_rates(read(tmp_path, text, porosity=0.5))
+    assert bulk is not None and bulk.numbers == pytest.approx(found.numbers)
 
 
 def test_warns_of_unknown_columns(tmp_path, caplog):

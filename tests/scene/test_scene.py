@@ -121,6 +121,18 @@ ambient_temperature: 290
     assert scene_to_dict(scene)['terrain']['offset'] == [990.0, 2000.0]
 
 
+def test_another_terrain_gets_the_offset_of_the_scene_file(tmp_path):
+    text = """
+terrain: {file: ground.npz, offset: [990.0, 2003.0]}
+vents: [{position: [50, 50], discharge: 3}]
+"""
+    other = Terrain(np.zeros((10, 20)), 10.0, origin=(0.0, 0.0), offset=(1000.0, 2000.0))
+    scene = scene_from_yaml(scene_file(tmp_path, text), terrain=other)
+    assert (scene.terrain.offset, scene.terrain.origin) == ((990.0, 2003.0), (10.0, -3.0))
+    assert scene.terrain.corner == other.corner
+    assert scene.vents[0].position == (50.0, 50.0)
+
+
 def test_finds_scenes_of_the_package_by_name(tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
     caplog.set_level('INFO')

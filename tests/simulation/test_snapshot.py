@@ -256,3 +256,12 @@ def test_ground_without_data_and_dry_cells_are_no_flaws():
 )
 def test_flaw_names_the_quantity_and_the_number_of_cells(broken, words):
     assert words in broken().flaw()
+
+
+@pytest.mark.parametrize('part', ['held', 'left', 'frozen'])
+def test_error_of_a_budget_counts_each_part_of_the_volume(part):
+    volumes = {'emitted': 10.0, 'held': 5.0, 'left': 3.0, 'frozen': 2.0}
+    budget = VolumeBudget(pending=0.0, **volumes)
+    assert budget.error == 0.0 and budget.is_conserved
+    missing = VolumeBudget(pending=0.0, **volumes | {part: volumes[part] - 1.0})
+    assert missing.error == pytest.approx(0.1) and not missing.is_conserved
