@@ -29,6 +29,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
+from lava_ros.simulation.spacing_error import COARSER, has_pair, pair_of, SpacingPair
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
@@ -75,6 +76,20 @@ class Plan:
         """Time between two samples [s]."""
         return self.horizon / self.samples
 
+    def has_pair(self, member: Member) -> bool:
+        """Return True if a member also runs with particles farther apart.
+
+        Members of a running simulation continue with its particles, and have no pairs.
+        """
+        return self.start is None and has_pair(member.index)
+
+    @property
+    def coarser(self) -> 'Plan':
+        """The plan of the coarser runs of pairs, which no sentinel reviews."""
+        assert self.accuracy.spacing is not None
+        accuracy = replace(self.accuracy, spacing=COARSER * self.accuracy.spacing)
+        return replace(self, accuracy=accuracy, forced=None)
+
     def switching_on(self, called: Sequence[CalledEffect]) -> 'Plan':
         """Return the plan with the effects that sentinels have called for."""
         effects = replace(self.effects, **{item.effect: True for item in called})
@@ -105,6 +120,7 @@ class MemberFields:
         left: Fraction of the emitted volume that has left the map.
         corner: Row and column of the part's first cell.
         called: Effects that the flow of a sentinel calls for although they are off in its plan.
+        pair: Differences of a run of the member with particles farther apart; None without one.
     """
 
     index: int
@@ -115,6 +131,17 @@ class MemberFields:
     left: float = 0.0
     corner: tuple[int, int] = (0, 0)
     called: tuple[CalledEffect, ...] = ()
+    pair: SpacingPair | None = None
+
+    def on(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return arrival times and covered fractions of all cells of a terrain of a shape."""
+        arrival, inundated = np.full(shape, np.nan, np.float32), np.zeros(shape, np.float32)
+        rows, columns = (
+            slice(first, first + size)
+            for first, size in zip(self.corner, self.arrival.shape, strict=True)
+        )
+        arrival[rows, columns], inundated[rows, columns] = self.arrival, self.inundated
+        return arrival, inundated
 
 
 def make_plan(
@@ -261,7 +288,17 @@ def running(
             yield from run.advancing()
             if progress is not None:
                 progress[member.index] = run.progress
-        done.append(run.fields())
+        fields = run.fields()
+        # its arrays are free for the coarser run
+        del run
+        if plan.has_pair(member) and not fields.called:
+            coarser = MemberRun(plan.coarser, member, device=device)
+            while not coarser.is_done:
+                yield from coarser.advancing()
+            shape = plan.scene.terrain.shape
+            pair = pair_of(*fields.on(shape), *coarser.fields().on(shape))
+            fields = replace(fields, pair=pair)
+        done.append(fields)
         # yield the fields before the next member begins
         yield
 
