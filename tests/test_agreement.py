@@ -7,9 +7,11 @@ Other libraries read the files: rasterio, rosbags and json. An ensemble and a fo
 eruption equal the hindcast: only the temperature is uncertain, by less than a float32 resolves.
 """
 
+from dataclasses import replace
 from datetime import datetime
 from importlib.util import find_spec
 import json
+import math
 from pathlib import Path
 import shutil
 from types import SimpleNamespace
@@ -26,11 +28,12 @@ from command_line import done
 from eruption import CELL, CORNER, SHAPE, VENT, write_case
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.forecast_run import ForecastRun
-from lava_ros.forecast.probability import footprint_by
+from lava_ros.forecast.probability import EnsembleAccumulator, footprint_by
 from lava_ros.forecast.store import stored_members
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT
 from lava_ros.hindcast.run import FORCED, Settings
+from lava_ros.maps.forecast import occupancy
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.place_arrivals import live_arrivals
@@ -312,30 +315,53 @@ def ensemble(run):
     return SimpleNamespace(out=out, report=json.loads(report.read_text()), plan=members.plan)
 
 
+def maps_of(members, plan):
+    """Return the maps of members of equal weight."""
+    tally = EnsembleAccumulator(plan)
+    for member in members:
+        tally.add(member)
+    return tally.maps()
+
+
 def test_ensemble_of_identical_members_equals_the_run(run, ensemble):
+    members = list(stored_members(ensemble.out, 2, ensemble.plan, on_refused=print))
+    # without the correction for the particle spacing
+    maps = maps_of([replace(member, pair=None) for member in members], ensemble.plan)
     reached = np.isfinite(run.arrival)
-    probability = read_tif(ensemble.out / 'inundation_probability.tif')
-    np.testing.assert_array_equal(probability, np.where(reached, 100.0, 0.0))
+    np.testing.assert_array_equal(maps.probability, np.where(reached, 100.0, 0.0))
     peak = read_tif(ensemble.out / 'expected_peak_thickness.tif')
     np.testing.assert_array_equal(np.isfinite(peak), reached)
+    np.testing.assert_array_equal(read_tif(ensemble.out / 'largest_peak_thickness.tif'), peak)
     # members are kept in whole millimetres
     np.testing.assert_allclose(
         np.nan_to_num(peak), np.nan_to_num(read_tif(run.out / 'peak_thickness.tif')), atol=5.1e-4
     )
-    for percent in (10, 50, 90):
-        times = read_tif(ensemble.out / f'arrival_time_p{percent}.tif')
+    for times in (*maps.arrival.values(), maps.worst.arrival):
         np.testing.assert_array_equal(np.isfinite(times), reached)
         late = np.abs(times - run.arrival)[reached]
-        assert late.max() <= ensemble.report['arrival_error_s'] + 1e-3
-    assert set(ensemble.report['area_m2'].values()) == {run.score['area']}
-    for percent in (10, 50, 90):
-        tag = f'inundated_area_p{percent}_m2'
-        path = ensemble.out / 'inundation_probability.tif'
-        assert tag_of(path, tag) == run.score['area']
-    (member, *_) = stored_members(ensemble.out, 2, ensemble.plan, on_refused=print)
+        assert late.max() <= maps.arrival_error + 1e-3
+    assert {*maps.areas(CELL).values(), maps.worst_area(CELL)} == {run.score['area']}
     np.testing.assert_array_equal(
-        footprint_by(member, ensemble.plan, ensemble.plan.horizon), run.inundated >= 0.5
+        footprint_by(members[0], ensemble.plan, ensemble.plan.horizon), run.inundated >= 0.5
     )
+
+
+def test_ensemble_differs_from_the_run_by_the_error_of_the_spacing(run, ensemble):
+    members = list(stored_members(ensemble.out, 2, ensemble.plan, on_refused=print))
+    maps = maps_of(members, ensemble.plan)
+    assert maps.spacing_error.as_dict() == ensemble.report['spacing_error']
+    probability = read_tif(ensemble.out / 'inundation_probability.tif')
+    np.testing.assert_array_equal(probability, maps.probability)
+    np.testing.assert_array_equal(probability > 0.0, np.isfinite(run.arrival))
+    for fraction, times in maps.arrival.items():
+        path = ensemble.out / f'arrival_time_p{100 * fraction:.0f}.tif'
+        np.testing.assert_array_equal(read_tif(path), times)
+    worst, *areas = ensemble.report['area_m2'].values()
+    assert areas == list(maps.areas(CELL).values()) and worst == maps.worst_area(CELL)
+    assert areas[1] == pytest.approx(run.score['area'] * math.exp(-maps.spacing_error.growth))
+    for percent, area in zip((10, 50, 90), areas, strict=True):
+        path = ensemble.out / 'inundation_probability.tif'
+        assert tag_of(path, f'inundated_area_p{percent}_m2') == area
 
 
 def test_ensemble_is_the_same_in_all_outputs(run, ensemble):
@@ -343,7 +369,7 @@ def test_ensemble_is_the_same_in_all_outputs(run, ensemble):
     messages = newest_messages(ensemble.out / 'atlas')
     probability = tifs['inundation_probability']
     np.testing.assert_array_equal(
-        grid_of(messages['/lava/inundation_probability']), probability.astype(np.int8)
+        grid_of(messages['/lava/inundation_probability']), occupancy(probability)
     )
     for name in ('arrival_time_p10', 'arrival_time_p50', 'arrival_time_p90'):
         np.testing.assert_array_equal(image_of(messages[f'/lava/{name}']), tifs[name])
@@ -361,7 +387,9 @@ def test_ensemble_is_the_same_in_all_outputs(run, ensemble):
         assert item['properties']['area_m2'] == by_then.sum() * CELL**2
     done('plot', ensemble.out, '-o', run.folder / 'e.png', '--json', run.folder / 'e.json')
     shown = json.loads((run.folder / 'e.json').read_text())
-    assert f'{area_words(run.score["area"])} at 90 % or more' in shown['summary']
+    for name, area in ensemble.report['area_m2'].items():
+        words = name.replace('at least', 'at') + (' or more' if '%' in name else '')
+        assert f'{area_words(area)} {words.replace("member", "run")}' in shown['summary']
     check_netcdf(ensemble.out)
 
 

@@ -22,7 +22,12 @@ from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.members import make_plan, run_members
 from lava_ros.forecast.probability import EnsembleAccumulator, footprint_by, footprint_of
 from lava_ros.forecast.sampling import draw_members
-from lava_ros.forecast.scores import brier_parts, brier_score, reliability
+from lava_ros.forecast.scores import (
+    brier_parts,
+    brier_score,
+    reliability,
+    reliability_error,
+)
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.presets import preset_accuracy
@@ -107,10 +112,7 @@ def measure():
             (f'Brier score{name}', MEMBERS, parts.score, '1'),
             (f'Brier skill{name}', MEMBERS, parts.skill, '1'),
         ]
-        # the exact parts have a bin for each value
-        bins = reliability(forecast[:, near], observed[:, near])
-        gap = sum(item.count * (item.forecast - item.observed) ** 2 for item in bins if item.count)
-        error = np.sqrt(gap / sum(item.count for item in bins))
+        error = reliability_error(forecast[:, near], observed[:, near])
         rows.append((f'reliability error, rms{name}', MEMBERS, 100.0 * error, '%'))
     better = np.mean([
         brier_score(after[place], observed[place]) < brier_score(before[place], observed[place])

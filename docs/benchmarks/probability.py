@@ -81,6 +81,10 @@ class Row:
     largest_gap: float | None
     single_jaccard: float
     half_jaccard: float
+    mapped_km2: float
+    area_p10_km2: float
+    area_p50_km2: float
+    area_p90_km2: float
     twin_gap: float
     twin_gap_least: float
     twin_skill: float
@@ -244,6 +248,11 @@ def rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterator[Row]
             **found,
             single_jaccard=float(np.mean(alone)),
             half_jaccard=jaccard(np.nan_to_num(result.maps.probability) >= 50.0, outline),
+            mapped_km2=1e-6 * mapped.sum() * plan.scene.terrain.resolution**2,
+            **{
+                f'area_p{100.0 * share:.0f}_km2': 1e-6 * area
+                for share, area in result.maps.areas(plan.scene.terrain.resolution).items()
+            },
             **twins(plan, members),
             reliability=bins_text(bins),
             seconds=seconds,

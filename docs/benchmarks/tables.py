@@ -385,6 +385,48 @@ def grounds() -> Iterator[Line]:
         yield (label, *(f'{float(row[column]):.2g}' for column in columns))
 
 
+def twins() -> Iterator[Line]:
+    """Yield how often truths arrive before the forecast times, and the reliability."""
+    yield (
+        'truths', 'particles across', 'before the earliest', 'before P10', 'before P50',
+        'before P90', 'reliability', 'lava where no member has any', 'time of the pairs',
+    )
+    for row in lines_of('twins.csv'):
+        if row['forecast'] in ('ensemble', 'uncorrected'):
+            points = f'{float(row["reliability_points"]):.1f} points'
+            yield (
+                f'{row["truths"]} {row["truths_are"].replace("_", " ")}'
+                + (', not corrected' if row['forecast'] == 'uncorrected' else ''),
+                f'{float(row["across"]):.0f}'
+                + ('' if row['usable'] == 'True' else ', not usable'),
+                *(
+                    f'{float(row[f"before_{name}"]):.0f} %'
+                    for name in ('earliest', 'p10', 'p50', 'p90')
+                ),
+                points,
+                f'{float(row["outside_percent"]):.1f} %',
+                f'{float(row["pairs_cost_percent"]):.0f} %',
+            )
+
+
+def twins_outline() -> Iterator[Line]:
+    """Yield the Brier score of the same truths without and with an outline."""
+    yield ('truths', 'particles across', 'forecast', 'Brier score without the outline', 'with it',
+           'reliability with it', 'before P10', 'before P90')
+    for row in lines_of('twins.csv'):
+        if 'outline' in row['forecast']:
+            yield (
+                f'{row["truths"]} {row["truths_are"].replace("_", " ")}',
+                f'{float(row["across"]):.0f}',
+                row['forecast'],
+                f'{float(row["brier_without_outline"]):.3f}',
+                f'{float(row["brier_score"]):.3f}',
+                f'{float(row["reliability_points"]):.1f} points',
+                f'{float(row["before_p10"]):.0f} %',
+                f'{float(row["before_p90"]):.0f} %',
+            )
+
+
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
@@ -395,6 +437,7 @@ PAGES: Mapping[str, Tables] = {
     'MODEL.md': {'grounds': grounds, 'kernel_radii': kernel_radii},
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'NAV2.md': {'rolling_windows': rolling_windows, 'masks': masks},
+    'how_to/ensemble.md': {'twins': twins, 'twins_outline': twins_outline},
     'benchmarks/README.md': {
         'plans': plans, 'numerical_error': numerical_error,
         'numerical_error_counts': numerical_error_counts,

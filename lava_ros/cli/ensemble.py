@@ -107,13 +107,15 @@ def ensemble(args: argparse.Namespace) -> int:
     published ranges of the lava, and the usual errors of effusion rates, vents and ground, except
     for the quantities that the section lists as `exact`. It prints what it has drawn, from which
     source, and which quantities decide the inundated area. It writes the probability of
-    inundation, the times by which lava has reached a cell in 10, 50 and 90 % of the members, and
-    the expected thickness, as GeoTIFF and as a bag. The same command continues an interrupted
-    ensemble, and adds members to a finished one. SCENE may also be the folder of a mapped
-    eruption, as for lava hindcast: the command then scores the probability against the mapped
-    flow, and at the dates of its outlines if it has any. With --barriers the members run a second
-    time with barriers; the folder with_barriers has the maps of these runs, and the folder
-    comparison what the barriers change.
+    inundation, the times by which lava has reached a cell in 10, 50 and 90 % of the members, the
+    expected thickness, and the earliest arrival and largest thickness of any member, as GeoTIFF
+    and as a bag. One member in four runs again with particles farther apart: the maps are
+    corrected for the error of the spacing, or called not usable if it is too large. The same
+    command continues an interrupted ensemble, and adds members to a finished one. SCENE may also
+    be the folder of a mapped eruption, as for lava hindcast: the command then scores the
+    probability against the mapped flow, and at the dates of its outlines if it has any. With
+    --barriers the members run a second time with barriers; the folder with_barriers has the maps
+    of these runs, and the folder comparison what the barriers change.
     """
     import numpy as np
 

@@ -88,6 +88,7 @@ def summarize(
         'resumed': done.resumed,
         'effective_members': maps.effective_members,
         'sampling_error_percent': maps.sampling_error,
+        **maps.limits(),
         'horizon_s': plan.horizon,
         'arrival_error_s': maps.arrival_error,
         'members_beyond': maps.members_beyond,
@@ -100,8 +101,11 @@ def summarize(
         'wall_s': wall,
         'members_per_s': ran / wall if ran else None,
         'area_m2': {
-            f'at least {100.0 * fraction:g} %': area
-            for fraction, area in maps.areas(plan.scene.terrain.resolution).items()
+            'in any member': maps.worst_area(plan.scene.terrain.resolution),
+            **{
+                f'at least {100.0 * fraction:g} %': area
+                for fraction, area in maps.areas(plan.scene.terrain.resolution).items()
+            },
         },
     }
 
@@ -124,7 +128,8 @@ def print_report(
     """Print the report of the command, with the numerical error of the members."""
     from lava_ros.maps.numbers import percent
     from lava_ros.scene.erupting_lava import EruptingLava
-    from lava_ros.simulation.numerical_error import error_text
+    from lava_ros.simulation.numerical_error import error_text, NOT_MEASURED
+    from lava_ros.simulation.spacing_error import SpacingError
 
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
@@ -142,6 +147,16 @@ def print_report(
         f'percentage points, from {report["members"]} members'
     )
     print(f'lava: {EruptingLava.of(plan.scene).text()}')
+    print(
+        f'where no member has lava: a probability below {report["unseen_percent"]:.2g} %; lava '
+        f'comes before p10 in {report["arrives_before_percent"]["p10"]:.0f} % of eruptions like '
+        f'these, and before the earliest arrival in up to {report["unseen_percent"]:.2g} %'
+    )
+    if report['spacing_error'] is None:
+        print(f'error of the particle spacing: {NOT_MEASURED}, and in no probability')
+    else:
+        spacing = SpacingError.from_dict(report['spacing_error'])
+        print(f'error of the particle spacing: {spacing.text()}')
     print(f'numerical error of a member: {error_text(error)}')
     print(
         'uncertain inputs: two members differ by '
@@ -151,7 +166,7 @@ def print_report(
     for item in plan.switched_on:
         print(f'{item.effect} was switched on from the start: {item.reason}')
     error = report['arrival_error_s']
-    print(f'error of the arrival times: up to {error:g} s and a time step of the flow')
+    print(f'error of the arrival times: up to {error:.3g} s and a time step of the flow')
     if report['members_beyond']:
         print(f'lava of {report["members_beyond"]} members left the map: no map shows that part')
     if report.get('eruptions_cut_off'):

@@ -11,7 +11,10 @@ from lava_ros.cli.pages import PAGE, page_options, RUNS
 from lava_ros.files import file_to_write, PICTURES
 
 #: Maps that are drawn.
-DRAWN = (*SOURCES, 'arrival', 'inundation_probability', 'arrival_time_p10', 'arrival_time_p90')
+DRAWN = (
+    *SOURCES, 'arrival', 'inundation_probability', 'arrival_time_p10', 'arrival_time_p90',
+    'arrival_time_earliest', 'largest_thickness',
+)
 
 
 @command(

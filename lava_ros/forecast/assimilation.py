@@ -5,6 +5,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
@@ -24,6 +25,9 @@ MIN_EFFECTIVE_FRACTION = 0.1
 UNIT = 1 << 16
 
 _HALVINGS = 40
+
+#: Largest error of an area, whose logarithm is finite.
+_LARGEST_ERROR = 0.999
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +112,8 @@ class Weights:
         values: Weights as whole numbers, int64, one per member; the best member has ``UNIT``.
         jaccard: The members' Jaccard indices, float64.
         effective_members: Number of members of equal weight with the same information.
-        sharpness: The power of the Jaccard index, reduced if too few members would count.
+        sharpness: The power of the Jaccard index, reduced by the numerical error, and if too few
+            members would count.
     """
 
     values: np.ndarray
@@ -138,17 +143,23 @@ def weigh(
     *,
     sharpness: float = SHARPNESS,
     least_effective: float = MIN_EFFECTIVE_FRACTION,
+    area_error: float = 0.0,
 ) -> Weights:
     """Weight members by a power, ``sharpness``, of their Jaccard indices.
 
-    The power is reduced until enough members count (``MIN_EFFECTIVE_FRACTION``), because too
-    few do not represent the uncertainty of a forecast.
+    A power s weights -ln J like errors of a size of 1 / s. ``area_error``, one minus the Jaccard
+    index of a member and itself without the numerical error, adds to it as an independent error:
+    the right member agrees no better. The power is also reduced until enough members count
+    (``MIN_EFFECTIVE_FRACTION``), because too few do not represent the uncertainty of a forecast.
 
     Raises:
         LavaError: If an argument is not valid, or no member agrees at all.
     """
     sharpness = validation.number('sharpness', sharpness, at_least=0.0, at_most=1e3)
     validation.number('least_effective', least_effective, at_least=0.0, at_most=1.0)
+    validation.number('area_error', area_error, at_least=0.0, at_most=1.0)
+    numerical = -math.log1p(-min(area_error, _LARGEST_ERROR))
+    sharpness /= math.hypot(1.0, sharpness * numerical)
     index = np.asarray(agreement, dtype=np.float64)
     if not index.size or not np.isfinite(index).all() or index.min() < 0.0 or index.max() > 1.0:
         raise LavaError('agreement', index.tolist(), 'Jaccard indices from 0 to 1')

@@ -93,15 +93,11 @@ def run_ensemble(
         validation.number('observed.time', outline.time, at_most=at_most, unit='s')
     plan = store.plan
     tally = EnsembleAccumulator(plan)
-    agreement = np.full(len(members), np.nan)
     done: set[int] = set()
     ahead: dict[int, Footprint] = {}
 
     def take(footprint: Footprint) -> None:
         done.add(footprint.index)
-        if outline is not None:
-            reached = footprint_by(footprint, plan, outline.time)
-            agreement[footprint.index] = jaccard(reached, outline)
         ahead[footprint.index] = footprint
         while tally.count in ahead:
             tally.add(ahead.pop(tally.count))
@@ -137,8 +133,13 @@ def run_ensemble(
     _check_complete(done, members)
     if outline is None:
         return Ensemble(tally.maps(), None, None, resumed)
-    # weights are relative to the best member, so all members have to be finished
-    weights, weighted = weigh(agreement), EnsembleAccumulator(plan)
+    # the numerical error and the best member are those of all members
+    error, agreement = tally.spacing_error, np.full(len(members), np.nan)
+    for footprint in store.finished(len(members)):
+        reached = footprint_by(footprint, plan, outline.time, error)
+        agreement[footprint.index] = jaccard(reached, outline)
+    weights = weigh(agreement, area_error=0.0 if error is None else error.area_error)
+    weighted = EnsembleAccumulator(plan)
     done.clear()
     for footprint in store.finished(len(members)):
         done.add(footprint.index)

@@ -30,6 +30,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
+from lava_ros.simulation.spacing_error import COARSER, has_pair, pair_of, SpacingPair
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
@@ -76,6 +77,20 @@ class Plan:
         """Time between two samples [s]."""
         return self.horizon / self.samples
 
+    def has_pair(self, member: Member) -> bool:
+        """Return True if a member also runs with particles farther apart.
+
+        Members of a running simulation continue with its particles, and have no pairs.
+        """
+        return self.start is None and has_pair(member.index)
+
+    @property
+    def coarser(self) -> 'Plan':
+        """The plan of the coarser runs of pairs, which no sentinel reviews."""
+        assert self.accuracy.spacing is not None
+        accuracy = replace(self.accuracy, spacing=COARSER * self.accuracy.spacing)
+        return replace(self, accuracy=accuracy, forced=None)
+
     def switching_on(self, called: Sequence[CalledEffect]) -> 'Plan':
         """Return the plan with the effects that sentinels have called for."""
         effects = replace(self.effects, **{item.effect: True for item in called})
@@ -106,6 +121,7 @@ class MemberFields:
         left: Fraction of the emitted volume that has left the map.
         corner: Row and column of the part's first cell.
         called: Effects that the flow of a sentinel calls for although they are off in its plan.
+        pair: Differences of a run of the member with particles farther apart; None without one.
     """
 
     index: int
@@ -116,6 +132,17 @@ class MemberFields:
     left: float = 0.0
     corner: tuple[int, int] = (0, 0)
     called: tuple[CalledEffect, ...] = ()
+    pair: SpacingPair | None = None
+
+    def on(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return arrival times and covered fractions of all cells of a terrain of a shape."""
+        arrival, inundated = np.full(shape, np.nan, np.float32), np.zeros(shape, np.float32)
+        rows, columns = (
+            slice(first, first + size)
+            for first, size in zip(self.corner, self.arrival.shape, strict=True)
+        )
+        arrival[rows, columns], inundated[rows, columns] = self.arrival, self.inundated
+        return arrival, inundated
 
 
 def make_plan(
@@ -259,6 +286,10 @@ def running(
     def route(member: Member) -> Iterator[None]:
         known = {} if progress is None else progress
         fields = yield from _fields_of(plan, member, device, max_particles, known)
+        if plan.has_pair(member) and not fields.called:
+            coarser = yield from _fields_of(plan.coarser, member, device, None, {})
+            shape = plan.scene.terrain.shape
+            fields = replace(fields, pair=pair_of(*fields.on(shape), *coarser.on(shape)))
         done.append(fields)
         # yield the fields before the next member begins
         yield

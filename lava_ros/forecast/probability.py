@@ -4,22 +4,29 @@
 """Maps of an ensemble: probability, arrival times and expected peak thickness.
 
 Members are added as integers, whose sums do not depend on the order: any number of workers gives
-bitwise identical maps.
+bitwise identical maps. The error by the particle spacing that pairs of runs have measured shifts
+and widens the arrival times (simulation/spacing_error.py).
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+import math
 
 import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.sentinels import CalledEffect
-from lava_ros.maps.forecast import HazardMaps, PlaceForecast, QUANTILES
+from lava_ros.maps.forecast import HazardMaps, PlaceForecast, QUANTILES, WorstCase
 from lava_ros.maps.places import Places
 from lava_ros.scene import MAX_ELEVATION
 from lava_ros.simulation.output.budget import GONE
 from lava_ros.simulation.output.inundation import reached_cells, TOUCHED
+from lava_ros.simulation.spacing_error import SpacingError, SpacingPair
+
+#: Rounding error of sums of corrected weights.
+_ROUNDING = 1e-6
 
 #: Stands for the observation in a cell without lava.
 NEVER = np.iinfo(np.uint16).max
@@ -40,7 +47,7 @@ class Footprint:
             ``TOUCHED``, uint8, same shape.
         millimetres: Peak thickness [mm], uint32, same shape.
         left: Fraction of the emitted volume that has left the map.
-        called: As in ``MemberFields``.
+        called, pair: As in ``MemberFields``.
     """
 
     index: int
@@ -51,6 +58,7 @@ class Footprint:
     millimetres: np.ndarray
     left: float = 0.0
     called: tuple[CalledEffect, ...] = ()
+    pair: SpacingPair | None = None
 
 
 def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
@@ -67,7 +75,8 @@ def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
         corner = member.corner[0] + int(rows[0]), member.corner[1] + int(columns[0])
     first, half, inundated, millimetres = (values[part].copy() for values in parts)
     return Footprint(
-        member.index, corner, first, half, inundated, millimetres, member.left, member.called
+        member.index, corner, first, half, inundated, millimetres, member.left, member.called,
+        member.pair,
     )
 
 
@@ -80,8 +89,16 @@ def _samples(times: np.ndarray, plan: Plan) -> np.ndarray:
     return sample
 
 
-def footprint_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
-    """Return the cells half inundated by a member by a time [s], bool, of the terrain's shape."""
+def footprint_by(
+    footprint: Footprint, plan: Plan, time: float, error: SpacingError | None = None
+) -> np.ndarray:
+    """Return the cells half inundated by a member by a time [s], bool, of the terrain's shape.
+
+    With the error of the particle spacing they are those at the later time at which the member,
+    which is late, has come as far. Times after the horizon are not known, and count as it.
+    """
+    if error is not None:
+        time = min(time * math.exp(error.delay), max(time, plan.horizon))
     inundated = np.zeros(plan.scene.terrain.shape, dtype=bool)
     rows, columns = footprint.half_sample.shape
     row, column = footprint.corner
@@ -89,6 +106,18 @@ def footprint_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
     by_then &= footprint.half_sample != NEVER
     inundated[row : row + rows, column : column + columns] = by_then
     return inundated
+
+
+def spacing_error_of(members: Iterable[Footprint], plan: Plan) -> SpacingError | None:
+    """Return the error by the particle spacing from the pairs of members, None without pairs."""
+    return _error_of({item.index: item.pair for item in members if item.pair is not None}, plan)
+
+
+def _error_of(pairs: Mapping[int, SpacingPair], plan: Plan) -> SpacingError | None:
+    """Return the error of pairs by the number of the member, independent of their order."""
+    spacing = plan.accuracy.spacing
+    ordered = [pairs[index] for index in sorted(pairs)]
+    return None if spacing is None else SpacingError.of(ordered, spacing)
 
 
 def first_samples(footprint: Footprint, places: Places) -> np.ndarray:
@@ -114,6 +143,7 @@ class EnsembleAccumulator:
         self._place_arrivals = np.zeros((len(places or ()), plan.samples), dtype=np.int64)
         shape = plan.scene.terrain.shape
         self._depth = np.zeros(shape, dtype=np.int64)
+        self._largest_depth = np.zeros(shape, dtype=np.int64)
         # only cells that a member has reached have a row in the table of arrivals
         self._row = np.full(shape, -1, dtype=np.int64)
         self._arrivals = np.zeros((1024, plan.samples), dtype=np.int64)
@@ -121,6 +151,7 @@ class EnsembleAccumulator:
         self._parts = np.zeros((1024, round(1.0 / TOUCHED) + 1), dtype=np.int64)
         self._rows = 0
         self._added: set[int] = set()
+        self._pairs: dict[int, SpacingPair] = {}
         self._total = self._squares = self._beyond = 0
 
     @property
@@ -144,11 +175,16 @@ class EnsembleAccumulator:
             found = f'{rows} x {columns} cells from {footprint.corner} on'
             raise LavaError(f'member {footprint.index}', found, expected)
         self._added.add(footprint.index)
+        if footprint.pair is not None:
+            self._pairs[footprint.index] = footprint.pair
         self._beyond += footprint.left > GONE
         self._total += weight
         self._squares += weight * weight
         part = np.s_[row : row + rows, column : column + columns]
-        self._depth[part] += weight * footprint.millimetres.astype(np.int64)
+        depth = footprint.millimetres.astype(np.int64)
+        self._depth[part] += weight * depth
+        if weight:
+            np.maximum(self._largest_depth[part], depth, out=self._largest_depth[part])
         arrived, row_of = footprint.first_sample != NEVER, self._row[part]
         new = arrived & (row_of < 0)
         row_of[new] = self._rows + np.arange(np.count_nonzero(new))
@@ -181,7 +217,11 @@ class EnsembleAccumulator:
             return np.where(terrain.has_data, values, np.nan).astype(np.float32)
 
         reached = self._row >= 0
-        cells = self._when(self._arrivals[: self._rows][self._row[reached]])
+        rows = self._row[reached]
+        error, counts = self.spacing_error, self._arrivals[: self._rows][rows]
+        end = 0.0 if error is None else error.end(counts, self._total)
+        cells = self._when(counts, error, end)
+        interval = 0.5 * self._plan.interval
         return HazardMaps(
             probability=on_terrain(cells.probability, 0.0),
             arrival={
@@ -191,36 +231,62 @@ class EnsembleAccumulator:
                 terrain.has_data, 1e-3 * self._depth / self._total, np.nan
             ).astype(np.float32),
             inundated={
-                share: on_terrain(self._least_part(share)[self._row[reached]], 0.0)
+                share: on_terrain(self._least_part(self._needed(share))[rows], 0.0)
                 for share in QUANTILES
             },
             members=self.count,
             effective_members=self._total**2 / self._squares,
-            arrival_error=0.5 * self._plan.interval,
+            arrival_error=interval
+            + (0.0 if error is None else error.arrival_error(self._plan.horizon)),
             members_beyond=self._beyond,
-            places=None if self._places is None else self._when(self._place_arrivals),
+            places=None if self._places is None else self._when(
+                self._place_arrivals, error, end
+            ),
+            worst=WorstCase(
+                arrival=on_terrain(cells.earliest, np.nan),
+                inundated=on_terrain(self._least_part(self._needed(0.0))[rows], 0.0),
+                thickness=np.where(
+                    terrain.has_data, 1e-3 * self._largest_depth, np.nan
+                ).astype(np.float32),
+            ),
+            spacing_error=error,
         )
 
-    def _least_part(self, share: float) -> np.ndarray:
-        """Return the part of each cell that a fraction of the members inundates, [rows]."""
+    @property
+    def spacing_error(self) -> SpacingError | None:
+        """Error by the particle spacing from the pairs of the members, None without pairs."""
+        return _error_of(self._pairs, self._plan)
+
+    def _least_part(self, needed: int) -> np.ndarray:
+        """Return the part of each cell that members of a sum of weights inundate, [rows]."""
         # the members that inundate at least each part
         sums = np.cumsum(self._parts[: self._rows, ::-1], axis=1)[:, ::-1]
-        return (np.count_nonzero(sums[:, 1:] >= self._needed(share), axis=1) * TOUCHED).astype(
-            np.float32
-        )
+        return (np.count_nonzero(sums[:, 1:] >= needed, axis=1) * TOUCHED).astype(np.float32)
 
     def _needed(self, share: float) -> int:
-        """Return the least sum of weights that is a share of all."""
+        """Return the smallest sum of weights that is a fraction of all, and above 0."""
         # exact integers, because 0.1 is not a binary fraction
-        return int(-(-self._total * Fraction(str(share)) // 1))
+        return max(int(-(-self._total * Fraction(str(share)) // 1)), 1)
 
-    def _when(self, arrivals: np.ndarray) -> PlaceForecast:
+    def _when(
+        self, arrivals: np.ndarray, error: SpacingError | None, end: float
+    ) -> PlaceForecast:
         """Convert the weights that arrive at each sample, [places, samples], to a forecast."""
         sums = np.cumsum(arrivals, axis=1)
-        times = {}
-        for share in QUANTILES:
-            enough = sums >= self._needed(share)
-            times[share] = np.where(
-                enough[:, -1], (enough.argmax(axis=1) + 0.5) * self._plan.interval, np.nan
-            ).astype(np.float32)
-        return PlaceForecast((100.0 * sums[:, -1] / self._total).astype(np.float32), times)
+        is_reached, first = sums[:, -1] > 0, np.ones(len(sums))
+        if error is not None:
+            # the correction spreads a member over several samples
+            earliest = np.take_along_axis(arrivals, (arrivals > 0).argmax(axis=1)[:, None], 1)
+            sums = np.cumsum(error.corrected(arrivals, self._total, end), axis=1)
+            first = np.minimum(0.5 * earliest[:, 0], sums[:, -1])
+
+        def time_of(needed: np.ndarray | float) -> np.ndarray:
+            enough = sums >= np.reshape(needed, (-1, 1)) - _ROUNDING
+            times = (enough.argmax(axis=1) + 0.5) * self._plan.interval
+            return np.where(enough[:, -1], times, np.nan).astype(np.float32)
+
+        return PlaceForecast(
+            (100.0 * np.minimum(sums[:, -1] / self._total, 1.0)).astype(np.float32),
+            {share: time_of(self._needed(share)) for share in QUANTILES},
+            np.where(is_reached, time_of(first), np.float32(np.nan)),
+        )

@@ -17,6 +17,7 @@ from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS
 from lava_ros.scene.on_terrain import read_cover_on, read_polygons_on, read_raster_on
 from lava_ros.scene.projection import coordinate_system
+from lava_ros.simulation.numerical_error import NOT_MEASURED
 
 
 def observed_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
@@ -55,7 +56,8 @@ def write_atlas(
 ) -> list[Path]:
     """Write the maps of an ensemble to a folder, replacing files of the same names.
 
-    The maps are probability, arrival times, expected peak thickness and elevation, as GeoTIFF.
+    The maps are probability, arrival times, expected peak thickness, the worst of all members and
+    elevation, as GeoTIFF.
     ``formats`` are further formats, of ``export.FORMATS``; vector formats contain contours of
     probability and isochrones. None stands for GeoJSON if the terrain's coordinate system is
     known, otherwise for no further format. Formats that the folder already has are written again,
@@ -79,12 +81,16 @@ def write_atlas(
             for fraction, area in maps.areas(terrain.resolution).items()
         },
         **tags,
+        **reliability_tags(maps, terrain),
     }
     layers = {
         'inundation_probability': maps.probability,
         'expected_peak_thickness': maps.thickness,
         'elevation': terrain.elevation,
     }
+    if maps.worst is not None:
+        layers['arrival_time_earliest'] = maps.worst.arrival
+        layers['largest_peak_thickness'] = maps.worst.thickness
     known = {'threshold_m': plan.threshold}
     shapes = {'inundation_probability': gis.probabilities(maps.probability, terrain, **known)}
     for fraction, values in maps.arrival.items():
@@ -111,3 +117,16 @@ def write_atlas(
         if path not in shared:
             path.unlink(missing_ok=True)
     return [*written, *shared]
+
+
+def reliability_tags(maps: HazardMaps, terrain: Terrain) -> dict[str, str]:
+    """Return the tags with the limits and the errors of the maps of an ensemble."""
+    tags = {'unseen_percent': f'{maps.unseen:.3g}'}
+    for name, percent in maps.limits()['arrives_before_percent'].items():
+        tags[f'arrives_before_{name}_percent'] = f'{percent:.3g}'
+    if maps.worst is not None:
+        tags['inundated_area_worst_m2'] = repr(maps.worst_area(terrain.resolution))
+    error = maps.spacing_error
+    tags['spacing_error'] = NOT_MEASURED if error is None else error.text()
+    tags['is_usable'] = 'unknown' if error is None else str(error.is_usable).lower()
+    return tags

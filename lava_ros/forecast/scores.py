@@ -4,6 +4,7 @@
 """Scores of probability forecasts against outcomes: Brier score and reliability."""
 
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
@@ -95,6 +96,18 @@ def reliability(
         observed = np.bincount(place, outcome, minlength=bins) / count
     rows = zip(forecast.tolist(), observed.tolist(), count.tolist(), strict=True)
     return [ReliabilityBin(k / bins, (k + 1) / bins, *row) for k, row in enumerate(rows)]
+
+
+def reliability_error(
+    probability: np.ndarray, outcome: np.ndarray, *, bins: int = 10
+) -> float:
+    """Return the root mean square gap of forecast and frequency over the cells of a diagram.
+
+    Arguments and errors are those of ``reliability``.
+    """
+    known = [item for item in reliability(probability, outcome, bins=bins) if item.count]
+    gaps = sum(item.count * (item.forecast - item.observed) ** 2 for item in known)
+    return math.sqrt(gaps / sum(item.count for item in known))
 
 
 def entropy(probability: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, fields
 import hashlib
 import json
 import logging
@@ -28,11 +28,12 @@ from lava_ros.maps.places import Places
 from lava_ros.scene import MAX_ELEVATION, scene_to_dict
 from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.inundation import TOUCHED
+from lava_ros.simulation.spacing_error import SpacingPair
 
 _LOG = logging.getLogger(__name__)
 
 #: Version of the format of a folder.
-VERSION = 5
+VERSION = 6
 
 #: Files with the description of the ensemble, and with the weights of its members, if any.
 MANIFEST, WEIGHTS = 'ensemble.json', 'weights.json'
@@ -109,6 +110,7 @@ class Store:
                 millimetres=footprint.millimetres,
                 corner=np.array(footprint.corner, dtype=np.int32),
                 left=np.array([footprint.left]),
+                pair=np.array(() if footprint.pair is None else footprint.pair.numbers),
             )
 
     def keep_weights(self, weights: Weights | None, folder: Path) -> None:
@@ -249,6 +251,9 @@ def _read_member(path: Path, index: int, plan: Plan) -> Footprint:
     inundated = array('inundated', np.uint8, look.shape)
     millimetres = array('millimetres', np.uint32, look.shape)
     corner, left = array('corner', np.int32, (2,)), array('left', np.float64, (1,))
+    has_pair = stored.get('pair') is None or stored['pair'].size > 0
+    pair = array('pair', np.float64, (len(fields(SpacingPair)),) if has_pair else (0,))
+    check('pair', np.isfinite(pair), 'a finite number')
     for name, samples in (('look', look), ('half', half)):
         is_valid = (samples < plan.samples) | (samples == NEVER)
         check(name, is_valid, f'less than {plan.samples}, or {NEVER}')
@@ -261,7 +266,10 @@ def _read_member(path: Path, index: int, plan: Plan) -> Footprint:
     inside = (corner >= 0) & (corner.astype(np.int64) + look.shape <= cells)
     check('corner', inside, f'a part of {look.shape} cells inside a terrain of {cells} cells')
     place = int(corner[0]), int(corner[1])
-    return Footprint(index, place, look, half, inundated, millimetres, float(left[0]))
+    return Footprint(
+        index, place, look, half, inundated, millimetres, float(left[0]),
+        pair=SpacingPair(*pair.tolist()) if has_pair else None,
+    )
 
 
 def _member_path(folder: Path, index: int) -> Path:

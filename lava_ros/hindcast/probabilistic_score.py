@@ -13,7 +13,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, Outline, outline_on
 from lava_ros.forecast.member_scenes import median_scene
 from lava_ros.forecast.members import make_plan, MAX_SAMPLES, Plan
-from lava_ros.forecast.probability import Footprint, footprint_by
+from lava_ros.forecast.probability import Footprint, footprint_by, spacing_error_of
 from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened
@@ -74,17 +74,21 @@ def probability_at(
 ) -> np.ndarray:
     """Return the probability of the footprint at each of some times [s] since the start.
 
+    Times before the horizon are corrected for the error of the particle spacing.
+
     ``weights`` are those of the members, equal by default.
 
     Returns:
         Probabilities from 0 to 100 %, NaN without data, shape [times, rows, columns].
     """
     total, sums = 0.0, np.zeros((len(times), *plan.scene.terrain.shape))
+    members = list(members)
+    error = spacing_error_of(members, plan)
     for place, member in enumerate(members):
         weight = 1.0 if weights is None else float(weights[place])
         total += weight
         for time, cells in zip(times, sums, strict=True):
-            cells += weight * footprint_by(member, plan, time)
+            cells += weight * footprint_by(member, plan, time, error)
     return np.where(plan.scene.terrain.has_data, 100.0 * sums / total, np.nan)
 
 

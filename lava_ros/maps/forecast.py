@@ -4,11 +4,14 @@
 """Results of forecasts: arrival times, thickness and temperature, and maps of ensembles."""
 
 from dataclasses import dataclass, replace
+import math
+from typing import Any
 
 import numpy as np
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.inundation import area_of
+from lava_ros.simulation.spacing_error import SpacingError
 
 #: Time to arrival in unknown cells, as returned by ``Layer.raw_values`` [s].
 UNKNOWN = -1.0
@@ -69,10 +72,31 @@ class PlaceForecast:
         probability: Probability of arrival within the horizon, 0 to 100, shape [places].
         arrival: Times [s] by which lava has arrived in a fraction of the members, by the fractions
             in ``QUANTILES``, shape [places]; NaN where it arrives in fewer members.
+        earliest: Time [s] of the earliest arrival of any member, shape [places]; NaN where lava
+            arrives in none.
     """
 
     probability: np.ndarray
     arrival: dict[float, np.ndarray]
+    earliest: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """The worst of the members in each cell, float32, shape [rows, columns].
+
+    Another eruption drawn like the members is worse in a cell with a probability of up to
+    1 / (n + 1), of n members (``HazardMaps.unseen``).
+
+    Attributes:
+        arrival: Earliest arrival of any member [s]; NaN where lava arrives in none.
+        inundated: Largest fraction of the cell that the lava of any member has covered.
+        thickness: Largest thickness of any member [m].
+    """
+
+    arrival: np.ndarray
+    inundated: np.ndarray
+    thickness: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +116,14 @@ class HazardMaps:
         members: Number of members in the maps.
         effective_members: Number of members of equal weight with the same information,
             (sum w)^2 / sum w^2.
-        arrival_error: Error of arrival times [s]: half the time between observations. The error
-            of a time step is added to it.
+        arrival_error: Error of arrival times [s]: half the time between observations, and the
+            error of the particle spacing for lava that arrives at the horizon, if it has been
+            measured. The error of a time step is added to it.
         members_beyond: Number of members with lava that has left the map.
         places: Arrival at the named places; None without places.
+        worst: The worst of the members in each cell; None if unknown.
+        spacing_error: Error of the particle spacing, which the arrival times, the probabilities
+            and ``areas`` are corrected for; None if no pairs of runs have measured it.
     """
 
     probability: np.ndarray
@@ -107,6 +135,8 @@ class HazardMaps:
     arrival_error: float
     members_beyond: int = 0
     places: PlaceForecast | None = None
+    worst: WorstCase | None = None
+    spacing_error: SpacingError | None = None
 
     def areas(self, resolution: float) -> dict[float, float]:
         """Return the area inundated in at least a fraction of the members [m2], by ``QUANTILES``.
@@ -115,7 +145,47 @@ class HazardMaps:
         members inundates at least as much of the cell.
         """
         # what 10 % inundate is the larger area
-        return {share: area_of(part, resolution) for share, part in self.inundated.items()}
+        areas = {share: area_of(part, resolution) for share, part in self.inundated.items()}
+        error = self.spacing_error
+        return areas if error is None else error.corrected_areas(areas)
+
+    def worst_area(self, resolution: float) -> float:
+        """Return the area that the lava of any member inundates [m2], corrected as ``areas``."""
+        assert self.worst is not None
+        area, error = area_of(self.worst.inundated, resolution), self.spacing_error
+        if error is None:
+            return area
+        known = {share: area_of(self.inundated[share], resolution) for share in QUANTILES}
+        share = 0.01 * self.unseen
+        # few members do not resolve the smallest quantile
+        return max(error.corrected_areas({**known, share: area}).values())
+
+    @property
+    def unseen(self) -> float:
+        """Largest probability of an event that occurs in no member, 0 to 100: 1 / (n + 1).
+
+        Of n + 1 draws in any order, the last is the only one with the event at most so often.
+        """
+        return unseen(self.effective_members)
+
+    @property
+    def coverage(self) -> dict[float, float]:
+        """Probability that lava arrives before each arrival time, 0 to 100, by ``QUANTILES``.
+
+        The k-th of n members precedes a new draw with the probability k / (n + 1).
+        """
+        n = self.effective_members
+        return {share: 100.0 * math.ceil(share * n - 1e-9) / (n + 1.0) for share in QUANTILES}
+
+    def limits(self) -> dict[str, Any]:
+        """Return the limits of the maps and the error of the particle spacing as plain data."""
+        return {
+            'unseen_percent': self.unseen,
+            'arrives_before_percent': {
+                f'p{100.0 * share:.0f}': percent for share, percent in self.coverage.items()
+            },
+            'spacing_error': None if self.spacing_error is None else self.spacing_error.as_dict(),
+        }
 
     @property
     def sampling_error(self) -> float:
@@ -176,6 +246,24 @@ class EnsembleForecast:
             self.maps, probability=unknown, arrival=arrival, inundated=arrival, thickness=unknown
         )
         return replace(self, maps=maps)
+
+
+def unseen(members: float) -> float:
+    """Return the largest probability of an event that occurs in no member, 0 to 100."""
+    return 100.0 / (members + 1.0)
+
+
+def probability_words(percent: float, members: float) -> str:
+    """Format a probability, 0 to 100, of an effective number of members.
+
+    0 of n members is below 1 / (n + 1), and n of n is above n / (n + 1).
+    """
+    limit = unseen(members)
+    if percent < limit * (1.0 - 1e-6):
+        return f'below {limit:.2g} %'
+    if percent > (100.0 - limit) * (1.0 + 1e-6):
+        return f'above {100.0 - limit:.3g} %'
+    return f'{percent:.0f} %'
 
 
 def occupancy(probability: np.ndarray) -> np.ndarray:

@@ -14,7 +14,12 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from lava_ros.files.csv import format_table
-from lava_ros.maps.forecast import EnsembleForecast, Forecast, QUANTILES
+from lava_ros.maps.forecast import (
+    EnsembleForecast,
+    Forecast,
+    probability_words,
+    QUANTILES,
+)
 from lava_ros.maps.onset import Onset
 from lava_ros.maps.places import front_distances, Places
 from lava_ros.maps.plot import area_words, duration
@@ -41,6 +46,8 @@ class PlaceArrival:
             without a forecast.
         arrival: Simulated time [s] by which lava has arrived in a fraction of the members, by the
             fractions in ``QUANTILES``; all equal for a single run.
+        earliest: Earliest arrival in any member [s]; that of a single run.
+        members: Effective number of members; None for a single run.
         front_distance: Distance to the nearest cell inundated so far [m].
         whole: Length [m] or area [m2] of the place.
         inundated: Length [m] or area [m2] inundated in at least a fraction of the members.
@@ -54,6 +61,8 @@ class PlaceArrival:
     front_distance: float | None
     whole: float
     inundated: Mapping[float, float | None]
+    earliest: float | None = None
+    members: float | None = None
 
     @property
     def is_known(self) -> bool:
@@ -67,6 +76,8 @@ class PlaceArrival:
             'kind': self.kind,
             'off_map_percent': _rounded(100.0 * self.off_map),
             'probability_percent': self.probability,
+            'probability_text': self.probability_words,
+            'arrival_earliest_s': self.earliest,
             **{f'arrival_p{100 * part:.0f}_s': time for part, time in self.arrival.items()},
             'front_distance_m': _rounded(self.front_distance),
         }
@@ -76,6 +87,15 @@ class PlaceArrival:
             for fraction, size in self.inundated.items():
                 result[f'inundated_{measure}_p{100 * fraction:.0f}_{unit}'] = _rounded(size)
         return result
+
+    @property
+    def probability_words(self) -> str | None:
+        """The probability for people: below or above a limit if all members agree."""
+        if self.probability is None:
+            return None
+        if self.members is None:
+            return f'{self.probability:.0f} %'
+        return probability_words(self.probability, self.members)
 
     def size_words(self, fraction: float) -> str:
         """Format the inundated length or area in a fraction of the members; empty for a point."""
@@ -122,6 +142,8 @@ def arrivals(
     probability: np.ndarray | None = None,
     first: Mapping[float, np.ndarray] | None = None,
     front: np.ndarray | None = None,
+    earliest: np.ndarray | None = None,
+    members: float | None = None,
 ) -> tuple[PlaceArrival, ...]:
     """Return the arrival of lava at places.
 
@@ -136,6 +158,9 @@ def arrivals(
             where it arrives in fewer, shape [places]. They do not follow from ``cells``: members
             may reach different cells of a line or an area. None for a single run.
         front: Distance of each place from the lava now [m], NaN without lava, shape [places].
+        earliest: Earliest arrival in any member [s], NaN without one, shape [places]; None for a
+            single run.
+        members: Effective number of members; None for a single run.
 
     Returns:
         A row for each place.
@@ -161,6 +186,9 @@ def arrivals(
             else float(front[index]),
             whole=float(places.whole[index]),
             inundated={fraction: known(values, index) for fraction, values in sizes.items()},
+            earliest=known(first[QUANTILES[0]] if earliest is None else earliest, index),
+            # lava that is there has arrived with certainty
+            members=None if front is not None and front[index] <= 0.0 else members,
         )
         for index, name in enumerate(places.names)
     )
@@ -223,7 +251,8 @@ class ArrivalTable:
         fractions = QUANTILES if self.is_ensemble else QUANTILES[:1]
         names = [f' ({100 * part:.0f} %)' if self.is_ensemble else '' for part in fractions]
         titles = (
-            'place', *['probability'] * self.is_ensemble, *(f'arrival{name}' for name in names),
+            'place', *['probability', 'arrival (earliest)'] * self.is_ensemble,
+            *(f'arrival{name}' for name in names),
             'distance of the front', *(f'inundated{name}' for name in names), 'note',
         )
         texts = [titles, *(self._texts(row, fractions) for row in self.rows)]
@@ -240,12 +269,13 @@ class ArrivalTable:
             # unlike a place that lava does not reach
             never = 'unknown' if self.is_ensemble else OFF_MAP
         times = (row.arrival[fraction] for fraction in fractions)
-        probability = '-' if row.probability is None else f'{row.probability:.0f} %'
+        probability = row.probability_words or '-'
         if not row.is_known:
             probability = OFF_MAP
+        earliest = never if row.earliest is None else self._moment(row.earliest)
         front = row.front_distance
         return (
-            row.name, *[probability] * self.is_ensemble,
+            row.name, *[probability, earliest] * self.is_ensemble,
             *(never if time is None else self._moment(time) for time in times),
             '-' if front is None else f'{front:.0f} m',
             *(row.size_words(fraction) or '-' for fraction in fractions), row.map_words(),
@@ -322,7 +352,7 @@ class LiveArrivals:
         where = '' if far is None else f'; the front is {far:.0f} m away'
         if self.source == 'none':
             return f'no lava yet, and no forecast{where}'
-        if not row.probability:
+        if not row.probability and row.members is None:
             return f'no lava within {duration(max(self.end - self.time, 0.0))}{where}'
         times = [
             (fraction, max(time - self.time, 0.0))
@@ -332,7 +362,8 @@ class LiveArrivals:
             return f'lava arrives in {duration(times[0][1])}{where}'
         spread = ', '.join(f'{duration(time)} ({100 * part:.0f} %)' for part, time in times)
         return (
-            f'lava arrives with a probability of {row.probability:.0f} %'
+            f'lava arrives with a probability {_of(row.probability_words)}'
+            + ('' if times else f' within {duration(max(self.end - self.time, 0.0))}')
             + (f', in {spread}' if spread else '') + where
         )
 
@@ -377,13 +408,14 @@ def live_arrivals(
     reached = np.isfinite(first)
     source, start, end = 'none', snapshot.time, snapshot.time
     cells, parts = dict.fromkeys(QUANTILES, known), dict.fromkeys(QUANTILES, part)
-    later = members = None
+    later = earliest = members = effective = None
     # a forecast cannot undo an arrival
     probability = np.where(reached, 100.0, np.nan)
     if ensemble is not None and ensemble.maps.places is not None:
         ahead, source = ensemble.maps.places, 'ensemble'
         start, end = ensemble.time, ensemble.time + ensemble.horizon
-        members = ensemble.maps.members
+        members, effective = ensemble.maps.members, ensemble.maps.effective_members
+        earliest = _first_of(first, ahead.earliest, ensemble.time)
         probability = np.where(reached, 100.0, ahead.probability)
         cells = {
             fraction: _first_of(known, places.at(times), ensemble.time)
@@ -404,7 +436,10 @@ def live_arrivals(
         cells = dict.fromkeys(QUANTILES, come)
         parts = dict.fromkeys(QUANTILES, np.fmax(part, places.at(forecast.inundated)))
         probability = 100.0 * np.isfinite(places.first(come))
-    rows = arrivals(places, cells, parts, probability=probability, first=later, front=front)
+    rows = arrivals(
+        places, cells, parts, probability=probability, first=later, front=front,
+        earliest=earliest, members=effective,
+    )
     has_arrived = tuple(map(bool, reached))
     return LiveArrivals(snapshot.time, rows, has_arrived, source, start, end, members)
 
@@ -412,3 +447,9 @@ def live_arrivals(
 def _first_of(known: np.ndarray, ahead: np.ndarray, start: float) -> np.ndarray:
     """Return known times, and elsewhere times of a forecast, which count from its start."""
     return np.where(np.isfinite(known), known, start + ahead.astype(np.float64))
+
+
+def _of(words: str | None) -> str:
+    """Return a probability after the word probability."""
+    words = words or 'unknown'
+    return words if words[0].isalpha() else f'of {words}'

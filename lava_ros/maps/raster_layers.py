@@ -82,7 +82,8 @@ RASTER_LAYERS = {
     'inundation_probability': RasterLayer(
         'probability', '%',
         'probability that lava at or above the threshold thickness (threshold_m) reaches the cell '
-        'within the horizon (horizon_s); no data: outside the terrain',
+        'within the horizon (horizon_s); 0: in no member, a probability below unseen_percent; no '
+        'data: outside the terrain',
     ),
     'probability_change': RasterLayer(
         'change', '%',
@@ -92,12 +93,24 @@ RASTER_LAYERS = {
     'expected_peak_thickness': RasterLayer(
         'thickness', 'm', 'mean over the members of the largest lava thickness; no data: no lava'
     ),
+    'largest_peak_thickness': RasterLayer(
+        'thickness', 'm',
+        'largest lava thickness of any member, which another eruption exceeds with a probability '
+        'below unseen_percent; no data: no lava',
+    ),
+    'arrival_time_earliest': RasterLayer(
+        'arrival', 's',
+        'time from the start of the earliest arrival of lava at or above the threshold thickness '
+        '(threshold_m) in any member; it comes earlier with a probability below unseen_percent; '
+        'no data: it reached the cell in no member within the horizon (horizon_s)',
+    ),
     **{
         f'arrival_time_p{percent}': RasterLayer(
             'arrival', 's',
             'time from the start by which lava at or above the threshold thickness (threshold_m) '
             f'has reached the cell in {percent} % of all members, to arrival_error_s and a time '
-            'step; no data: it reached the cell in fewer members within the horizon (horizon_s)',
+            f'step; it comes earlier with a probability of arrives_before_p{percent}_percent; no '
+            'data: it reached the cell in fewer members within the horizon (horizon_s)',
         )
         for percent in (10, 50, 90)
     },
@@ -157,7 +170,8 @@ def write_style(path: Path, name: str, values: np.ndarray) -> Path:
     if layer.drawn in ('thickness', 'hazard', 'inundated', 'probability', 'comparison'):
         if not style.classes:
             stops[0] = (1e-3 * high, *stops[0][1:3], f'above 0{_unit(layer)}')
-        stops.insert(0, (0.0, style.colours[0], '0', 'no lava'))
+        none = 'in no member' if layer.drawn == 'probability' else 'no lava'
+        stops.insert(0, (0.0, style.colours[0], '0', none))
     for value, colour, alpha, label in stops:
         item = {'value': repr(value), 'color': colour, 'alpha': alpha, 'label': label}
         ElementTree.SubElement(shader, 'item', item)

@@ -90,13 +90,18 @@ def _table_of_members(
         ),
         probability=maps.places.probability,
         first=maps.places.arrival,
+        earliest=maps.places.earliest,
+        members=maps.effective_members,
     )
-    facts = {
+    facts: dict[str, Any] = {
         'threshold_m': members.plan.threshold,
         'horizon_s': members.plan.horizon,
         'members': maps.members,
         'effective_members': maps.effective_members,
+        **maps.limits(),
         'arrival_error_s': maps.arrival_error,
         **run.quality(),
     }
+    if maps.spacing_error is not None and not maps.spacing_error.is_usable:
+        facts['note'] = maps.spacing_error.text()
     return ArrivalTable(rows, facts, is_ensemble=True)

@@ -59,11 +59,17 @@ ENSEMBLE_MAPS = {
     **{
         name: (f'arrival_time_p{percent}', 'arrival', words)
         for name, percent, words in (
-            ('arrival_time_p10', 10, 'Early arrival (1 run in 10)'),
-            ('arrival', 50, 'Median arrival (1 run in 2)'),
-            ('arrival_time_p90', 90, 'Late arrival (9 runs in 10)'),
+            ('arrival_time_p10', 10, 'Early arrival (lava comes earlier in {} % of cases)'),
+            ('arrival', 50, 'Median arrival (lava comes earlier in {} % of cases)'),
+            ('arrival_time_p90', 90, 'Late arrival (lava comes earlier in {} % of cases)'),
         )
     },
+    'arrival_time_earliest': (
+        'arrival_time_earliest', 'arrival', 'Earliest arrival (earlier in less than {} % of cases)'
+    ),
+    'largest_thickness': (
+        'largest_peak_thickness', 'thickness', 'Largest thickness of any run'
+    ),
     'thickness': ('expected_peak_thickness', 'thickness', 'Expected peak thickness of the lava'),
 }
 
@@ -336,6 +342,13 @@ def _ensemble(folder: Path) -> Run:
             most = {'probability': 100.0, 'arrival': float(plan['horizon_s'])}.get(source)
             values, tags = _raster(folder / f'{stem}.tif', shape, 0.0, most or MAX_ELEVATION)
             values = np.where(values > 0.0, values, np.nan)
+            limit = float(tags['unseen_percent'])
+            if source == 'probability':
+                title = f'{title} (no colour: below {limit:.2g} %)'
+            elif stem.startswith('arrival_time_p'):
+                title = title.format(tags[f'arrives_before_{stem[-3:]}_percent'])
+            elif stem == 'arrival_time_earliest':
+                title = title.format(f'{limit:.2g}')
             maps[name] = Panel(frame, source, values, title)
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
@@ -355,10 +368,14 @@ def _ensemble(folder: Path) -> Run:
         areas = {
             least: float(tags[f'inundated_area_p{least:.0f}_m2']) for least in PROBABILITIES
         }
+        worst, spacing_error = float(tags['inundated_area_worst_m2']), tags['spacing_error']
     except (OSError, KeyError, TypeError, ValueError) as error:
         expected = f'an ensemble whose maps are finished and undamaged ({error})'
         raise LavaError('ensemble', str(folder), expected) from error
-    texts = [f'{area_words(area)} at {least:g} % or more' for least, area in areas.items()]
+    texts = [
+        f'{area_words(worst)} in any run',
+        *(f'{area_words(area)} at {least:g} % or more' for least, area in areas.items()),
+    ]
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
     warnings = warnings_of_plan(ran)
     facts = {
@@ -368,7 +385,7 @@ def _ensemble(folder: Path) -> Run:
         'runs': f'{members}'
         + (f', which count like {effective:.3g} of equal weight' if observation != 'none' else '')
         + f'; a probability of 50 % is known to {50.0 / effective**0.5:.2g} percentage points '
-        '(standard error)',
+        f'(standard error), and no lava in any run means below {limit:.2g} %',
         'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
         **({'weighted by': observation} if observation != 'none' else {}),
         **_warning(warnings),
@@ -377,11 +394,14 @@ def _ensemble(folder: Path) -> Run:
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}, '
         f'numerical error {tags.get("numerical_error", NOT_MEASURED)}',
+        'warning' if tags['is_usable'] == 'false' else 'particle spacing': spacing_error,
         **_processes(on),
         **({'switched on': '; '.join(reasons)} if reasons else {}),
         **_ground(frame),
     }
     title = f'Lava within {duration(horizon)}, {members} runs'
+    if tags['is_usable'] == 'false':
+        title += ', not usable'
     if observation != 'none':
         title += ' weighted by observed lava'
     return Run(

@@ -163,6 +163,7 @@ def forecast_status(
             'members_asked': latest.asked,
             'members_effective': f'{maps.effective_members:.1f}',
             'sampling_error_percent': f'{maps.sampling_error:.1f}',
+            'unseen_percent': f'{maps.unseen:.2g}',
             'arrival_error_s': f'{maps.arrival_error:.6g}',
             'members_beyond': maps.members_beyond,
             'drawn': latest.drawn,

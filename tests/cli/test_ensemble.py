@@ -148,8 +148,27 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
 
     maps = {name: read(out / f'{name}.tif') for name in MAPS}
     probability = maps['inundation_probability']
-    assert set(np.unique(probability)) <= set(np.arange(5) * 25.0)
+    counts = np.zeros(probability.shape)
+    for path in (out / 'members').glob('*.npz'):
+        with np.load(path) as member:
+            look, (row, column) = member['look'], member['corner']
+            counts[row : row + look.shape[0], column : column + look.shape[1]] += look < 2**16 - 1
+    # corrected for the spacing by the pair of the first member
+    error = second['spacing_error']
+    assert error['pairs'] == 1 and 0.0 < abs(error['delay']) < 1.0
+    assert not probability[counts == 0].any() and probability[counts > 0].all()
+    assert np.abs(probability - 25.0 * counts).mean() < 5.0
     assert probability.max() >= 75.0 and probability.min() == 0.0
+    assert second['unseen_percent'] == 20.0 and 'a probability below 20 %' in output
+    assert second['arrives_before_percent']['p10'] == 20.0
+    assert 'error of the particle spacing: ' in output
+    assert second['area_m2']['in any member'] >= second['area_m2']['at least 10 %'] > 0.0
+    earliest = read(out / 'arrival_time_earliest.tif')
+    np.testing.assert_array_equal(earliest >= 0.0, counts > 0)
+    late = maps['arrival_time_p10'] >= 0.0
+    assert (earliest[late] <= maps['arrival_time_p10'][late]).all()
+    largest = read(out / 'largest_peak_thickness.tif')
+    assert (largest >= maps['expected_peak_thickness']).all()
     half = maps['arrival_time_p50'] >= 0.0
     np.testing.assert_array_equal(half, probability >= 50.0)
     assert (maps['arrival_time_p10'][half] <= maps['arrival_time_p50'][half]).all()
@@ -324,3 +343,21 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     facts = read_run(out).facts
     assert facts['what decides (1 - J)'].startswith(names[0].replace('_', ' '))
     assert json.loads((out / 'ensemble.json').read_text())['inputs'] == found['inputs']
+
+
+def test_ensemble_with_too_coarse_particles_says_that_it_is_not_usable(scene, lines, tmp_path):
+    out, report, table = (tmp_path / name for name in ('out', 'report.json', 'table.json'))
+    words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1', '--members']
+    output = done(*words, '1', '--spacing', '40', '--device', 'cpu', '--json', report)
+    error = json.loads(report.read_text())['spacing_error']
+    assert error['spacing'] == 40.0 and not error['is_usable']
+    said = f'a spacing of {error["usable_spacing"]:g} m would do'
+    assert 'the probabilities are not usable' in output and said in output
+    found = read_run(out)
+    assert found.title.endswith(', not usable') and said in found.facts['warning']
+    assert said in done('places', out, tmp_path / 'hut.csv', '--json', table)
+    places = json.loads(table.read_text())
+    assert places['spacing_error'] == error and said in places['note']
+    with rasterio.open(out / 'inundation_probability.tif') as file:
+        assert file.tags()['is_usable'] == 'false' and said in file.tags()['spacing_error']
+    assert 0.0 < error['usable_spacing'] < 40.0

@@ -23,14 +23,15 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast import ensemble as ensembles
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.ensemble import Ensemble, run_here, run_in_processes, run_on_cluster
-from lava_ros.forecast.members import make_plan, Plan
-from lava_ros.forecast.probability import Footprint, footprint_of
+from lava_ros.forecast.members import make_plan, Plan, run_members
+from lava_ros.forecast.probability import Footprint, footprint_of, spacing_error_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import is_sentinel
 from lava_ros.forecast.store import maps_at, Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.spacing_error import pair_of
 from slope_scenes import uncertain_scene
 
 PLAN = disc_plan()
@@ -115,6 +116,8 @@ WRONG_ARRAYS: dict[str, tuple[str, Any, str]] = {
     'a corner before the first cell': ('corner', np.array([-1, 0], np.int32), 'is -1'),
     'a late look': ('look', 60, 'is 60'),
     'lava of 4295 km': ('millimetres', 2**32 - 1, 'is 4294967295'),
+    'two numbers of a pair': ('pair', np.zeros(2), r'is .*\(4,\)'),
+    'no number of a pair': ('pair', np.array([0.1, 0.0, np.nan, 0.1]), 'is nan'),
     'no fraction': ('left', np.array([np.nan]), 'is nan'),
     'a fraction of 7': ('left', np.array([7.0]), 'is 7.0'),
 }
@@ -207,6 +210,32 @@ def test_members_lost_by_a_runner_are_an_error(tmp_path: Path) -> None:
 
 #: Runs an ensemble of ``small`` in a folder, and returns its maps.
 Runs = Callable[..., HazardMaps]
+
+
+def test_pairs_of_members_are_kept_with_them(tmp_path: Path) -> None:
+    scene = uncertain_scene(10.0)
+    plan = make_plan(scene, horizon=400.0, accuracy=Accuracy(refinement=0.5), samples=20)
+    drawn, store = draw_members(scene, 6), Store(tmp_path, plan)
+    found = ensembles.run_ensemble(drawn, store, runner=run_here).maps
+    plan = store.plan
+    members = list(store.finished(6))
+    assert [item.pair is not None for item in members] == [index % 4 == 0 for index in range(6)]
+    first, coarser = (
+        run_members(replace(one, forced=None), [drawn[0]], device='cpu')[0]
+        for one in (plan, plan.coarser)
+    )
+    assert plan.coarser.accuracy.spacing == pytest.approx(1.4 * plan.accuracy.spacing)
+    shape = plan.scene.terrain.shape
+    assert members[0].pair == pair_of(*first.on(shape), *coarser.on(shape))
+    assert found.spacing_error is not None and found.spacing_error.pairs == 2
+    assert found.spacing_error == spacing_error_of(members[::-1], plan)
+    # maps that are made again from the stored members have the same correction
+    none = np.zeros(0, int)
+    nowhere = Places((), (), none, none, (), none, none, none, none)
+    assert same(maps_at(tmp_path, plan, nowhere, members=6), found)
+    # members of a running simulation continue with its particles
+    live = replace(plan, start=Any)
+    assert not any(live.has_pair(item) for item in drawn)
 
 
 @pytest.fixture(scope='module')

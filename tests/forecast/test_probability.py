@@ -5,6 +5,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+import math
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,16 @@ from lava_ros.forecast.probability import (
 )
 from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.forecast.scores import brier_parts, brier_score, entropy, reliability
-from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
+from lava_ros.maps.forecast import (
+    HazardMaps,
+    occupancy,
+    probability_words,
+    QUANTILES,
+    unseen,
+)
 from lava_ros.scene import Terrain
+from lava_ros.simulation.numerical_error import PARTICLE_ORDER
+from lava_ros.simulation.spacing_error import COARSER, EVERY, SpacingError, SpacingPair
 
 PLAN = disc_plan()
 
@@ -101,6 +110,81 @@ def test_arrival_error_is_at_most_half_a_sample() -> None:
     for time in (0.0, 900.0, HORIZON):
         reached = footprint_by(footprint, PLAN, time)
         assert np.array_equal(reached, np.nan_to_num(maps.arrival[0.5], nan=np.inf) <= time)
+
+
+def test_pairs_of_members_correct_their_maps() -> None:
+    late = 1.1
+    exact, members = discs(200, seed=1), []
+    for item in exact:
+        # discs that are late by a tenth, at a coarser spacing by so much more
+        times = late * item.arrival
+        kept = times <= HORIZON
+        pair = None
+        if item.index % EVERY == 0:
+            ratio = math.log(late) * (COARSER**PARTICLE_ORDER - 1.0)
+            # the area of a disc is proportional to the time
+            pair = SpacingPair(ratio, 0.0, -ratio, 0.0)
+        members.append(replace(
+            item, arrival=np.where(kept, times, np.nan).astype(np.float32),
+            inundated=np.where(kept, item.inundated, 0.0), pair=pair,
+        ))
+    plan = replace(PLAN, accuracy=replace(PLAN.accuracy, spacing=8.0))
+    raw = maps_of([replace(item, pair=None) for item in members], plan=plan)
+    right, found = maps_of(exact, plan=plan), maps_of(members, plan=plan)
+    assert raw.spacing_error is None and found.spacing_error is not None
+    assert found.spacing_error.pairs == 50
+
+    def gap(maps: HazardMaps) -> float:
+        return float(np.abs(maps.probability - right.probability).mean())
+
+    assert gap(found) < 0.3 * gap(raw)
+    for maps, expected in ((found, 1.0), (raw, late)):
+        for share in (0.1, 0.5):
+            ratio = np.nanmedian(maps.arrival[share] / right.arrival[share])
+            assert ratio == pytest.approx(expected, abs=0.02)
+    for share, area in right.areas(20.0).items():
+        assert found.areas(20.0)[share] == pytest.approx(area, rel=0.03 if share == 0.5 else 0.1)
+    assert found.arrival_error == pytest.approx(
+        0.5 * PLAN.interval + HORIZON * math.expm1(math.log(late) * math.hypot(1.0, 0.5))
+    )
+
+
+def test_worst_case_is_that_of_any_member() -> None:
+    members = discs(12, seed=4)
+    maps = maps_of(members)
+    assert maps.worst is not None
+    arrivals = np.stack([item.arrival for item in members])
+    earliest = np.where(np.isfinite(arrivals).any(axis=0), np.fmin.reduce(arrivals), np.nan)
+    np.testing.assert_allclose(maps.worst.arrival, earliest, atol=0.5001 * PLAN.interval)
+    peaks, parts = (
+        np.stack([getattr(item, name) for item in members]).max(axis=0)
+        for name in ('peak', 'inundated')
+    )
+    np.testing.assert_allclose(maps.worst.thickness, peaks)
+    np.testing.assert_allclose(maps.worst.inundated, parts)
+    assert maps.worst_area(20.0) == pytest.approx(400.0 * parts.sum())
+    # a member without weight does not count
+    weights = [1] * 11 + [0]
+    without = maps_of(members[:11])
+    weighted = maps_of(members, weights)
+    assert without.worst is not None and weighted.worst is not None
+    np.testing.assert_array_equal(weighted.worst.arrival, without.worst.arrival)
+
+
+def test_none_of_n_is_below_one_in_n_plus_one() -> None:
+    assert unseen(32.0) == pytest.approx(100.0 / 33.0)
+    assert probability_words(0.0, 32.0) == 'below 3 %'
+    assert probability_words(100.0, 32.0) == 'above 97 %'
+    assert probability_words(3.125, 32.0) == '3 %' and probability_words(50.0, 32.0) == '50 %'
+    maps = maps_of(discs(32, seed=1))
+    # the 4th, the 16th and the 29th of 32
+    assert maps.coverage == pytest.approx({0.1: 400 / 33, 0.5: 1600 / 33, 0.9: 2900 / 33})
+    # a cell that none of n members reaches is reached by a truth less often than that
+    random = np.random.default_rng(5)
+    for chance in (0.002, 0.02, 0.1):
+        none = (random.random((20_000, 32)) < chance).sum(axis=1) == 0
+        came = random.random(20_000) < chance
+        assert 100.0 * (none & came).mean() < unseen(32.0)
 
 
 def test_member_without_lava_counts_and_is_empty() -> None:
@@ -240,6 +324,23 @@ def test_weights_are_powers_of_the_index() -> None:
     assert weights.sharpness == 2.0
     assert weigh([0.8, 0.4, 0.0], sharpness=0.0).values.tolist() == [UNIT, UNIT, 0]
     assert effective_members(np.ones(7)) == 7.0
+
+
+def test_numerical_error_flattens_the_weights() -> None:
+    index = [0.9, 0.7, 0.5]
+    exact, rough = weigh(index, least_effective=0.0), weigh(index, area_error=0.3)
+    assert rough.sharpness == pytest.approx(1.0 / np.hypot(1.0 / 8.0, -np.log(0.7)))
+    assert rough.effective_members > exact.effective_members
+    assert weigh(index, area_error=1.0).effective_members > 2.9
+
+
+def test_late_members_are_compared_with_an_outline_at_a_later_time() -> None:
+    footprint = footprint_of(disc_fields(0, 1.0), PLAN)
+    error = SpacingError(8.0, 1, float(np.log(1.25)), 0.0, 0.0, 0.0, 0.0)
+    found = footprint_by(footprint, PLAN, 1600.0, error)
+    assert np.array_equal(found, footprint_by(footprint, PLAN, 2000.0))
+    at_end = footprint_by(footprint, PLAN, HORIZON, error)
+    assert np.array_equal(at_end, footprint_by(footprint, PLAN, HORIZON))
 
 
 def test_sharpness_falls_until_enough_members_count() -> None:

@@ -191,7 +191,7 @@ def test_table_has_the_first_arrival_at_each_place() -> None:
     assert {key for item in data for key in item} == set(COLUMNS)
     head, *lines = ArrivalTable(rows, {}, is_ensemble=False).as_csv().splitlines()
     assert head == ','.join(COLUMNS) and len(lines) == 4
-    assert lines[3].startswith('far,point,0.0,0.0,,,,')
+    assert lines[3].startswith('far,point,0.0,0.0,0 %,,,,')
 
 
 def snapshot(time: float) -> Snapshot:
@@ -247,6 +247,7 @@ def test_live_table_of_an_ensemble_has_its_probabilities_and_times() -> None:
                 part: np.array([0.0, float(times[3, 4]), nan, nan])
                 for part, times in cells.items()
             },
+            np.array([0.0, float(cells[0.1][3, 4]) - 30.0, nan, nan]),
         ),
     )
     ensemble = EnsembleForecast(200.0, 400.0, 0.1, GROUND, maps, 5, True, 0, 1.0)
@@ -259,3 +260,9 @@ def test_live_table_of_an_ensemble_has_its_probabilities_and_times() -> None:
         'the front is 30 m away'
     )
     assert (live.rows[2].probability, live.rows[3].probability) == (0.0, None)
+    # none of 5 is below 1 / 6, and lava that is there is certain
+    assert live.words(2) == (
+        'lava arrives with a probability below 17 % within 6 min; the front is 80 m away'
+    )
+    assert [row.probability_words for row in live.rows] == ['100 %', '60 %', 'below 17 %', None]
+    assert [row.earliest for row in live.rows] == [100.5, 472.5, None, None]

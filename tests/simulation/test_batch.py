@@ -17,9 +17,11 @@ SETS = ('everything with green', 'helmholtz', 'inertia', 'merging', 'conduction'
 ENDS = (0.25, 0.5)
 
 
-def simulation_of(flux, device):
+def simulation_of(flux, device, spacing=1.5):
     ground, vent = incline(0.2, 20, 24, 2.0), Vent((12.0, 20.0), flux, 1400.0)
-    return simulated(ground, Lava.paper(), vent, device=device, spacing=1.5, deterministic=True)
+    return simulated(
+        ground, Lava.paper(), vent, device=device, spacing=spacing, deterministic=True
+    )
 
 
 def task_of(flux, device, ends):
@@ -53,6 +55,24 @@ def test_concurrent_members_equal_single_runs(device, run):
         alone.advance(10.0)
         alone.advance(20.0)
         assert np.array_equal(alone.sample().position, ends[flux]), flux
+
+
+@RUNNERS
+def test_member_with_a_coarser_run_after_it_equals_single_runs(device, run):
+    ends = {}
+
+    def route(flux):
+        for spacing in (1.5, 2.1):
+            simulation = simulation_of(flux, device, spacing)
+            yield from simulation.advancing(10.0)
+            ends[flux, spacing] = simulation.sample().position
+
+    run(map(route, (1.0, 8.0)), device)
+    for (flux, spacing), found in ends.items():
+        alone = simulation_of(flux, device, spacing)
+        alone.advance(10.0)
+        assert np.array_equal(alone.sample().position, found), (flux, spacing)
+    assert len(ends) == 4
 
 
 @pytest.mark.parametrize(
