@@ -7,9 +7,9 @@
 
 The lava of each scene has a constant viscosity. The reference is the scheme in stages of
 finite_volumes.c, on the true ground in cells of about 1 m, with cos^4 of the slope. Both versions
-run `standard` with the effects that they choose. The version of this script also runs the other
-presets, and `draft` and `standard` with spacings that differ from the one before by factors of
-sqrt(2). Errors are compared on the cells of the scene:
+run `standard` with the effects that they choose. The version of this script also runs `draft`,
+and spacings that differ from the one before by factors of sqrt(2). Errors are compared on the
+cells of the scene:
 
     inundated    one minus the Jaccard index of the covered fractions of cells, as the version
                  itself counts them, and those of the reference
@@ -19,7 +19,7 @@ Times are CPU seconds of one thread, with kernels compiled before; the median of
 """
 
 import argparse
-from concurrent.futures import as_completed, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 import os
@@ -36,6 +36,7 @@ from error_scenes import error_scenes, isothermal
 import finite_volumes
 import numpy as np
 from plan_scenes import held_out
+from tables import lines_of
 
 #: Scenes, the number of smaller cells of the reference along a side of a cell, and the viscosity
 #: in place of that at the vent [Pa s]. Thin lava of 300 Pa s is too slow to need inertia.
@@ -47,14 +48,16 @@ SCENES: dict[str, tuple[int, float | None]] = {
     'pond': (3, None),
 }
 
-#: Spacings over that of `standard` before; the closest only if that run took less time [s].
-FACTORS, SHORT = tuple(2.0 ** (0.5 * power) for power in range(-1, 7)), 40.0
+#: Presets of this version, and spacings over that of `standard` before; the closest one only if
+#: that run took less time [s].
+PRESETS = ('draft', 'standard')
+FACTORS, SHORT = tuple(2.0 ** (0.5 * power) for power in range(-1, 6)), 1.0
 
 #: Minimum thickness of lava that inundates ground [m]: that of the version before.
 THRESHOLD = 0.1
 
 #: Runs that take less are repeated [s].
-REPEATED_BELOW, REPETITIONS = 2.0, 3
+REPEATED_BELOW, REPETITIONS = 0.5, 3
 
 #: Sample points along a side of a cell, for the vents of the reference.
 N_POINTS = 8
@@ -95,50 +98,59 @@ def reference(name: str, finer: int) -> tuple[np.ndarray, np.ndarray]:
     return first, second
 
 
-def run(name: str, preset: str, spacing: float | None, output: str) -> None:
-    """Run a scene with the package on the path, and write its maps."""
+#: Preset and spacing [m] of a run; None is the spacing of the preset.
+Setting = tuple[str, float | None]
+
+
+def run(name: str, output: Path, settings: list[Setting]) -> None:
+    """Run a scene with the package on the path, and write the maps of each setting."""
     from lava_ros.simulation import Simulation
     from lava_ros.simulation.presets import preset_accuracy
 
     item = scene_of(name)
-    accuracy = preset_accuracy(preset, spacing=spacing)
-    if hasattr(accuracy, 'threshold'):
-        accuracy = replace(accuracy, threshold=THRESHOLD)
 
-    def advanced(until: float) -> tuple[Any, Any]:
+    def advanced(accuracy: Any, until: float) -> tuple[Any, Any]:
         simulation = Simulation(
             item.scene, accuracy=accuracy, device='cpu', horizon=item.horizon
         )
         simulation.advance(until)
         return simulation, simulation.snapshot()
 
-    advanced(0.01 * item.duration)
-    seconds: list[float] = []
-    while len(seconds) < REPETITIONS and sum(seconds) < REPEATED_BELOW:
-        begun = time.process_time()
-        simulation, snapshot = advanced(item.duration)
-        seconds.append(time.process_time() - begun)
-    np.savez(
-        output, inundated=np.nan_to_num(snapshot.inundated.astype(float)),
-        thickness=np.nan_to_num(snapshot.thickness.astype(float)), cpu_s=median(seconds),
-        particles=snapshot.particle_count, spacing_m=simulation.accuracy.spacing,
-        effects=' '.join(simulation.effects),
-    )
+    for number, (preset, spacing) in enumerate(settings):
+        accuracy = preset_accuracy(preset, spacing=spacing)
+        if hasattr(accuracy, 'threshold'):
+            accuracy = replace(accuracy, threshold=THRESHOLD)
+        advanced(accuracy, 0.01 * item.duration)
+        seconds: list[float] = []
+        while len(seconds) < REPETITIONS and sum(seconds) < REPEATED_BELOW:
+            begun = time.process_time()
+            simulation, snapshot = advanced(accuracy, item.duration)
+            seconds.append(time.process_time() - begun)
+        np.savez(
+            output / f'{number}.npz', inundated=np.nan_to_num(snapshot.inundated.astype(float)),
+            thickness=np.nan_to_num(snapshot.thickness.astype(float)), cpu_s=median(seconds),
+            particles=snapshot.particle_count, spacing_m=simulation.accuracy.spacing,
+            effects=' '.join(simulation.effects),
+        )
 
 
-def made(root: Path, name: str, preset: str, spacing: float | None) -> dict[str, Any]:
-    """Return the maps of a run in a process that imports the package from ``root``."""
+def made(root: Path, name: str, settings: list[Setting]) -> list[dict[str, Any]]:
+    """Return the maps of runs, from a process that imports the package from ``root``."""
     with tempfile.TemporaryDirectory() as folder:
-        output = f'{folder}/run.npz'
-        words = [sys.executable, __file__, '--run', name, preset, str(spacing or 0.0), output]
+        words = [f'{preset}:{spacing or 0.0}' for preset, spacing in settings]
         one = {'PYTHONPATH': str(root), 'LAVA_THREADS': '1', 'OMP_NUM_THREADS': '1'}
         done = subprocess.run(
-            words, env={**os.environ, **one}, capture_output=True, text=True, check=False
+            [sys.executable, __file__, folder, '--run', name, *words],
+            env={**os.environ, **one}, capture_output=True, text=True, check=False,
         )
         if done.returncode:
-            raise RuntimeError(f'{name}, {preset}, {spacing}: {done.stderr[-2000:]}')
-        with np.load(output) as file:
-            return {key: file[key] if file[key].ndim else file[key].item() for key in file}
+            raise RuntimeError(f'{name}: {done.stderr[-2000:]}')
+        found = []
+        for number in range(len(settings)):
+            with np.load(Path(folder) / f'{number}.npz') as file:
+                arrays = {key: file[key] for key in file}
+            found.append({key: a if a.ndim else a.item() for key, a in arrays.items()})
+        return found
 
 
 def errors(found: tuple[np.ndarray, np.ndarray], exact: tuple[np.ndarray, np.ndarray]) -> Any:
@@ -150,94 +162,76 @@ def errors(found: tuple[np.ndarray, np.ndarray], exact: tuple[np.ndarray, np.nda
 
 
 def main() -> None:
-    """Run all scenes, and write the rows so far after each run."""
+    """Run all scenes, and write the rows so far after each one."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('output', metavar='OUT.csv', type=Path, nargs='?')
+    parser.add_argument('output', metavar='OUT.csv', type=Path)
     parser.add_argument('--before', type=Path, metavar='CHECKOUT', help='the version before')
     parser.add_argument('--scene', action='append', choices=SCENES, help='(default: all)')
     parser.add_argument('--processes', type=int, default=1)
-    parser.add_argument('--run', nargs=4, help=argparse.SUPPRESS)
+    parser.add_argument('--run', nargs='+', help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.run:
-        name, preset, spacing, output = args.run
-        run(name, preset, float(spacing) or None, output)
+        name, *words = args.run
+        pairs = (word.split(':') for word in words)
+        run(name, args.output, [(preset, float(spacing) or None) for preset, spacing in pairs])
         return
-    if args.output is None or args.before is None:
-        parser.error('OUT.csv and --before CHECKOUT are needed')
+    if args.before is None:
+        parser.error('--before CHECKOUT is needed')
     compare(args.output, args.before.resolve(), args.scene or list(SCENES), args.processes)
 
 
 def compare(output: Path, before: Path, names: list[str], processes: int) -> None:
-    """Run all versions, presets and spacings of scenes; write the rows so far after each run."""
+    """Compare the versions on scenes, and write the rows so far after each one."""
+    from lava_ros.verification.rows import write_csv
+
+    rows = lines_of(output.resolve()) if output.exists() else []
+    known = {row['scene'] for row in rows}
+    with ProcessPoolExecutor(processes, mp_context=get_context('spawn')) as pool:
+        waiting = [pool.submit(compared, before, name) for name in names if name not in known]
+        for done in as_completed(waiting):
+            rows += done.result()
+            rows.sort(key=lambda row: list(SCENES).index(row['scene']))
+            write_csv(rows, output)
+
+
+def compared(before: Path, name: str) -> list[dict[str, Any]]:
+    """Return the rows of a scene, the version before first."""
     from lava_ros.simulation.backend.threads import use_threads
     from lava_ros.simulation.presets import preset_accuracy
     from lava_ros.verification.measure import machine_name
-    from lava_ros.verification.rows import write_csv
 
     use_threads(1)
-    here, machine = Path(__file__).resolve().parents[2], machine_name('cpu')
-    finite_volumes.library()
-    # compile the kernels in one process before many need them
-    for root in (before, here):
-        made(root, names[0], 'draft', 20.0)
-    # presets that differ in more than their refinement
-    settings = {
-        replace(preset_accuracy(name), refinement=1.0): name for name in ('draft', 'standard')
+    exact, coarse = (reference(name, finer) for finer in _cells(name))
+    known = {f'reference_{key}': value for key, value in errors(coarse, exact).items()}
+    (old,) = made(before, name, [('standard', None)])
+    # settings of presets that differ in more than their refinement
+    distinct = {
+        replace(preset_accuracy(preset), refinement=1.0): preset for preset in PRESETS
     }.values()
-    rows: list[dict[str, Any]] = []
-    with (
-        ThreadPoolExecutor(processes) as pool,
-        ProcessPoolExecutor(max(1, processes // 3), mp_context=get_context('spawn')) as others,
-    ):
-        best = {
-            name: [others.submit(reference, name, finer) for finer in _cells(name)]
-            for name in names
-        }
-        waiting = {
-            pool.submit(made, root, name, preset, None): (version, name, preset)
-            for version, root, presets in (
-                ('before', before, ('standard',)), ('after', here, ('standard', 'draft', 'fine')),
-            )
-            for name in names
-            for preset in presets
-        }
-        while waiting:
-            done = next(as_completed(waiting))
-            version, name, preset = waiting.pop(done)
-            result, (exact, coarse) = done.result(), (one.result() for one in best[name])
-            cell = scene_of(name).scene.terrain.resolution
-            row = {'scene': name, 'cell_m': cell, 'version': version, 'preset': preset}
-            row |= {
-                key: result[key] for key in ('spacing_m', 'particles', 'cpu_s', 'effects')
-            }
-            found = errors((result['inundated'], result['thickness']), exact)
-            known = errors(coarse, exact)
-            rows.append({
-                **row, **found, **{f'reference_{key}': known[key] for key in known},
-                'machine': machine,
-            })
-            print(name, version, preset, f'{result["spacing_m"]:.3g} m', flush=True)
-            print(f'   {result["cpu_s"]:.3g} s', found, flush=True)
-            write_csv(sorted(rows, key=_order), output)
-            if version == 'before':
-                for factor in FACTORS:
-                    if factor >= 1.0 or result['cpu_s'] < SHORT:
-                        spacing = float(f'{factor * result["spacing_m"]:.3g}')
-                        for setting in settings:
-                            waiting[pool.submit(made, here, name, setting, spacing)] = (
-                                'after', name, f'{setting} at a spacing',
-                            )
+    spacings = [float(f'{factor * old["spacing_m"]:.3g}') for factor in FACTORS]
+    if old['cpu_s'] > SHORT:
+        spacings = [spacing for spacing in spacings if spacing >= old['spacing_m']]
+    settings: list[Setting] = [(preset, None) for preset in PRESETS]
+    settings += [(preset, spacing) for preset in distinct for spacing in spacings]
+    rows = []
+    results = [old, *made(Path(__file__).resolve().parents[2], name, settings)]
+    for result, (preset, spacing) in zip(results, [('standard', None), *settings], strict=True):
+        found = (result.pop('inundated'), result.pop('thickness'))
+        rows.append({
+            'scene': name, 'cell_m': scene_of(name).scene.terrain.resolution,
+            'version': 'after' if rows else 'before', 'preset': '' if spacing else preset,
+            **result, **errors(found, exact), **known, 'machine': machine_name('cpu'),
+            'command': 'python docs/benchmarks/equal_error.py',
+        })
+        print(name, rows[-1]['version'], preset, f'{result["spacing_m"]:.3g} m, ', end='')
+        print(f'{result["cpu_s"]:.3g} s', errors(found, exact), flush=True)
+    return rows
 
 
 def _cells(name: str) -> tuple[int, int]:
     """Return the refinements of the reference, and of a coarser one that measures its error."""
     finer = SCENES[name][0]
     return finer, max(finer // 2, 1)
-
-
-def _order(row: dict[str, Any]) -> tuple[Any, ...]:
-    number = list(SCENES).index(row['scene'])
-    return number, row['version'] == 'after', row['preset'], row['spacing_m']
 
 
 if __name__ == '__main__':

@@ -13,7 +13,7 @@
 // Thickness below which a cell does not widen the window [m].
 #define DRY 1e-6f
 
-#define MOST_STAGES 99
+#define MAX_STAGES 99
 
 // Thickness that leaves a for b: h^3 is its mean over the two thicknesses, the giver keeps 3/4.
 static inline double passed(double a, double b, double fall, double rate) {
@@ -69,16 +69,19 @@ typedef struct {
   float k, most;
 } Window;
 
-// Thickness a second that leaves a for b.
+// Thickness a second that leaves a for b. Stages may overdraw a cell, which then only receives.
 static inline float flow(float a, float b, float drop, float factor, const Window *w) {
-  float amount = 0.25f * w->k * factor * (a + b) * (a * a + b * b) * (a - b + drop);
+  const float fall = a - b + drop;
+  a = LARGER(a, 0.0f), b = LARGER(b, 0.0f);
+  float amount = 0.25f * w->k * factor * (a + b) * (a * a + b * b) * fall;
   return LARGER(SMALLER(amount, w->most * a), -w->most * b);
 }
 
 // Displacement a second, in cells, longer where the surface falls by more than the thickness:
 // central fluxes are stable there only in shorter steps.
 static inline float pace(float a, float b, float drop, float amount) {
-  float part = 2.0f / LARGER(a + b, 1e-3f), fall = a - b + drop;
+  const float fall = a - b + drop;
+  const float part = 2.0f / (LARGER(a, 0.0f) + LARGER(b, 0.0f) + 1e-3f);
   return (amount < 0.0f ? -amount : amount) * part * (1.0f + part * (fall < 0.0f ? -fall : fall));
 }
 
@@ -87,9 +90,11 @@ typedef struct {
   const float *along, *across, *factor_along, *factor_across, *source;
 } Ground;
 
-// Writes the change of h a second, and returns the largest displacement a second, in cells.
-static float changes(float *restrict change, const float *restrict h, const Ground *g, Window w,
-                     float *restrict beside, float *restrict below) {
+// Writes the change of h a second. Returns the largest displacement a second, in cells, if paced;
+// inline, so that there is code without it.
+static inline __attribute__((always_inline)) float changes(
+    float *restrict change, const float *restrict h, const Ground *g, Window w,
+    float *restrict beside, float *restrict below, int paced) {
   float fastest = 0.0f;
   for (long j = w.left; j <= w.right; j++) below[j] = 0.0f;
   for (long i = w.top; i <= w.bottom; i++) {
@@ -100,7 +105,7 @@ static float changes(float *restrict change, const float *restrict h, const Grou
     for (long j = w.left; j < w.right; j++) {
       float drop = g->along[row + j];
       float amount = flow(a[j], a[j + 1], drop, g->factor_along[row + j], &w);
-      fastest = LARGER(fastest, pace(a[j], a[j + 1], drop, amount));
+      if (paced) fastest = LARGER(fastest, pace(a[j], a[j + 1], drop, amount));
       beside[j + 1] = amount;
     }
     for (long j = w.left; j <= w.right; j++)
@@ -109,7 +114,7 @@ static float changes(float *restrict change, const float *restrict h, const Grou
     for (long j = w.left; j <= w.right; j++) {
       float drop = g->across[row + j];
       float amount = flow(a[j], b[j], drop, g->factor_across[row + j], &w);
-      fastest = LARGER(fastest, pace(a[j], b[j], drop, amount));
+      if (paced) fastest = LARGER(fastest, pace(a[j], b[j], drop, amount));
       out[j] -= amount;
       below[j] = amount;
     }
@@ -144,12 +149,12 @@ long advance_in_stages(double *h, float *peak, const Ground *ground, const long 
     const double thick = thickest + poured * step;
     const double stiffness = 4.0 * w.k * thick * thick * thick + 1e-30;
     w.most = 0.25 * stiffness;
-    const double fastest = changes(first, y, ground, w, beside, below);
+    const double fastest = changes(first, y, ground, w, beside, below, 1);
     step = SMALLER(SMALLER(displacement / (fastest + 1e-30), 1.5 * step), 5e-3 * until);
     step = SMALLER(step, until - time);
     // each stage takes 0.9 of the largest stable step
     long stages = 3;
-    while (stages < MOST_STAGES && reach(stages) < step * stiffness) stages += 2;
+    while (stages < MAX_STAGES && reach(stages) < step * stiffness) stages += 2;
     step = SMALLER(step, reach(stages) / stiffness);
     evaluations += stages;
     const double w1 = 4.0 / (stages * stages + stages - 2);
@@ -160,7 +165,7 @@ long advance_in_stages(double *h, float *peak, const Ground *ground, const long 
       const float m = mu, v = n == 1 ? 0.0 : -(n - 1) * next_b / (n * former_b);
       const float here = n == 1 ? 0.0 : mu * w1 * step;
       const float start = n == 1 ? b * w1 * step : -(1.0 - b) * mu * w1 * step;
-      if (n > 1) changes(change, y, ground, w, beside, below);
+      if (n > 1) changes(change, y, ground, w, beside, below, 0);
       for (long i = w.top; i <= w.bottom; i++) {
         const long row = i * columns;
         float *restrict to = older + row, *restrict at = y + row;

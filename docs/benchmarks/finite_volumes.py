@@ -18,7 +18,7 @@ import numpy as np
 STEP_FRACTION = 0.9
 
 #: Maximum displacement in a step of the scheme in stages, in cells.
-DISPLACEMENT = 0.4
+DISPLACEMENT = 2.0
 
 #: Maximum square of the ground's gradient in the factor of steep slopes: 60 degrees, as in MODEL.
 STEEPEST = 3.0

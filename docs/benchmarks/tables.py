@@ -97,7 +97,9 @@ def outlines() -> Iterator[Line]:
     rows = lines_of('lapalma_outlines.csv')
     found = {(row['constants'], row['outline']): row for row in rows}
     names = list(dict.fromkeys(row['constants'] for row in rows))
-    yield ('outline', *names, 'steepest descent', 'outline before')
+    runs = {row['constants']: row['runs'] for row in rows}
+    heads = (f'{name}, {runs[name]} {"run" if runs[name] == "1" else "runs"}' for name in names)
+    yield ('outline', *heads, 'steepest descent', 'outline before')
     for date in dict.fromkeys(row['outline'] for row in rows):
         every = [found[name, date] for name in names]
         before = every[0]['persistence']
