@@ -105,6 +105,7 @@ def scheme_table() -> Iterator[Line]:
         pairs = [
             [found[case, code, cell] for code in SCHEMES]
             for case in dict.fromkeys(row['case'] for row in rows)
+            if (case, SCHEMES[0], cell) in found
         ]
         times = sorted(float(one['cpu_s']) / float(two['cpu_s']) for one, two in pairs)
         change = max(abs(float(one['value']) - float(two['value'])) for one, two in pairs)

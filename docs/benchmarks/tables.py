@@ -8,14 +8,10 @@ python docs/benchmarks/tables.py
 A table is between ``<!-- table: NAME -->`` and ``<!-- end -->``.
 """
 
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 import csv
-from itertools import takewhile
-import math
 from pathlib import Path
 import re
-from statistics import median
 
 HERE = Path(__file__).parent
 
@@ -339,47 +335,6 @@ def numerical_error_counts() -> Iterator[Line]:
         )
 
 
-def at_error(runs: Sequence[Mapping[str, str]], name: str, error: float) -> float:
-    """Return the CPU time [s] beyond which all runs have at most an error.
-
-    The time is interpolated in logarithms between the coarsest such run and the next coarser one;
-    it is infinite if the finest run has a larger error.
-    """
-    ordered = sorted(runs, key=lambda row: float(row['spacing_m']))
-    points = [(float(row[name]), float(row['cpu_s'])) for row in ordered]
-    good = list(takewhile(lambda point: point[0] <= error, points))
-    if not good:
-        return math.inf
-    if len(good) == len(points):
-        return good[-1][1]
-    (low, slow), (high, fast) = good[-1], points[len(good)]
-    part = math.log(error / low) / math.log(high / low)
-    return slow * min(fast / slow, 1.0) ** part
-
-
-def equal_error() -> Iterator[Line]:
-    """Yield the CPU time of the version before, and that of this one at the same error."""
-    yield (
-        'scene', 'cells', '`standard` before', 'inundated', 'CPU time at this error', 'ratio',
-        'thickness', 'CPU time at this error', 'ratio',
-    )
-    rows, ratios = lines_of('equal_error.csv'), defaultdict[str, list[float]](list)
-    for scene in dict.fromkeys(row['scene'] for row in rows):
-        before, *after = (row for row in rows if row['scene'] == scene)
-        time, cells = float(before['cpu_s']), []
-        for name in ('inundated', 'thickness'):
-            same = at_error(after, name, float(before[name]))
-            ratios[name].append(same / time)
-            cells += [
-                f'{_percent(before[name])} %',
-                f'{same:.2g} s' if same < math.inf else 'not reached', f'{same / time:.2g}',
-            ]
-        size = f'{float(before["cell_m"]):g} m'
-        yield (scene.replace('_', ' '), size, f'{time:.2g} s', *cells)
-    middle = [f'**{median(ratios[name]):.2g}**' for name in ('inundated', 'thickness')]
-    yield ('median', '', '', '', '', middle[0], '', '', middle[1])
-
-
 def _percent(fraction: str) -> str:
     return f'{float(f"{100.0 * float(fraction):.2g}"):g}'
 
@@ -462,7 +417,7 @@ PAGES: Mapping[str, Tables] = {
     'NAV2.md': {'rolling_windows': rolling_windows, 'masks': masks},
     'benchmarks/README.md': {
         'plans': plans, 'numerical_error': numerical_error,
-        'numerical_error_counts': numerical_error_counts, 'equal_error': equal_error,
+        'numerical_error_counts': numerical_error_counts,
     },
 }
 
