@@ -1,16 +1,18 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compare codes on the same flow, the same grid and one core.
+"""Compare codes on the same flow, the same map and one core.
 
-The codes are the presets, the plain scheme of finite_volumes.c (the baseline), and Lava2d from a
-folder (github.com/davemhyman/lava2d; it needs numexpr, pandas, netCDF4 and scipy). The exact
-solution, averaged over the cells, is scored like a code: this is the error of the grid. All codes
-solve the equation for small slopes, without cos^4 of the slope, the only one in Lava2d.
+The codes are the presets, both schemes of finite_volumes.c (plain, and RKL2 steps in stages), and
+Lava2d from a folder (github.com/davemhyman/lava2d; it needs numexpr, pandas, netCDF4 and scipy).
+All are scored on cells of 5 m, by linear interpolation between larger cells and means over
+smaller ones. The exact solution, averaged over the cells, is scored like a code: this is the error
+of the map. All codes solve the equation for small slopes, without cos^4 of the slope, the only one
+in Lava2d.
 
 The script updates the rows of the named codes in codes.csv; the second command, the tables:
 
-    taskset --cpu-list 0 python docs/benchmarks/codes.py presets plain
+    python docs/benchmarks/codes.py presets volumes
     python docs/benchmarks/other_codes.py
 """
 
@@ -18,10 +20,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-import ctypes
+from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 import math
+from multiprocessing import get_context
 import os
 from pathlib import Path
 from statistics import median
@@ -31,11 +34,13 @@ import tempfile
 import time
 from typing import NamedTuple
 
+import finite_volumes
 import numpy as np
 from tables import lines_of
 
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.backend.threads import use_threads
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, ISOTHERMAL, NU
@@ -68,19 +73,19 @@ ALPHA = GRAVITY / (3.0 * NU)
 #: Sample points along a side of a cell for means.
 N_POINTS = 8
 
-#: Cell size of the reference run of the plain scheme, for flows without an exact solution [m].
+#: Cell size of the one map on which all codes are scored [m].
+MAP = 5.0
+
+#: Cell size of the reference run, for flows without an exact solution [m].
 FINEST = 1.25
 
-#: Other cell sizes of the plain scheme [m].
+#: Other cell sizes of finite volumes [m].
 CELLS = (20.0, 10.0, 5.0, 2.5)
-
-#: Time step of the plain scheme, as a fraction of the stable step.
-STEP_FRACTION = 0.9
 
 #: Environment that limits Lava2d to one core.
 ONE_THREAD = {**os.environ, 'NUMEXPR_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1'}
 
-PRESETS = ('draft', 'standard', 'fine')
+PRESETS = ('draft', 'standard')
 
 Function = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -101,15 +106,16 @@ class Flow:
         window: Minimum x and y, maximum x and y [m]: multiples of all cell sizes.
         end: Simulated time of the comparison [s].
         ground: Elevation [m] at positions.
-        scores: Scores of a thickness on cells: quantity, value and unit.
-        exact: Exact thickness [m] at positions; None: the reference is the plain scheme on FINEST.
+        scores: Scores of a thickness on the map: quantity, value and unit.
+        exact: Exact thickness [m] at positions; None: the reference is the scheme in
+            stages on FINEST.
     """
 
     name: str
     window: tuple[float, float, float, float]
     end: float
     ground: Function
-    scores: Callable[[Flow, np.ndarray, float], Iterator[tuple[str, float, str]]]
+    scores: Callable[[Flow, np.ndarray], Iterator[tuple[str, float, str]]]
     exact: Function | None = None
 
     def centres(self, cell: float) -> tuple[np.ndarray, np.ndarray]:
@@ -124,14 +130,24 @@ class Flow:
         shifts = ((np.arange(N_POINTS) + 0.5) / N_POINTS - 0.5) * cell
         return sum(function(x + dx, y + dy) for dx in shifts for dy in shifts) / N_POINTS**2
 
-    def expected(self, cell: float) -> np.ndarray:
-        """Return the expected thickness on cells [m]."""
-        if self.exact is not None:
-            return self.means(self.exact, cell)
-        fine = finest(self.name)
-        rows, columns = (round(side * FINEST / cell) for side in fine.shape)
-        blocks = fine.reshape(rows, len(fine) // rows, columns, -1)
-        return blocks.mean(axis=(1, 3))
+    def expected(self) -> np.ndarray:
+        """Return the expected thickness on the map [m]."""
+        return finest(self.name) if self.exact is None else self.means(self.exact, MAP)
+
+
+def on_map(flow, thickness, cell):
+    """Return the thickness on the cells of the map: means, or linear between larger cells."""
+    if cell > MAP:
+        for axis in (0, 1):
+            count = thickness.shape[axis]
+            places = (np.arange(round(count * cell / MAP)) + 0.5) * MAP / cell - 0.5
+            line = partial(np.interp, places, np.arange(count))
+            thickness = np.apply_along_axis(line, axis, thickness)
+        rows, columns = flow.centres(MAP)[0].shape
+        return thickness[:rows, :columns]
+    parts = round(MAP / cell)
+    rows, columns = (side // parts for side in thickness.shape)
+    return thickness.reshape(rows, parts, columns, parts).mean(axis=(1, 3))
 
 
 def distance(thickness, expected):
@@ -143,14 +159,14 @@ SPREAD = exact.ConstantFluxSpread(DISCHARGE, NU, GRAVITY)
 HOUR = 3600.0
 
 
-def spread_scores(flow, thickness, cell):
+def spread_scores(flow, thickness):
     """Yield the errors of the radius of the covered area and of the thickness."""
-    covered = np.count_nonzero(thickness > FRONT) * cell**2
+    covered = np.count_nonzero(thickness > FRONT) * MAP**2
     if flow.window[1] == 0.0:
         covered *= 2.0
     radius = math.sqrt(covered / math.pi)
     yield 'radius', 100.0 * (radius / SPREAD.radius_of_thickness(FRONT, flow.end) - 1.0), '%'
-    yield 'profile', distance(thickness, flow.expected(cell)), '%'
+    yield 'profile', distance(thickness, flow.expected()), '%'
 
 
 def spread(name, window):
@@ -175,27 +191,27 @@ MIDDLE = (2.0 * WALL * DISCHARGE / (ALPHA * FALL)) ** 0.25
 SECTION = MIDDLE**2 / WALL
 
 
-def valley_scores(flow, thickness, cell):
+def valley_scores(flow, thickness):
     """Yield the errors of the front, the cross section and the thickness of the stream.
 
     The front is at half of the exact section.
     """
-    x, _ = flow.centres(cell)
-    section = thickness.sum(axis=0) * cell
+    x, _ = flow.centres(MAP)
+    section = thickness.sum(axis=0) * MAP
     last = int(np.flatnonzero(section > 0.5 * SECTION)[-1])
     part = (section[last] - 0.5 * SECTION) / (section[last] - section[last + 1])
-    front = x[0, last] + part * cell
+    front = x[0, last] + part * MAP
     yield 'front', 100.0 * (front * SECTION / (DISCHARGE * flow.end) - 1.0), '%'
     reach = (x[0] > REACH[0]) & (x[0] < REACH[1])
     stream = thickness[:, reach]
-    expected = flow.expected(cell)[:, reach]
+    expected = flow.expected()[:, reach]
     yield 'section', 100.0 * (stream.sum() / expected.sum() - 1.0), '%'
     yield 'profile', distance(stream, expected), '%'
 
 
-def area_scores(flow, thickness, cell):
+def area_scores(flow, thickness):
     """Yield the errors of the covered area and of the thickness, relative to FINEST."""
-    expected = flow.expected(cell)
+    expected = flow.expected()
     covered = [np.count_nonzero(item > FRONT) for item in (thickness, expected)]
     yield 'area', 100.0 * (covered[0] / covered[1] - 1.0), '%'
     yield 'profile', distance(thickness, expected), '%'
@@ -213,7 +229,7 @@ def hill(x, y, height, width):
     return height * np.exp(-((x - 150.0) ** 2 + (y - 10.0) ** 2) / (2.0 * width**2))
 
 
-#: Other grounds, whose reference is the plain scheme on FINEST.
+#: Other grounds, whose reference is the scheme in stages on FINEST.
 GROUNDS = {
     'hill': lambda x, y: hill(x, y, 15.0, 30.0) - FALL * x,
     'low_hill': lambda x, y: hill(x, y, 5.0, 15.0) - FALL * x,
@@ -247,7 +263,7 @@ FLOWS = {
 
 def exact_means(flow, cell, _):
     """Return the exact solution as means over the cells."""
-    return Result(flow.expected(cell), [])
+    return Result(flow.expected(), [])
 
 
 def timed(repetitions, run):
@@ -286,39 +302,23 @@ def preset(name):
     return run
 
 
-def compiled(folder):
-    """Compile the plain scheme."""
-    library, part = Path(folder) / 'finite_volumes.so', Path(folder) / 'finite_volumes.o'
-    source = FOLDER / 'finite_volumes.c'
-    options = ['-O3', '-march=native', '-ffast-math', '-fPIC', '-c']
-    subprocess.run(['cc', *options, '-o', part, source], check=True)
-    # linking with -ffast-math would set subnormal numbers of the whole process to 0
-    subprocess.run(['cc', '-shared', '-o', library, part], check=True)
-    advance = ctypes.CDLL(str(library)).advance
-    cells, long = np.ctypeslib.ndpointer(np.float64, flags='C'), ctypes.c_long
-    box = np.ctypeslib.ndpointer(np.int64, flags='C')
-    advance.argtypes = [*[cells] * 4, box, long, long, *[ctypes.c_double] * 4]
-    advance.restype = long
-    return advance
+def volumes(scheme):
+    """Return a function that runs a scheme of finite_volumes.c."""
+
+    def run(flow, cell, repetitions):
+        z = flow.ground(*flow.centres(cell))
+        source = flow.means(lambda x, y: 1.0 * (np.hypot(x, y) < VENT_RADIUS), cell)
+        half = 0.5 if flow.window[1] == 0.0 else 1.0
+        source *= half * DISCHARGE / (source.sum() * cell**2)
+        finite_volumes.library()
+        return timed(repetitions, lambda: scheme(z, cell, source, ALPHA, flow.end))
+
+    return run
 
 
-def plain(flow, cell, repetitions):
-    """Run the plain scheme."""
-    z = flow.ground(*flow.centres(cell))
-    source = flow.means(lambda x, y: 1.0 * (np.hypot(x, y) < VENT_RADIUS), cell)
-    half = 0.5 if flow.window[1] == 0.0 else 1.0
-    source *= half * DISCHARGE / (source.sum() * cell**2)
-    rows, columns = np.nonzero(source)
-    box = np.array([rows.min(), rows.max(), columns.min(), columns.max()])
-    with tempfile.TemporaryDirectory() as folder:
-        advance = compiled(folder)
-
-        def thickness():
-            h, change = np.zeros_like(z), np.zeros_like(z)
-            advance(h, change, z, source, box, *z.shape, cell, ALPHA, STEP_FRACTION, flow.end)
-            return h
-
-        return timed(repetitions, thickness)
+def staged(*arguments):
+    """Return the thickness by the scheme in stages."""
+    return finite_volumes.in_stages(*arguments).thickness
 
 
 def lava2d(folder):
@@ -341,8 +341,9 @@ def lava2d(folder):
 
 @lru_cache
 def finest(name):
-    """Return the thickness of a flow with the plain scheme on FINEST."""
-    return plain(FLOWS[name], FINEST, 1).thickness
+    """Return the thickness on the map of a flow by the scheme in stages on FINEST."""
+    flow = FLOWS[name]
+    return on_map(flow, volumes(staged)(flow, FINEST, 1).thickness, FINEST)
 
 
 def codes(folder):
@@ -350,44 +351,67 @@ def codes(folder):
     for name in FLOWS:
         half = name.endswith('_half')
         for cell in CELLS:
-            if name.startswith('constant_flux'):
-                yield 'plain', name, 'exact solution', cell, exact_means
-            yield 'plain', name, 'plain scheme', cell, plain
+            # the cells have to fill the window
+            x0, y0, x1, y1 = FLOWS[name].window
+            if (x1 - x0) % cell or (y1 - y0) % cell:
+                continue
+            if name.startswith('constant_flux') and cell == MAP:
+                yield 'volumes', name, 'exact solution', cell, exact_means
+            yield 'volumes', name, 'plain scheme', cell, volumes(finite_volumes.plain)
+            yield 'volumes', name, 'RKL2 scheme', cell, volumes(staged)
         for item in () if half else PRESETS:
-            yield 'presets', name, item, 5.0, preset(item)
-        for cell in () if half or folder is None else (10.0, 5.0):
+            yield 'presets', name, item, MAP, preset(item)
+        for cell in () if half or folder is None else (10.0, MAP):
             yield 'lava2d', name, 'Lava2d', cell, lava2d(folder)
+
+
+def rows_of(number, repetitions, folder):
+    """Return the rows of one run, by its number among all."""
+    use_threads(1)
+    group, name, code, cell, run = list(codes(folder))[number]
+    flow = FLOWS[name]
+    result = run(flow, cell, repetitions)
+    spent = sorted(result.seconds)
+    times = [f'{item:.3g}' for item in (median(spent), spent[0], spent[-1])] if spent else [''] * 3
+    rows = []
+    for quantity, value, unit in flow.scores(flow, on_map(flow, result.thickness, cell)):
+        row = (
+            name, code, f'{cell:g}', quantity, f'{value:.4g}', unit, *times, len(spent),
+            machine_name('cpu'), f'python docs/benchmarks/codes.py {group}',
+        )
+        rows.append(dict(zip(COLUMNS, row, strict=True)))
+    return rows
 
 
 def main():
     """Run codes and update their rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('group', nargs='+', choices=('presets', 'plain', 'lava2d'))
+    parser.add_argument('group', nargs='+', choices=('presets', 'volumes', 'lava2d'))
     parser.add_argument('--lava2d', metavar='FOLDER', help='a checkout of Lava2d')
     parser.add_argument('--flow', action='append', choices=FLOWS, help='a flow (default: all)')
     parser.add_argument('--repetitions', type=int, default=3)
+    parser.add_argument('--processes', type=int, default=1, help='runs at the same time')
     chosen = parser.parse_args()
     if 'lava2d' in chosen.group and chosen.lava2d is None:
         parser.error('lava2d takes --lava2d FOLDER')
     known = lines_of(TABLE) if TABLE.exists() else []
     rows = {tuple(row[column] for column in COLUMNS[:4]): row for row in known}
-    for group, name, code, cell, run in codes(chosen.lava2d):
-        if group not in chosen.group or name not in (chosen.flow or FLOWS):
-            continue
-        flow = FLOWS[name]
-        result = run(flow, cell, chosen.repetitions)
-        spent = sorted(result.seconds)
-        times = [f'{item:.3g}' for item in (median(spent), spent[0], spent[-1])] if spent else []
-        for quantity, value, unit in flow.scores(flow, result.thickness, cell):
-            key = (name, code, f'{cell:g}', quantity)
-            fields = [f'{value:.4g}', unit, *(times or [''] * 3), len(spent)]
-            command = f'taskset --cpu-list 0 python docs/benchmarks/codes.py {group}'
-            fields += [machine_name('cpu'), command]
-            rows[key] = dict(zip(COLUMNS, (*key, *fields), strict=True))
-            print(*key, *fields[:3], flush=True)
-    # removes rows of obsolete runs
-    order = [(name, code, f'{cell:g}') for _, name, code, cell, _ in codes('')]
-    write_csv([row for made in order for key, row in rows.items() if key[:3] == made], TABLE)
+    every = list(codes(chosen.lava2d))
+    numbers = [
+        number for number, (group, name, *_) in enumerate(every)
+        if group in chosen.group and name in (chosen.flow or FLOWS)
+    ]
+    with ProcessPoolExecutor(chosen.processes, mp_context=get_context('spawn')) as pool:
+        run = partial(pool.submit, rows_of)
+        done = [run(number, chosen.repetitions, chosen.lava2d) for number in numbers]
+        for future in as_completed(done):
+            for row in future.result():
+                rows[tuple(row[column] for column in COLUMNS[:4])] = row
+                print(*row.values(), flush=True)
+            # without rows of obsolete runs
+            order = [(name, code, f'{cell:g}') for _, name, code, cell, _ in codes('')]
+            kept = [row for made in order for key, row in rows.items() if key[:3] == made]
+            write_csv(kept, TABLE)
 
 
 if __name__ == '__main__':

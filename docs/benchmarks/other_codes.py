@@ -6,6 +6,7 @@
 python docs/benchmarks/other_codes.py
 """
 
+from collections import defaultdict
 from collections.abc import Iterator
 import math
 from statistics import median
@@ -17,6 +18,9 @@ PAGE = HERE.parent / 'accuracy/other_codes.md'
 
 #: Name in codes.csv of the exact solution as means over the cells.
 EXACT = 'exact solution'
+
+#: Names of the schemes of finite_volumes.c, the yardsticks.
+SCHEMES = ('plain scheme', 'RKL2 scheme')
 
 
 def signed(error: float) -> str:
@@ -35,52 +39,85 @@ def two_digits(number: float) -> str:
 
 
 def grid_table(first: str, quantity: str, title: str) -> Iterator[Line]:
-    """Yield the scores of codes minus those of the exact solution on the same cells."""
+    """Yield the scores of codes minus those of the exact solution on the same map."""
     rows = [row for row in lines_of('codes.csv') if row['case'].startswith(first)]
     scores = {
         (row['case'], row['code'], row['cell_m'], row['quantity']): float(row['value'])
         for row in rows
     }
+    exact = {case: score for (case, code, _, item), score in scores.items()
+             if (code, item) == (EXACT, quantity)}
     yield ('code', 'cells', title, 'profile', 'CPU time')
     for row in rows:
         case, code, cell = row['case'], row['code'], row['cell_m']
         if row['quantity'] != quantity or code == EXACT:
             continue
-        score = scores[case, code, cell, quantity] - scores.get((case, EXACT, cell, quantity), 0.0)
         half = ', half of the plane' if case.endswith('_half') else ''
         yield (
             f'{code}{half}',
             f'{cell} m',
-            signed(0.01 * score),
-            f'{scores[case, code, cell, "profile"]:.2g} %',
+            signed(0.01 * (scores[case, code, cell, quantity] - exact.get(case, 0.0))),
+            f'{two_digits(scores[case, code, cell, "profile"])} %',
             seconds(float(row['cpu_s'])),
         )
 
 
-def ratio_table() -> Iterator[Line]:
-    """Yield the CPU time of `standard` over that of the plain scheme with the same profile.
+def same_profile(rows: list[dict[str, str]], case: str, code: str, error: float) -> float:
+    """Return the CPU time of a scheme with a profile error, interpolated in logarithms [s].
 
-    The plain scheme's time is interpolated between its cell sizes, in logarithms.
+    Beyond the errors of its cell sizes it is that of the nearest one.
     """
+    points = sorted(
+        (math.log(float(row['value'])), math.log(float(row['cpu_s'])))
+        for row in rows
+        if row['case'] == case and row['code'] == code
+    )
+    return math.exp(np.interp(math.log(error), *np.transpose(points)))
+
+
+def ratio_table() -> Iterator[Line]:
+    """Yield the CPU time of `standard` over that of both schemes with the same profile."""
     rows = [row for row in lines_of('codes.csv') if row['quantity'] == 'profile']
-    yield ('flow', 'profile', '`standard`', 'plain scheme', 'ratio')
-    ratios = []
+    yield ('flow', 'profile', '`standard`', *(
+        word for code in SCHEMES for word in (code, 'ratio')
+    ))
+    ratios = defaultdict[str, list[float]](list)
     for row in (row for row in rows if row['code'] == 'standard'):
         error, time = float(row['value']), float(row['cpu_s'])
-        plain = sorted(
-            (math.log(float(other['value'])), math.log(float(other['cpu_s'])))
-            for other in rows
-            if other['case'] == row['case'] and other['code'] == 'plain scheme'
-        )
-        same = math.exp(np.interp(math.log(error), *np.transpose(plain)))
-        ratios.append(time / same)
+        cells = []
+        for code in SCHEMES:
+            same = same_profile(rows, row['case'], code, error)
+            ratios[code].append(time / same)
+            cells += [seconds(same), two_digits(time / same)]
         name = row['case'].replace('_', ' ')
-        yield (name, f'{error:.2g} %', seconds(time), seconds(same), two_digits(ratios[-1]))
-    yield ('median', '', '', '', two_digits(median(ratios)))
+        yield (name, f'{two_digits(error)} %', seconds(time), *cells)
+    yield ('median', '', '', *(
+        word for code in SCHEMES for word in ('', two_digits(median(ratios[code])))
+    ))
+
+
+def scheme_table() -> Iterator[Line]:
+    """Yield the profile errors and times of both schemes on the same cells, over all flows."""
+    rows = [row for row in lines_of('codes.csv') if row['quantity'] == 'profile']
+    found = {(row['case'], row['code'], row['cell_m']): row for row in rows}
+    yield ('cells', 'plain over RKL2: CPU time', 'median', 'largest change of the profile')
+    for cell in dict.fromkeys(row['cell_m'] for row in rows if row['code'] == SCHEMES[0]):
+        pairs = [
+            [found[case, code, cell] for code in SCHEMES]
+            for case in dict.fromkeys(row['case'] for row in rows)
+            if (case, SCHEMES[0], cell) in found
+        ]
+        times = sorted(float(one['cpu_s']) / float(two['cpu_s']) for one, two in pairs)
+        change = max(abs(float(one['value']) - float(two['value'])) for one, two in pairs)
+        yield (
+            f'{cell} m', f'{two_digits(times[0])} to {two_digits(times[-1])}',
+            two_digits(median(times)), f'{two_digits(change)} points',
+        )
 
 
 TABLES = {
     'ratio': ratio_table,
+    'schemes': scheme_table,
     'flux': lambda: grid_table('constant_flux', 'radius', 'R'),
     'valley': lambda: grid_table('valley', 'front', 'front'),
     'hill': lambda: grid_table('hill', 'area', 'area'),

@@ -88,6 +88,25 @@ def dates() -> Iterator[Line]:
         )
 
 
+def outlines() -> Iterator[Line]:
+    """Yield the scores of sets of constants on dated outlines."""
+    rows = lines_of('lapalma_outlines.csv')
+    found = {(row['constants'], row['outline']): row for row in rows}
+    names = list(dict.fromkeys(row['constants'] for row in rows))
+    runs = {row['constants']: row['runs'] for row in rows}
+    heads = (f'{name}, {runs[name]} {"run" if runs[name] == "1" else "runs"}' for name in names)
+    yield ('outline', *heads, 'steepest descent', 'outline before')
+    for date in dict.fromkeys(row['outline'] for row in rows):
+        every = [found[name, date] for name in names]
+        before = every[0]['persistence']
+        yield (
+            date.removesuffix('T12:00:00Z'),
+            *(f'{float(row["jaccard"]):.2f} (x {float(row["area_ratio"]):.2f}, '
+              f'x {float(row["length_ratio"]):.2f})' for row in every),
+            f'{float(every[0]["descent"]):.2f}', f'{float(before):.2f}' if before else '',
+        )
+
+
 def largest_gap(diagrams: Iterable[str]) -> float:
     """Return the largest gap in the combined bins of diagrams with at least 200 cells."""
     bins: dict[int, list[tuple[float, float, int]]] = {}
@@ -433,6 +452,7 @@ PAGES: Mapping[str, Tables] = {
     'VALIDATION.md': {
         'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
         'dates': dates, 'changes': changes, 'commands': commands,
+        'outlines': outlines,
     },
     'MODEL.md': {'grounds': grounds, 'kernel_radii': kernel_radii},
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},

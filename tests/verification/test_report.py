@@ -91,8 +91,9 @@ def test_committed_measurements_fill_every_study():
     assert [line[0] for line in lines] == [*settings]
 
 
-def test_tables_of_the_page_of_other_codes_are_up_to_date():
-    script = load_script(ROOT / 'docs/benchmarks/other_codes.py')
+@pytest.mark.parametrize('name', ['other_codes', 'equal_error_table'])
+def test_tables_of_pages_are_up_to_date(name):
+    script = load_script(ROOT / f'docs/benchmarks/{name}.py')
     page = script.PAGE.read_text(encoding='utf-8')
     assert script.written(page, script.TABLES) == page
 

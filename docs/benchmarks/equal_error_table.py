@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Write the tables of CPU time at equal error in README.md, as tables.py does.
+
+python docs/benchmarks/equal_error_table.py
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import takewhile
+import math
+from statistics import median
+
+from tables import HERE, Line, lines_of, written
+
+PAGE = HERE / 'README.md'
+
+#: Columns of the errors.
+ERRORS = ('inundated', 'thickness')
+
+
+def at_error(runs: Sequence[Mapping[str, str]], name: str, error: float) -> float:
+    """Return the CPU time [s] beyond which all runs have at most an error.
+
+    The time is interpolated in logarithms between the coarsest such run and the next coarser one;
+    it is infinite if the finest run has a larger error.
+    """
+    ordered = sorted(runs, key=lambda row: float(row['spacing_m']))
+    points = [(float(row[name]), float(row['cpu_s'])) for row in ordered]
+    good = list(takewhile(lambda point: point[0] <= error, points))
+    if not good:
+        return math.inf
+    if len(good) == len(points):
+        return good[-1][1]
+    (low, slow), (high, fast) = good[-1], points[len(good)]
+    part = math.log(error / low) / math.log(high / low)
+    return slow * min(fast / slow, 1.0) ** part
+
+
+def two_digits(number: float) -> str:
+    """Format a number with two digits, without an exponent."""
+    return f'{float(f"{number:.2g}"):g}' if math.isfinite(number) else 'not reached'
+
+
+def scenes() -> Iterator[tuple[str, Mapping[str, str], list[dict[str, str]]]]:
+    """Yield each scene, its run before and its runs after."""
+    rows = lines_of('equal_error.csv')
+    for scene in dict.fromkeys(row['scene'] for row in rows):
+        before, *after = (row for row in rows if row['scene'] == scene)
+        yield scene, before, after
+
+
+def equal_error() -> Iterator[Line]:
+    """Yield the CPU time of `standard` before, and that of this version at the same error."""
+    yield (
+        'scene', 'cells', '`standard` before', 'inundated', 'time at this error', 'ratio',
+        'thickness', 'time at this error', 'ratio',
+    )
+    ratios = defaultdict[str, list[float]](list)
+    for scene, before, after in scenes():
+        time, cells = float(before['cpu_s']), []
+        for name in ERRORS:
+            same = at_error(after, name, float(before[name]))
+            ratios[name].append(same / time)
+            error = two_digits(100.0 * float(before[name]))
+            unit = ' s' if same < math.inf else ''
+            cells += [f'{error} %', f'{two_digits(same)}{unit}', two_digits(same / time)]
+        size = f'{float(before["cell_m"]):g} m'
+        yield (scene.replace('_', ' '), size, f'{two_digits(time)} s', *cells)
+    middle = [f'**{two_digits(median(ratios[name]))}**' for name in ERRORS]
+    yield ('median', '', '', '', '', middle[0], '', '', middle[1])
+
+
+def presets() -> Iterator[Line]:
+    """Yield the time and the errors of presets, over those of `standard` before."""
+    yield ('preset', 'CPU time', *(f'error, {name}' for name in ERRORS))
+    for preset in ('draft', 'standard'):
+        ratios = [
+            [float(row[name]) / float(before[name]) for name in ('cpu_s', *ERRORS)]
+            for _, before, after in scenes()
+            for row in after
+            if row['preset'] == preset
+        ]
+        columns = [sorted(values) for values in zip(*ratios, strict=True)]
+        yield (f'`{preset}`', *(
+            '{} ({} to {})'.format(*map(two_digits, (median(values), values[0], values[-1])))
+            for values in columns
+        ))
+
+
+TABLES = {'equal_error': equal_error, 'equal_error_presets': presets}
+
+
+if __name__ == '__main__':
+    PAGE.write_text(written(PAGE.read_text(encoding='utf-8'), TABLES), encoding='utf-8')
