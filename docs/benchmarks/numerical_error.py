@@ -37,6 +37,7 @@ from lava_ros.simulation.numerical_error import (
     difference,
     error_of,
     GROUND_ORDER,
+    NumericalError,
     Pair,
     PARTICLE_ORDER,
     richardson,
@@ -181,7 +182,7 @@ def _quarters(terrain: Terrain) -> Terrain:
     return terrain
 
 
-def _cut(areas: Areas, like: Areas) -> Areas:
+def cut(areas: Areas, like: Areas) -> Areas:
     """Return areas on the cells of others, which may be fewer at the far sides."""
     rows, columns = like.inundated.shape
     return Areas(*(cells[:rows, :columns] for cells in areas))
@@ -201,6 +202,22 @@ def make(job: Job, folder: Path) -> Job:
     return job
 
 
+def stated_error(
+    runs: Runs, level: str, spacing: float
+) -> tuple[NumericalError, tuple[Areas, float, int], float]:
+    """Return the stated error of a run, its results, and the CPU time of its partners [s]."""
+    one = runs.read(f'{level}_A')
+    two, more, _ = runs.read(f'{level}_B')
+    three, most, _ = runs.read(f'{level}_C')
+    pairs = {
+        'particles': Pair(one[0], two, richardson(COARSER, PARTICLE_ORDER)),
+        'ground': Pair(two, three, richardson(2.0, GROUND_ORDER)),
+    }
+    cell = runs.item.scene.terrain.resolution
+    error = error_of(pairs, spacing=spacing, cell=cell, time=runs.item.duration)
+    return error, one, more + most
+
+
 def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
     """Yield a row for each spacing of a scene, from runs that are made."""
     runs = runs_of(name, folder)
@@ -208,16 +225,7 @@ def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
     levels, reference, finest = runs.levels()
     best, best_seconds, _ = runs.read(reference)
     for level, distance in levels.items():
-        one, seconds, count = runs.read(f'{level}_A')
-        two, more, _ = runs.read(f'{level}_B')
-        three, most, _ = runs.read(f'{level}_C')
-        stated = error_of(
-            {
-                'particles': Pair(one, two, richardson(COARSER, PARTICLE_ORDER)),
-                'ground': Pair(two, three, richardson(2.0, GROUND_ORDER)),
-            },
-            spacing=distance, cell=item.scene.terrain.resolution, time=item.duration,
-        )
+        stated, (one, seconds, count), partners = stated_error(runs, level, distance)
         row = {
             'scene': item.name,
             'spacing_m': distance,
@@ -225,7 +233,7 @@ def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
             'particles': count,
             'cell_m': item.scene.terrain.resolution,
         }
-        for name, area, other in zip(Areas._fields, one, _cut(best, one), strict=True):
+        for name, area, other in zip(Areas._fields, one, cut(best, one), strict=True):
             part = getattr(stated, name)
             actual = difference(area, other)
             row |= {
@@ -239,7 +247,7 @@ def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
             'reference_spacing_m': finest,
             'reference_cpu_s': best_seconds,
             'cpu_s': seconds,
-            'partners_cpu_s': more + most,
+            'partners_cpu_s': partners,
             'effects': ' '.join(runs.effects),
         }
 
