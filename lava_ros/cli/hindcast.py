@@ -58,7 +58,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
     from lava_ros.hindcast.run import measure_run_error, Run, Settings, UNFINISHED
     from lava_ros.hindcast.score import score_snapshot
-    from lava_ros.hindcast.spacing import settings_with_spacing
+    from lava_ros.hindcast.spacing import choose_case_spacing
     from lava_ros.maps.plot import duration
     from lava_ros.runs.sinks import ProgressSink
 
@@ -78,8 +78,9 @@ def hindcast(args: argparse.Namespace) -> int:
     unfinished = output / UNFINISHED
     if args.fresh:
         shutil.rmtree(unfinished, ignore_errors=True)
-    settings, choice = settings_with_spacing(case, settings, runs=runs, folder=unfinished)
-    if choice is not None:
+    if settings.spacing is None:
+        choice = choose_case_spacing(case, settings, runs=runs)
+        settings = replace(settings, spacing=choice.spacing)
         print(choice.text())
     run = Run(case, settings, folder=unfinished)
     if run.is_resumed:

@@ -27,7 +27,7 @@ from lava_ros.forecast.pilot_runs import (
     standard_resolution,
 )
 from lava_ros.forecast.pilot_search import FINEST, Option, PilotSearch, PLANNING_FRACTION
-from lava_ros.forecast.preset_spacing import limited
+from lava_ros.forecast.preset_spacing import spacing_of_preset
 from lava_ros.forecast.sampling import Member
 from lava_ros.scene import Scene
 from lava_ros.simulation.numerical_error import difference, NumericalError
@@ -162,9 +162,8 @@ def plan_within(
         raise LavaError('within', within, expected)
     chosen = search.option(refinement)
     presets = {
-        name: min(standard.spacing / limited(
-            standard.spacing / search.refinement_for(preset.particle_error),
-            resolution_of(scene, preset.accuracy, horizon=horizon),
+        name: min(standard.spacing / spacing_of_preset(
+            name, search, resolution_of(scene, preset.accuracy, horizon=horizon)
         ), FINEST)
         for name, preset in PRESETS.items() if preset.target is not None
     }

@@ -10,7 +10,8 @@ below which it would be under-resolved, and at least such that the number of par
 lateral stress do not limit it (resolution.py).
 
 Work is counted in evaluations and particles, not in time, so that a repeated run has the same
-spacing. The first guess remains if pilots would take more than their part of the work.
+spacing. The first guess remains if pilots would take more than their part of the work, and for
+lava that freezes: two runs of it differ by chance more than by their spacing (docs/MODEL.md).
 """
 
 from collections.abc import Callable
@@ -24,18 +25,20 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import NumericalError
 from lava_ros.simulation.presets import PRESETS
-from lava_ros.simulation.resolution import ACROSS, Resolution, resolution_of
+from lava_ros.simulation.resolution import Resolution, resolution_of
 
 #: Particles across the flow of the first pilot. It, one on coarser ground and one finer by
 #: ``FINER`` have less than ``PLANNING_FRACTION`` of the work of the coarsest resolved run.
 FIRST_ACROSS = 3.0
 
-#: Minimum number of particles of all runs for pilots, with particles across the flow as of a
-#: flow that does not freeze.
+#: Minimum number of particles of all runs, by the first guess, for pilots.
 MIN_PARTICLES = 2000
 
 #: Part of the work that is planned for pilots: finer ones often find a coarser spacing.
 _PLANNED = 0.6 * PLANNING_FRACTION
+
+#: Reason of a first guess where pilots would cost too much.
+TOO_SHORT = f'pilot runs would take more than {100.0 * PLANNING_FRACTION:g} % of the time'
 
 #: Minimum power of the refinement with which work grows.
 _MIN_GROWTH = 3.0
@@ -49,18 +52,18 @@ class SpacingChoice:
         spacing: Particle spacing [m].
         error: Expected numerical error; None for a first guess.
         pilots: Number of pilot runs.
-        work: Work of the pilots over that of the runs.
+        reason: Reason of a first guess.
     """
 
     spacing: float
     error: NumericalError | None = None
     pilots: int = 0
-    work: float = 0.0
+    reason: str = ''
 
     def text(self) -> str:
         """Describe the choice in one line."""
         if self.error is None:
-            return f'spacing {self.spacing:.3g} m, a first guess'
+            return f'spacing {self.spacing:.3g} m, a first guess: {self.reason}'
         return (
             f'spacing {self.spacing:.3g} m by {self.pilots} pilot runs; expected error: '
             f'{self.error.text()}'
@@ -93,15 +96,16 @@ def choose_spacing(
     Raises:
         LavaError: If a pilot fails.
     """
-    guess, target = accuracy.spacing, PRESETS[preset]
+    guess = accuracy.spacing
     assert guess is not None
     # limits by the number of particles are those of the preset
     expected = resolution_of(scene, accuracy, horizon=horizon)
-    if target.target is None or math.isnan(expected.width):
-        return SpacingChoice(guess)
-    usual = min(ACROSS * target.accuracy.refinement / expected.across, 1.0)
-    if expected.particles * usual**2 * runs < MIN_PARTICLES:
-        return SpacingChoice(guess)
+    if PRESETS[preset].target is None or math.isnan(expected.width):
+        return SpacingChoice(guess, reason='no pilot runs')
+    if effects.any('freezes'):
+        return SpacingChoice(guess, reason='chance decides where lava freezes')
+    if expected.particles * runs < MIN_PARTICLES:
+        return SpacingChoice(guess, reason=TOO_SHORT)
     search = PilotSearch(
         scene, horizon, lambda refinement: replace(accuracy, spacing=guess / refinement),
         effects, FIRST_ACROSS / expected.across, device, None, on_pilot,
@@ -110,8 +114,8 @@ def choose_spacing(
     def wanted() -> float:
         """Return the refinement of the runs, over that of the first guess."""
         if len(search.pilots) < 2:
-            return usual
-        return guess / limited(guess / search.refinement_for(target.particle_error), expected)
+            return 1.0
+        return guess / spacing_of_preset(preset, search, expected)
 
     def work() -> float:
         """Return the work of all runs."""
@@ -127,14 +131,23 @@ def choose_spacing(
 
     search.climb(lambda: _PLANNED * work(), wanted)
     if len(search.pilots) < 2:
-        return SpacingChoice(guess, None, search.count)
+        return SpacingChoice(guess, None, search.count, TOO_SHORT)
     # of two digits: rounding errors of pilots change nothing
     spacing = float(f'{guess / wanted():.2g}')
-    return SpacingChoice(
-        spacing, search.error(guess / spacing), search.count, search.spent / work()
-    )
+    return SpacingChoice(spacing, search.error(guess / spacing), search.count)
 
 
-def limited(spacing: float, expected: Resolution) -> float:
-    """Return a spacing within the limits of an expected flow [m]."""
+def spacing_of_preset(preset: str, search: PilotSearch, expected: Resolution) -> float:
+    """Return the spacing of a preset with a target [m].
+
+    Args:
+        preset: Name of the preset.
+        search: Pilots with particles and ground measured.
+        expected: Expected resolution at the preset, whose limits apply.
+    """
+    if search.effects.any('freezes'):
+        return expected.spacing
+    refinement = search.refinement_for(PRESETS[preset].particle_error)
+    spacing = search.accuracy_at(refinement).spacing
+    assert spacing is not None
     return max(min(spacing, expected.coarsest), expected.finest)
