@@ -154,6 +154,9 @@ def main() -> None:
         for future in as_completed(waiting):
             rows[waiting[future]] = future.result()
             print(*waiting[future], flush=True)
+            if all(reference.done() for reference in references):
+                done = [with_actual_error(rows[job], args.folder) for job in jobs if job in rows]
+                write_csv(done, args.output)
         for reference in references:
             print(*reference.result(), flush=True)
     write_csv([with_actual_error(rows[job], args.folder) for job in jobs], args.output)

@@ -210,5 +210,5 @@ class PilotSearch:
         if not target > 0.0:
             return math.inf
         # errors of areas multiply (scaled)
-        ratio = math.log1p(-min(area.particles, 0.999)) / math.log1p(-min(target, 0.999))
+        ratio = math.log1p(-min(max(area.particles, 1e-9), 0.999)) / math.log1p(-min(target, 0.999))
         return self.pilots[-1].refinement * ratio ** (1.0 / PARTICLE_ORDER)
