@@ -78,8 +78,9 @@ def run_at(
     """Run a scene to ``horizon`` [s]; None if it takes more than ``wall_limit`` [s].
 
     ``accuracy`` is that of the refinement, by default with the settings of a preset
-    (``accuracy_at``), and ``effects`` are the physics, by default those that the scene calls for. Kernels are compiled at
-    their first use: a first call for a short ``horizon`` excludes that from the wall time.
+    (``accuracy_at``), and ``effects`` are the physics, by default those that the scene calls for.
+    Kernels are compiled at their first use: a first call for a short ``horizon`` excludes that
+    from the wall time.
     """
     accuracy = accuracy or accuracy_at(scene, refinement, horizon)
     begun = clock()

@@ -210,5 +210,6 @@ class PilotSearch:
         if not target > 0.0:
             return math.inf
         # errors of areas multiply (scaled)
-        ratio = math.log1p(-min(max(area.particles, 1e-9), 0.999)) / math.log1p(-min(target, 0.999))
+        found, target = (min(max(part, 1e-9), 0.999) for part in (area.particles, target))
+        ratio = math.log1p(-found) / math.log1p(-target)
         return self.pilots[-1].refinement * ratio ** (1.0 / PARTICLE_ORDER)

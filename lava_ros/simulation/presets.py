@@ -3,8 +3,8 @@
 
 """Named settings on the measured trade-off between accuracy and computing time.
 
-A preset has a target: the part of the particles in the numerical error of the inundated area. Pilot
-runs find the spacing for it (forecast/preset_spacing.py). Its refinement gives a first guess.
+A preset has a target: the part of the particles in the numerical error of the inundated area.
+Pilot runs find the spacing for it (forecast/preset_spacing.py); its refinement is a first guess.
 
 The ratio and the fraction of the stable step were chosen from a full run of `lava accuracy`
 (docs/accuracy/h200.csv; docs/accuracy/ has its table and chart), the refinements by the agreement
@@ -46,7 +46,7 @@ class Preset:
 
 
 #: Error of the inundated area below which a part of the ground counts as this much: an effusion
-#: rate 25 % higher changes the area by 15 to 20 % (`lava plan`), so that both together change it
+#: rate 25 % higher changes the area by 16 % (docs/MODEL.md), so that both together change it
 #: by a fifth more at most.
 ENOUGH = 0.1
 

@@ -14,7 +14,6 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.resolution import (
     ACROSS,
     COOLED,
