@@ -65,7 +65,7 @@ def measure(job: Job, folder: Path) -> dict[str, Any]:
         return time.process_time() - begun, simulation.snapshot().particle_count
 
     # compiles the kernels
-    simulate(guess.coarsest, 1e-3)
+    simulate(2.0 * guess.spacing, 1e-3)
     begun = time.process_time()
     choice = SpacingChoice(spacing) if spacing else choose_spacing(
         item.scene, preset, accuracy, effects=runs.effects, horizon=item.horizon, device='cpu'

@@ -118,7 +118,7 @@ class PilotSearch:
                 if ground is not None:
                     # cheaper than one of the newest spacing
                     coarse = self.run(ground, before.refinement, 3.0 * before.wall_time + 1.0)
-                self._error = self._measure(coarse)
+                self._error = self._measure(before, coarse)
                 refinement = self._next(budget() - self.spent, spare)
                 last = self.pilots[-1].refinement
                 if refinement < CLOSEST * last or useful() <= FINER * last:
@@ -130,6 +130,14 @@ class PilotSearch:
                 refinement /= FINER
             else:
                 break
+
+    def measure_finest_ground(self, left: float) -> None:
+        """Measure the ground's part again, at the finest pilot, if it fits into a time [s]."""
+        ground, last = on_coarser_ground(self.scene), self.pilots[-1]
+        if ground is not None and PILOT_MARGIN * last.wall_time <= left:
+            coarse = self.run(ground, last.refinement, left)
+            if coarse is not None:
+                self._error = self._measure(last, coarse)
 
     def _next(self, left: float, spare: int) -> float:
         """Return the refinement of the next pilot, which fits into the time that is left [s]."""
@@ -159,12 +167,12 @@ class PilotSearch:
             self.on_pilot(pilot)
         return pilot
 
-    def _measure(self, coarse: Pilot | None) -> NumericalError:
+    def _measure(self, pilot: Pilot, coarse: Pilot | None) -> NumericalError:
         """Return the error of the finest pilot.
 
-        ``coarse`` is a run of the pilot before it, on coarser ground.
+        ``coarse`` is a run of a ``pilot`` on coarser ground.
         """
-        finest, before = self.pilots[-1], self.pilots[-2]
+        finest = self.pilots[-1]
         wanted = COARSER * finest.spacing
         partner = min(
             self.pilots[:-1], key=lambda pilot: abs(math.log(pilot.spacing / wanted))
@@ -172,7 +180,7 @@ class PilotSearch:
         reduction = richardson(partner.spacing / finest.spacing, PARTICLE_ORDER)
         pairs = {'particles': Pair(finest.areas, partner.areas, reduction)}
         if coarse is not None:
-            pairs['ground'] = Pair(before.areas, coarse.areas, richardson(2.0, GROUND_ORDER))
+            pairs['ground'] = Pair(pilot.areas, coarse.areas, richardson(2.0, GROUND_ORDER))
         return error_of(
             pairs, spacing=finest.spacing, cell=self.scene.terrain.resolution, time=self.horizon,
             cost=self.spent,

@@ -155,6 +155,7 @@ def plan_within(
     if len(search.pilots) < 2:
         raise LavaError('within', within, 'a longer time: the coarsest runs take more')
     inputs = change_inputs(search, budget)
+    search.measure_finest_ground(budget - search.spent)
     refinement, count = choose(search, within, members)
     wall_time = count * search.cost(refinement)
     if wall_time > within:

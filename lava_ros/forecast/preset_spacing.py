@@ -5,9 +5,8 @@
 
 A preset has a target: the particles' part of the numerical error over the ground's part. Pilots
 measure both, in at most ``PLANNING_FRACTION`` of the work of the runs, and the spacing follows
-from the order of the particles' part. It is at most a ninth of the expected width of the flow,
-below which it would be under-resolved, and at least such that the number of particles and the
-lateral stress do not limit it (resolution.py).
+from the order of the particles' part. It is at most the first guess of ``draft``, and at least
+such that the number of particles and the lateral stress do not limit it (resolution.py).
 
 Work is counted in evaluations and particles, not in time, so that a repeated run has the same
 spacing. The first guess remains if pilots would take more than their part of the work, and for
@@ -25,17 +24,21 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import NumericalError
 from lava_ros.simulation.presets import PRESETS
-from lava_ros.simulation.resolution import Resolution, resolution_of
+from lava_ros.simulation.resolution import ACROSS, Resolution, resolution_of
+
+#: Minimum number of particles across the expected width: the first guess of ``draft``.
+MIN_ACROSS = ACROSS * PRESETS['draft'].accuracy.refinement
 
 #: Particles across the flow of the first pilot. It, one on coarser ground and one finer by
-#: ``FINER`` have less than ``PLANNING_FRACTION`` of the work of the coarsest resolved run.
+#: ``FINER`` have less than ``PLANNING_FRACTION`` of the work of the coarsest run.
 FIRST_ACROSS = 3.0
 
 #: Minimum number of particles of all runs, by the first guess, for pilots.
 MIN_PARTICLES = 2000
 
-#: Part of the work that is planned for pilots: finer ones often find a coarser spacing.
-_PLANNED = 0.6 * PLANNING_FRACTION
+#: Part of the work that is planned for pilots, as finer ones often find a coarser spacing, and
+#: part up to which the finest one runs on coarser ground.
+_PLANNED, _FILLED = 0.6 * PLANNING_FRACTION, 0.8 * PLANNING_FRACTION
 
 #: Reason of a first guess where pilots would cost too much.
 TOO_SHORT = f'pilot runs would take more than {100.0 * PLANNING_FRACTION:g} % of the time'
@@ -132,6 +135,7 @@ def choose_spacing(
     search.climb(lambda: _PLANNED * work(), wanted)
     if len(search.pilots) < 2:
         return SpacingChoice(guess, None, search.count, TOO_SHORT)
+    search.measure_finest_ground(_FILLED * work() - search.spent)
     # of two digits: rounding errors of pilots change nothing
     spacing = float(f'{guess / wanted():.2g}')
     return SpacingChoice(spacing, search.error(guess / spacing), search.count)
@@ -150,4 +154,4 @@ def spacing_of_preset(preset: str, search: PilotSearch, expected: Resolution) ->
     refinement = search.refinement_for(PRESETS[preset].particle_error)
     spacing = search.accuracy_at(refinement).spacing
     assert spacing is not None
-    return max(min(spacing, expected.coarsest), expected.finest)
+    return max(min(spacing, expected.width / MIN_ACROSS), expected.finest)

@@ -104,11 +104,6 @@ class Resolution:
     emitted: float = math.nan
 
     @property
-    def coarsest(self) -> float:
-        """Maximum spacing of a resolved flow [m]."""
-        return self.width / MIN_ACROSS
-
-    @property
     def particles(self) -> float:
         """Number of particles at the end, without losses."""
         return self.emitted / (self.spacing**2 * self.thickness)

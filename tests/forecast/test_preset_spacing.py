@@ -14,12 +14,12 @@ from lava_ros.effects import Effects
 from lava_ros.forecast import pilot_search
 from lava_ros.forecast.pilot_runs import Pilot
 from lava_ros.forecast.pilot_search import PLANNING_FRACTION
-from lava_ros.forecast.preset_spacing import choose_spacing, MIN_PARTICLES
+from lava_ros.forecast.preset_spacing import choose_spacing, MIN_ACROSS, MIN_PARTICLES
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import resolution
 from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
 from lava_ros.simulation.presets import ENOUGH, preset_accuracy, PRESETS
-from lava_ros.simulation.resolution import MIN_ACROSS, resolution_of, resolved_accuracy
+from lava_ros.simulation.resolution import resolution_of, resolved_accuracy
 
 X, Y = np.meshgrid(np.arange(60) * 10.0, np.arange(40) * 10.0)
 SCENE = Scene(
