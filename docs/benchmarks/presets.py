@@ -7,15 +7,11 @@
 
 The folder is that of numerical_error.py, whose reference runs give the actual errors. A row has
 the first guess, the spacing that pilots choose, their CPU time and that of the run, and the error
-as the pilots expect it, as partner runs state it, and as it is. ``--before FILE.csv`` also
-measures the spacings of a file (columns rule, scene, preset, spacing_m), of its rows whose rule is
-not "pilots".
+as the pilots expect it, as partner runs state it, and as it is.
 """
 
 import argparse
-from collections.abc import Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
-import csv
 from dataclasses import replace
 import math
 import multiprocessing
@@ -26,7 +22,7 @@ from typing import Any
 from error_scenes import error_scenes
 from numerical_error import cut, make, make_all, runs_of, stated_error
 
-from lava_ros.forecast.preset_spacing import choose_spacing, SpacingChoice
+from lava_ros.forecast.preset_spacing import choose_spacing
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.backend.threads import use_threads
 from lava_ros.simulation.numerical_error import Areas, COARSER, difference
@@ -39,16 +35,13 @@ from lava_ros.verification.rows import write_csv
 NAMES = tuple(name for name, preset in PRESETS.items() if preset.target is not None)
 
 
-#: A preset of a scene, and a spacing that replaces that of the pilots [m].
-Job = tuple[str, str, str, float | None]
-
-#: Rule of the spacings that pilots choose.
-PILOTS = 'pilots'
+#: A scene and a preset.
+Job = tuple[str, str]
 
 
 def measure(job: Job, folder: Path) -> dict[str, Any]:
     """Return the row of a job without the actual errors."""
-    rule, scene, preset, spacing = job
+    scene, preset = job
     use_threads(1)
     runs = runs_of(scene, folder)
     item = runs.item
@@ -67,7 +60,7 @@ def measure(job: Job, folder: Path) -> dict[str, Any]:
     # compiles the kernels
     simulate(2.0 * guess.spacing, 1e-3)
     begun = time.process_time()
-    choice = SpacingChoice(spacing) if spacing else choose_spacing(
+    choice = choose_spacing(
         item.scene, preset, accuracy, effects=runs.effects, horizon=item.horizon, device='cpu'
     )
     pilots_time = time.process_time() - begun
@@ -78,7 +71,6 @@ def measure(job: Job, folder: Path) -> dict[str, Any]:
     runs.make(f'{tag}_C', COARSER * choice.spacing, '2c')
     stated, *_ = stated_error(runs, tag, choice.spacing)
     row = {
-        'rule': rule,
         'scene': scene,
         'preset': preset,
         'cell_m': item.scene.terrain.resolution,
@@ -119,27 +111,16 @@ def with_actual_error(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     return {**row, **actual, 'reference_spacing_m': finest, 'machine': machine_name('cpu')}
 
 
-def other_spacings(path: Path | None, names: list[str]) -> Iterator[Job]:
-    """Yield the jobs of a file with spacings."""
-    if path is not None:
-        with path.open(newline='', encoding='utf-8') as file:
-            for row in csv.DictReader(file):
-                if row['rule'] != PILOTS and row['scene'] in names:
-                    yield row['rule'], row['scene'], row['preset'], float(row['spacing_m'])
-
-
 def main() -> None:
     """Measure all scenes, and write the rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('output', metavar='OUT.csv', type=Path)
     parser.add_argument('--folder', type=Path, required=True, help='folder of the areas')
     parser.add_argument('--scene', action='append', help='name of a scene (default: all)')
-    parser.add_argument('--before', type=Path, help='other spacings to measure, of a CSV file')
     parser.add_argument('--workers', type=int, default=1, help='number of processes')
     args = parser.parse_args()
     names = [item.name for item in error_scenes() if not args.scene or item.name in args.scene]
-    jobs: list[Job] = [(PILOTS, scene, preset, None) for scene in names for preset in NAMES]
-    jobs += other_spacings(args.before, names)
+    jobs = [(scene, preset) for scene in names for preset in NAMES]
     context = multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(args.workers, mp_context=context) as pool:
         all_runs = [runs_of(name, args.folder) for name in names]
@@ -148,7 +129,7 @@ def main() -> None:
         references = [pool.submit(make, next(runs.jobs()), args.folder) for runs in all_runs]
         waiting = {
             pool.submit(measure, job, args.folder): job
-            for job in sorted(jobs, key=lambda job: -NAMES.index(job[2]))
+            for job in sorted(jobs, key=lambda job: -NAMES.index(job[1]))
         }
         rows = {}
         for future in as_completed(waiting):
