@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Series of pilot runs, each finer than the one before, and what they predict of finer runs.
+"""Series of pilot runs, each finer than the one before, and predictions for finer runs.
 
 The difference of the last pilots is the particles' part of the numerical error, and that of the
 one before the last from a run on coarser ground the ground's part (simulation/numerical_error.py).
