@@ -233,6 +233,24 @@ def kernel_radii() -> Iterator[Line]:
         yield refinement, *line
 
 
+def kernel_ratios() -> Iterator[Line]:
+    """Yield the CPU times of smaller kernels at equal error, over those of the presets' kernel."""
+    from kernel_ratio import time_ratio
+
+    yield 'kernel radius', 'thickness at the end', 'inundated area'
+    rows = lines_of('kernel_ratio.csv')
+    for ratio in (2.5, 3.0):
+        line = []
+        for error in ('thickness_error', 'area_error'):
+            gains = sorted(
+                time_ratio(rows, scene, ratio, error)
+                for scene in dict.fromkeys(row['scene'] for row in rows)
+            )
+            middle = gains[len(gains) // 2]
+            line.append(f'{middle:.2f} ({gains[0]:.2f} to {gains[-1]:.2f})')
+        yield f'{ratio:g} spacings', *line
+
+
 def allowed_delay(window: float, speed: float, heartbeat: float) -> float:
     """Return the delay of a mask for which a rolling window still has it under the robot [s].
 
@@ -454,7 +472,9 @@ PAGES: Mapping[str, Tables] = {
         'dates': dates, 'changes': changes, 'commands': commands,
         'outlines': outlines,
     },
-    'MODEL.md': {'grounds': grounds, 'kernel_radii': kernel_radii},
+    'MODEL.md': {
+        'grounds': grounds, 'kernel_radii': kernel_radii, 'kernel_ratios': kernel_ratios,
+    },
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'NAV2.md': {'rolling_windows': rolling_windows, 'masks': masks},
     'how_to/ensemble.md': {'twins': twins, 'twins_outline': twins_outline},

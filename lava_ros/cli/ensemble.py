@@ -176,7 +176,10 @@ def ensemble(args: argparse.Namespace) -> int:
     runner, where = _runner(args)
     name = Path(args.scene or args.terrain or 'demo').name
     onset = Onset.of(scene)
+    plan, found = _with_spacing(args, plan)
     store = Store(output, plan, **kept)
+    if found:
+        print(found)
     error: NumericalError | None = None
     decides: Influences | None = None
 
@@ -396,6 +399,27 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     case = load_case(args.scene, material=args.material)
     settings = Settings(args.preset, args.spacing, args.device)
     return plan_of(case, settings, threshold=args.threshold), case
+
+
+def _with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
+    """Return the plan with the spacing of the preset, and how it was found.
+
+    Members that are already in the folder have their spacing.
+    """
+    from lava_ros.forecast.member_scenes import median_scene
+    from lava_ros.forecast.preset_spacing import choose_spacing
+    from lava_ros.forecast.store import stored_spacing
+
+    if args.spacing is not None:
+        return plan, ''
+    spacing, text = stored_spacing(Path(args.output)), ''
+    if spacing is None:
+        choice = choose_spacing(
+            median_scene(plan.scene), args.preset, plan.accuracy, effects=plan.effects,
+            horizon=plan.horizon, runs=args.members, device=args.device,
+        )
+        spacing, text = choice.spacing, choice.text()
+    return replace(plan, accuracy=replace(plan.accuracy, spacing=spacing)), text
 
 
 def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:

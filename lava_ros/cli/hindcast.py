@@ -58,6 +58,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
     from lava_ros.hindcast.run import measure_run_error, Run, Settings, UNFINISHED
     from lava_ros.hindcast.score import score_snapshot
+    from lava_ros.hindcast.spacing import choose_case_spacing
     from lava_ros.maps.plot import duration
     from lava_ros.runs.sinks import ProgressSink
     from lava_ros.scene.erupting_lava import EruptingLava
@@ -78,6 +79,10 @@ def hindcast(args: argparse.Namespace) -> int:
     unfinished = output / UNFINISHED
     if args.fresh:
         shutil.rmtree(unfinished, ignore_errors=True)
+    if settings.spacing is None:
+        choice = choose_case_spacing(case, settings, runs=runs)
+        settings = replace(settings, spacing=choice.spacing)
+        print(choice.text())
     run = Run(case, settings, folder=unfinished)
     if run.is_resumed:
         print(f'continuing the unfinished run in {output}', file=sys.stderr)

@@ -34,9 +34,9 @@ def plan(args: argparse.Namespace) -> int:
 
     The command makes coarse pilot runs of a scene on this machine, in at most 15 % of the given
     time. It prints a table of particle spacings with the numerical error and its parts, and the
-    time that a run takes; for comparison, the effects of the uncertain quantities; the
-    preset and the spacing of the finest run that fits; and the number of members that an ensemble
-    can have, with the sampling error of a probability.
+    time that a run takes, with those of the presets; for comparison, the effects of the uncertain
+    quantities; the preset and the spacing of the finest run that fits; and the number of members
+    that an ensemble can have, with the sampling error of a probability.
     """
     from lava_ros.cli.scenes import log_resolution, scene_from_arguments
     from lava_ros.forecast.planning import plan_within
@@ -111,7 +111,10 @@ def _table(found: RunPlan) -> list[list[str]]:
         rows.append([
             f'{item.spacing:.3g} m', percent(area.total), percent(area.particles),
             percent(area.ground), percent(item.error.standing.total), seconds(item.wall_time),
-            '<- plan' if item.refinement == found.refinement else '',
+            ', '.join(['<- plan'] * (item.refinement == found.refinement) + [
+                name for name, refinement in found.presets.items()
+                if refinement == item.refinement
+            ]),
         ])
     return [head, *rows]
 

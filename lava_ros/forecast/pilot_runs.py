@@ -24,6 +24,10 @@ from lava_ros.simulation.numerical_error import Areas
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import Resolution, resolution_of
 
+#: Work of building a run and taking its snapshot, of an evaluation, and of a particle in it, as
+#: times on one core of a CPU [s]. Unlike measured times, work is the same in every repetition.
+SETUP_WORK, EVALUATION_WORK, PARTICLE_WORK = 8e-3, 18e-6, 1e-7
+
 #: Minimum ratio of two refinements for fitting the growth of evaluations, and minimum growth: in
 #: fine runs a step is limited by the displacement of particles, or has more stages.
 APART, MIN_GROWTH = 1.15, 1.0
@@ -39,6 +43,7 @@ class Pilot:
         wall_time: Wall time [s].
         setup: Part of the wall time before the first step [s].
         evaluations: Number of velocity evaluations.
+        particles: Largest number of particles.
         effects: Its physics.
         areas: Its areas at the horizon.
     """
@@ -48,8 +53,15 @@ class Pilot:
     wall_time: float
     setup: float
     evaluations: int
+    particles: int
     effects: Effects
     areas: Areas
+
+    def timed_by_work(self) -> 'Pilot':
+        """Return the pilot with its work in place of its times."""
+        each = EVALUATION_WORK + PARTICLE_WORK * self.particles
+        work = SETUP_WORK + each * self.evaluations
+        return replace(self, wall_time=work, setup=SETUP_WORK)
 
 
 def run_at(
@@ -58,16 +70,19 @@ def run_at(
     horizon: float,
     *,
     device: str | None,
+    accuracy: Accuracy | None = None,
     effects: Effects | None = None,
     wall_limit: float = math.inf,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Pilot | None:
     """Run a scene to ``horizon`` [s]; None if it takes more than ``wall_limit`` [s].
 
-    ``effects`` are the physics, by default those that the scene calls for. Kernels are compiled at
-    their first use: a first call for a short ``horizon`` excludes that from the wall time.
+    ``accuracy`` is that of the refinement, by default with the settings of a preset
+    (``accuracy_at``), and ``effects`` are the physics, by default those that the scene calls for.
+    Kernels are compiled at their first use: a first call for a short ``horizon`` excludes that
+    from the wall time.
     """
-    accuracy = accuracy_at(scene, refinement, horizon)
+    accuracy = accuracy or accuracy_at(scene, refinement, horizon)
     begun = clock()
     simulation = Simulation(
         scene, accuracy=accuracy, device=device, effects=effects, horizon=horizon
@@ -79,7 +94,7 @@ def run_at(
     assert accuracy.spacing is not None
     return Pilot(
         refinement, accuracy.spacing, clock() - begun, setup, snapshot.steps.evaluations,
-        simulation.effects, Areas.of(snapshot),
+        simulation.most_particles, simulation.effects, Areas.of(snapshot),
     )
 
 
@@ -106,10 +121,13 @@ def preset_below(refinement: float) -> str:
     return below[-1] if below else 'draft'
 
 
-def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
+def cost_at(
+    pilots: Sequence[Pilot], refinement: float, *, min_growth: float = MIN_GROWTH
+) -> float:
     """Predict the wall time of a run at a refinement [s].
 
-    ``pilots`` are at least two runs, from the coarsest to the finest.
+    ``pilots`` are at least two runs, from the coarsest to the finest; evaluations grow at least
+    with the power ``min_growth`` of the refinement.
     """
     if pilots[0].refinement <= refinement <= pilots[-1].refinement:
         known = np.log([(pilot.refinement, pilot.wall_time) for pilot in pilots]).T
@@ -123,21 +141,22 @@ def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
         (pilot.wall_time - pilot.setup) / max(pilot.evaluations, 1) for pilot in pilots
     ])
     # a run of twice the duration has half the uncertainty, so four times the weight
+    growth = _growth(pilots, min_growth)
     constant, slope = _line(sizes, times, np.sqrt(sizes) / np.maximum(times, 1e-12))
     each = (constant + slope * scale**power) / (constant + slope)
-    return nearest.setup + (nearest.wall_time - nearest.setup) * scale ** _growth(pilots) * each
+    return nearest.setup + (nearest.wall_time - nearest.setup) * scale ** growth * each
 
 
-def _growth(pilots: Sequence[Pilot]) -> float:
+def _growth(pilots: Sequence[Pilot], least: float) -> float:
     """Return the power of the refinement with which evaluations grow."""
     last = pilots[-1]
     # runs of similar refinement show mostly scatter
     far = [pilot for pilot in pilots[:-1] if pilot.refinement * APART < last.refinement]
     if not far:
-        return MIN_GROWTH
+        return least
     more = max(last.evaluations, 1) / max(far[-1].evaluations, 1)
     growth = math.log(more) / math.log(last.refinement / far[-1].refinement)
-    return min(max(growth, MIN_GROWTH), 2.0)
+    return min(max(growth, least), 2.0)
 
 
 def _line(sizes: np.ndarray, times: np.ndarray, weights: np.ndarray) -> tuple[float, float]:

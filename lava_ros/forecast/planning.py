@@ -3,69 +3,50 @@
 
 """Planning of runs: spacing, preset and members for a scene, a horizon and a wall time.
 
-Coarse pilots (pilot_runs.py) run first, each finer than the one before, in at most
-``PLANNING_FRACTION`` of the time. The difference of the last ones is the particles' part of the
-numerical error, and that of the one before it from a run on coarser ground the ground's part
-(simulation/numerical_error.py). The particles' part is proportional to the spacing to the power
-``PARTICLE_ORDER``; the ground's part does not depend on it.
+Coarse pilots (pilot_search.py) run first, in at most ``PLANNING_FRACTION`` of the time.
 
 Members of an ensemble share the time. The probability from n members has a sampling error of up to
 1 / (2 sqrt(n)). If n is not given, it is the number with the smallest sum of both errors.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 import math
 import time as wall_clock
 
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast.member_scenes import changes_of, member_scene
-from lava_ros.forecast.partner_runs import on_coarser_ground
 from lava_ros.forecast.pilot_runs import (
     accuracy_at,
-    cost_at,
     Pilot,
     preset_below,
     run_at,
-    spacing_at,
     standard_resolution,
 )
+from lava_ros.forecast.pilot_search import (
+    FINEST,
+    Option,
+    PILOT_MARGIN,
+    PilotSearch,
+    PLANNING_FRACTION,
+)
+from lava_ros.forecast.preset_spacing import spacing_of_preset
 from lava_ros.forecast.sampling import Member
 from lava_ros.scene import Scene
 from lava_ros.scene.ranges import with_ranges
-from lava_ros.simulation.numerical_error import (
-    COARSER,
-    difference,
-    error_of,
-    GROUND_ORDER,
-    NumericalError,
-    Pair,
-    PARTICLE_ORDER,
-    richardson,
-    scaled,
-)
+from lava_ros.simulation.numerical_error import difference, NumericalError
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import resolution_of
 from lava_ros.simulation.selection import effects_for
 
-#: Maximum fraction of the time for all pilots.
-PLANNING_FRACTION = 0.15
-
-#: Particles across the flow of the first pilot, and the ratio of one pilot to the next.
-FIRST_ACROSS, FINER = 4.0, 1.6
-
-#: Minimum ratio of one pilot to the next, margin of the time of a pilot, and power of the
-#: refinement with which the time of the second grows.
-CLOSEST, PILOT_MARGIN, GROWTH = 1.2, 1.2, 4.0
+#: Particles across the flow of the first pilot.
+FIRST_ACROSS = 4.0
 
 #: Minimum refinement, and that of the first pilot if the width of the flow is unknown.
 COARSEST, UNKNOWN = 0.01, 0.15
-
-#: Maximum refinement of a plan.
-FINEST = 8.0
 
 #: Minimum part of the particles over that of the ground: finer particles change little.
 USEFUL = 0.25
@@ -81,23 +62,6 @@ ROW = 2.0**0.5
 
 #: Maximum number of members, which has a sampling error of 1 %.
 _MAX_MEMBERS = 2500
-
-
-@dataclass(frozen=True)
-class Option:
-    """A run that could be made.
-
-    Attributes:
-        refinement: Its refinement.
-        spacing: Its particle spacing [m].
-        wall_time: Its expected wall time [s].
-        error: Its numerical error.
-    """
-
-    refinement: float
-    spacing: float
-    wall_time: float
-    error: NumericalError
 
 
 @dataclass(frozen=True)
@@ -131,9 +95,11 @@ class RunPlan:
         is_finest: Whether more time would hardly reduce the error.
         pilots: Number of pilots.
         spent: Time of the pilots, without compilation [s].
-        options: Runs of other spacings, from the coarsest to the finest.
+        options: Runs of other spacings, those of presets included, from the coarsest to the
+            finest.
+        presets: Refinements of the presets with a target, by name.
         inputs: Effects of the uncertain quantities that the scene gives or leaves open, by name,
-            from the coarsest pilots; those that did not fit in the time are missing.
+            from coarse pilots; those that did not fit in the time are missing.
     """
 
     preset: str
@@ -147,6 +113,7 @@ class RunPlan:
     pilots: int
     spent: float
     options: tuple[Option, ...] = ()
+    presets: Mapping[str, float] = field(default_factory=dict)
     inputs: Mapping[str, InputChange] = field(default_factory=dict)
 
     @property
@@ -188,19 +155,47 @@ def plan_within(
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
     # all pilots have the effects of preset standard
-    effects = effects_for(scene, accuracy=accuracy_at(scene, 1.0, horizon), horizon=horizon)
-    search = _Search(scene, within, horizon, device, effects, on_pilot, clock, with_inputs)
+    standard = standard_resolution(scene, horizon)
+    search = PilotSearch(
+        scene, horizon, lambda refinement: accuracy_at(scene, refinement, horizon),
+        effects_for(scene, accuracy=accuracy_at(scene, 1.0, horizon), horizon=horizon),
+        UNKNOWN if math.isnan(standard.width) else min(
+            max(FIRST_ACROSS / standard.across, COARSEST), 1.0
+        ),
+        device, clock, on_pilot,
+    )
     # compiles the kernels
-    run_at(scene, search.first, 1e-3, device=device, effects=effects)
-    search.run_pilots(members or 1)
-    inputs = search.change_inputs()
-    refinement, count = search.choose(members)
+    run_at(scene, search.first, 1e-3, device=device, effects=search.effects)
+    budget = PLANNING_FRACTION * within
+    changes = changes_of(with_ranges(scene)) if with_inputs else {}
+
+    def reserved(left: float) -> float:
+        """Return the time for coarse pilots with changed inputs [s]."""
+        least = 2.0 * len(changes) * PILOT_MARGIN * search.pilots[0].wall_time
+        return min(least, CHANGES_FRACTION * left)
+
+    search.climb(
+        lambda: budget, lambda: finest_useful(search), limit=within / (members or 1),
+        reserved=reserved,
+    )
+    if len(search.pilots) < 2:
+        raise LavaError('within', within, 'a longer time: the coarsest runs take more')
+    inputs = change_inputs(search, budget, changes)
+    search.measure_finest_ground(budget - search.spent)
+    refinement, count = choose(search, within, members)
     wall_time = count * search.cost(refinement)
     if wall_time > within:
         expected = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
         raise LavaError('within', within, expected)
     chosen = search.option(refinement)
+    presets = {
+        name: min(standard.spacing / spacing_of_preset(
+            name, search, resolution_of(scene, preset.accuracy, horizon=horizon)
+        ), FINEST)
+        for name, preset in PRESETS.items() if preset.target is not None
+    }
     rows = refinement * ROW ** np.arange(-4.0, 5.0)
+    rows = np.unique([*rows[rows <= FINEST], *presets.values()])
     return RunPlan(
         preset=preset_below(refinement),
         spacing=chosen.spacing,
@@ -209,184 +204,69 @@ def plan_within(
         wall_time=wall_time,
         numerical_error=chosen.error,
         sampling_error=sampling_error(count),
-        is_finest=refinement >= 0.999 * search.finest,
+        is_finest=refinement >= 0.999 * finest_useful(search),
         pilots=search.count,
         spent=search.spent,
-        options=tuple(map(search.option, rows[rows <= FINEST].tolist())),
+        options=tuple(map(search.option, rows.tolist())),
+        presets=presets,
         inputs=inputs,
     )
 
 
-@dataclass
-class _Search:
-    scene: Scene
-    within: float
-    horizon: float
-    device: str | None
-    effects: Effects
-    on_pilot: Callable[[Pilot], None]
-    clock: Callable[[], float]
-    with_inputs: bool
-    pilots: list[Pilot] = field(default_factory=list)
-    spent: float = 0.0
-    count: int = 0
+def change_inputs(
+    search: PilotSearch, budget: float, changes: Mapping[str, tuple[Member, Member]]
+) -> dict[str, InputChange]:
+    """Return what changes of the inputs change, with coarse pilots while there is time.
 
-    @cached_property
-    def first(self) -> float:
-        """Refinement of the first pilot, the coarsest that a plan has."""
-        standard = standard_resolution(self.scene, self.horizon)
-        if math.isnan(standard.width):
-            return UNKNOWN
-        return min(max(FIRST_ACROSS / standard.across, COARSEST), 1.0)
+    All have the same particle spacing, that of the finest pilot but one for which they fit in the
+    time.
 
-    def run_pilots(self, members: int) -> None:
-        """Run pilots, each finer than the one before, until finer ones would add little."""
-        ground, refinement = on_coarser_ground(self.scene), self.first
-        budget = PLANNING_FRACTION * self.within
-        while refinement <= FINEST:
-            left = budget - self.spent
-            limit = left if len(self.pilots) > 1 else self.within / members
-            pilot = self._run(self.scene, refinement, limit)
-            if pilot is None:
-                break
-            self.pilots = sorted([*self.pilots, pilot], key=lambda pilot: pilot.refinement)
-            if len(self.pilots) > 1:
-                before, coarse = self.pilots[-2], None
-                if ground is not None:
-                    # cheaper than one of the newest spacing
-                    coarse = self._run(ground, before.refinement, 3.0 * before.wall_time + 1.0)
-                self._error = self._measure(coarse)
-                refinement = self._next(budget - self.spent)
-                last = self.pilots[-1].refinement
-                if refinement < CLOSEST * last or self.finest <= FINER * last:
-                    break
-            else:
-                # a coarser one in a short time
-                is_cheap = FINER**GROWTH * pilot.wall_time <= budget - self.spent
-                refinement *= FINER if is_cheap else 1.0 / FINER
-        if len(self.pilots) < 2:
-            raise LavaError('within', self.within, 'a longer time: the coarsest runs take more')
-
-    def _next(self, left: float) -> float:
-        """Return the refinement of the next pilot, which fits into the time that is left [s]."""
-        last = self.pilots[-1]
-        steps = last.refinement * np.linspace(1.0, FINER, 13)
-        # before those on coarser ground and with changed inputs, which are coarser
-        changes = 2.0 * len(self.changes) * PILOT_MARGIN * self.pilots[0].wall_time
-        left -= 1.3 * last.wall_time + min(changes, CHANGES_FRACTION * left)
-        fitting = [step for step in steps.tolist() if PILOT_MARGIN * self.cost(step) <= left]
-        return fitting[-1] if fitting else 0.0
-
-    def _run(
-        self, scene: Scene, refinement: float, limit: float, *, is_told: bool = True
-    ) -> Pilot | None:
-        begun = self.clock()
-        pilot = run_at(
-            scene, refinement, self.horizon, device=self.device, effects=self.effects,
-            wall_limit=limit, clock=self.clock,
+    Args:
+        search: Pilots of the scene as it is.
+        budget: Time for all pilots [s].
+        changes: Members with the two ends of each change, by the quantity.
+    """
+    scene, found, runs = with_ranges(search.scene), dict[str, InputChange](), 2.0 * PILOT_MARGIN
+    fitting = [
+        pilot for pilot in search.pilots[:-1]
+        if runs * len(changes) * pilot.wall_time <= budget - search.spent
+    ]
+    base = fitting[-1] if fitting else search.pilots[0]
+    for name, ends in changes.items():
+        left = budget - search.spent
+        if runs * base.wall_time > left:
+            break
+        scenes = [member_scene(scene, member, rough=any(member.seed)) for member in ends]
+        pilots = [search.run(one, base.refinement, left, is_told=False) for one in scenes]
+        low, high = (
+            None if pilot is None else np.asarray(pilot.areas.inundated) for pilot in pilots
         )
-        self.spent += self.clock() - begun
-        self.count += 1
-        if pilot is not None and is_told:
-            self.on_pilot(pilot)
-        return pilot
+        if low is not None and high is not None:
+            growth = float(high.sum()) / max(float(low.sum()), 1e-9) - 1.0
+            found[name] = InputChange(growth, difference(low, high))
+    return found
 
-    def _measure(self, coarse: Pilot | None) -> NumericalError:
-        """Return the error of the finest pilot.
 
-        ``coarse`` is a run of the pilot before it, on coarser ground.
-        """
-        finest, before = self.pilots[-1], self.pilots[-2]
-        wanted = COARSER * finest.spacing
-        partner = min(
-            self.pilots[:-1], key=lambda pilot: abs(math.log(pilot.spacing / wanted))
-        )
-        reduction = richardson(partner.spacing / finest.spacing, PARTICLE_ORDER)
-        pairs = {'particles': Pair(finest.areas, partner.areas, reduction)}
-        if coarse is not None:
-            pairs['ground'] = Pair(before.areas, coarse.areas, richardson(2.0, GROUND_ORDER))
-        return error_of(
-            pairs, spacing=finest.spacing, cell=self.scene.terrain.resolution, time=self.horizon,
-            cost=self.spent,
-        )
+def finest_useful(search: PilotSearch) -> float:
+    """Return the refinement above which the error hardly falls."""
+    refinement = search.refinement_for(lambda ground: USEFUL * ground)
+    return min(max(refinement, search.first), FINEST)
 
-    @cached_property
-    def changes(self) -> dict[str, tuple[Member, Member]]:
-        """Members with changed inputs, by the quantity."""
-        return changes_of(with_ranges(self.scene)) if self.with_inputs else {}
 
-    def change_inputs(self) -> dict[str, InputChange]:
-        """Return what changes of the inputs change, with coarse pilots while there is time.
-
-        All have the same particle spacing, that of the finest pilot but one for which they fit in
-        the time.
-        """
-        scene, found, runs = with_ranges(self.scene), {}, 2.0 * PILOT_MARGIN
-        left = PLANNING_FRACTION * self.within - self.spent
-        fitting = [
-            pilot for pilot in self.pilots[:-1]
-            if runs * len(self.changes) * pilot.wall_time <= left
-        ]
-        base = fitting[-1] if fitting else self.pilots[0]
-
-        def run(member: Member) -> Pilot | None:
-            one = member_scene(scene, member, rough=any(member.seed))
-            refinement = spacing_at(one, 1.0, self.horizon) / base.spacing
-            return self._run(one, refinement, left, is_told=False)
-
-        for name, ends in self.changes.items():
-            left = PLANNING_FRACTION * self.within - self.spent
-            if runs * base.wall_time > left:
-                break
-            pilots = [pilot for pilot in map(run, ends) if pilot is not None]
-            if len(pilots) == len(ends):
-                low, high = (np.asarray(pilot.areas.inundated) for pilot in pilots)
-                growth = float(high.sum()) / max(float(low.sum()), 1e-9) - 1.0
-                found[name] = InputChange(growth, difference(low, high))
-        return found
-
-    def cost(self, refinement: float) -> float:
-        """Return the wall time of a run [s]."""
-        return cost_at(self.pilots, refinement)
-
-    def error(self, refinement: float) -> NumericalError:
-        """Return the numerical error of a run."""
-        ratio = self.pilots[-1].refinement / refinement
-        inundated, standing = (
-            replace(area, particles=scaled(area.particles, ratio**PARTICLE_ORDER))
-            for area in (self._error.inundated, self._error.standing)
-        )
-        spacing = spacing_at(self.scene, refinement, self.horizon)
-        return replace(self._error, inundated=inundated, standing=standing, spacing=spacing)
-
-    def option(self, refinement: float) -> Option:
-        """Return a run at a refinement."""
-        error = self.error(refinement)
-        return Option(refinement, error.spacing, self.cost(refinement), error)
-
-    @property
-    def finest(self) -> float:
-        """Refinement above which the error hardly falls."""
-        area, finest = self._error.inundated, self.pilots[-1].refinement
-        if not area.ground > 0.0 or not area.particles > 0.0:
-            return FINEST
-        scale = (area.particles / (USEFUL * area.ground)) ** (1.0 / PARTICLE_ORDER)
-        return min(max(scale * finest, self.first), FINEST)
-
-    def choose(self, members: int | None) -> tuple[float, int]:
-        """Choose the refinement and the members that fit in the time with the smallest error."""
-        best, least = (self.first, members or 1), math.inf
-        for refinement in np.geomspace(self.first, self.finest, 400).tolist():
-            each = max(self.cost(refinement), 1e-9)
-            fitting = int(min(PLANNED_TIME_FRACTION * self.within / each, _MAX_MEMBERS))
-            count = fitting if members is None else members
-            if not 1 <= count <= fitting:
-                continue
-            error = math.hypot(self.error(refinement).inundated.total, sampling_error(count))
-            # of equal errors, prefer the finer run
-            if error <= least:
-                best, least = (refinement, count), error
-        return best
+def choose(search: PilotSearch, within: float, members: int | None) -> tuple[float, int]:
+    """Choose the refinement and the members that fit in the time with the smallest error."""
+    best, least = (search.first, members or 1), math.inf
+    for refinement in np.geomspace(search.first, finest_useful(search), 400).tolist():
+        each = max(search.cost(refinement), 1e-9)
+        fitting = int(min(PLANNED_TIME_FRACTION * within / each, _MAX_MEMBERS))
+        count = fitting if members is None else members
+        if not 1 <= count <= fitting:
+            continue
+        error = math.hypot(search.error(refinement).inundated.total, sampling_error(count))
+        # of equal errors, prefer the finer run
+        if error <= least:
+            best, least = (refinement, count), error
+    return best
 
 
 def sampling_error(members: int) -> float:

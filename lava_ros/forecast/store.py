@@ -172,6 +172,21 @@ class Store:
         return json.loads(json.dumps(manifest))
 
 
+def stored_spacing(folder: Path) -> float | None:
+    """Return the particle spacing of the members in a folder [m]; None without a description.
+
+    Raises:
+        LavaError: If the description cannot be read.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        return None
+    expected = 'the description of an ensemble'
+    with refusing('--output', str(path), expected, OSError, KeyError, TypeError, ValueError):
+        plain = json.loads(path.read_text(encoding='utf-8'))
+        return float(plain['plan']['accuracy']['spacing'])
+
+
 def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> HazardMaps:
     """Make the maps of an ensemble in a folder again, with the arrival of lava at places.
 

@@ -305,7 +305,7 @@ class Run:
             simulation = Simulation.resume(self._store.checkpoint, device=device)
         else:
             simulation = Simulation(
-                _simulated_scene(self.case, self._coarseness),
+                simulated_scene(self.case, self._coarseness),
                 effects={**FORCED, **self.settings.forced},
                 accuracy=self.settings.accuracy(self.case),
                 device=device,
@@ -347,7 +347,7 @@ def measure_run_error(case: Case, settings: Settings, result: Result) -> Numeric
     """
     coarseness = settings.coarseness(case)
     return measure_error(
-        _simulated_scene(case, coarseness),
+        simulated_scene(case, coarseness),
         Areas.of(result.snapshot),
         result.snapshot.time,
         accuracy=result.accuracy,
@@ -358,7 +358,7 @@ def measure_run_error(case: Case, settings: Settings, result: Result) -> Numeric
     )
 
 
-def _simulated_scene(case: Case, coarseness: int) -> Scene:
+def simulated_scene(case: Case, coarseness: int) -> Scene:
     """Return the scene of a case, with its events, on cells larger by ``coarseness``."""
     # an event before the start is applied at the start
     events = tuple(

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Choice of the particle spacing by the width of the flow (course.py), and of the longest step."""
+"""First guess of the particle spacing by the expected flow (course.py), and the longest step.
+
+Pilot runs replace the guess where a run is long enough for them (forecast/preset_spacing.py).
+"""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -29,21 +32,13 @@ HORIZON = 86400.0
 #: Particles across the flow at a refinement of 1 (docs/benchmarks/convergence_h100.csv).
 ACROSS = 16.0
 
-#: Maximum spacing over the thickness of the flow at a refinement of 1, because the edges of a flow
-#: are a few thicknesses wide, unless the error by the terrain's cells is larger.
+#: Maximum spacing over the thickness of lava that freezes, at a refinement of 1: it freezes in
+#: columns as wide as the spacing.
 EDGES = 1.5
 
-#: Factor E and exponent P of a first guess at the error from the particles, E (d / h)^P d / w,
-#: with the particle spacing d, the thickness h and the width w.
-_PARTICLE_ERROR = 0.58, 0.4
-
-#: First guess at the error from the terrain's cells, over their size as a fraction of the width.
-_CELL_ERROR = 0.7
-
-#: Error from the particles over the error from the terrain's cells at which closer particles do
-#: not pay, at a refinement of 1. It is inversely proportional to the square of the refinement: 1
-#: at draft, 1/2 at standard, 1/4 at fine.
-PARTICLE_FRACTION = 0.5
+#: Fraction of the way to the solidus at and above which half of the lava is expected to freeze: in
+#: scenes with `solidification` it is at least 0.37, in scenes without it at most 0.24.
+COOLED = 0.3
 
 #: Minimum spacing over the thickness of the flow at a refinement of 1: lateral stress smooths the
 #: flow over 0.63 thicknesses (docs/MODEL.md).
@@ -86,13 +81,15 @@ class Resolution:
         width: Lower quartile of the width of the flow [m]; NaN without a discharge.
         across: Number of particles across the flow; NaN without a discharge.
         cell: Size of the terrain's cells [m].
-        limit: Origin of the spacing: ``flow``, the width; ``edges``, the thickness; ``terrain``,
-            whose cells make so large an error that closer particles do not pay;
-            ``particles``, their maximum number or rate; ``stress``, which smooths the flow over
+        limit: Origin of the spacing: ``flow``, the width; ``edges``, the thickness; ``particles``,
+            their maximum number or rate; ``stress``, which smooths the flow over
             most of its thickness; ``given``, the user; ``cells``, those of the
             terrain, without a discharge; or ``measured``, a running simulation.
         reynolds: Expected Reynolds number (course.py); NaN without a discharge, or measured.
         extent: Longer side of the terrain [m]; infinite if measured.
+        finest: Minimum spacing [m], by the number of particles and by lateral stress; 0 if
+            unknown.
+        emitted: Volume that the vents emit [m3], and that is already there.
     """
 
     spacing: float
@@ -103,6 +100,13 @@ class Resolution:
     limit: str
     reynolds: float = math.nan
     extent: float = math.inf
+    finest: float = 0.0
+    emitted: float = math.nan
+
+    @property
+    def particles(self) -> float:
+        """Number of particles at the end, without losses."""
+        return self.emitted / (self.spacing**2 * self.thickness)
 
     @property
     def is_coarse(self) -> bool:
@@ -141,11 +145,9 @@ class Resolution:
         width, across = (float(f'{value:.2g}') for value in (self.width, self.across))
         text = f'{across:g} particles across a flow of an expected width of {width:g} m'
         text += f' (spacing {self.spacing:.3g} m)'
-        limits = {
-            'particles': 'the largest number of particles limits the spacing',
-            'terrain': f'closer particles change less than the cells of {self.cell:g} m do',
-        }
-        notes = [*self.warnings(), *(limits[key] for key in limits if key == self.limit)]
+        notes = self.warnings()
+        if self.limit == 'particles':
+            notes.append('the largest number of particles limits the spacing')
         return '; '.join([text, *notes])
 
 
@@ -205,32 +207,29 @@ def resolution_of(
     width = min(width, 2.0 * math.sqrt(emitted / (math.pi * thickness)))
     extent = cell * max(scene.terrain.shape)
 
-    def known(spacing: float, limit: str) -> Resolution:
-        across = width / spacing
-        return Resolution(spacing, thickness, width, across, cell, limit, reynolds, extent)
-
-    if accuracy.spacing is not None:
-        return known(accuracy.spacing, 'given')
-    if math.isnan(width) and not flows:
-        return known(cell / accuracy.refinement, 'cells')
-    # emplaced lava has a known thickness but no known width
-    by_width, by_edges = width / ACROSS if course else math.inf, EDGES * thickness
-    by_terrain = 0.0
-    # lava freezes in columns as wide as the spacing, at a cost that the error does not contain
-    if not (math.isnan(width) or effects.any('freezes')):
-        target = PARTICLE_FRACTION * min(_CELL_ERROR * cell / width, 1.0) / accuracy.refinement**2
-        scale, power = _PARTICLE_ERROR
-        by_terrain = (target / scale * width * thickness**power) ** (1.0 / (1.0 + power))
-        by_terrain *= accuracy.refinement
-    wanted = min(by_width, max(by_edges, by_terrain)) / accuracy.refinement
     most = MOST_PARTICLES * accuracy.refinement**2
     # rounding of the spacing must not exceed the maximum, by which vents are refused
     fastest = 1.02 * sum(vent.peak for vent in scene.vents) / MAX_PARTICLES_PER_SECOND
     by_number = math.sqrt(max(emitted / most, fastest) / thickness)
     by_stress = MIN_SPACING * thickness / accuracy.refinement
     least = max(by_number, by_stress)
-    limit = 'edges' if by_edges >= by_terrain else 'terrain'
-    limit = 'flow' if by_width <= max(by_edges, by_terrain) else limit
+
+    def known(spacing: float, limit: str) -> Resolution:
+        across = width / spacing
+        return Resolution(
+            spacing, thickness, width, across, cell, limit, reynolds, extent, least, emitted
+        )
+
+    if accuracy.spacing is not None:
+        return known(accuracy.spacing, 'given')
+    if math.isnan(width) and not flows:
+        return known(cell / accuracy.refinement, 'cells')
+    # emplaced lava has a known thickness but no known width
+    by_width = width / ACROSS if course else math.inf
+    freezes = effects.any('freezes') and (course is None or course.cooled >= COOLED)
+    by_edges = EDGES * thickness if freezes or course is None else math.inf
+    wanted = min(by_width, by_edges) / accuracy.refinement
+    limit = 'flow' if by_width <= by_edges else 'edges'
     if wanted < least:
         limit = 'particles' if by_number >= by_stress else 'stress'
     # round, so that a rotated scene has the same spacing

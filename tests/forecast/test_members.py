@@ -186,7 +186,7 @@ def test_members_whose_lava_leaves_the_map_are_counted(device: str) -> None:
 
 def test_member_continues_a_running_simulation(device: str) -> None:
     scene = replace(SCENE, uncertainty=uncertainty_from_dict({}))
-    accuracy = Accuracy(refinement=0.5, deterministic=True)
+    accuracy = Accuracy(spacing=8.0, deterministic=True)
     # a review of the running simulation would switch it on later
     running = Simulation(scene, effects={'steep': True}, accuracy=accuracy, device=device)
     running.advance(300.0)

@@ -52,7 +52,7 @@ REFINEMENTS = (0.2, 0.28, 0.4, 0.56)
 
 def _run(refinement, time, evaluations=1000, effects=None, setup=0.0):
     return Pilot(
-        refinement, 1.0 / refinement, time, setup, evaluations, effects or Effects(), NOWHERE
+        refinement, 1.0 / refinement, time, setup, evaluations, 100, effects or Effects(), NOWHERE
     )
 
 

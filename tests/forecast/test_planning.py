@@ -14,15 +14,10 @@ from command_line import lava, refused
 from geodata import write_scene
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast import pilot_runs, planning
+from lava_ros.forecast import pilot_runs, pilot_search, planning
 from lava_ros.forecast.pilot_runs import Pilot
-from lava_ros.forecast.planning import (
-    FINEST,
-    plan_within,
-    PLANNED_TIME_FRACTION,
-    PLANNING_FRACTION,
-    USEFUL,
-)
+from lava_ros.forecast.pilot_search import FINEST, PLANNING_FRACTION
+from lava_ros.forecast.planning import plan_within, PLANNED_TIME_FRACTION, USEFUL
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict
 from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
@@ -33,6 +28,9 @@ SCENE = Scene(
     lava=Lava.paper(viscosity=1e6),
 )
 
+#: A line of the printed table.
+ROW = r'^ *([0-9.]+) m +([0-9.]+) % .* m?s(?: +(<- plan|draft|standard|fine|, )*)?$'
+
 #: Error -ln J of the inundated area at a refinement of 1 by the particles, and the ground's part.
 PARTICLES, GROUND = 0.02, 0.01
 
@@ -42,7 +40,8 @@ def _machine(monkeypatch, base=2e-4, each=1e-7, ground=GROUND):
     spent = [0.0]
 
     def run_at(
-        scene, refinement, horizon, *, device, effects=None, wall_limit=np.inf, clock=None
+        scene, refinement, horizon, *, device, accuracy=None, effects=None, wall_limit=np.inf,
+        clock=None,
     ):
         if horizon < 1.0:
             # compiles the kernels
@@ -61,9 +60,10 @@ def _machine(monkeypatch, base=2e-4, each=1e-7, ground=GROUND):
         areas = Areas(cells < error, cells < half)
         spacing = pilot_runs.spacing_at(SCENE, refinement, horizon)
         evaluations = round(800 * refinement)
-        return Pilot(refinement, spacing, time, 0.0, evaluations, Effects(), areas)
+        return Pilot(refinement, spacing, time, 0.0, evaluations, 1000, Effects(), areas)
 
-    monkeypatch.setattr(planning, 'run_at', run_at)
+    for module in (planning, pilot_search):
+        monkeypatch.setattr(module, 'run_at', run_at)
     return spent
 
 
@@ -194,8 +194,8 @@ def test_command_prints_a_table_and_the_plan(monkeypatch, scene_file, tmp_path):
     assert status == 0
     plan = json.loads((tmp_path / 'plan.json').read_text())
     assert f'plan: preset {plan["preset"]}, spacing {plan["spacing"]:.3g} m\n' in printed
-    rows = re.findall(r'^ *([0-9.]+) m +([0-9.]+) % .* m?s(?: +<- plan)?$', printed, re.MULTILINE)
-    assert [float(spacing) for spacing, _ in rows] == pytest.approx(
+    rows = re.findall(ROW, printed, re.MULTILINE)
+    assert [float(spacing) for spacing, *_ in rows] == pytest.approx(
         [item['spacing'] for item in plan['options']], rel=5e-3
     )
     assert printed.count('<- plan') == 1

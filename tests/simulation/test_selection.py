@@ -14,9 +14,9 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.resolution import (
     ACROSS,
+    COOLED,
     EDGES,
     MIN_ACROSS,
     MOST_PARTICLES,
@@ -54,33 +54,24 @@ def test_spacing_follows_the_width_of_the_flow():
     assert narrow.spacing < 0.5 * width / ACROSS
 
 
-def test_spacing_in_a_wide_flow_resolves_its_edges():
-    # lava that may freeze: otherwise the error by the cells decides
-    wide = replace(scene(ground(5.0)), lava=replace(LAVA, solidus=1000.0))
-    course = course_of(wide, horizon=HOUR)
-    assert course.width > ACROSS * EDGES * course.thickness
+def test_spacing_in_a_wide_flow_resolves_the_columns_that_freeze():
+    # 0.9 of the way to the solidus, or a tenth of it
+    cooling = replace(LAVA, emissivity=0.9, convection=50.0)
+    cold, hot = (
+        replace(scene(ground(5.0)), lava=replace(cooling, solidus=solidus))
+        for solidus in (1340.0, 700.0)
+    )
     for refinement in (0.5, 1.0, 2.0):
-        found = resolution_of(wide, Accuracy(refinement=refinement), horizon=HOUR)
+        accuracy = Accuracy(refinement=refinement)
+        course, found = (of(cold, *what, horizon=HOUR) for of, what in (
+            (course_of, ()), (resolution_of, (accuracy,))
+        ))
+        assert course.cooled > COOLED and course.width > ACROSS * EDGES * course.thickness
         assert found.limit == 'edges'
         assert found.spacing == pytest.approx(EDGES * course.thickness / refinement, rel=5e-3)
         assert found.across > ACROSS * refinement
-
-
-def test_particles_of_thin_lava_are_not_closer_than_its_cells_are_worth():
-    thin = scene(ground(5.0))
-    thin = replace(thin, lava=replace(LAVA, viscosity=100.0))
-    fine_cells = replace(thin, terrain=ground(2.5))
-    freezing = replace(thin, lava=replace(thin.lava, solidus=1000.0))
-    before = math.inf
-    for preset in ('draft', 'standard', 'fine'):
-        accuracy = preset_accuracy(preset)
-        found, on_fine_cells, edges = (
-            resolution_of(item, accuracy, horizon=300.0) for item in (thin, fine_cells, freezing)
-        )
-        assert found.limit == 'terrain' != edges.limit
-        assert 'closer particles change less than the cells of 5 m do' in found.text()
-        assert edges.spacing < on_fine_cells.spacing < found.spacing < before
-        before = found.spacing
+        wide = resolution_of(hot, accuracy, horizon=HOUR)
+        assert course_of(hot, horizon=HOUR).cooled < COOLED and wide.limit == 'flow'
 
 
 def test_particle_volume_follows_the_expected_thickness():

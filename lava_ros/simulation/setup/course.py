@@ -80,6 +80,8 @@ class Course:
         thickness: Median thickness of that flow, weighted by volume [m].
         fall: Largest difference of elevation between a source and the end of its path [m].
         reynolds: Reynolds number rho u h / mu that 90 % of the volume does not exceed.
+        cooled: Median fraction of the way from the temperature at the vent to the solidus of that
+            flow, weighted by volume; 0 without a solidus.
     """
 
     columns: Columns
@@ -87,6 +89,7 @@ class Course:
     thickness: float
     fall: float
     reynolds: float
+    cooled: float
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,10 @@ def _find_course(scene: Scene, effects: Effects, horizon: float) -> Course | Non
     rheology = Rheology(scene.lava, effects)
     viscosity = [rheology.viscosity_at(value) for value in columns.temperature.tolist()]
     reynolds = columns.quantile(momentum / viscosity, 0.9)
-    return Course(columns, width, thickness, max(fall for _, fall in paths), reynolds)
+    hot, solidus = sources[0].temperature, scene.lava.solidus
+    cold = largest.quantile(largest.temperature, 0.5)
+    cooled = (hot - cold) / (hot - solidus) if 0.0 < solidus < hot else 0.0
+    return Course(columns, width, thickness, max(fall for _, fall in paths), reynolds, cooled)
 
 
 def _sources(scene: Scene, horizon: float) -> list[_Source]:

@@ -1,0 +1,228 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Series of pilot runs, each finer than the one before, and predictions for finer runs.
+
+The difference of the last pilots is the particles' part of the numerical error, and that of the
+one before the last from a run on coarser ground the ground's part (simulation/numerical_error.py).
+The particles' part is proportional to the spacing to the power ``PARTICLE_ORDER``; the ground's
+part does not depend on it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+import math
+import time as wall_clock
+
+import numpy as np
+
+from lava_ros.effects import Effects
+from lava_ros.forecast.partner_runs import on_coarser_ground
+from lava_ros.forecast.pilot_runs import cost_at, MIN_GROWTH, Pilot, run_at
+from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.numerical_error import (
+    COARSER,
+    error_of,
+    GROUND_ORDER,
+    NumericalError,
+    Pair,
+    PARTICLE_ORDER,
+    richardson,
+    scaled,
+)
+
+#: Maximum fraction of the time of a run, or of runs, for the pilots that plan it.
+PLANNING_FRACTION = 0.15
+
+#: Ratio of the refinements of one pilot and the next.
+FINER = 1.6
+
+#: Minimum ratio of one pilot to the next, margin of the time of a pilot, and power of the
+#: refinement with which the time of the second grows.
+CLOSEST, PILOT_MARGIN, GROWTH = 1.2, 1.2, 4.0
+
+#: Maximum refinement of a plan.
+FINEST = 8.0
+
+
+@dataclass(frozen=True)
+class Option:
+    """A run that could be made.
+
+    Attributes:
+        refinement: Its refinement.
+        spacing: Its particle spacing [m].
+        wall_time: Its expected wall time [s].
+        error: Its numerical error.
+    """
+
+    refinement: float
+    spacing: float
+    wall_time: float
+    error: NumericalError
+
+
+@dataclass
+class PilotSearch:
+    """The pilots of a scene.
+
+    Attributes:
+        scene: The scene.
+        horizon: Simulated duration [s].
+        accuracy_at: Returns the accuracy at a refinement, with its spacing.
+        effects: Effects of all pilots.
+        first: Refinement of the first pilot.
+        device: Warp device; None for the first GPU, or the CPU without one.
+        clock: Returns the time [s]; None counts the work of the pilots instead.
+        on_pilot: Called with each pilot.
+        pilots: Pilots on the ground as it is, from the coarsest to the finest.
+        spent: Time of all pilots [s].
+        count: Number of all pilots.
+    """
+
+    scene: Scene
+    horizon: float
+    accuracy_at: Callable[[float], Accuracy]
+    effects: Effects
+    first: float
+    device: str | None = None
+    clock: Callable[[], float] | None = wall_clock.monotonic
+    on_pilot: Callable[[Pilot], None] = lambda _: None
+    pilots: list[Pilot] = field(default_factory=list)
+    spent: float = 0.0
+    count: int = 0
+
+    def climb(
+        self, budget: Callable[[], float], useful: Callable[[], float], *,
+        limit: float = math.inf, reserved: Callable[[float], float] = lambda _: 0.0,
+    ) -> None:
+        """Run pilots while they fit, until the next would be finer than is useful.
+
+        Args:
+            budget: Returns the time for all pilots [s].
+            useful: Returns the refinement above which pilots are not needed. Asked, like
+                ``budget``, between pilots.
+            limit: Maximum time of the first two pilots [s].
+            reserved: Returns how much of the time that is left is for other pilots [s].
+        """
+        ground, refinement = on_coarser_ground(self.scene), self.first
+        while refinement <= FINEST:
+            left = budget() - self.spent
+            pilot = self.run(self.scene, refinement, left if len(self.pilots) > 1 else limit)
+            if pilot is None:
+                break
+            self.pilots = sorted([*self.pilots, pilot], key=lambda pilot: pilot.refinement)
+            if len(self.pilots) > 1:
+                before, coarse = self.pilots[-2], None
+                if ground is not None:
+                    # cheaper than one of the newest spacing
+                    coarse = self.run(ground, before.refinement, 3.0 * before.wall_time + 1.0)
+                self._error = self._measure(before, coarse)
+                refinement = self._next(budget() - self.spent, reserved)
+                last = self.pilots[-1].refinement
+                if refinement < CLOSEST * last or useful() <= FINER * last:
+                    break
+            elif FINER**GROWTH * pilot.wall_time <= budget() - self.spent:
+                refinement *= FINER
+            elif self.clock is not None:
+                # a coarser one in a short time
+                refinement /= FINER
+            else:
+                break
+
+    def measure_finest_ground(self, left: float) -> None:
+        """Measure the ground's part again, at the finest pilot, if it fits into a time [s]."""
+        ground, last = on_coarser_ground(self.scene), self.pilots[-1]
+        if ground is not None and PILOT_MARGIN * last.wall_time <= left:
+            coarse = self.run(ground, last.refinement, left)
+            if coarse is not None:
+                self._error = self._measure(last, coarse)
+
+    def _next(self, left: float, reserved: Callable[[float], float]) -> float:
+        """Return the refinement of the next pilot, which fits into the time that is left [s]."""
+        last = self.pilots[-1]
+        steps = last.refinement * np.linspace(1.0, FINER, 13)
+        # before those on coarser ground and others, which are coarser
+        left -= 1.3 * last.wall_time + reserved(left)
+        fitting = [step for step in steps.tolist() if PILOT_MARGIN * self.cost(step) <= left]
+        return fitting[-1] if fitting else 0.0
+
+    def run(
+        self, scene: Scene, refinement: float, limit: float, *, is_told: bool = True
+    ) -> Pilot | None:
+        """Make a pilot; None if it takes more than ``limit`` [s].
+
+        ``on_pilot`` is called with it if it ``is_told``.
+        """
+        clock = self.clock or wall_clock.monotonic
+        begun = clock()
+        pilot = run_at(
+            scene, refinement, self.horizon, device=self.device,
+            accuracy=self.accuracy_at(refinement), effects=self.effects,
+            wall_limit=math.inf if self.clock is None else limit, clock=clock,
+        )
+        took = clock() - begun
+        if self.clock is None and pilot is not None:
+            pilot = pilot.timed_by_work()
+            took = pilot.wall_time
+        self.spent += took
+        self.count += 1
+        if pilot is not None and is_told:
+            self.on_pilot(pilot)
+        return pilot
+
+    def _measure(self, pilot: Pilot, coarse: Pilot | None) -> NumericalError:
+        """Return the error of the finest pilot.
+
+        ``coarse`` is a run of a ``pilot`` on coarser ground.
+        """
+        finest = self.pilots[-1]
+        wanted = COARSER * finest.spacing
+        partner = min(
+            self.pilots[:-1], key=lambda pilot: abs(math.log(pilot.spacing / wanted))
+        )
+        reduction = richardson(partner.spacing / finest.spacing, PARTICLE_ORDER)
+        pairs = {'particles': Pair(finest.areas, partner.areas, reduction)}
+        if coarse is not None:
+            pairs['ground'] = Pair(pilot.areas, coarse.areas, richardson(2.0, GROUND_ORDER))
+        return error_of(
+            pairs, spacing=finest.spacing, cell=self.scene.terrain.resolution, time=self.horizon,
+            cost=self.spent,
+        )
+
+    def cost(self, refinement: float) -> float:
+        """Return the time of a run [s]; a low estimate of work."""
+        least = MIN_GROWTH if self.clock else 0.0
+        return cost_at(self.pilots, refinement, min_growth=least)
+
+    def error(self, refinement: float) -> NumericalError:
+        """Return the numerical error of a run."""
+        ratio = self.pilots[-1].refinement / refinement
+        inundated, standing = (
+            replace(area, particles=scaled(area.particles, ratio**PARTICLE_ORDER))
+            for area in (self._error.inundated, self._error.standing)
+        )
+        spacing = self.accuracy_at(refinement).spacing
+        assert spacing is not None
+        return replace(self._error, inundated=inundated, standing=standing, spacing=spacing)
+
+    def option(self, refinement: float) -> Option:
+        """Return a run at a refinement."""
+        error = self.error(refinement)
+        return Option(refinement, error.spacing, self.cost(refinement), error)
+
+    def refinement_for(self, wanted: Callable[[float], float]) -> float:
+        """Return the refinement with a part of the particles, 0 to infinity.
+
+        Args:
+            wanted: Returns the part of the particles for a part of the ground.
+        """
+        area = self._error.inundated
+        target = wanted(area.ground)
+        if not target > 0.0:
+            return math.inf
+        # errors of areas multiply (scaled)
+        found, target = (min(max(part, 1e-9), 0.999) for part in (area.particles, target))
+        ratio = math.log1p(-found) / math.log1p(-target)
+        return self.pilots[-1].refinement * ratio ** (1.0 / PARTICLE_ORDER)
