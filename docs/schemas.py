@@ -497,6 +497,7 @@ def run_file() -> Schema:
         'settings': (group, 'Choices of the user: times [s], preset, spacing [m], effects'),
         'inputs': (list_of(group), 'Path as given, size [bytes] and SHA-256 digest of each file'),
         'scene': (group, 'The scene, with all values resolved'),
+        'erupting_lava': (group, 'Material, temperature [K] and viscosity [Pa s] at each vent'),
         'preset': (TEXT, 'Preset of the accuracy'),
         'accuracy': (group, 'The accuracy, without automatic values'),
         'device': (TEXT, 'Computing device'),

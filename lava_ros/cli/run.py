@@ -18,6 +18,7 @@ from lava_ros.errors import LavaError
 if TYPE_CHECKING:
     from lava_ros.maps.place_arrivals import ArrivalTable
     from lava_ros.runs.scene_run import SceneRun
+    from lava_ros.scene import Scene
     from lava_ros.simulation.numerical_error import NumericalError
 
 
@@ -86,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
         table = replace(table, onset=Onset.of(request.scene))
         record['places'] = table.as_dict()['places']
     write_json(record, args.json)
-    _print(record, table)
+    _print(record, request.scene, table)
     return 0
 
 
@@ -109,8 +110,9 @@ def _measured(made: SceneRun) -> NumericalError | None:
         return None
 
 
-def _print(record: dict[str, Any], table: ArrivalTable | None) -> None:
+def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> None:
     from lava_ros.maps.plot import area_words, duration
+    from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.output.budget import VolumeBudget
 
     resolution, across = record['resolution'], record['resolution']['particles_across']
@@ -119,6 +121,7 @@ def _print(record: dict[str, Any], table: ArrivalTable | None) -> None:
     for name, value in (
         ('simulated time', duration(record['simulated_time_s'])),
         ('start of the eruption', record['onset'] or 'unknown'),
+        ('lava', EruptingLava.of(scene).text()),
         ('particles', f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart'),
         ('particles across the flow', 'unknown' if across is None else f'{across:.2g}'),
         ('numerical error', record['numerical_error_text']),

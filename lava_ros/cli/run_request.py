@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +21,8 @@ from lava_ros.runs.provenance import digests, files_in
 from lava_ros.runs.scene_run import Request
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.selection import effects_for
 
 if TYPE_CHECKING:
     from lava_ros.scene import Scene
@@ -38,7 +40,7 @@ def request_of(args: argparse.Namespace) -> Request:
     until, forced = seconds_of('--until', args.until), forced_effects(args)
     within = None if args.within is None else seconds_of('--within', args.within)
     if within is not None and args.spacing is not None:
-        raise LavaError('--spacing', args.spacing, 'no --spacing together with --within')
+        raise validation.conflict('--spacing', '--within')
     if args.threshold is not None:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
     device = device_named(args.device)
@@ -48,6 +50,8 @@ def request_of(args: argparse.Namespace) -> Request:
         preset, spacing = args.preset, args.spacing
         if within is not None:
             preset, spacing = _planned(scene, within, until, device)
+        elif spacing is None:
+            spacing = _spacing_of(preset, scene, forced, until, device)
         chosen = preset_accuracy(preset, spacing=spacing)
         if args.threshold is not None:
             chosen = replace(chosen, threshold=args.threshold)
@@ -78,6 +82,21 @@ def _planned(scene: Scene, within: float, until: float, device: str) -> tuple[st
     found = plan_within(scene, within=within, horizon=until, device=device)
     print(f'plan: preset {found.preset}, spacing {found.spacing:.3g} m')
     return found.preset, found.spacing
+
+
+def _spacing_of(
+    preset: str, scene: Scene, forced: Mapping[str, bool], until: float, device: str
+) -> float:
+    """Return the spacing of a preset for a scene, from pilot runs [m]."""
+    from lava_ros.forecast.preset_spacing import choose_spacing
+
+    accuracy = resolved_accuracy(preset_accuracy(preset), scene, forced, horizon=until)
+    choice = choose_spacing(
+        scene, preset, accuracy, horizon=until, device=device,
+        effects=effects_for(scene, forced, accuracy=accuracy, horizon=until),
+    )
+    print(choice.text())
+    return choice.spacing
 
 
 def _map_times(args: argparse.Namespace, until: float) -> list[float]:

@@ -20,6 +20,7 @@ from lava_ros.runs.run_folder import RunFolder
 from lava_ros.runs.sinks import SnapshotSink, valid_snapshot
 from lava_ros.runs.store import KeepSink, unused_folder
 from lava_ros.scene import date_text, Scene, scene_to_dict
+from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
@@ -87,7 +88,8 @@ class SceneRun:
         record: dict[str, Any] = {
             'program': program(), 'identity': identity,
             'begun': date_text(begun), 'wall_time_s': 0.0, 'onset': onset, 'settings': plan,
-            'inputs': list(request.inputs), 'scene': scene_to_dict(scene), 'effects': [],
+            'inputs': list(request.inputs), 'scene': scene_to_dict(scene),
+            'erupting_lava': EruptingLava.of(scene).as_dict(), 'effects': [],
         }
         self.folder = RunFolder(path, scene, record, {'begun': record['begun']})
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
