@@ -19,6 +19,7 @@ from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.output.diagnostics import SHOWN
 from lava_ros.simulation.output.inundation import footprint_cells, standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
+from lava_ros.simulation.flow_kind import FlowKind
 from lava_ros.simulation.resolution import is_extended, Resolution
 from lava_ros.simulation.selection import has_left_its_vent, scales_of
 from lava_ros.simulation.setup.course import course_of, NARROW
@@ -91,12 +92,15 @@ def measured_scales(
     )
 
 
-def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | None:
+def measure_resolution(
+    snapshot: Snapshot, accuracy: Accuracy, kind: FlowKind | None = None
+) -> Resolution | None:
     """Measure how well the particles resolve a flow; None while it is too small to measure.
 
     Args:
         snapshot: The flow on the cells of its terrain.
         accuracy: Its resolution, with all automatic values resolved.
+        kind: Expected kind of the flow, whose shape is measured.
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     thickness, cell = np.nan_to_num(snapshot.thickness), snapshot.terrain.resolution
@@ -111,14 +115,35 @@ def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | N
     if not is_extended(np.count_nonzero(wet) * cell**2, float(np.median(distance))):
         return None
     middle = volume_quantile(thickness, thickness, 0.5)
+    narrow = volume_quantile(width, thickness, NARROW)
+    if kind is not None:
+        slope = _measure_slopes(snapshot.terrain, np.nonzero(wet), snapshot.thickness)
+        stress = kind.weight * thickness * slope / np.hypot(1.0, slope)
+        kind = kind.measured(
+            thickness=middle,
+            width=narrow,
+            diameter=2.0 * cell * math.sqrt(np.count_nonzero(wet) / math.pi),
+            stress=volume_quantile(stress, thickness, 0.5),
+        )
     return Resolution(
         spacing=accuracy.spacing,
         thickness=middle,
-        width=volume_quantile(width, thickness, NARROW),
+        width=narrow,
         across=volume_quantile(width / distance, thickness, NARROW),
         cell=cell,
         limit='measured',
+        kind=kind,
     )
+
+
+def current_resolution(
+    snapshot: Snapshot, accuracy: Accuracy, expected: Resolution
+) -> Resolution:
+    """Return the measured resolution of a flow, or the expected one while it is too small.
+
+    The arguments are those of ``measure_resolution``, and the expected resolution.
+    """
+    return measure_resolution(snapshot, accuracy, expected.kind) or expected
 
 
 def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
