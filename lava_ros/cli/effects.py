@@ -40,7 +40,7 @@ COSTS = 'docs/benchmarks/effects_h200.csv'
     '--json',
 )
 def effects(args: argparse.Namespace) -> int:
-    """Print which physical effects a scene needs, and why.
+    """Print the kind of flow, which physical effects a scene needs, and why.
 
     A dimensionless number decides about each effect. The command prints the number that is
     expected of the flow, its threshold, the time that the effect takes, and the accuracy that

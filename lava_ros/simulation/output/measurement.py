@@ -16,10 +16,10 @@ from lava_ros.effects.scales import Columns, Scales, volume_quantile
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import read
+from lava_ros.simulation.flow_kind import FlowKind
 from lava_ros.simulation.output.diagnostics import SHOWN
 from lava_ros.simulation.output.inundation import footprint_cells, standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
-from lava_ros.simulation.flow_kind import FlowKind
 from lava_ros.simulation.resolution import is_extended, Resolution
 from lava_ros.simulation.selection import has_left_its_vent, scales_of
 from lava_ros.simulation.setup.course import course_of, NARROW
