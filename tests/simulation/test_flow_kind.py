@@ -14,7 +14,7 @@ from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.flow_kind import crust_time, FlowKind, MAX_STRESS
-from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.output.measurement import measure_kind
 from lava_ros.simulation.resolution import resolution_of
 
 #: Minimum fraction of the described flows whose kind must be found: 17 of 20.
@@ -127,7 +127,8 @@ FLOWS = (
               0.4, 0.01, (130.0, 960.0, 960.0), 1e-6, 1e10, 1200.0, strength=2e5),
     Described('Unzen 1991-1995', 'dome', 'Nakada et al. 1999, JVGR 89, 1-22',
               2.0, 0.3, (120.0, 900.0, 1000.0), 1e-5, 1e10, 1120.0, strength=2e5),
-    Described('Soufriere Hills 1995-1997', 'dome', 'Watts et al. 2002, Geol. Soc. Mem. 21, 115-152',
+    Described('Soufriere Hills 1995-1997', 'dome',
+              'Watts et al. 2002, Geol. Soc. Mem. 21, 115-152',
               4.0, 0.1, (130.0, 700.0, 800.0), 1e-5, 1e11, 1130.0, strength=3e5),
     Described('Komatiites of Kambalda', 'turbulent', 'Huppert et al. 1984, Nature 309, 19-22',
               1e4, 0.01, (10.0, 500.0, 20e3), 3.0, 1.0, 1870.0),
@@ -213,6 +214,6 @@ def test_measured_mound_of_basalt_is_implausible_and_a_pond_is_not(
         terrain=Terrain(ground, cell), thickness=lava, standing=lava > 0.1, inundated=None,
     )
     expected = next(item for item in FLOWS if item.name == 'Etna 2001, lower fissure').found
-    found = measure_resolution(snapshot, Accuracy(spacing=10.0, thickness=5.0), expected).kind
+    found = measure_kind(snapshot, expected)
     assert found.is_measured and found.thickness > 0.4 * height
     assert any('implausible' in text for text in found.warnings()) == is_flagged

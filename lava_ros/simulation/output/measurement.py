@@ -3,6 +3,7 @@
 
 """Measurement of the lava of a running simulation: columns, width and resolution."""
 
+from dataclasses import replace
 from functools import cache, partial
 import math
 from typing import Any
@@ -92,22 +93,16 @@ def measured_scales(
     )
 
 
-def measure_resolution(
-    snapshot: Snapshot, accuracy: Accuracy, kind: FlowKind | None = None
-) -> Resolution | None:
+def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | None:
     """Measure how well the particles resolve a flow; None while it is too small to measure.
 
     Args:
         snapshot: The flow on the cells of its terrain.
         accuracy: Its resolution, with all automatic values resolved.
-        kind: Expected kind of the flow, whose shape is measured.
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     thickness, cell = np.nan_to_num(snapshot.thickness), snapshot.terrain.resolution
-    wet = snapshot.standing
-    if snapshot.inundated is not None and (wet & snapshot.footprint).any():
-        # without cells that lava only touches
-        wet &= snapshot.footprint
+    wet = _wet_cells(snapshot)
     if not wet.any():
         return None
     width, thickness = measure_widths(wet, cell)[wet], thickness[wet]
@@ -115,25 +110,38 @@ def measure_resolution(
     if not is_extended(np.count_nonzero(wet) * cell**2, float(np.median(distance))):
         return None
     middle = volume_quantile(thickness, thickness, 0.5)
-    narrow = volume_quantile(width, thickness, NARROW)
-    if kind is not None:
-        slope = _measure_slopes(snapshot.terrain, np.nonzero(wet), snapshot.thickness)
-        stress = kind.weight * thickness * slope / np.hypot(1.0, slope)
-        kind = kind.measured(
-            thickness=middle,
-            width=narrow,
-            diameter=2.0 * cell * math.sqrt(np.count_nonzero(wet) / math.pi),
-            stress=volume_quantile(stress, thickness, 0.5),
-        )
     return Resolution(
         spacing=accuracy.spacing,
         thickness=middle,
-        width=narrow,
+        width=volume_quantile(width, thickness, NARROW),
         across=volume_quantile(width / distance, thickness, NARROW),
         cell=cell,
         limit='measured',
-        kind=kind,
     )
+
+
+def measure_kind(snapshot: Snapshot, kind: FlowKind) -> FlowKind:
+    """Return the kind of a flow by its measured shape, the expected ``kind`` without lava."""
+    terrain, wet = snapshot.terrain, _wet_cells(snapshot)
+    if not wet.any():
+        return kind
+    thickness = np.nan_to_num(snapshot.thickness)[wet]
+    slope = _measure_slopes(terrain, np.nonzero(wet), snapshot.thickness)
+    stress = kind.weight * thickness * slope / np.hypot(1.0, slope)
+    return kind.measured(
+        thickness=volume_quantile(thickness, thickness, 0.5),
+        width=volume_quantile(measure_widths(wet, terrain.resolution)[wet], thickness, NARROW),
+        diameter=2.0 * terrain.resolution * math.sqrt(np.count_nonzero(wet) / math.pi),
+        stress=volume_quantile(stress, thickness, 0.5),
+    )
+
+
+def _wet_cells(snapshot: Snapshot) -> np.ndarray:
+    """Return the cells with lava, bool, without those that lava only touches."""
+    wet = snapshot.standing
+    if snapshot.inundated is not None and (wet & snapshot.footprint).any():
+        wet = wet & snapshot.footprint
+    return wet
 
 
 def current_resolution(
@@ -141,9 +149,12 @@ def current_resolution(
 ) -> Resolution:
     """Return the measured resolution of a flow, or the expected one while it is too small.
 
-    The arguments are those of ``measure_resolution``, and the expected resolution.
+    The shape of its kind is measured in any case: a small flow may be one that no lava forms. The
+    arguments are those of ``measure_resolution``, and the expected resolution.
     """
-    return measure_resolution(snapshot, accuracy, expected.kind) or expected
+    found = measure_resolution(snapshot, accuracy) or expected
+    kind = expected.kind
+    return replace(found, kind=None if kind is None else measure_kind(snapshot, kind))
 
 
 def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
