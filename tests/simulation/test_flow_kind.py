@@ -23,7 +23,7 @@ MIN_RIGHT = 17 / 20
 
 @dataclass(frozen=True)
 class Described:
-    """A flow as its authors describe it; numbers that they do not give are typical ones.
+    """A flow as its authors describe it; docs/MODEL.md states which numbers were checked.
 
     ``rate`` is the mean effusion rate [m3/s], ``shape`` thickness, width and diameter of the flow
     or channel [m], ``speed`` the mean speed [m/s], ``temperature`` that of the eruption [K].
