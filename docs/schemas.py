@@ -507,6 +507,7 @@ def run_file() -> Schema:
         'maps': (TEXT, 'Folder of the bag, in that of the run'),
         'wall_time_s': (number, 'Wall time of the run, with its earlier parts'),
         'resolution': (group, 'Spacing [m], width of the flow [m], particles across'),
+        'flow_kind': ({'type': ['string', 'null']}, 'Kind of the flow, with its numbers'),
         'numerical_error': ({'type': ['object', 'null']}, 'Fractions of the areas; null: unknown'),
         'numerical_error_text': (TEXT, 'The numerical error in words'),
         'simulated_time_s': (number, 'Simulated time of the results'),

@@ -13,11 +13,16 @@ from lava_ros.simulation.resolution import Resolution
 
 
 def resolution_values(resolution: Resolution) -> dict[str, object]:
-    """Return the values that describe how well the particles resolve the flow."""
+    """Return the values that describe how well the particles resolve the flow, and its kind."""
+    kind = {} if resolution.kind is None else {
+        'flow_kind': resolution.kind.text(),
+        'flow_kind_warnings': '; '.join(resolution.kind.warnings()),
+    }
     return {
         'spacing_m': f'{resolution.spacing:.4g}',
         'flow_width_m': f'{resolution.width:.4g}',
         'particles_across': f'{resolution.across:.3g}',
+        **kind,
     }
 
 

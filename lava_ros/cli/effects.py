@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 import csv
+import logging
 import math
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,10 @@ if TYPE_CHECKING:
     from lava_ros.effects.effect import Effect
     from lava_ros.scene import Scene
     from lava_ros.simulation.accuracy import Accuracy
+    from lava_ros.simulation.resolution import Resolution
     from lava_ros.simulation.selection import Decision
+
+_LOG = logging.getLogger(__name__)
 
 #: Costs of effects, measured by `lava bench effects`.
 COSTS = 'docs/benchmarks/effects_h200.csv'
@@ -36,23 +40,27 @@ COSTS = 'docs/benchmarks/effects_h200.csv'
     '--json',
 )
 def effects(args: argparse.Namespace) -> int:
-    """Print which physical effects a scene needs, and why.
+    """Print the kind of flow, which physical effects a scene needs, and why.
 
     A dimensionless number decides about each effect. The command prints the number that is
     expected of the flow, its threshold, the time that the effect takes, and the accuracy that
     leaving it out costs. With --measure it also prints the largest number in a run.
     """
-    from lava_ros.cli.scenes import log_resolution, scene_from_arguments
+    from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.simulation.presets import preset_accuracy
+    from lava_ros.simulation.resolution import resolution_of
     from lava_ros.simulation.selection import decide, decision_as_dict
 
     horizon = seconds_of('--horizon', args.horizon)
     scene, forced = scene_from_arguments(args), forced_effects(args)
     accuracy = preset_accuracy(args.preset)
     if args.measure:
-        decisions = _measured(scene, forced, accuracy, horizon, args.device)
+        decisions, resolution = _measured(scene, forced, accuracy, horizon, args.device)
     else:
         decisions = decide(scene, forced, accuracy=accuracy, horizon=horizon)
+        resolution = resolution_of(scene, accuracy, forced, horizon=horizon)
+    if resolution.kind is not None:
+        print(f'kind of flow: {resolution.kind.text()}')
     costs = step_costs()
     width = max(len(item.reason) for item in decisions)
     line = f'{{:16}} {{:3}} {{:{width}}}  {{:>8}}  {{:>6}}  {{}}'.format
@@ -68,7 +76,8 @@ def effects(args: argparse.Namespace) -> int:
         {**decision_as_dict(item), 'step_time_over_bare': costs.get(item.name)}
         for item in decisions
     ]
-    log_resolution(scene, accuracy, forced, horizon)
+    for text in resolution.warnings():
+        _LOG.warning(text)
     write_json(rows, args.json)
     return 0
 
@@ -76,13 +85,14 @@ def effects(args: argparse.Namespace) -> int:
 def _measured(
     scene: Scene, forced: Mapping[str, bool], accuracy: Accuracy, horizon: float,
     device: str | None,
-) -> tuple[Decision, ...]:
+) -> tuple[tuple[Decision, ...], Resolution]:
     from lava_ros.effects import EFFECTS
     from lava_ros.maps.plot import duration
     from lava_ros.runs.drive import drive
     from lava_ros.runs.sinks import ProgressSink
 
     # the solver loads Warp, which the expected numbers do not need
+    from lava_ros.simulation.output.measurement import current_resolution
     from lava_ros.simulation.simulation import Simulation
 
     simulation = Simulation(
@@ -94,7 +104,10 @@ def _measured(
             lambda: progress.is_due,
         )])
     simulation.review(EFFECTS)
-    return simulation.decisions()
+    resolution = current_resolution(
+        simulation.snapshot(), simulation.accuracy, simulation.resolution
+    )
+    return simulation.decisions(), resolution
 
 
 def _without(effect: Effect) -> str:

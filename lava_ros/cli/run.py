@@ -124,6 +124,8 @@ def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> 
         ('lava', EruptingLava.of(scene).text()),
         ('particles', f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart'),
         ('particles across the flow', 'unknown' if across is None else f'{across:.2g}'),
+        # absent from folders of older versions
+        *([('kind of flow', record['flow_kind'])] if record.get('flow_kind') else []),
         ('numerical error', record['numerical_error_text']),
         ('inundated area', area_words(record['inundated_area_m2'])),
         ('standing lava', area_words(record['standing_area_m2'])),

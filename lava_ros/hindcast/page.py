@@ -95,6 +95,8 @@ def facts(
         'effects left out': f'{percent(result.effects_error)} of the inundated area',
         'median, largest thickness': f'{judged.median_thickness:.1f} m, {judged.thickest:.1f} m',
     }
+    if result.resolution.kind is not None:
+        texts['kind of flow'] = result.resolution.kind.text()
     if several is not None:
         found = several.as_dict()
         texts[f'Jaccard of {found["count"]} runs'] = (

@@ -34,7 +34,7 @@ from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import Areas, NumericalError
-from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import Resolution, resolved_accuracy
@@ -226,7 +226,9 @@ class Run:
             most_particles=self._most_particles,
             effects=tuple(simulation.effects),
             accuracy=simulation.accuracy,
-            resolution=measure_resolution(snapshot, simulation.accuracy) or simulation.resolution,
+            resolution=current_resolution(
+                snapshot, simulation.accuracy, simulation.resolution
+            ),
             decisions=simulation.decisions(),
             device=simulation.device,
         )
@@ -284,7 +286,9 @@ class Run:
         if isinstance(self._store, RunFolder):
             with self._writing():
                 scene = self._scene_at(snapshot.time)
-                values = resolution_values(simulation.resolution)
+                values = resolution_values(current_resolution(
+                    snapshot, simulation.accuracy, simulation.resolution
+                ))
                 self._store.bag.put_snapshot(scene, snapshot, values)
 
     def _scene_at(self, time: float) -> Scene:

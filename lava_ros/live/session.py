@@ -19,7 +19,7 @@ from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import NO_MEMORY
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import ParticleSample
 from lava_ros.simulation.resolution import Resolution
 
@@ -168,11 +168,12 @@ class SimulationSession:
     def measured_resolution(self) -> Resolution | None:
         """Resolution of the newest snapshot; the expected resolution while its flow is small."""
         view, latest = self.view, self.latest
-        if view.accuracy is None or latest is None:
+        if view.accuracy is None or view.resolution is None or latest is None:
             return view.resolution
         if self._measured[0] is not latest:
-            self._measured = latest, measure_resolution(latest, view.accuracy)
-        return self._measured[1] or view.resolution
+            found = current_resolution(latest, view.accuracy, view.resolution)
+            self._measured = latest, found
+        return self._measured[1]
 
     def start(self, scene: Scene) -> None:
         """Start a scene at time 0 in place of the current simulation."""

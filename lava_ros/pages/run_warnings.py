@@ -32,19 +32,24 @@ def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
             f'Volume was not conserved: {part} of it is unaccounted for. Do not trust these maps.'
         )
     elif budgets:
-        found += [f'{text[0].upper()}{text[1:]}.' for text in budgets[-1].warnings()]
+        found += _sentences(*budgets[-1].warnings())
     names = ('spacing_m', 'flow_width_m', 'particles_across')
     spacing, width, across = (run[-1].number(name) for name in names)
     resolution = Resolution(spacing, math.nan, width, across, math.nan, 'measured')
-    return [*found, *_under_resolved(resolution)]
+    kind = run[-1].values.get('flow_kind_warnings', '')
+    return [*found, *_under_resolved(resolution), *_sentences(kind)]
 
 
 def warnings_of_plan(plan: Plan) -> list[str]:
     """Return warnings about the members of an ensemble, each a sentence."""
     accuracy = replace(plan.accuracy, threshold=plan.threshold)
-    return _under_resolved(
-        resolution_of(plan.scene, accuracy, plan.forced, horizon=plan.horizon)
-    )
+    expected = resolution_of(plan.scene, accuracy, plan.forced, horizon=plan.horizon)
+    kind = [] if expected.kind is None else expected.kind.warnings()
+    return [*_under_resolved(expected), *_sentences(*kind)]
+
+
+def _sentences(*phrases: str) -> list[str]:
+    return [f'{text[0].upper()}{text[1:]}.' for text in phrases if text]
 
 
 def _under_resolved(resolution: Resolution) -> list[str]:

@@ -24,7 +24,7 @@ from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
-from lava_ros.simulation.output.measurement import measure_resolution
+from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import Snapshot
 
 #: Folder of the runs for which the user names none.
@@ -174,13 +174,14 @@ class SceneRun:
             self.folder.bag.put_error(
                 {'numerical_error': text, **numerical_error_values(error)}
             )
-        resolution = measure_resolution(snapshot, simulation.accuracy) or simulation.resolution
+        resolution = current_resolution(snapshot, simulation.accuracy, simulation.resolution)
         budget = snapshot.budget
         self.folder.finish({
             'resolution': {
                 'spacing_m': resolution.spacing, 'flow_width_m': resolution.width,
                 'particles_across': resolution.across,
             },
+            'flow_kind': None if resolution.kind is None else resolution.kind.text(),
             'numerical_error': None if error is None else error.as_dict(),
             'numerical_error_text': text,
             'simulated_time_s': snapshot.time,
@@ -199,7 +200,9 @@ class SceneRun:
         """Write a frame, and the effects that have been switched."""
         self.snapshot = snapshot
         self._note_effects(simulation, snapshot.time)
-        values = resolution_values(simulation.resolution)
+        values = resolution_values(
+            current_resolution(snapshot, simulation.accuracy, simulation.resolution)
+        )
         self.folder.bag.put_snapshot(simulation.scene, snapshot, values)
 
     def _note_effects(self, simulation: Simulation, time: float) -> None:

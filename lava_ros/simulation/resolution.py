@@ -24,6 +24,7 @@ from lava_ros.simulation.accuracy import (
     MAX_PARTICLES_PER_SECOND,
     MIN_THICKNESS,
 )
+from lava_ros.simulation.flow_kind import expected_kind, FlowKind
 from lava_ros.simulation.setup.course import course_of
 
 #: Default time span for the choice of spacing and effects [s].
@@ -46,10 +47,6 @@ MIN_SPACING = 1.0 / 16.0
 
 #: Minimum number of particles across a resolved flow.
 MIN_ACROSS = 9.0
-
-#: Maximum Reynolds number rho u h / mu of laminar flow in a channel (Chow 1959, Open-Channel
-#: Hydraulics).
-LAMINAR = 500.0
 
 #: Maximum thickness of a thin layer over the longer side of the terrain.
 THIN = 0.5
@@ -85,7 +82,7 @@ class Resolution:
             their maximum number or rate; ``stress``, which smooths the flow over
             most of its thickness; ``given``, the user; ``cells``, those of the
             terrain, without a discharge; or ``measured``, a running simulation.
-        reynolds: Expected Reynolds number (course.py); NaN without a discharge, or measured.
+        kind: Kind of the flow (flow_kind.py); None without a discharge.
         extent: Longer side of the terrain [m]; infinite if measured.
         finest: Minimum spacing [m], by the number of particles and by lateral stress; 0 if
             unknown.
@@ -98,7 +95,7 @@ class Resolution:
     across: float
     cell: float
     limit: str
-    reynolds: float = math.nan
+    kind: FlowKind | None = None
     extent: float = math.inf
     finest: float = 0.0
     emitted: float = math.nan
@@ -129,12 +126,7 @@ class Resolution:
                 f'{self.extent:.2g} m, and the model is for lava that is thin compared with its '
                 'extent: check effusion rate, viscosity and yield strength'
             )
-        if self.reynolds > LAMINAR:
-            found.append(
-                f'Reynolds number {self.reynolds:.2g} is above {LAMINAR:g}: turbulent lava would '
-                'be slower and thicker than the laminar flow that is computed'
-            )
-        return found
+        return [*found, *(self.kind.warnings() if self.kind is not None else [])]
 
     def text(self) -> str:
         """Describe the resolution in one line."""
@@ -188,9 +180,7 @@ def resolution_of(
     """
     effects = estimated_effects(scene, accuracy, forced)
     course = course_of(scene, effects, horizon=horizon)
-    width, reynolds = (
-        (math.nan, math.nan) if course is None else (course.width, course.reynolds)
-    )
+    width = math.nan if course is None else course.width
     thickness, flows = accuracy.thickness, scene.emplaced_flows
     emplaced = sum(flow.volume for flow in flows)
     emitted = emplaced + sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
@@ -202,6 +192,7 @@ def resolution_of(
             # fluid lava is at most as thick as a hemisphere of its volume, however stiff it is
             thickness = min(thickness, (1.5 * emitted / math.pi) ** (1.0 / 3.0))
             thickness = max(thickness, MIN_THICKNESS)
+    kind = None if course is None else expected_kind(scene, course, emitted)
     cell = scene.terrain.resolution
     # lava that has hardly left its vent is a disc, not a flow as wide as the path allows
     width = min(width, 2.0 * math.sqrt(emitted / (math.pi * thickness)))
@@ -217,7 +208,7 @@ def resolution_of(
     def known(spacing: float, limit: str) -> Resolution:
         across = width / spacing
         return Resolution(
-            spacing, thickness, width, across, cell, limit, reynolds, extent, least, emitted
+            spacing, thickness, width, across, cell, limit, kind, extent, least, emitted
         )
 
     if accuracy.spacing is not None:

@@ -90,6 +90,7 @@ def test_every_output_has_the_same_numbers(folder, result, tmp_path):
     for name in ('inundated_area_m2', 'standing_area_m2', 'volume_emitted_m3', 'volume_thin_m3'):
         assert float(values[name]) == result[name]
     assert values['numerical_error'] == result['numerical_error_text']
+    assert values['flow_kind'] == result['flow_kind']
 
 
 @pytest.mark.parametrize(('words', 'name'), [

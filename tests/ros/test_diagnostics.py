@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 
+from lava_ros.bag.decoding import Moment
 from lava_ros.errors import LavaError
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch, MIN_LOST, PATIENCE, WARNING_TIME
@@ -20,11 +21,14 @@ from lava_ros.live.recording_control import RecordingControl
 from lava_ros.live.restart import RestartFile
 from lava_ros.live.session import SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
+from lava_ros.pages.run_warnings import warnings_of_moments
 from lava_ros.ros import diagnostics
 from lava_ros.ros.subscribers import InputLog
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.flow_kind import FlowKind
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
+from lava_ros.simulation.resolution import Resolution
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -202,6 +206,27 @@ def test_simulation_level_follows_the_state(state, changes, level, expected):
     assert status.message.startswith(expected)
     is_active = changes.get('is_active', True)
     assert _values(status)['lifecycle'] == ('active' if is_active else 'inactive')
+
+
+def test_flow_whose_physics_the_model_lacks_is_a_warning():
+    numbers = {'thickness': 5.0, 'width': 200.0, 'diameter': 1000.0}
+    for rate, level in ((1.0, WARN), (100.0, OK)):
+        kind = FlowKind(
+            discharge=rate, slope=0.05, viscosity=500.0, reynolds=0.1, crust_time=40.0, **numbers
+        )
+        resolution = Resolution(5.0, 5.0, 200.0, 40.0, 10.0, 'flow', kind)
+        status = diagnostics.simulation_status(
+            _worker(), None, is_active=True, frame_stamp_ns=99, resolution=resolution
+        )
+        assert status.level == level
+        values = _values(status)
+        assert values['flow_kind'] == kind.text()
+        assert ('outside the model' in status.message) == (level == WARN)
+        # pages read the values of a bag
+        moment = Moment(0, 0.0, values)
+        assert any('outside the model' in text for text in warnings_of_moments([moment])) == (
+            level == WARN
+        )
 
 
 def test_lost_volume_is_an_error():

@@ -3,6 +3,7 @@
 
 """Measurement of the lava of a running simulation: columns, width and resolution."""
 
+from dataclasses import replace
 from functools import cache, partial
 import math
 from typing import Any
@@ -16,6 +17,7 @@ from lava_ros.effects.scales import Columns, Scales, volume_quantile
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import read
+from lava_ros.simulation.flow_kind import FlowKind
 from lava_ros.simulation.output.diagnostics import SHOWN
 from lava_ros.simulation.output.inundation import footprint_cells, standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
@@ -100,10 +102,7 @@ def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | N
     """
     assert accuracy.spacing is not None and accuracy.thickness is not None
     thickness, cell = np.nan_to_num(snapshot.thickness), snapshot.terrain.resolution
-    wet = snapshot.standing
-    if snapshot.inundated is not None and (wet & snapshot.footprint).any():
-        # without cells that lava only touches
-        wet &= snapshot.footprint
+    wet = _wet_cells(snapshot)
     if not wet.any():
         return None
     width, thickness = measure_widths(wet, cell)[wet], thickness[wet]
@@ -119,6 +118,43 @@ def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | N
         cell=cell,
         limit='measured',
     )
+
+
+def measure_kind(snapshot: Snapshot, kind: FlowKind) -> FlowKind:
+    """Return the kind of a flow by its measured shape, the expected ``kind`` without lava."""
+    terrain, wet = snapshot.terrain, _wet_cells(snapshot)
+    if not wet.any():
+        return kind
+    thickness = np.nan_to_num(snapshot.thickness)[wet]
+    slope = _measure_slopes(terrain, np.nonzero(wet), snapshot.thickness)
+    stress = kind.weight * thickness * slope / np.hypot(1.0, slope)
+    return kind.measured(
+        thickness=volume_quantile(thickness, thickness, 0.5),
+        width=volume_quantile(measure_widths(wet, terrain.resolution)[wet], thickness, NARROW),
+        diameter=2.0 * terrain.resolution * math.sqrt(np.count_nonzero(wet) / math.pi),
+        stress=volume_quantile(stress, thickness, 0.5),
+    )
+
+
+def _wet_cells(snapshot: Snapshot) -> np.ndarray:
+    """Return the cells with lava, bool, without those that lava only touches."""
+    wet = snapshot.standing
+    if snapshot.inundated is not None and (wet & snapshot.footprint).any():
+        wet = wet & snapshot.footprint
+    return wet
+
+
+def current_resolution(
+    snapshot: Snapshot, accuracy: Accuracy, expected: Resolution
+) -> Resolution:
+    """Return the measured resolution of a flow, or the expected one while it is too small.
+
+    The shape of its kind is measured in any case: a small flow may be one that no lava forms. The
+    arguments are those of ``measure_resolution``, and the expected resolution.
+    """
+    found = measure_resolution(snapshot, accuracy) or expected
+    kind = expected.kind
+    return replace(found, kind=None if kind is None else measure_kind(snapshot, kind))
 
 
 def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:

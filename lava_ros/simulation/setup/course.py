@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 import math
 from weakref import WeakKeyDictionary
 
@@ -82,6 +83,9 @@ class Course:
         reynolds: Reynolds number rho u h / mu that 90 % of the volume does not exceed.
         cooled: Median fraction of the way from the temperature at the vent to the solidus of that
             flow, weighted by volume; 0 without a solidus.
+        slope: Median slope of the ground below that flow, weighted by volume, rise over run.
+        discharge: Mean discharge of its source while it erupts [m3/s].
+        temperature: Temperature at its source [K].
     """
 
     columns: Columns
@@ -90,6 +94,9 @@ class Course:
     fall: float
     reynolds: float
     cooled: float
+    slope: float
+    discharge: float
+    temperature: float
 
 
 @dataclass(frozen=True)
@@ -97,8 +104,9 @@ class _Source:
     """Vents that overlap.
 
     ``places`` are the ends of their lines [m], shape [ends, 2], ``radius`` is their largest
-    radius [m], ``discharge`` the peak of their sum [m3/s], ``volume`` their emission up to the
-    horizon [m3], and ``temperature`` that of the hottest vent [K].
+    radius [m], ``discharge`` the peak of their sum and ``mean`` its mean while they erupt
+    [m3/s], ``volume`` their emission up to the horizon [m3], and ``temperature`` that of the
+    hottest vent [K].
     """
 
     places: np.ndarray
@@ -106,6 +114,7 @@ class _Source:
     discharge: float
     volume: float
     temperature: float
+    mean: float
 
 
 #: Courses found so far, by scene, and by effects and horizon [s].
@@ -146,7 +155,10 @@ def _find_course(scene: Scene, effects: Effects, horizon: float) -> Course | Non
     hot, solidus = sources[0].temperature, scene.lava.solidus
     cold = largest.quantile(largest.temperature, 0.5)
     cooled = (hot - cold) / (hot - solidus) if 0.0 < solidus < hot else 0.0
-    return Course(columns, width, thickness, max(fall for _, fall in paths), reynolds, cooled)
+    return Course(
+        columns, width, thickness, max(fall for _, fall in paths), reynolds, cooled,
+        largest.quantile(largest.ground_slope, 0.5), sources[0].mean, hot,
+    )
 
 
 def _sources(scene: Scene, horizon: float) -> list[_Source]:
@@ -173,12 +185,14 @@ def _sources(scene: Scene, horizon: float) -> list[_Source]:
             added = set(others[near].tolist())
         chosen = sorted(numbers)
         members = [vents[number] for number in chosen]
+        volume = sum(vent.volume_between(0.0, horizon) for vent in members)
         sources.append(_Source(
             places=np.concatenate([starts[chosen], ends[chosen]]),
             radius=float(radii[chosen].max()),
             discharge=_peak(members, horizon),
-            volume=sum(vent.volume_between(0.0, horizon) for vent in members),
+            volume=volume,
             temperature=max(vent.temperature for vent in members),
+            mean=volume / _time_erupting(members, horizon),
         ))
     return sorted(sources, key=lambda source: source.discharge, reverse=True)
 
@@ -207,6 +221,16 @@ def _peak(vents: Sequence[Vent], horizon: float) -> float:
     """Return the largest sum of the vents' discharges up to a time [s], in m3/s."""
     times = {0.0, *(time for vent in vents for time, _ in vent.series if 0.0 < time < horizon)}
     return max(sum(vent.discharge_at(time) for vent in vents) for time in times)
+
+
+def _time_erupting(vents: Sequence[Vent], horizon: float) -> float:
+    """Return the time up to a horizon during which any of the vents has a discharge, in s."""
+    changes = {time for vent in vents for time, _ in vent.series if 0.0 < time < horizon}
+    times = sorted({0.0, horizon, *changes})
+    return math.fsum(
+        end - start for start, end in pairwise(times)
+        if any(vent.discharge_at(start) > 0.0 for vent in vents)
+    )
 
 
 def _follow(
