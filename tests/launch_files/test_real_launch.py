@@ -69,13 +69,13 @@ def launched(tmp_path, monkeypatch):
 
 
 def test_arguments_override_the_parameter_file(launched, tmp_path):
-    (tmp_path / 'my.yaml').write_text('/**: {ros__parameters: {preset: draft, deadline: 9.0}}')
+    (tmp_path / 'my.yaml').write_text('/**: {ros__parameters: {preset: draft, horizon: 9.0}}')
     words = ('preset:=fine', 'time_scale:=60.0', 'record:=true', 'namespace:=etna')
     text, received, files = launched('lava.launch.py', f'params_file:={tmp_path}/my.yaml', *words)
     assert received is not None, text
     assert '__ns:=/etna' in received
     file, given = files
-    assert file['/**']['ros__parameters'] == {'preset': 'draft', 'deadline': 9.0}
+    assert file['/**']['ros__parameters'] == {'preset': 'draft', 'horizon': 9.0}
     assert given['/etna/lava']['ros__parameters'].pop('restart_token').startswith('launch-')
     expected = {'preset': 'fine', 'time_scale': 60.0, 'record': True}
     assert given['/etna/lava']['ros__parameters'] == expected
