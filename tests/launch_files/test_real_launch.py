@@ -86,8 +86,8 @@ def test_the_filter_servers_end_with_the_node(launched, then):
     text, received, _ = launched('nav2_keepout.launch.py', then=then)
     assert received is not None, text
     assert 'process[lava_node-1] was required' in text
-    assert text.count('process started') == 4
-    assert text.count('process has died') + text.count('process has finished cleanly') == 4
+    assert text.count('process started') == 5
+    assert text.count('process has died') + text.count('process has finished cleanly') == 5
 
 
 @pytest.mark.parametrize(
