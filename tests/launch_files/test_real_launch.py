@@ -90,14 +90,32 @@ def test_the_filter_servers_end_with_the_node(launched, then):
     assert text.count('process has died') + text.count('process has finished cleanly') == 5
 
 
-@pytest.mark.parametrize(
-    ('words', 'starts'), [(['record:=true'], 3), (['respawn:=true'], 3), (['record:=false'], 1)]
-)
-def test_killed_node_is_restarted_with_respawn(launched, tmp_path, words, starts):
-    then = 'test "$(grep -c . starts)" -lt 3 && kill -9 $$'
+#: Kills the node by a signal at its first two starts.
+KILL = 'test "$(grep -c . starts)" -lt 3 && kill -9 $$'
+
+
+@pytest.mark.parametrize(('words', 'then', 'starts', 'token'), [
+    (['record:=true'], KILL, 3, 'launch-'),
+    (['respawn:=true'], KILL, 3, 'launch-'),
+    (['record:=false', 'respawn:=True', 'restart_token:=mission'], KILL, 3, 'mission'),
+    (['record:=false'], KILL, 1, None),
+    (['record:=true', 'respawn:=false'], KILL, 1, None),
+    # a node that fails by itself would fail again
+    (['record:=true'], 'exit 1', 1, 'launch-'),
+])
+def test_killed_node_is_restarted_with_respawn(launched, tmp_path, words, then, starts, token):
     text, received, files = launched('lava.launch.py', *words, then=then)
     assert received is not None, text
     assert (tmp_path / 'lib/lava_ros/starts').read_text().count('lava_node') == starts
     given = [file['/lava']['ros__parameters'] for file in files if '/lava' in file]
     assert len(given) == starts
-    assert len({values.get('restart_token') for values in given}) == 1
+    (known,) = {values.get('restart_token') for values in given}
+    assert known is None if token is None else known.startswith(token)
+
+
+def test_each_launch_has_another_restart_token(launched):
+    for _ in range(2):
+        *_, files = launched('lava.launch.py', 'respawn:=true')
+    tokens = {file['/lava']['ros__parameters']['restart_token'] for file in files
+              if '/lava' in file}
+    assert len(tokens) == 2
