@@ -84,7 +84,9 @@ def write_report(
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
         more: dict[str, Any] = {}
         if recording is not None and summary is not None:
-            facts |= sections.facts(recording, summary)
+            facts = dict(sections.facts(recording, summary)) | {
+                term: text for term, text in facts.items() if term != 'volume emitted'
+            }
             warnings = sections.warnings(recording, summary)
             more = _of_bag(recording, summary, Path(folder))
         return write_static_page(
