@@ -27,7 +27,7 @@ COMMANDS = (
 #: Commands that pass ``--ros-args`` and everything after it to ROS.
 ROS_COMMANDS = ('node', 'feed', 'replay')
 
-#: Options that are gone, by command, and what replaces them.
+#: Removed options and their replacements, by command.
 GONE = {'demo': {'--forecast': 'run examples/narrow_forecast.py instead'}}
 
 _EPILOG = """\

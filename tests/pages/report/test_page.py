@@ -44,7 +44,7 @@ class Reader(HTMLParser):
     VOID = frozenset({'meta', 'link', 'input', 'img', 'br'})
 
     def __init__(self, bag: Path) -> None:
-        """Create and parse the page, which is written beside the bag."""
+        """Create and parse the page, which is written next to the bag."""
         super().__init__()
         path = bag.with_suffix('.html')
         self.size = write_report([bag], path)
