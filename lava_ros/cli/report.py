@@ -8,6 +8,7 @@ import argparse
 from lava_ros.cli.console import Progress
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.pages import PAGE, page_options, RUNS
+from lava_ros.errors import RefusalError
 
 
 @command(
@@ -26,6 +27,9 @@ def report(args: argparse.Namespace) -> int:
     """
     from lava_ros.pages.report.page import write_report
 
+    if args.scale is not None:
+        problem = '--scale applies to paper, and a report is for a screen'
+        raise RefusalError('--scale', problem, 'Leave it out, or draw a page with lava plot')
     with Progress(has_lines=False) as progress:
         size = write_report(
             args.bag, args.output, node=args.node, progress=progress.show, **page_options(args)
