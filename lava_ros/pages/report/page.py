@@ -3,7 +3,8 @@
 
 """HTML pages about runs: `lava report`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 import tempfile
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.bag.description import described
+from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.maps.frames import Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
@@ -81,17 +83,17 @@ def write_report(
         for term, text in (('author', imprint.author), ('agency', imprint.agency)) if text
     }
     facts = {term: notes.pop(term) for term in _BRIEF if term in notes}
-    with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
+    with _folder_of_pictures(output) as folder:
         more: dict[str, Any] = {}
         if recording is not None and summary is not None:
             facts = dict(sections.facts(recording, summary)) | {
                 term: text for term, text in facts.items() if term != 'volume emitted'
             }
             warnings = sections.warnings(recording, summary)
-            more = _of_bag(recording, summary, Path(folder))
+            more = _of_bag(recording, summary, folder)
         return write_static_page(
             output,
-            shown.draw_pictures(Path(folder)),
+            shown.draw_pictures(folder),
             title=shown.title,
             subtitle=shown.subtitle,
             warnings=[_NOTICE, *warnings],
@@ -101,6 +103,18 @@ def write_report(
             places=_places(paths, options),
             **more,
         )
+
+
+@contextmanager
+def _folder_of_pictures(output: Path) -> Iterator[Path]:
+    """Make a temporary folder; errors of its files name the page that would contain them."""
+    with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:
+        try:
+            yield Path(folder)
+        except LavaError as error:
+            if str(error.value).startswith(folder):
+                raise LavaError('output', str(output), error.expected) from error
+            raise
 
 
 def _places(

@@ -253,7 +253,9 @@ def test_page_of_the_sample_bag(tmp_path):
 @pytest.mark.parametrize('times', [[0.0, 7200.0], [0.0, 0.0]])
 def test_draws_constant_and_empty_curves(times, values, tmp_path):
     chart = Chart('area', 'Area', 'm²', [Curve('a', times, values), Curve('b', times, values)])
-    chart.draw(tmp_path / 'a.svg')
+    for name in ('a.svg', 'b.svg'):
+        chart.draw(tmp_path / name)
+    assert (tmp_path / 'a.svg').read_bytes() == (tmp_path / 'b.svg').read_bytes()
     tree = ElementTree.parse(tmp_path / 'a.svg')
     ids = {item.get('id') for item in tree.iter()}
     assert {'line2d_1', 'legend_1'} <= ids
