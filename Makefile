@@ -20,7 +20,7 @@ $(STAMP): setup.py pyproject.toml package.xml constraints.txt $(wildcard launch/
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[all]'
 	@touch $@
 
-demo: $(STAMP)  ## Simulate a flow on a mountain, live in ROS 2 (ARGS='--forecast' narrows a forecast; ARGS='--help' lists the options)
+demo: $(STAMP)  ## Simulate a flow on a mountain, live in ROS 2 (ARGS='--help' lists the options)
 	$(VENV)/bin/lava demo $(ARGS)
 
 test: $(STAMP)  ## Run all tests except those marked nightly, three at a time (ARGS='-k bag' selects)

@@ -245,10 +245,12 @@ def test_a_flipped_bit_is_never_silent(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, flips: int, trial: Any
 ) -> None:
     drawn: list[Any] = []
-    monkeypatch.setattr(
-        'lava_ros.pages.pictures.draw_sheet',
-        lambda panels, path, **report: drawn.append((list(map(vars, panels)), report)),
-    )
+
+    def draw(panels: Any, path: str | Path, **report: Any) -> None:
+        drawn.append((list(map(vars, panels)), report))
+        Path(path).write_bytes(b'a picture')
+
+    monkeypatch.setattr('lava_ros.pages.pictures.draw_sheet', draw)
     monkeypatch.setattr(
         'lava_ros.clients.player.play', lambda bag, **_: len(drawn.extend(schedule(bag)) or drawn)
     )

@@ -72,15 +72,15 @@ def scenes(finer: int = 1) -> tuple[BenchScene, ...]:
     on = partial(ground, finer=finer)
     return (
         # fluid lava on a plain
-        bench_scene('plain', 1000.0, on((-200.0, 200.0), (-200.0, 200.0), 4.0, _plane(0.0)),
+        bench_scene('plain', 1000.0, on((-200.0, 200.0), (-200.0, 200.0), 4.0, plane(0.0)),
                     FLUID, Vent(VENT, 20.0)),
         # basalt on a slope of 3 degrees that radiates and stiffens
         bench_scene('gentle_slope', 2400.0,
-                    on((-300.0, 100.0), (-200.0, 200.0), 3.2, _plane(0.052)), BASALT,
+                    on((-300.0, 100.0), (-200.0, 200.0), 3.2, plane(0.052)), BASALT,
                     Vent(VENT, 10.0)),
         # melt with crystals down a valley with sides of 22 degrees
         bench_scene('valley', 1200.0,
-                    on((-1200.0, 100.0), (-100.0, 100.0), 3.0, _valley(0.14, 0.4)), MELT,
+                    on((-1200.0, 100.0), (-100.0, 100.0), 3.0, valley(0.14, 0.4)), MELT,
                     Vent(VENT, 20.0)),
         # basalt on the crest of a ridge with flanks of 11 degrees
         bench_scene('ridge', 1200.0,
@@ -93,21 +93,21 @@ def scenes(finer: int = 1) -> tuple[BenchScene, ...]:
         ),
         # fluid lava that fills a crater
         bench_scene('crater', 600.0,
-                    on((-120.0, 120.0), (-120.0, 120.0), 3.0, _crater(100.0, 15.0)), FLUID,
+                    on((-120.0, 120.0), (-120.0, 120.0), 3.0, crater(100.0, 15.0)), FLUID,
                     Vent((60.3, 0.2), 30.0)),
         # fluid lava down a slope of 8 degrees
-        bench_scene('fast', 400.0, on((-900.0, 100.0), (-150.0, 150.0), 2.2, _plane(0.14)),
+        bench_scene('fast', 400.0, on((-900.0, 100.0), (-150.0, 150.0), 2.2, plane(0.14)),
                     FLUID, Vent(VENT, 20.0)),
         # stiff, thick lava above its liquidus, finely resolved
-        bench_scene('dome', 600.0, on((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
+        bench_scene('dome', 600.0, on((-100.0, 60.0), (-80.0, 80.0), 2.0, plane(0.1)),
                     _lava(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0), Vent(VENT, 50.0)),
         # lava with a strong crust, and a strength that grows as it cools, on a slope of 6 degrees
-        bench_scene('strong', 3600.0, on((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
+        bench_scene('strong', 3600.0, on((-400.0, 100.0), (-200.0, 200.0), 4.0, plane(0.105)),
                     _lava(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02,
                           crust_strength=1e5),
                     Vent(VENT, 15.0)),
         # a toe with a crust that freezes
-        bench_scene('lobe', 45000.0, on((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
+        bench_scene('lobe', 45000.0, on((-20.0, 12.0), (-16.0, 16.0), 0.4, plane(0.05)),
                     _lava(BASALT, viscosity=1e4, conductivity=5.0, crust=True),
                     Vent((0.03, 0.02), 0.002, radius=0.4)),
         # a fissure and two vents on rough ground
@@ -118,7 +118,7 @@ def scenes(finer: int = 1) -> tuple[BenchScene, ...]:
                     Vent((40.3, 120.2), 8.0), Vent((-120.3, -90.2), 5.0, temperature=1400.0)),
         # basalt down 2000 m at 27 degrees
         bench_scene('mountain', 1500.0,
-                    on((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
+                    on((-4000.0, 200.0), (-200.0, 200.0), 4.5, valley(0.5, 0.1)),
                     _lava(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
                     Vent(VENT, 60.0)),
         # weak lava down a gully of 0.9 degrees between walls of 35
@@ -128,12 +128,12 @@ def scenes(finer: int = 1) -> tuple[BenchScene, ...]:
                     Vent(VENT, 12.0, radius=10.0)),
         # a discharge that falls, and lava that freezes where it comes to rest
         bench_scene('fading', 14400.0,
-                    on((-400.0, 80.0), (-160.0, 160.0), 4.0, _plane(0.08)),
+                    on((-400.0, 80.0), (-160.0, 160.0), 4.0, plane(0.08)),
                     _lava(BASALT, arrhenius=0.03, solidus=1300.0),
                     Vent(VENT, ((0.0, 10.0), (900.0, 4.0), (2400.0, 1.0), (4800.0, 0.0)))),
         # lava on a slope of 30 degrees in wind
         bench_scene('steep_slope', 240.0,
-                    on((-600.0, 60.0), (-80.0, 80.0), 3.0, _plane(0.577)),
+                    on((-600.0, 60.0), (-80.0, 80.0), 3.0, plane(0.577)),
                     _lava(BASALT, viscosity=8000.0, crust_strength=1e3), Vent(VENT, 10.0),
                     wind_speed=3.0),
         # two streams that flow twelve times longer than was assumed
@@ -175,12 +175,12 @@ def ground(
     return Terrain(height, resolution / finer, (x_range[0], y_range[0]))
 
 
-def _plane(slope: float) -> Surface:
+def plane(slope: float) -> Surface:
     """Return a plane that falls towards -x."""
     return lambda x, y: slope * x + 0.0 * y
 
 
-def _valley(slope: float, sides: float) -> Surface:
+def valley(slope: float, sides: float) -> Surface:
     """Return a valley that falls towards -x, with a rounded floor of 10 m."""
     return lambda x, y: slope * x + sides * np.hypot(y, 10.0)
 
@@ -200,7 +200,7 @@ def _ridge(flanks: float, radius: float) -> Surface:
     return lambda x, y: -flanks * np.hypot(x, radius) + 0.0 * y
 
 
-def _crater(radius: float, depth: float) -> Surface:
+def crater(radius: float, depth: float) -> Surface:
     """Return a bowl with a rim, level outside."""
     return lambda x, y: depth * np.minimum((x**2 + y**2) / radius**2, 1.0)
 
@@ -209,14 +209,27 @@ def _rough(slope: float, height: float) -> Surface:
     """Return a plane that falls towards -x, with bumps of a root mean square height [m]."""
     random = np.random.default_rng(1)
     lengths = random.uniform(30.0, 120.0, 24)
-    angles, phases = random.uniform(0.0, 2.0 * np.pi, (2, 24))
-    scale = height * np.sqrt(2.0 / len(lengths))
+    return sum_of_waves(slope, lengths, np.full(24, height * np.sqrt(2.0 / 24)), random)
+
+
+def sum_of_waves(
+    slope: float, lengths: np.ndarray, heights: np.ndarray, random: np.random.Generator
+) -> Surface:
+    """Return a plane that falls towards -x, with waves of random directions and phases.
+
+    Args:
+        slope: Slope of the plane.
+        lengths: Length of each wave [m].
+        heights: Amplitude of each wave [m].
+        random: Source of the directions and phases.
+    """
+    angles, phases = random.uniform(0.0, 2.0 * np.pi, (2, len(lengths)))
 
     def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        ground = slope * x
-        for length, angle, phase in zip(lengths, angles, phases, strict=True):
+        total = slope * x
+        for length, height, angle, phase in zip(lengths, heights, angles, phases, strict=True):
             along = np.cos(angle) * x + np.sin(angle) * y
-            ground = ground + scale * np.sin(2.0 * np.pi * along / length + phase)
-        return ground
+            total = total + height * np.sin(2.0 * np.pi * along / length + phase)
+        return total
 
     return surface

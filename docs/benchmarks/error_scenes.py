@@ -7,7 +7,17 @@ from __future__ import annotations
 
 from functools import partial
 
-from bench_scenes import bench_scene, BenchScene, ground, scenes, Surface, VENT
+from bench_scenes import (
+    bench_scene,
+    BenchScene,
+    crater,
+    ground,
+    plane,
+    scenes,
+    sum_of_waves,
+    Surface,
+    VENT,
+)
 import numpy as np
 
 from lava_ros.scene import Vent
@@ -52,14 +62,13 @@ def error_scenes(finer: int = 1) -> tuple[BenchScene, ...]:
         # a stiff dome in a crater
         bench_scene(
             'crater_dome', 25_000.0,
-            on((-150.0, 150.0), (-150.0, 150.0), 5.0,
-               lambda x, y: 40.0 * np.minimum((x**2 + y**2) / 110.0**2, 1.0)),
+            on((-150.0, 150.0), (-150.0, 150.0), 5.0, crater(110.0, 40.0)),
             isothermal(1e9), Vent((10.3, 5.2), 30.0, radius=10.0),
         ),
         # a slope of 40 degrees
         bench_scene(
             'slope_40', 300.0,
-            on((-700.0, 100.0), (-150.0, 150.0), 5.0, lambda x, y: 0.839 * x + 0.0 * y),
+            on((-700.0, 100.0), (-150.0, 150.0), 5.0, plane(0.839)),
             isothermal(8000.0), Vent(VENT, 15.0, radius=10.0),
         ),
         # a V-shaped valley across the cells, about four of them wide
@@ -81,7 +90,7 @@ def _waves(slope: float, height: float, shortest: float, longest: float) -> Surf
     """Return a plane that falls towards -x, with waves of a root mean square height [m]."""
     random = np.random.default_rng(7)
     lengths = np.exp(random.uniform(np.log(shortest), np.log(longest), 32))
-    return _sum_of_waves(slope, lengths, np.full(32, height * np.sqrt(2.0 / 32)), random)
+    return sum_of_waves(slope, lengths, np.full(32, height * np.sqrt(2.0 / 32)), random)
 
 
 def _fractal(slope: float, height: float) -> Surface:
@@ -90,19 +99,4 @@ def _fractal(slope: float, height: float) -> Surface:
     lengths = np.repeat(np.geomspace(6.0, 400.0, 24), 5)
     heights = lengths**0.7
     heights *= height * np.sqrt(2.0 / (heights**2).sum())
-    return _sum_of_waves(slope, lengths, heights, random)
-
-
-def _sum_of_waves(
-    slope: float, lengths: np.ndarray, heights: np.ndarray, random: np.random.Generator
-) -> Surface:
-    angles, phases = random.uniform(0.0, 2.0 * np.pi, (2, len(lengths)))
-
-    def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        total = slope * x
-        for length, height, angle, phase in zip(lengths, heights, angles, phases, strict=True):
-            along = np.cos(angle) * x + np.sin(angle) * y
-            total = total + height * np.sin(2.0 * np.pi * along / length + phase)
-        return total
-
-    return surface
+    return sum_of_waves(slope, lengths, heights, random)

@@ -12,16 +12,17 @@ where each forecast slows it down. Periods of some seconds with and without fore
 because other work on the machine varies. 'Slower' compares the velocity evaluations per second of
 a period with those of the periods before and after it (median). 'Behind' is the lost fraction of
 the clock's time in all periods. With a number of members, the script measures how often ensembles
-of ``lava demo --forecast`` are renewed, with a horizon of half an hour, at 40 times real time.
+of ``examples/narrow_forecast.py`` are renewed, with a horizon of half an hour, at 40 times real
+time.
 """
 
 import csv
+from pathlib import Path
 import sys
 import time
 
 import numpy as np
 
-from lava_ros.cli.demo_forecast import LAVA, SPACING, SPEED, UNCERTAINTY, VENT
 from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import Forecaster
 from lava_ros.live.worker import SimulationWorker
@@ -30,6 +31,9 @@ from lava_ros.scene.terrain_files import demo_terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.particles.layout import EVALUATIONS
 from lava_ros.simulation.presets import preset_accuracy
+
+sys.path.append(str(Path(__file__).parents[2] / 'examples'))
+from narrow_forecast import LAVA, SPACING, SPEED, UNCERTAINTY, VENT
 
 #: Number of periods with forecasts; there is one more without.
 N_PERIODS = 10

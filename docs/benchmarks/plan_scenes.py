@@ -6,7 +6,7 @@
 from dataclasses import replace
 from functools import partial
 
-from bench_scenes import BASALT, bench_scene, FLUID, ground, MELT, VENT
+from bench_scenes import BASALT, bench_scene, FLUID, ground, MELT, plane, valley, VENT
 import numpy as np
 
 from lava_ros.scene import Vent
@@ -46,15 +46,14 @@ def held_out(finer=1):
         # lava with a strength of 3 kPa on a gentle slope
         bench_scene(
             'thick', 2400.0,
-            on((-250.0, 100.0), (-150.0, 150.0), 4.0, lambda x, y: 0.08 * x + 0.0 * y),
+            on((-250.0, 100.0), (-150.0, 150.0), 4.0, plane(0.08)),
             replace(BASALT, viscosity=5e4, yield_strength=3000.0, yield_rate=0.01),
             Vent(VENT, 30.0),
         ),
         # lava that thins under shear down a valley
         bench_scene(
             'thinning', 1500.0,
-            on((-600.0, 100.0), (-100.0, 100.0), 3.5,
-               lambda x, y: 0.1 * x + 0.2 * np.hypot(y, 10.0)),
+            on((-600.0, 100.0), (-100.0, 100.0), 3.5, valley(0.1, 0.2)),
             replace(BASALT, viscosity=5000.0, flow_index=0.7), Vent(VENT, 15.0),
         ),
         # three vents among hills
@@ -68,14 +67,14 @@ def held_out(finer=1):
         # a discharge that dies down on a slope of 5 degrees
         bench_scene(
             'waning', 2000.0,
-            on((-500.0, 100.0), (-200.0, 200.0), 4.0, lambda x, y: 0.087 * x + 0.0 * y),
+            on((-500.0, 100.0), (-200.0, 200.0), 4.0, plane(0.087)),
             replace(BASALT, viscosity=2000.0),
             Vent(VENT, ((0.0, 40.0), (400.0, 15.0), (1000.0, 5.0), (1600.0, 0.0))),
         ),
         # fluid lava down a slope of 20 degrees
         bench_scene(
             'steep', 500.0,
-            on((-1200.0, 100.0), (-120.0, 120.0), 4.0, lambda x, y: 0.36 * x + 0.0 * y),
+            on((-1200.0, 100.0), (-120.0, 120.0), 4.0, plane(0.36)),
             replace(FLUID, viscosity=3000.0), Vent(VENT, 30.0),
         ),
         # stiff lava in a hollow

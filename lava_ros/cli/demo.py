@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo`: a flow on a mountain, or a forecast of one."""
+"""`lava demo`: a flow on a mountain."""
 
 from __future__ import annotations
 
@@ -38,11 +38,6 @@ MIN_ERROR_TIME = 15.0
 #: Files in the folder of the bag.
 RESULT, PICTURE = 'demo.json', 'demo.png'
 
-#: Options that apply to ``--forecast``.
-_FORECAST_OPTIONS = frozenset(
-    ('--forecast', '--members', '--picture', '--max-speed', '--device', '--domain', '--json')
-)
-
 
 @command(
     *SCENE_OPTIONS,
@@ -53,16 +48,7 @@ _FORECAST_OPTIONS = frozenset(
     ),
     argument(
         '--max-speed', 'X', 'run at most X times as fast as real time (default: the speed '
-        f'that takes {DEFAULT_WALL_TIME:g} s in all; with --forecast 40)', float,
-    ),
-    argument(
-        '--forecast', None, 'forecast the flow from a vent in the crater of Mount St. Helens, and '
-        'narrow the forecast with an observed outline', action='store_true',
-    ),
-    argument('--members', 'N', 'with --forecast: members of an ensemble (default: 16)', int),
-    argument(
-        '--picture', 'FILE', 'with --forecast: picture of the probabilities before and after the '
-        'outline (default: forecast.png)',
+        f'that takes {DEFAULT_WALL_TIME:g} s in all)', float,
     ),
     '--preset', '--spacing', '--device', '--domain', '--json',
 )
@@ -70,10 +56,7 @@ def demo(args: argparse.Namespace) -> int:
     """Simulate a lava flow on a mountain, live in ROS 2, and record it.
 
     The command starts the node on a scene, receives its maps over DDS, records them in a bag,
-    draws a picture of the last ones, and ends the node. With --forecast the node computes
-    forecasts and ensembles. The command opens a vent over DDS, prints how long the first forecast
-    takes, and sends the node the outline of a flow whose effusion rate and viscosity the node is
-    not given. It draws the probabilities before and after the outline.
+    draws a picture of the last ones, and ends the node.
     """
     from lava_ros.cli.scenes import scene_from_arguments
     from lava_ros.maps.onset import Onset
@@ -81,11 +64,6 @@ def demo(args: argparse.Namespace) -> int:
     from lava_ros.scene.erupting_lava import EruptingLava
 
     require_ros()
-    _check_forecast_options(args)
-    if args.forecast:
-        from lava_ros.cli.demo_forecast import narrow_forecast
-
-        return narrow_forecast(args, _own_domain(args.domain))
     duration = seconds_of('--duration', args.duration)
     if args.spacing is not None:
         validation.number('--spacing', args.spacing, above=0.0, unit='m')
@@ -128,19 +106,6 @@ def demo(args: argparse.Namespace) -> int:
     write_json(result, output / RESULT, args.json)
     _print_result(result)
     return 0
-
-
-def _check_forecast_options(args: argparse.Namespace) -> None:
-    """Raise LavaError for an option that does not apply with, or without, ``--forecast``."""
-    for names, options in demo.arguments:
-        name = names[-1]
-        value = getattr(args, name.lstrip('-').replace('-', '_'))
-        if value is None or value is False or value == options.get('default'):
-            continue
-        if args.forecast and name not in _FORECAST_OPTIONS:
-            raise validation.conflict(name, '--forecast')
-        if not args.forecast and name in ('--members', '--picture'):
-            raise validation.dependence(name, '--forecast')
 
 
 def _own_domain(number: int | None) -> int:

@@ -25,18 +25,6 @@ DATES = (
     ),
 )
 
-#: Options for dates and local times.
-DATES = (
-    argument(
-        '--onset', 'TIME', 'date and time of the start of the eruption, with its offset from UTC: '
-        '2006-07-14T22:00Z; pages and tables then have dates and times (default: that of the run, '
-        'if it states one)',
-    ),
-    argument(
-        '--timezone', 'ZONE', 'zone of local times: Europe/Rome (default: that of this machine)',
-    ),
-)
-
 #: Options of pages: further things to draw, the extent of the maps, and their publisher.
 PAGE = (
     argument(

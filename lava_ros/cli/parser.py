@@ -27,6 +27,9 @@ COMMANDS = (
 #: Commands that pass ``--ros-args`` and everything after it to ROS.
 ROS_COMMANDS = ('node', 'feed', 'replay')
 
+#: Removed options and their replacements, by command.
+GONE = {'demo': {'--forecast': 'run examples/narrow_forecast.py instead'}}
+
 _EPILOG = """\
 'lava COMMAND --help' describes a command and its options. Exit status: 0 if all
 went well, 1 if something failed or part of a bag is damaged or missing, 2 if the
@@ -171,6 +174,9 @@ def parse_command_line(words: list[str]) -> argparse.Namespace:
     except LavaError as error:
         parser.error(str(error))
     known = parser.commands[words[0]] if words and words[0] in parser.commands else parser
+    for name, remedy in GONE.get(words[0] if words else '', {}).items():
+        if name in words:
+            known.error(f'{name} is gone: {remedy}')
     known.check_options(words if known is parser else words[1:])
     found, others = parser.parse_known_args(words)
     if others:

@@ -19,29 +19,20 @@ from lava_ros.errors import RefusalError
 def report(args: argparse.Namespace) -> int:
     """Write an HTML page about a run, an ensemble, or several of them.
 
-    The page is one file that needs no other. Of a single run it has the map with a time slider,
-    curves of volume, area, front and temperature, the effects, the contents of the recording, and
-    the cost of the accuracy. Of an ensemble, or of several runs, it has the maps of lava plot.
-    With --overlay, it has the table of lava places.
+    The page is one file that needs no other. Of a single run it has the maps at the end, the
+    first arrival times, charts of volume, area, front and temperature, the effects, the contents
+    of the recording, and the cost of the accuracy. lava watch shows the maps over time. Of an
+    ensemble, or of several runs, the page has the maps of lava plot. With --overlay, it has the
+    table of lava places.
     """
-    from lava_ros.pages.report.page import write_comparison, write_report
-    from lava_ros.pages.runs import is_ensemble
+    from lava_ros.pages.report.page import write_report
 
-    if len(args.bag) > 1 or is_ensemble(args.bag[0]):
-        size = write_comparison(
-            args.bag, args.output, node=args.node, **page_options(args)
+    if args.scale is not None:
+        problem = '--scale applies to paper, and a report is for a screen'
+        raise RefusalError('--scale', problem, 'Leave it out, or draw a page with lava plot')
+    with Progress(has_lines=False) as progress:
+        size = write_report(
+            args.bag, args.output, node=args.node, progress=progress.show, **page_options(args)
         )
-    elif given := [
-        name for names, _ in PAGE
-        if (name := names[0]) != '--overlay' and getattr(args, name[2:])
-    ]:
-        problem = f'{given[0]} does not apply to the report of a single bag'
-        raise RefusalError(given[0], problem, 'Leave it out, or draw a page with lava plot')
-    else:
-        with Progress(has_lines=False) as progress:
-            size = write_report(
-                args.bag[0], args.output, node=args.node, overlays=args.overlay,
-                progress=progress.show,
-            )
     print(f'report of {size / 1e3:.0f} kB written to {args.output}')
     return 0

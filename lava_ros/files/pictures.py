@@ -40,6 +40,8 @@ def new_figure(
         # with embedded TrueType fonts, text can be searched and copied
         'pdf.fonttype': 42,
         'ps.fonttype': 42,
+        # the same figure gives the same file
+        'svg.hashsalt': 'lava_ros',
     }
     with style.context(['default', settings]):
         figure = Figure(figsize=size, dpi=dpi, facecolor='white')
@@ -55,13 +57,14 @@ def save_picture(figure: Any, path: str | Path, *, title: str = '', author: str 
     """
     title, author = (one_line(text, 400) for text in (title, author))
     program = f'lava_ros {lava_ros.__version__}'
-    names = {
+    names: dict[str, dict[str, str | None]] = {
         '.png': {'Title': title, 'Author': author, 'Software': program},
         '.pdf': {'Title': title, 'Author': author, 'Creator': program},
         # SVG uses the keys of Dublin Core
-        '.svg': {'Title': title, 'Creator': author or program},
+        '.svg': {'Title': title, 'Creator': author or program, 'Date': None},
     }
-    known = {key: text for key, text in names.get(Path(path).suffix.lower(), {}).items() if text}
+    found = names.get(Path(path).suffix.lower(), {})
+    known = {key: text for key, text in found.items() if text or text is None}
     with writing('output', path) as partial:
         figure.savefig(partial, metadata=known)
 

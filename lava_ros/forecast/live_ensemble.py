@@ -11,8 +11,6 @@ arrives, which weights these members. The next ensemble draws new ones near thos
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import takewhile
-import math
 import time as wall_clock
 from typing import Any
 
@@ -27,7 +25,7 @@ from lava_ros.forecast.probability import (
     footprint_by,
     footprint_of,
 )
-from lava_ros.forecast.sampling import draw_members, Member, Posterior
+from lava_ros.forecast.sampling import draw_members, Posterior
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.maps.places import Places
 from lava_ros.scene.ranges import describe_inputs
@@ -80,7 +78,6 @@ class LiveEnsemble:
         threshold: float,
         device: str | None = None,
         max_particles: int | None = None,
-        deadline: float | None = None,
         begun: float | None = None,
         places: Places | None = None,
         number: int = 0,
@@ -92,10 +89,9 @@ class LiveEnsemble:
 
         ``population`` has the distribution of the members, by default that of the scene.
         ``begun`` is the start of the ensemble on the monotonic clock [s], by default now.
-        ``deadline`` is the wall time after it [s] at which the ensemble ends with the members
-        completed by then; None: no limit. The maps include arrival times at ``places``. ``exact``
-        names the quantities that are not drawn. ``number`` and ``stamp_ns``, a ROS time [ns],
-        identify the ensemble in replies. Other arguments are those of ``ForecastRun``.
+        The maps include arrival times at ``places``. ``exact`` names the quantities that are not
+        drawn. ``number`` and ``stamp_ns``, a ROS time [ns], identify the ensemble in replies.
+        Other arguments are those of ``ForecastRun``.
 
         Raises:
             LavaError: If an argument is not valid, or no input of the scene is uncertain.
@@ -113,11 +109,10 @@ class LiveEnsemble:
         )
         self.asked = len(self._members)
         self._begun = wall_clock.monotonic() if begun is None else begun
-        self._end = math.inf if deadline is None else self._begun + deadline
         self._shares: dict[int, float] = {}
         self._running = running(
             self.plan,
-            takewhile(self._is_in_time, self._members),
+            self._members,
             device=device,
             max_particles=max_particles,
             progress=self._shares,
@@ -125,8 +120,7 @@ class LiveEnsemble:
         # a member waits until all lower numbers are done, because cheap ones finish first
         self._ahead: dict[int, Footprint] = {}
         self._footprints: list[Footprint] = []
-        self._starts: dict[int, float] = {}
-        self.duration = self._longest = 0.0
+        self.duration = 0.0
         self.is_done = False
 
     @property
@@ -156,9 +150,7 @@ class LiveEnsemble:
         for fields in self._running:
             if fields is not None:
                 self._ahead[fields.index] = footprint_of(fields, self.plan)
-                now = wall_clock.monotonic()
-                self.duration = now - self._begun
-                self._longest = max(self._longest, now - self._starts.pop(fields.index))
+                self.duration = wall_clock.monotonic() - self._begun
             while self.count in self._ahead:
                 self._footprints.append(self._ahead.pop(self.count))
             if self.count > before or wall_clock.monotonic() > until:
@@ -189,11 +181,6 @@ class LiveEnsemble:
         for footprint, weight in zip(self._footprints, weights, strict=True):
             tally.add(footprint, weight)
         return tally.maps()
-
-    def _is_in_time(self, member: Member) -> bool:
-        """Return True if a member may start: one of the first, or one that will end in time."""
-        now = self._starts[member.index] = wall_clock.monotonic()
-        return not self._longest or now + self._longest <= self._end
 
 
 class LiveEnsembles:

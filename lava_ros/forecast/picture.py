@@ -11,37 +11,8 @@ import numpy as np
 
 from lava_ros.files.pictures import new_figure, save_picture
 from lava_ros.forecast.scores import brier_score, reliability
-from lava_ros.maps.frames import frame_of
 from lava_ros.maps.page_layout import shrink_title
 from lava_ros.maps.plot import INK
-from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.scene import Scene
-
-
-def draw_narrowing(
-    scene: Scene,
-    maps: Sequence[tuple[str, np.ndarray]],
-    *,
-    seen: np.ndarray,
-    came: np.ndarray,
-    output: Path,
-) -> None:
-    """Draw maps of probability over shaded relief, with outlines of observed and final lava.
-
-    ``maps`` has the title and the probability (0 to 100, NaN unknown) of each map; ``seen`` and
-    ``came``, bool, are the observed and the finally inundated cells; all have the shape of the
-    terrain. The suffix of ``output`` sets the format.
-
-    Raises:
-        LavaError: If matplotlib is not installed, or the picture cannot be written.
-    """
-    frame, outlines = frame_of(scene), {'observed outline': seen, 'final outline': came}
-    panels = [
-        Panel(frame, 'probability', np.where(values > 0.0, values, np.nan), title,
-              outlines=outlines)
-        for title, values in maps
-    ]
-    draw_sheet(panels, output, title='Inundation probability before and after an outline')
 
 
 def write_reliability(

@@ -39,7 +39,6 @@ class ForecastRules:
         share: Maximum fraction of the time in which the device computes forecasts.
         max_particles: Maximum number of particles of a forecast.
         members: Number of ensemble members, 0 for no ensembles.
-        deadline: Maximum wall time of a forecast and its ensemble [s], 0 for no limit.
         time_scale: Simulated time per clock time [s/s].
         features: Places for which ensembles also predict arrival times.
         exact: Quantities that ensembles do not draw (``scene.uncertainty.QUANTITIES``).
@@ -51,7 +50,6 @@ class ForecastRules:
     share: float
     max_particles: int
     members: int = 0
-    deadline: float = 0.0
     time_scale: float = 1.0
     features: tuple[Feature, ...] = ()
     exact: tuple[str, ...] = ()
@@ -143,7 +141,6 @@ class EnsembleForecasts:
             'members': rules.members,
             'changes': fork.changes,
             'stamp_ns': round(fork.clock * 1e9),
-            'deadline': rules.deadline or None,
             'posterior': self._posterior,
             'outlines': self.status.outlines,
             'exact': rules.exact,

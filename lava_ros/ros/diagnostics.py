@@ -8,7 +8,7 @@ from pathlib import Path
 import re
 from socket import gethostname
 from types import MappingProxyType
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
@@ -32,10 +32,6 @@ from lava_ros.scene.vents import are_in_place
 from lava_ros.simulation.output.inundation import reached_cells
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
-
-if TYPE_CHECKING:
-    # loads the start of the node, which the bag of a command does not need
-    from lava_ros.ros.startup_inputs import DeadlineChoice
 
 #: Levels of a status.
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -172,8 +168,6 @@ def forecast_status(
         message = f'{maps.members} of {latest.asked} members'
         if not latest.is_done:
             message += ' so far'
-        elif maps.members < latest.asked:
-            message += ': the others were left out to meet the deadline'
     level = OK
     if state.error:
         level, message = ERROR, state.error
@@ -182,32 +176,6 @@ def forecast_status(
     elif staleness:
         level, message = WARN, f'stale, withdrawn: {staleness}'
     return status(task, level, message, values)
-
-
-def deadline_status(
-    deadline: float, choice: 'DeadlineChoice | None', *, took: float
-) -> DiagnosticStatus:
-    """Return the status of the deadline: the choice made for it, and whether it was met.
-
-    ``deadline`` is the maximum wall time [s], ``took`` that of the newest forecast [s].
-    """
-    values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
-    if choice is not None:
-        plan = choice.plan
-        values |= {
-            'spacing_m': '' if plan is None else f'{plan.spacing:.4g}',
-            'members': '' if choice.members is None else choice.members,
-            'expected_s': '0' if plan is None else f'{plan.wall_time:.3g}',
-            'numerical_error': '' if plan is None else plan.numerical_error.text(),
-            'expected_sampling_error': f'{choice.sampling_error:.2g}',
-            'choosing_took_s': f'{choice.spent:.3g}',
-        }
-    reason = choice.reason if choice else 'nothing chosen: no simulation was started with a vent'
-    is_late = took > deadline
-    if is_late:
-        reason = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
-    is_well = not is_late and (choice is None or choice.plan is not None)
-    return status('deadline', OK if is_well else WARN, reason, values)
 
 
 def recorder_status(recording: RecordingControl) -> DiagnosticStatus:

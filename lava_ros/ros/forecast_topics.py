@@ -24,7 +24,6 @@ from lava_ros.ros.diagnostics import ERROR, OK, WARN
 from lava_ros.ros.executor import now_ns
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers, NodeGraph
-from lava_ros.ros.startup_inputs import DeadlineChoice
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature, load_features
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -59,7 +58,6 @@ class ForecastTopics:
         *,
         worker: SimulationWorker,
         settings: Callable[[], Settings],
-        choice: Callable[[], DeadlineChoice | None],
         features: tuple[Feature, ...] = (),
     ) -> None:
         """Create publishers and the forecaster.
@@ -69,13 +67,12 @@ class ForecastTopics:
             layers: Layers of forecasts and ensembles.
             worker: Worker with the simulation.
             settings: Returns the current settings.
-            choice: Returns the choice made to meet the deadline, None without a deadline.
             features: Places for which ensembles also predict arrival times.
 
         Raises:
             LavaError: If layers of the arrival have different thresholds.
         """
-        self._settings, self._choice, self._features = settings, choice, features
+        self._settings, self._features = settings, features
         self._threshold = _threshold(layers)
         self._forecasts, self._ensembles = (
             _Withdrawable[Any](
@@ -134,34 +131,22 @@ class ForecastTopics:
         tasks: list[Any] = [('forecast', forecaster.status, forecaster.latest)]
         if settings.ensemble_members:
             tasks.append(('ensemble', ensembles.status, ensembles.latest))
-        result = [
+        return [
             diagnostics.forecast_status(
                 *task, age=forecaster.age(task[-1]), staleness=forecaster.staleness(task[-1])
             )
             for task in tasks
         ]
-        if settings.deadline:
-            # the duration of an ensemble includes that of its forecast
-            known = [latest.duration for *_, latest in tasks if latest is not None]
-            took = max(known, default=0.0)
-            result.append(
-                diagnostics.deadline_status(settings.deadline, self._choice(), took=took)
-            )
-        return result
 
     def _rules(self) -> ForecastRules:
-        settings, choice = self._settings(), self._choice()
-        members = settings.ensemble_members
-        if choice is not None and choice.members is not None:
-            members = min(members, choice.members)
+        settings = self._settings()
         return ForecastRules(
             horizon=settings.forecast_horizon,
             threshold=self._threshold,
             max_age=settings.forecast_max_age or 0.5 * settings.forecast_horizon,
             share=settings.forecast_share,
             max_particles=settings.max_particles,
-            members=members,
-            deadline=settings.deadline,
+            members=settings.ensemble_members,
             time_scale=settings.time_scale,
             features=self._features,
             exact=settings.quantities_exact,

@@ -263,13 +263,6 @@ class Settings:
         'scene gives a distribution), also in place of its distributions; empty: those that the '
         'scene fixes',
     )
-    deadline: float = _parameter(
-        0.0,
-        'Wall time within which a forecast and its ensemble have to be ready [s]: members that '
-        'would be late are left out, and each start and reset chooses the spacing accordingly; '
-        '0: no deadline',
-        (0.0, 1e6),
-    )
     places: tuple[str, ...] = _fixed(
         [''],
         'Files of points, lines and areas (.geojson, .gpkg, .csv); place_arrivals and the '
@@ -425,9 +418,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     if values['onset']:
         Onset.from_text(values['onset'], field='onset')
     lava = Lava.paper(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
-    for name in ('ensemble_members', 'deadline'):
-        if values[name] and not values['forecast_horizon']:
-            raise validation.dependence(name, 'a forecast_horizon above 0')
+    if values['ensemble_members'] and not values['forecast_horizon']:
+        raise validation.dependence('ensemble_members', 'a forecast_horizon above 0')
     settings = Settings(
         **{spec.name: spec.setting(values[spec.name]) for spec in PARAMETERS},
         constants={'lava': lava, **{name: values[name] for name in ENVIRONMENT}},

@@ -35,7 +35,7 @@ from lava_ros.ros.publishers import (
     ScenePublisher,
 )
 from lava_ros.ros.recording import SceneRecording
-from lava_ros.ros.startup_inputs import SimulationFactory, StartupInputs
+from lava_ros.ros.startup_inputs import make_simulation, StartupInputs
 from lava_ros.ros.subscribers import Allowance, InputSubscribers
 from lava_ros.simulation.output.snapshot import Snapshot
 
@@ -93,9 +93,8 @@ class NodeRuntime:
             transform=recorded_transform(node.get_logger(), is_wanted=settings.publish_tf),
         )
         snapshot_ready = graph.create('guard_condition', self._publish)
-        factory = SimulationFactory()
         self.worker = SimulationWorker(
-            lambda scene: factory.make(scene, self._settings),
+            lambda scene: make_simulation(scene, self._settings),
             clock=lambda: now_ns(node) * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,
@@ -127,7 +126,6 @@ class NodeRuntime:
             [layer for layer in layers if layer.is_forecast],
             worker=self.worker,
             settings=lambda: self._settings,
-            choice=lambda: factory.choice,
             features=features,
         )
         self._error = ErrorMeasurement(self.worker, share=lambda: self._settings.error_share)

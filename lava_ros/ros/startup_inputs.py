@@ -1,18 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Initial scene, terrain or checkpoint of a node, and the simulation of it.
-
-If forecasts have a deadline, it determines the accuracy of the simulation.
-"""
+"""Initial scene, terrain or checkpoint of a node, and the simulation of it."""
 
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 import math
 from pathlib import Path
-import time
 from typing import Any, TYPE_CHECKING
 
 from rclpy.node import Node
@@ -39,13 +34,11 @@ from lava_ros.scene import (
     vents_from_list,
 )
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.resolution import resolved_accuracy
 
 if TYPE_CHECKING:
-    from lava_ros.forecast.planning import RunPlan
     from lava_ros.simulation import Simulation
 
 
@@ -283,95 +276,19 @@ def _is_same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-@dataclass(frozen=True)
-class DeadlineChoice:
-    """Choice of accuracy and members for a deadline.
+def make_simulation(scene: Scene, settings: Settings) -> 'Simulation':
+    """Make a simulation at time 0, in the worker's thread.
 
-    Attributes:
-        reason: Reason of the choice, for the diagnostics.
-        spent: Wall time of the choice [s].
-        plan: Spacing, time and error of the runs; None if none is expected to meet the deadline.
-        members: Maximum number of members of an ensemble, None for ``ensemble_members``.
-        sampling_error: Expected standard error of a probability of one half, 0 without members.
+    Raises:
+        LavaError: If the settings do not fit the scene.
     """
+    # the solver loads Warp: done in the worker's thread, not at import
+    from lava_ros.simulation import Simulation
 
-    reason: str
-    spent: float
-    plan: 'RunPlan | None' = None
-    members: int | None = None
-    sampling_error: float = 0.0
-
-
-class SimulationFactory:
-    """Makes simulations of scenes. Called in the worker's thread; any thread may read ``choice``.
-
-    ``choice`` is the choice at the last start, None without a deadline or a vent.
-    """
-
-    def __init__(self) -> None:
-        """Initialize without a choice."""
-        self.choice: DeadlineChoice | None = None
-
-    def make(self, scene: Scene, settings: Settings) -> 'Simulation':
-        """Make a simulation at time 0.
-
-        Raises:
-            LavaError: If the settings do not fit the scene.
-        """
-        # the solver loads Warp: done in the worker's thread, not at import
-        from lava_ros.simulation import Simulation
-
-        return Simulation(
-            scene,
-            accuracy=self.accuracy(scene, settings),
-            device=settings.device,
-            effects=settings.forced,
-            horizon=settings.horizon,
-        )
-
-    def accuracy(self, scene: Scene, settings: Settings) -> Accuracy:
-        """Return the accuracy of a simulation of a scene."""
-        self.choice = None
-        if settings.deadline and scene.vents:
-            begun = time.monotonic()
-            try:
-                return self._afford(scene, settings, begun)
-            except LavaError as error:
-                # a late forecast is better than none
-                reason = f'preset {settings.preset}, as without a deadline: {error}'
-                self.choice = DeadlineChoice(reason, time.monotonic() - begun)
-        return preset_accuracy(settings.preset, spacing=settings.spacing)
-
-    def _afford(self, scene: Scene, settings: Settings, begun: float) -> Accuracy:
-        # this loads Warp, too
-        from lava_ros.forecast.planning import plan_within, sampling_error
-
-        asked = settings.ensemble_members
-        how = partial(
-            plan_within,
-            scene,
-            within=settings.deadline,
-            horizon=settings.forecast_horizon,
-            device=settings.device,
-        )
-        try:
-            # while the members run, forecasts take half of the time
-            plan = how(members=1 + 2 * asked)
-        except LavaError:
-            if not asked:
-                raise
-            # too many even at the coarsest spacing: plan the number with the smallest error
-            plan = how(members=None)
-        members = min(asked, max(plan.members - 1, 0) // 2)
-        self.choice = DeadlineChoice(
-            f'spacing {plan.spacing:.3g} m'
-            + (f' and {members} of {asked} members' if asked else '')
-            + f': {plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
-            f'{settings.deadline:g} s, from {plan.pilots} pilot runs'
-            + ('; more time would not help' if plan.is_finest else ''),
-            time.monotonic() - begun,
-            plan,
-            members,
-            sampling_error(members),
-        )
-        return preset_accuracy(plan.preset, spacing=plan.spacing)
+    return Simulation(
+        scene,
+        accuracy=preset_accuracy(settings.preset, spacing=settings.spacing),
+        device=settings.device,
+        effects=settings.forced,
+        horizon=settings.horizon,
+    )

@@ -3,7 +3,6 @@
 
 """`lava demo`, and the child processes of commands."""
 
-import json
 import os
 from pathlib import Path
 import signal
@@ -11,9 +10,7 @@ import subprocess
 import sys
 import time
 from types import SimpleNamespace
-from typing import Any
 
-from matplotlib.image import imread
 import pytest
 from rosbags.highlevel import AnyReader
 
@@ -32,14 +29,6 @@ def start(directory: Path, *words: str) -> subprocess.Popen[str]:
         cwd=directory, env=os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'},
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )
-
-
-def run(directory: Path, *words: str) -> tuple[str, dict[str, Any]]:
-    """Return the output and the result of a complete demo."""
-    demo = start(directory, *words, '--json', 'out.json')
-    output, errors = demo.communicate(timeout=400)
-    assert demo.returncode == 0, output + errors
-    return output, json.loads((directory / 'out.json').read_text())
 
 
 def test_demo_refuses_a_domain_in_use(monkeypatch):
@@ -88,20 +77,6 @@ def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
         assert reader.message_count > 0
     running = subprocess.run(['ps', '-eo', 'args'], capture_output=True, text=True, check=True)
     assert str(tmp_path) not in running.stdout
-
-
-@pytest.mark.nightly
-def test_observation_improves_the_forecast(tmp_path):
-    words = ('--forecast', '--members', '6', '--max-speed', '200', '--picture', 'out.png')
-    output, result = run(tmp_path, *words)
-    assert 'a forecast of the arrival time' in output
-    # the times depend on the machine, their order does not
-    assert 0.0 < result['forecast_after_s'] < result['all_members_after_s']
-    assert result['members_effective'] < result['members'] == 6
-    before, after = result['before'], result['after']
-    for key in ('mean_entropy_bits', 'undecided_m2', 'brier_score'):
-        assert 0.0 <= after[key] < before[key], key
-    assert imread(tmp_path / 'out.png').shape[2] in (3, 4)
 
 
 #: A program that prints 100 lines and has a given handler for SIGINT.

@@ -53,7 +53,6 @@ class Context(dict):
     def __init__(self, values: dict[str, str], argv: list[str]) -> None:
         super().__init__(values)
         self.argv = argv
-        self.is_shutdown = False
 
     @property
     def launch_configurations(self):
@@ -118,7 +117,6 @@ class Process:
     namespace: str = ''
     parameters: dict[str, Any] = field(default_factory=dict)
     files: list[str] = field(default_factory=list)
-    action: Any = None
 
 
 def started(action: Any, context: dict[str, str]) -> Process:
@@ -128,7 +126,6 @@ def started(action: Any, context: dict[str, str]) -> Process:
     program = f'{perform(action.package, context)}:{perform(action.executable, context)}'
     words = [perform(word, context) for word in action.arguments]
     result = Process([program, *words], action.name, perform(action.namespace, context))
-    result.action = action
     for item in action.parameters:
         if type(item).__name__ == 'ParameterFile':
             result.files.append(perform(item.param_file, context))

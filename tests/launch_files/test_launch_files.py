@@ -7,7 +7,6 @@ from pathlib import Path
 import re
 import runpy
 import sys
-from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -91,33 +90,6 @@ def test_accepts_further_arguments_of_an_including_file(monkeypatch):
     monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'robot.launch.py', 'robot:=r1'])
     context = Context({}, ['robot:=r1'])
     module['reject_unknown_arguments'](context, str(LAVA), module['declare_arguments']())
-
-
-@pytest.mark.parametrize(('arguments', 'respawns'), [
-    ({}, False),
-    ({'record': 'true'}, True),
-    ({'record': 'true', 'respawn': 'false'}, False),
-    ({'respawn': 'true'}, True),
-    ({'record': 'false', 'respawn': 'True'}, True),
-])
-def test_recording_node_is_restarted_when_it_is_killed(monkeypatch, arguments, respawns):
-    (node,), _ = start(monkeypatch, LAVA, **arguments)
-    assert node.action.respawn is respawns
-    assert node.action.respawn_delay > 0.0
-    (other,), _ = start(monkeypatch, LAVA, **arguments)
-    tokens = {item.parameters.get('restart_token', '') for item in (node, other)}
-    # each launch has another token
-    assert len(tokens - {''}) == (2 if respawns else 0)
-    (named,), _ = start(monkeypatch, LAVA, **arguments, restart_token='mission')
-    assert named.parameters['restart_token'] == 'mission'
-    context = Context({}, [])
-    for status in (0, 1, 2, -9, -11):
-        ends = node.action.on_exit(SimpleNamespace(returncode=status), context)
-        assert (ends is None) is (respawns and status < 0)
-        assert ends is None or str(status) in ends.reason
-    # during a shutdown by Ctrl+C
-    context.is_shutdown = True
-    assert node.action.on_exit(SimpleNamespace(returncode=-2), context) is None
 
 
 def test_replay_replaces_the_node(monkeypatch):

@@ -69,13 +69,13 @@ def launched(tmp_path, monkeypatch):
 
 
 def test_arguments_override_the_parameter_file(launched, tmp_path):
-    (tmp_path / 'my.yaml').write_text('/**: {ros__parameters: {preset: draft, deadline: 9.0}}')
+    (tmp_path / 'my.yaml').write_text('/**: {ros__parameters: {preset: draft, horizon: 9.0}}')
     words = ('preset:=fine', 'time_scale:=60.0', 'record:=true', 'namespace:=etna')
     text, received, files = launched('lava.launch.py', f'params_file:={tmp_path}/my.yaml', *words)
     assert received is not None, text
     assert '__ns:=/etna' in received
     file, given = files
-    assert file['/**']['ros__parameters'] == {'preset': 'draft', 'deadline': 9.0}
+    assert file['/**']['ros__parameters'] == {'preset': 'draft', 'horizon': 9.0}
     assert given['/etna/lava']['ros__parameters'].pop('restart_token').startswith('launch-')
     expected = {'preset': 'fine', 'time_scale': 60.0, 'record': True}
     assert given['/etna/lava']['ros__parameters'] == expected
@@ -86,18 +86,36 @@ def test_the_filter_servers_end_with_the_node(launched, then):
     text, received, _ = launched('nav2_keepout.launch.py', then=then)
     assert received is not None, text
     assert 'process[lava_node-1] was required' in text
-    assert text.count('process started') == 4
-    assert text.count('process has died') + text.count('process has finished cleanly') == 4
+    assert text.count('process started') == 5
+    assert text.count('process has died') + text.count('process has finished cleanly') == 5
 
 
-@pytest.mark.parametrize(
-    ('words', 'starts'), [(['record:=true'], 3), (['respawn:=true'], 3), (['record:=false'], 1)]
-)
-def test_killed_node_is_restarted_with_respawn(launched, tmp_path, words, starts):
-    then = 'test "$(grep -c . starts)" -lt 3 && kill -9 $$'
+#: Kills the node by a signal at its first two starts.
+KILL = 'test "$(grep -c . starts)" -lt 3 && kill -9 $$'
+
+
+@pytest.mark.parametrize(('words', 'then', 'starts', 'token'), [
+    (['record:=true'], KILL, 3, 'launch-'),
+    (['respawn:=true'], KILL, 3, 'launch-'),
+    (['record:=false', 'respawn:=True', 'restart_token:=mission'], KILL, 3, 'mission'),
+    (['record:=false'], KILL, 1, None),
+    (['record:=true', 'respawn:=false'], KILL, 1, None),
+    # a node that fails by itself would fail again
+    (['record:=true'], 'exit 1', 1, 'launch-'),
+])
+def test_killed_node_is_restarted_with_respawn(launched, tmp_path, words, then, starts, token):
     text, received, files = launched('lava.launch.py', *words, then=then)
     assert received is not None, text
     assert (tmp_path / 'lib/lava_ros/starts').read_text().count('lava_node') == starts
     given = [file['/lava']['ros__parameters'] for file in files if '/lava' in file]
     assert len(given) == starts
-    assert len({values.get('restart_token') for values in given}) == 1
+    (known,) = {values.get('restart_token') for values in given}
+    assert known is None if token is None else known.startswith(token)
+
+
+def test_each_launch_has_another_restart_token(launched):
+    for _ in range(2):
+        *_, files = launched('lava.launch.py', 'respawn:=true')
+    tokens = {file['/lava']['ros__parameters']['restart_token'] for file in files
+              if '/lava' in file}
+    assert len(tokens) == 2

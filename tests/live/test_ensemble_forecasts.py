@@ -99,7 +99,7 @@ def test_one_ensemble_is_requested_per_state():
     ensembles = EnsembleForecasts()
     assert order(ensembles, 1, fork(1.0, 0.0), members=0) is None
     first = order(ensembles, 2, fork(2.0, 5.0))
-    assert (first['members'], first['posterior'], first['deadline']) == (8, None, None)
+    assert (first['members'], first['posterior']) == (8, None)
     assert order(ensembles, 3, fork(3.0, 6.0)) is None
     known = np.zeros(SCENE.terrain.shape)
     quantiles = dict.fromkeys(QUANTILES, known)

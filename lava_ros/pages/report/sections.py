@@ -20,7 +20,6 @@ from lava_ros.maps.layers import (
     ZERO_CELSIUS,
 )
 from lava_ros.maps.numbers import seconds
-from lava_ros.maps.onset import recorded_onset
 from lava_ros.maps.place_arrivals import ArrivalTable
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.pages.report.summary import RunSummary
@@ -63,13 +62,8 @@ def warnings(recording: Recording, summary: RunSummary) -> list[str]:
 def facts(recording: Recording, summary: RunSummary) -> list[tuple[str, str]]:
     """Return names and values of the main results of a run, and the lava of its vents."""
     last = recording.timeline.last_run[-1]
-    onset = recorded_onset(recording.bag.custom_data)
-    dates = [] if onset is None else [
-        ('start of the eruption', onset.words()), ('maps show', onset.words(last.time)),
-    ]
     rows = [
         ('simulated', duration(last.time)),
-        *dates,
         *(
             (f'{name}, {summary.frame.threshold:g} m or more', area_words(area))
             for name, area in (
@@ -201,7 +195,7 @@ def recorded_tables(recording: Recording, summary: RunSummary) -> list[Table]:
         ('state', 'cut off; earlier messages are complete' if bag.recovered else 'finished'),
         ('size', f'{bag.size / 1e6:.2f} MB in {len(bag.files)} file(s)'),
         ('duration of the recording', duration(bag.duration_ns / 1e9)),
-        ('maps shown on this page', f'{len(summary.times)} frames of the last run'),
+        ('maps of the last run', f'{len(summary.times)}'),
         ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
         ('coordinate system', system_name(terrain.get('epsg'), terrain.get('wkt'))),
         ('recorded by', f'lava_ros {bag.custom_data.get("version") or "of unknown version"}'),

@@ -14,6 +14,9 @@ from lava_ros.files import write_output
 from lava_ros.files.optional import require
 from lava_ros.files.pictures import read_picture
 
+#: Kinds of pictures in data URLs by suffix, other than PNG.
+_KINDS = {'.jpg': 'jpeg', '.jpeg': 'jpeg', '.svg': 'svg+xml'}
+
 
 def render_page(template: str, **content: Any) -> str:
     """Render a template of this folder; texts are escaped."""
@@ -57,17 +60,21 @@ def write_static_page(
     if logo:
         # raises for a file without a picture
         read_picture('--logo', logo)
-    content['logo'] = _encoded(Path(logo)) if logo else ''
+    content['logo'] = encoded(Path(logo)) if logo else ''
     images = []
     for title, path in pictures:
-        images.append((title, _encoded(path)))
+        images.append((title, encoded(path)))
     text = render_page(template, style=read_asset('report.css'), pictures=images, **content)
     write_output('output', output, text)
     return len(text.encode())
 
 
-def _encoded(path: Path) -> str:
-    """Return a PNG or JPEG as a data URL."""
+def encoded(path: Path) -> str:
+    """Return a PNG, JPEG or SVG as a data URL.
+
+    Raises:
+        LavaError: If the file cannot be read.
+    """
     with refusing('output', str(path), 'a readable picture', OSError):
-        kind = 'jpeg' if path.suffix.lower() in ('.jpg', '.jpeg') else 'png'
+        kind = _KINDS.get(path.suffix.lower(), 'png')
         return f'data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}'

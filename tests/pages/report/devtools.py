@@ -143,11 +143,6 @@ class Browser:
                 return answer['result']
             self._note(answer)
 
-    def open(self, path: Path) -> None:
-        """Open a file, and wait until its script is ready."""
-        self.call('Page.navigate', url=path.as_uri())
-        self.wait_for('document.documentElement?.dataset.ready === "true"')
-
     def evaluate(self, expression: str) -> Any:
         """Return the value of an expression in the page."""
         answer = self.call('Runtime.evaluate', expression=expression, returnByValue=True)
@@ -163,29 +158,6 @@ class Browser:
             return True
 
         _wait(check, lambda: f'{expression} is not true; {self.problems}')
-
-    def press(self, key: str) -> None:
-        """Press a key: a character, or a name such as ``ArrowLeft``."""
-        codes = {' ': 32, 'End': 35, 'Home': 36, 'ArrowLeft': 37, 'ArrowRight': 39}
-        code = codes.get(key) or ord(key)
-        text = {'text': key} if len(key) == 1 else {}
-        for kind, extra in (('keyDown', text), ('keyUp', {})):
-            self.call(
-                'Input.dispatchKeyEvent', type=kind, key=key, windowsVirtualKeyCode=code, **extra
-            )
-
-    def click(self, selector: str, *, x: float = 0.5, y: float = 0.5) -> None:
-        """Click into an element, at fractions of its width and height from the upper left."""
-        found = json.dumps(selector)
-        self.evaluate(f'document.querySelector({found}).scrollIntoView({{block: "center"}})')
-        box = self.evaluate(
-            f'(() => {{const b = document.querySelector({found}).getBoundingClientRect();'
-            'return [b.left, b.top, b.width, b.height]})()'
-        )
-        place = {'x': box[0] + x * box[2], 'y': box[1] + y * box[3]}
-        press = {'button': 'left', 'clickCount': 1}
-        for kind, more in (('mouseMoved', {}), ('mousePressed', press), ('mouseReleased', press)):
-            self.call('Input.dispatchMouseEvent', type=kind, **more, **place)
 
     def resize(self, width: int, height: int, *, phone: bool = False) -> None:
         """Set the size of the page [pixels]."""

@@ -1,13 +1,22 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo --forecast`: a forecast before and after an outline is observed."""
+"""Narrow a forecast of the node with an outline that is observed.
+
+    python3 examples/narrow_forecast.py --json forecast.json
+
+The script starts the node without a vent, opens a vent in the crater of Mount St. Helens over DDS,
+and prints how long the first forecast and all members of the ensemble take. Then it sends the node
+the outline of a flow whose effusion rate and viscosity the node is not given, and draws the
+probabilities before and after the outline.
+"""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+import os
 from pathlib import Path
 import sys
 import time
@@ -17,10 +26,12 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.cli.console import write_json
-from lava_ros.cli.ros import Child, ChildError, running_node
+from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, running_node
+from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, PICTURES
-from lava_ros.forecast.picture import draw_narrowing
 from lava_ros.forecast.scores import brier_score, entropy
+from lava_ros.maps.frames import frame_of
+from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.runs.drive import drive
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.distributions import Displacement, Distribution
@@ -30,13 +41,10 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
-    from lava_ros.clients.monitor import ForecastWatch, ReceivedGrid
+    from forecast_watch import ForecastWatch, ReceivedGrid
 
 #: Horizon of the forecasts [s], and simulated time per wall time [s/s].
 HORIZON, SPEED = 3600.0, 40.0
-
-#: Number of members of an ensemble, and the picture to write.
-MEMBERS, PICTURE = 16, 'forecast.png'
 
 #: Simulated time at which the outline of the lava is observed [s].
 SEEN_AT = 1200.0
@@ -65,25 +73,40 @@ PATIENCE = 300.0
 UNDECIDED = (5, 95)
 
 
-def narrow_forecast(args: argparse.Namespace, domain: int) -> int:
-    """Open a vent in a ROS domain and narrow the node's forecast with an observed outline.
+def main() -> int:
+    """Open a vent in a ROS domain, narrow the node's forecast, and return the exit status."""
+    parser = argparse.ArgumentParser(description='Narrow a forecast with an observed outline.')
+    parser.add_argument('--members', type=int, default=16, help='members of an ensemble')
+    parser.add_argument('--max-speed', type=float, default=SPEED, help='times real time')
+    parser.add_argument('--picture', default='forecast.png', help='probabilities before and after')
+    parser.add_argument('--device', help='computing device: cpu, cuda:0, ...')
+    parser.add_argument('--domain', type=int, help='ROS domain ID (default: a free one)')
+    parser.add_argument('--json', help='file for the figures')
+    args = parser.parse_args()
+    try:
+        return narrow_forecast(args)
+    except LavaError as error:
+        parser.error(str(error))
+    except ChildError as error:
+        print(f'{parser.prog}: {error}', file=sys.stderr)
+        return 1
 
-    Args:
-        args: Arguments of `lava demo`; those not given are None.
-        domain: ID of a ROS domain that nothing else uses.
 
-    Returns:
-        The exit status: 1 if the node failed or took too long.
+def narrow_forecast(args: argparse.Namespace) -> int:
+    """Narrow the node's forecast with an observed outline, and return the exit status.
 
     Raises:
         LavaError: If an argument is out of range, or the picture cannot be written.
+        ChildError: If the node fails, or takes too long.
     """
-    members = MEMBERS if args.members is None else args.members
-    members = validation.whole('--members', members, at_least=2, at_most=10_000)
-    speed = SPEED if args.max_speed is None else args.max_speed
-    speed = validation.number('--max-speed', speed, at_least=1.0, at_most=200.0)
-    picture = PICTURE if args.picture is None else args.picture
-    file_to_write('--picture', picture, PICTURES)
+    require_ros()
+    members = validation.whole('--members', args.members, at_least=2, at_most=10_000)
+    speed = validation.number('--max-speed', args.max_speed, at_least=1.0, at_most=200.0)
+    file_to_write('--picture', args.picture, PICTURES)
+    if args.json is not None:
+        file_to_write('--json', args.json, ('.json',))
+    domain = domain_of(args.domain)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
     vent = replace(VENT, discharge=TRUE_DISCHARGE * VENT.peak)
     lava = replace(LAVA, viscosity=TRUE_VISCOSITY * LAVA.viscosity)
@@ -93,13 +116,9 @@ def narrow_forecast(args: argparse.Namespace, domain: int) -> int:
         accuracy=preset_accuracy('draft', spacing=SPACING), device=args.device,
     )
     seen = _reached(truth, SEEN_AT)
-    try:
-        result, maps, came = _narrowed(scene, truth, seen, members, speed, domain)
-    except ChildError as error:
-        print(f'lava demo: {error}', file=sys.stderr)
-        return 1
-    draw_narrowing(scene, maps, seen=seen, came=came, output=Path(picture))
-    result['picture'] = picture
+    result, maps, came = _narrowed(scene, truth, seen, members, speed, domain)
+    _draw(scene, maps, seen=seen, came=came, output=Path(args.picture))
+    result['picture'] = args.picture
     write_json(result, args.json)
     _print(result)
     return 0
@@ -123,7 +142,7 @@ def _narrowed(
     Raises:
         ChildError: If the node fails, or takes too long.
     """
-    from lava_ros.clients.monitor import ForecastWatch
+    from forecast_watch import ForecastWatch
 
     settings = {
         'device': truth.device,
@@ -246,6 +265,24 @@ def _scores(
     }
 
 
+def _draw(
+    scene: Scene,
+    maps: Sequence[tuple[str, np.ndarray]],
+    *,
+    seen: np.ndarray,
+    came: np.ndarray,
+    output: Path,
+) -> None:
+    """Draw maps of probability (titles, and 0 to 100) with the observed and the final outline."""
+    frame, outlines = frame_of(scene), {'observed outline': seen, 'final outline': came}
+    panels = [
+        Panel(frame, 'probability', np.where(values > 0.0, values, np.nan), title,
+              outlines=outlines)
+        for title, values in maps
+    ]
+    draw_sheet(panels, output, title='Inundation probability before and after an outline')
+
+
 def _print(result: dict[str, Any]) -> None:
     before, after = result['before'], result['after']
     low, high = UNDECIDED
@@ -258,3 +295,7 @@ def _print(result: dict[str, Any]) -> None:
     effective = result['members_effective']
     print(f'{"members":>30}: {result["members"]}, effective number {effective:.1f}')
     print(f'written to {result["picture"]}')
+
+
+if __name__ == '__main__':
+    sys.exit(main())
