@@ -13,6 +13,8 @@ import csv
 from pathlib import Path
 import re
 
+from kernel_ratio import time_ratio
+
 HERE = Path(__file__).parent
 
 #: Cells of a row of a table.
@@ -235,8 +237,6 @@ def kernel_radii() -> Iterator[Line]:
 
 def kernel_ratios() -> Iterator[Line]:
     """Yield the CPU times of smaller kernels at equal error, over those of the presets' kernel."""
-    from kernel_ratio import time_ratio
-
     yield 'kernel radius', 'thickness at the end', 'inundated area'
     rows = lines_of('kernel_ratio.csv')
     for ratio in (2.5, 3.0):

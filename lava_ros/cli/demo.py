@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 import os
 from pathlib import Path
 import sys
@@ -19,6 +19,7 @@ from lava_ros.cli.console import Progress, write_json
 from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scene_options import SCENE_OPTIONS
+from lava_ros.errors import refusing
 
 if TYPE_CHECKING:
     from lava_ros.scene import Scene
@@ -119,6 +120,9 @@ def _unused(name: str) -> Path:
     """Return a folder that does not exist, and print it if it has another name."""
     from lava_ros.runs.store import numbered
 
+    expected = 'the name of a folder'
+    with refusing('--output', name, expected, OSError), suppress(FileNotFoundError):
+        os.lstat(name)
     output = next(path for path in numbered(Path(name)) if not os.path.lexists(path))
     if output != Path(name):
         print(f'{name} exists and is kept; this demo records to {output}')

@@ -99,10 +99,10 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     known = options(command)
     for action in draw(st.lists(st.sampled_from(known), max_size=3)) if known else ():
         flag = action.option_strings[-1]
-        if action.nargs == 0:
+        if action.nargs == 0 or (action.nargs == '?' and draw(st.booleans())):
             words.append(flag)
             continue
-        count = draw(st.integers(1, 3)) if action.nargs == '+' else action.nargs or 1
+        count = {'+': draw(st.integers(1, 3)), '?': 1, None: 1}.get(action.nargs, action.nargs)
         values = [draw(WORDS.get(action.type, WORDS[None])) for _ in range(count)]
         # after = a value may begin with a hyphen
         words += [f'{flag}={values[0]}'] if count == 1 else [flag, *values]

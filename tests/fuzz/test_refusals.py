@@ -19,7 +19,14 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros import parameters
-from lava_ros.scene import constants_of, Scene, Terrain, Vent, vents_from_list
+from lava_ros.scene import (
+    constants_of,
+    MAX_ELEVATION,
+    Scene,
+    Terrain,
+    Vent,
+    vents_from_list,
+)
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
 from lava_ros.simulation.presets import preset_accuracy
@@ -129,6 +136,7 @@ WRONG: dict[type, dict[str, st.SearchStrategy[Any]]] = {
         'resolution': no_number(1e-4, 1e5) | st.just(0.0),
         'origin': st.sampled_from(NOT_PAIRS),
         'offset': st.sampled_from(NOT_PAIRS),
+        'sea_level': no_number(-MAX_ELEVATION, MAX_ELEVATION).filter(is_given),
         'epsg': st.sampled_from((0, -1, 1023, 1.5, '32633', True, [], math.nan, 10**30)),
         'barriers': st.sampled_from(
             (1.0, [1.0], 'barrier', [[(1.0, 2.0)]], [[(math.nan, 0.0), (1.0, 1.0)]])

@@ -66,9 +66,9 @@ def test_warns_of_constants_in_another_unit_or_without_effect(lava, phrase, capl
 ])
 def test_same_words_give_the_same_lava_in_python_and_in_yaml(given):
     lava, material = lava_from_dict('lava', given)
-    assert Lava.paper(**given) == lava and material.name == DEFAULT
+    assert Lava(**given) == lava and material.name == DEFAULT
     # the paper's constants are those of a material of their own
     paper, _ = lava_from_dict('lava', {'material': 'kedadry2023', **given})
     assert Lava.paper(**given) == paper
-    assert (Lava.paper(**given) == Lava.paper(**given)) is False
-    assert replace(Lava.paper(**given), density=2000.0) == Lava.paper(**given, density=2000.0)
+    assert (Lava(**given) == Lava.paper(**given)) is False
+    assert replace(Lava(**given), density=2000.0) == Lava(**given, density=2000.0)
