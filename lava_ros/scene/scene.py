@@ -114,11 +114,12 @@ class Scene:
             validation.number(f'events[{index}].time', event.time, at_least=least, unit='s')
             if event.terrain is not None:
                 check_same_grid(f'events[{index}].terrain', event.terrain, self.terrain)
-                if event.terrain.sea_level != self.terrain.sea_level:
+                ground = event.terrain
+                if ground.sea_level != self.terrain.sea_level:
                     # the sea stays at its level
-                    ground = replace(event.terrain, sea_level=self.terrain.sea_level)
-                    events[index] = event = replace(event, terrain=ground)
-                check_vents(self.vents, event.terrain, self.lava)
+                    ground = replace(ground, sea_level=self.terrain.sea_level)
+                    events[index] = replace(event, terrain=ground)
+                check_vents(self.vents, ground, self.lava)
         object.__setattr__(self, 'events', tuple(events))
         check_fields('scene', self)
 
