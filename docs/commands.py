@@ -61,7 +61,8 @@ def _form(action: argparse.Action) -> str:
         return name
     if isinstance(value, tuple):
         return ' '.join([name, *value])
-    value = value or ('{' + ','.join(action.choices) + '}' if action.choices else action.dest.upper())
+    if not value:
+        value = f'{{{",".join(action.choices)}}}' if action.choices else action.dest.upper()
     return f'{name} [{value}]' if action.nargs == '?' else f'{name} {value}'
 
 
