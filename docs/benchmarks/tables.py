@@ -464,6 +464,71 @@ def twins_outline() -> Iterator[Line]:
             )
 
 
+#: Presets of which the page of presets shows times and errors.
+SHOWN_PRESETS = ('draft', 'standard', 'fine')
+
+
+def preset_costs() -> Iterator[Line]:
+    """Yield the CPU time and the actual error of the inundated area, by scene and preset."""
+    yield ('scene', 'cells', *(f'`{name}`' for name in SHOWN_PRESETS))
+    rows = lines_of('presets.csv')
+    for scene in dict.fromkeys(row['scene'] for row in rows):
+        found = {row['preset']: row for row in rows if row['scene'] == scene}
+        shown = [found[name] for name in SHOWN_PRESETS]
+        yield (scene.replace('_', ' '), f'{float(shown[0]["cell_m"]):g} m', *(
+            f'{_two_digits(row["cpu_s"])} s, **{_percent(row["inundated_actual"])} %**'
+            f' ({_percent(row["inundated_stated"])} % stated)' for row in shown
+        ))
+
+
+def preset_gains() -> Iterator[Line]:
+    """Yield what `standard` costs and gains over `draft`, by scene, the least useful first."""
+    yield ('scene', 'cells', 'time over `draft`', 'inundated: `draft`', '`standard`',
+           'thickness: `draft`', '`standard`')
+    rows = [row for row in lines_of('equal_error.csv') if row['version'] == 'after']
+    pairs = [
+        tuple(next(row for row in rows if (row['scene'], row['preset']) == (scene, preset))
+              for preset in SHOWN_PRESETS[:2])
+        for scene in dict.fromkeys(row['scene'] for row in rows)
+    ]
+    pairs.sort(key=lambda pair: -float(pair[1]['inundated']) / float(pair[0]['inundated']))
+    for draft, standard in pairs:
+        yield (
+            draft['scene'].replace('_', ' '),
+            f'{float(draft["cell_m"]):g} m',
+            f'x {float(standard["cpu_s"]) / float(draft["cpu_s"]):.1f}',
+            *(f'{_percent(row[name])} %' for name in ('inundated', 'thickness')
+              for row in (draft, standard)),
+        )
+
+
+def preset_scores() -> Iterator[Line]:
+    """Yield the scores and times of presets on the mapped flows, both flows together in time."""
+    yield ('preset', 'flow', 'spacing', 'Jaccard index, majority of 8 runs', 'single runs',
+           'time of 8 runs of both flows')
+    for row in lines_of('eruptions.csv'):
+        assert row['runs'] == '8'
+        yield (
+            f'`{row["preset"]}`',
+            f'Etna {row["case"].removeprefix("etna")}',
+            f'{float(row["spacing_m"]):.2g} m',
+            f'**{float(row["majority"]):.2f}**',
+            f'{float(row["single"]):.2f} ± {float(row["single_deviation"]):.2f}',
+            f'{float(row["seconds"]):.0f} s',
+        )
+
+
+def command_times() -> Iterator[Line]:
+    """Yield the wall times of `lava hindcast` on the mapped flows."""
+    head, *rows = commands()
+    yield head[1:]
+    yield from (row[1:] for row in rows if row[0] == 'lava_ros')
+
+
+def _two_digits(number: str) -> str:
+    return f'{float(f"{float(number):.2g}"):g}'
+
+
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
@@ -476,6 +541,10 @@ PAGES: Mapping[str, Tables] = {
         'grounds': grounds, 'kernel_radii': kernel_radii, 'kernel_ratios': kernel_ratios,
     },
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
+    'presets.md': {
+        'preset_costs': preset_costs, 'preset_gains': preset_gains,
+        'preset_scores': preset_scores, 'command_times': command_times,
+    },
     'NAV2.md': {'rolling_windows': rolling_windows, 'masks': masks},
     'how_to/ensemble.md': {'twins': twins, 'twins_outline': twins_outline},
     'benchmarks/README.md': {
