@@ -47,6 +47,7 @@ nightly: $(STAMP)  ## Run the fuzzers with thousands of examples, the tests mark
 	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py || failed="$$failed install"; \
 	$(VENV)/bin/python tests/install/image.py || failed="$$failed image"; \
 	make --no-print-directory audit || failed="$$failed audit"; \
+	$(VENV)/bin/python tests/mutation.py --minutes 30 || failed="$$failed mutation"; \
 	$(VENV)/bin/python tests/fuzz/table.py build/fuzz.json || failed="$$failed table"; \
 	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 

@@ -25,8 +25,7 @@ def test_mutants_change_one_place_outside_kernels_and_texts():
     lines, changed = SOURCE.splitlines(), set()
     for mutant in mutants('a.py', SOURCE.encode()):
         new = mutant.apply(SOURCE.encode()).decode().splitlines()
-        ((number, line),) = [item for item in enumerate(new) if item[1] != lines[item[0]]]
-        assert len(new) == len(lines)
+        (line,) = [one for one, old in zip(new, lines, strict=True) if one != old]
         changed.add(line.strip())
     assert changed == {
         "if ('ä' in values or step > 2):", "if ('ä' not in values) and step > 2:",

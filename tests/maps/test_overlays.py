@@ -162,7 +162,10 @@ def test_features_without_any_part_on_the_map_are_hidden():
 
 @pytest.mark.parametrize(
     ('kinds', 'marker', 'line'),
-    [(('Point',), 's', 'None'), (('LineString',), 'None', '--'), (('Point', 'Polygon'), 's', '--')],
+    [
+        (('Point',), 's', 'None'), (('LineString',), 'None', '--'),
+        (('Point', 'Polygon'), 's', '--'),
+    ],
 )
 def test_symbol_of_a_file_has_the_markers_and_lines_of_its_features(kinds, marker, line):
     handle = OverlayStyle.of(1).handle([feature(kind, [(0.0, 0.0)]) for kind in kinds])
