@@ -42,6 +42,9 @@ _OTHER = {
     ast.And: ast.Or, ast.Or: ast.And,
 }
 
+#: Options of pytest for many files.
+_SPREAD = ('--numprocesses=auto', '--dist=loadfile')
+
 _WITHOUT_CODE = ('annotation', 'returns', 'decorator_list')
 
 
@@ -59,11 +62,15 @@ class Mutant(NamedTuple):
 
 
 def mutants(file: str, source: bytes) -> Iterator[Mutant]:
-    """Yield all mutants of a file, except in kernels, annotations, assertions and texts."""
+    """Yield all mutants of a file, except in kernels, constants, annotations and texts."""
     starts = [0]
     for line in source.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
-    waiting: list[ast.AST] = [ast.parse(source)]
+    # values of constants are data
+    waiting: list[ast.AST] = [
+        node for node in ast.parse(source).body
+        if not isinstance(node, ast.Assign | ast.AnnAssign)
+    ]
     while waiting:
         node = waiting.pop()
         decorators = ' '.join(map(ast.unparse, getattr(node, 'decorator_list', ())))
@@ -108,8 +115,8 @@ def tests_of(file: str) -> tuple[tuple[str, ...], ...]:
         test for test in sorted(room.rglob('test_*.py'))
         if test.stem == f'test_{path.stem}' or re.search(pattern, test.read_text('utf-8'))
     ]
-    stages = (found, [room]) if found else ([room],)
-    return tuple(tuple(str(test.relative_to(ROOT)) for test in tests) for tests in stages)
+    stages = tuple(str(test.relative_to(ROOT)) for test in found), (f'tests/{room.name}', *_SPREAD)
+    return stages if found else stages[1:]
 
 
 def passes(tree: Path, tests: tuple[str, ...], limit: float) -> bool:

@@ -6,6 +6,8 @@
 from mutation import mutants
 
 SOURCE = """
+LIMIT = 2.0
+
 @wp.func
 def add(a: real, b: real):
     return a + b
