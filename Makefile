@@ -37,7 +37,7 @@ hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minut
 hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each, and list the failures
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run --published $(ARGS)
 
-nightly: $(STAMP)  ## Run the fuzzers with thousands of examples, the tests marked nightly, the node in another folder and the Dockerfile's steps, look up vulnerabilities, and print a table (ARGS='--hypothesis-seed=1')
+nightly: $(STAMP)  ## Run the fuzzers with thousands of examples, the tests marked nightly, the node in another folder and the Dockerfile's steps, look up vulnerabilities, try random mutants, and print a table (ARGS='--hypothesis-seed=1')
 	@mkdir -p build
 	@rm -f build/fuzz.json
 	@failed=; export LAVA_FUZZ_FIGURES=build/fuzz.json; \
