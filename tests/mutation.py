@@ -107,13 +107,14 @@ def _changed(node: ast.AST) -> str | None:
 
 @cache
 def tests_of(file: str) -> tuple[tuple[str, ...], ...]:
-    """Return the tests in a file's room with its name or that import it, and all of its room."""
+    """Return the tests with a file's name, or in its room that import it, and all of its room."""
     path = Path(file)
     room = ROOT / 'tests' / path.parts[1]
     pattern = rf"\b{re.escape('.'.join(path.with_suffix('').parts))}\b"
     found = [
-        test for test in sorted(room.rglob('test_*.py'))
-        if test.stem == f'test_{path.stem}' or re.search(pattern, test.read_text('utf-8'))
+        test for test in sorted((ROOT / 'tests').rglob('test_*.py'))
+        if test.stem == f'test_{path.stem}'
+        or (room in test.parents and re.search(pattern, test.read_text('utf-8')))
     ]
     stages = tuple(str(test.relative_to(ROOT)) for test in found), (f'tests/{room.name}', *_SPREAD)
     return stages if found else stages[1:]
