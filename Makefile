@@ -37,7 +37,7 @@ hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minut
 hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each, and list the failures
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run --published $(ARGS)
 
-nightly: $(STAMP)  ## Run the fuzzers with thousands of examples, the tests marked nightly, the node in another folder and the Dockerfile's steps, look up vulnerabilities, and print a table (ARGS='--hypothesis-seed=1')
+nightly: $(STAMP)  ## Run the fuzzers with thousands of examples, the tests marked nightly, the node in another folder and the Dockerfile's steps, look up vulnerabilities, try random mutants, and print a table (ARGS='--hypothesis-seed=1')
 	@mkdir -p build
 	@rm -f build/fuzz.json
 	@failed=; export LAVA_FUZZ_FIGURES=build/fuzz.json; \
@@ -47,6 +47,7 @@ nightly: $(STAMP)  ## Run the fuzzers with thousands of examples, the tests mark
 	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py || failed="$$failed install"; \
 	$(VENV)/bin/python tests/install/image.py || failed="$$failed image"; \
 	make --no-print-directory audit || failed="$$failed audit"; \
+	$(VENV)/bin/python tests/mutation.py --minutes 30 || failed="$$failed mutation"; \
 	$(VENV)/bin/python tests/fuzz/table.py build/fuzz.json || failed="$$failed table"; \
 	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 

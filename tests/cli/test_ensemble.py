@@ -175,7 +175,8 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     assert ((maps['expected_peak_thickness'] > 0.0) >= (probability > 0.0)).all()
     with rasterio.open(out / 'arrival_time_p50.tif') as file:
         assert file.crs.to_epsg() == 32633 and file.units == ('s',)
-        assert file.bounds[:2] == CORNER and file.tags()['members'] == '4'
+        assert file.bounds[:2] == CORNER
+        assert (file.tags()['members'], file.tags()['unseen_percent']) == ('4', '20')
     # the formats of the first command have all members, too
     with rasterio.open(f'netcdf:{out / "maps.nc"}:inundation_probability') as file:
         assert file.tags(1)['members'] == '4'

@@ -131,7 +131,8 @@ def test_finished_run_is_never_changed(folder, tmp_path, monkeypatch):
     (('--threshold', '0'), '--threshold is 0'),
     # the simulation refuses these, after the folder has been made
     (('--spacing', '-1'), 'spacing is -1'),
-    (('--on', 'tides'), 'tides'),
+    (('--on', 'tides'), "--on is 'tides', expected one of steep, "),
+    (('--off', 'tides'), "--off is 'tides', expected one of steep, "),
 ])
 def test_run_names_the_argument_that_is_wrong(words, error, folder, tmp_path):
     *_, said = lava('run', folder / 'scene.yaml', '--until', '1h', *words, '-o', tmp_path / 'run')

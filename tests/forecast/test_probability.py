@@ -21,7 +21,15 @@ from disc_flow import (
     TERRAIN,
 )
 from lava_ros.errors import LavaError
-from lava_ros.forecast.assimilation import effective_members, jaccard, Outline, UNIT, weigh
+from lava_ros.forecast.assimilation import (
+    effective_members,
+    jaccard,
+    Mask,
+    Outline,
+    outline_on,
+    UNIT,
+    weigh,
+)
 from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.probability import (
     EnsembleAccumulator,
@@ -110,6 +118,14 @@ def test_arrival_error_is_at_most_half_a_sample() -> None:
     for time in (0.0, 900.0, HORIZON):
         reached = footprint_by(footprint, PLAN, time)
         assert np.array_equal(reached, np.nan_to_num(maps.arrival[0.5], nan=np.inf) <= time)
+
+
+def test_lava_that_arrives_exactly_at_a_time_has_arrived() -> None:
+    footprint = footprint_of(disc_fields(0, 1.3), PLAN)
+    samples = footprint.half_sample[footprint.half_sample != NEVER]
+    for sample in np.unique(samples):
+        found = footprint_by(footprint, PLAN, (float(sample) + 0.5) * PLAN.interval)
+        assert found.sum() == (samples <= sample).sum()
 
 
 def test_pairs_of_members_correct_their_maps() -> None:
@@ -351,6 +367,26 @@ def test_sharpness_falls_until_enough_members_count() -> None:
     assert weights.effective_members == pytest.approx(30.0, rel=0.01)
     assert weights.sharpness < 10.0
     assert weigh(index).effective_members > 10.0
+
+
+def test_mask_is_resampled_to_the_terrain() -> None:
+    mask = Mask(
+        np.array([[True, False, False], [True, False, True]]),
+        np.array([[True, True, False], [True, True, True]]), 10.0, (100.0, 50.0),
+    )
+    ground = np.zeros((6, 10))
+    # without data: one cell with lava, one without
+    ground[2, 3] = ground[2, 4] = np.nan
+    # the mask starts in column 2, row 1
+    outline = outline_on(Terrain(ground, 5.0, origin=(90.0, 45.0)), mask, 60.0)
+    fine = np.kron(mask.lava, np.ones((2, 2))).astype(bool)
+    known = np.kron(mask.known, np.ones((2, 2))).astype(bool)
+    known[1, 1:3] = False
+    np.testing.assert_array_equal(outline.known[1:5, 2:8], known)
+    np.testing.assert_array_equal(outline.lava[1:5, 2:8], fine & known)
+    assert outline.known.sum() == known.sum() and outline.lava.sum() == (fine & known).sum()
+    with pytest.raises(LavaError, match='outline with lava'):
+        outline_on(Terrain(ground, 5.0, origin=(900.0, 45.0)), mask, 60.0)
 
 
 def test_refuses_unusable_outlines_and_indices() -> None:

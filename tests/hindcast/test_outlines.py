@@ -84,6 +84,7 @@ def test_majority_of_runs_counts_at_each_time(mapped):
     case, snapshot = load_case(folder), result.snapshot
     nothing = replace(snapshot, half_inundated=np.full_like(snapshot.arrived, np.nan))
     assert score_outlines(case, [snapshot, snapshot, nothing])[0].jaccard == 1.0
+    assert score_outlines(case, [snapshot, nothing])[0].jaccard == 1.0
     assert score_outlines(case, [snapshot, nothing, nothing])[1].jaccard == 0.0
 
 

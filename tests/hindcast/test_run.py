@@ -318,9 +318,10 @@ def test_majority_is_the_area_that_half_of_the_runs_cover(valley):
     maps[0, 10:20, 10:20] = 3.0
     maps[1, 10:20, 10:16] = 1.0
     maps[2, 10:14, 10:16] = 0.1
-    found = agreement(valley, [
+    snapshots = [
         _snapshot(valley.scene.terrain, item, np.where(item > 0.0, 60.0, np.nan)) for item in maps
-    ])
+    ]
+    found = agreement(valley, snapshots)
     assert found.share[10, 10] == 1.0
     assert found.share[15, 10] == pytest.approx(2.0 / 3.0)
     np.testing.assert_array_equal(found.thickness > 0.0, maps[1] > 0.0)
@@ -328,7 +329,12 @@ def test_majority_is_the_area_that_half_of_the_runs_cover(valley):
     assert numbers['count'] == 3
     assert numbers['lowest'] <= numbers['mean'] <= numbers['highest']
     assert numbers['standard_deviation'] == pytest.approx(np.std(numbers['jaccard'], ddof=1))
-    assert found.majority.area == 60 * valley.scene.terrain.resolution**2
+    cell = valley.scene.terrain.resolution**2
+    assert found.majority.area == 60 * cell
+    # also if it is exactly half of them
+    half = agreement(valley, snapshots[:2])
+    assert half.majority.area == 100 * cell
+    np.testing.assert_array_equal(half.thickness > 0.0, maps[0] > 0.0)
 
 
 def test_interrupted_replicates_resume(valley, tmp_path, monkeypatch):

@@ -70,11 +70,11 @@ def test_map_contains_places_within_reach(page, caplog):
 
 def test_reach_is_limited_by_terrain_and_size_of_the_lava():
     """Vertices of a road count separately; places off the terrain do not count."""
-    bounds, limits = (0.0, 0.0, 100.0, 50.0), (-1000.0, -120.0, 1000.0, 1000.0)
+    bounds, limits = (0.0, 0.0, 100.0, 50.0), (-1000.0, -120.0, 1000.0, 130.0)
     reach = REACH * 100.0
     road = np.array([[99.0 + reach, 20.0], [101.0 + reach, 20.0]])
-    gone = np.array([[50.0, -130.0]])
-    features = [Feature('', 'LineString', (road,), {}), Feature('', 'Point', (gone,), {})]
+    gone = [np.array([[50.0, -130.0]]), np.array([[50.0, 140.0]])]
+    features = [Feature('', 'LineString', (road,), {}), Feature('', 'Point', gone, {})]
     assert bounds_with_places(bounds, limits, [features]) == (0.0, 0.0, 99.0 + reach, 50.0)
 
 
@@ -137,8 +137,39 @@ def test_names_of_lines_and_areas_are_on_the_map(page):
     for label in axes.texts:
         if label.get_text() in ('road', 'park', 'track'):
             assert shows(axes, *label.xy)
-    window = (500_000.0, 4_180_000.0, 500_010.0, 4_180_010.0)
-    assert hidden([road, park], window) == [road]
+
+
+def test_features_without_any_part_on_the_map_are_hidden():
+    def ring(size):
+        return size * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+
+    window = (-10.0, -10.0, 10.0, 10.0)
+    shown = [
+        Feature('', 'LineString', (np.array([[90.0, 0.0], [80.0, 9.0], [9.0, 9.0]]),), {}),
+        # no vertex is on the map
+        Feature('', 'LineString', (np.array([[90.0, 0.0], [80.0, 0.0], [-80.0, 0.0]]),), {}),
+        Feature('', 'Polygon', (ring(90.0),), {}),
+        Feature('', 'Polygon', (ring(90.0), ring(9.0)), {}),
+    ]
+    gone = [
+        Feature('', 'Point', (np.array([[11.0, 0.0]]),), {}),
+        Feature('', 'LineString', (ring(90.0),), {}),
+        # the map is in a hole of the area
+        Feature('', 'Polygon', (ring(90.0), ring(80.0)), {}),
+    ]
+    assert hidden([*shown, *gone], window) == gone
+
+
+@pytest.mark.parametrize(
+    ('kinds', 'marker', 'line'),
+    [
+        (('Point',), 's', 'None'), (('LineString',), 'None', '--'),
+        (('Point', 'Polygon'), 's', '--'),
+    ],
+)
+def test_symbol_of_a_file_has_the_markers_and_lines_of_its_features(kinds, marker, line):
+    handle = OverlayStyle.of(1).handle([feature(kind, [(0.0, 0.0)]) for kind in kinds])
+    assert (handle.get_marker(), handle.get_linestyle()) == (marker, line)
 
 
 def test_names_avoid_each_other_and_the_edge(page):

@@ -18,7 +18,6 @@ import pytest
 from sensor_msgs.msg import Image
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.assimilation import outline_on
 from lava_ros.ros import codec, inputs
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Terrain, Vent
@@ -396,23 +395,11 @@ def seen(cells, resolution=10.0, origin=(100.0, 50.0)):
     return codec.occupancy_grid(np.array(cells, dtype=np.int8), info, codec.header('map', 5))
 
 
-def test_mask_is_resampled_to_the_terrain():
+def test_mask_has_the_lava_and_the_observed_cells_of_a_grid():
     mask = inputs.mask_from_grid(seen([[100, 49, -1], [50, 0, 100]]), RULES)
     assert mask.lava.tolist() == [[True, False, False], [True, False, True]]
     assert mask.known.tolist() == [[True, True, False], [True, True, True]]
     assert (mask.resolution, mask.origin) == (10.0, (100.0, 50.0))
-    ground = np.zeros((6, 10))
-    ground[2, 4] = np.nan
-    # the mask starts in column 2, row 1
-    outline = outline_on(Terrain(ground, 5.0, origin=(90.0, 45.0)), mask, 60.0)
-    fine = np.kron(mask.lava, np.ones((2, 2))).astype(bool)
-    known = np.kron(mask.known, np.ones((2, 2))).astype(bool)
-    known[1, 2] = False
-    np.testing.assert_array_equal(outline.known[1:5, 2:8], known)
-    np.testing.assert_array_equal(outline.lava[1:5, 2:8], fine & known)
-    assert outline.known.sum() == known.sum() and outline.lava.sum() == (fine & known).sum()
-    with pytest.raises(LavaError, match='outline with lava'):
-        outline_on(Terrain(ground, 5.0, origin=(900.0, 45.0)), mask, 60.0)
 
 
 @pytest.mark.parametrize(

