@@ -7,6 +7,7 @@ Each example replaces every value of a valid set in turn.
 """
 
 from dataclasses import asdict, fields
+from datetime import datetime
 import math
 from typing import Any
 
@@ -161,6 +162,7 @@ WRONG: dict[type, dict[str, st.SearchStrategy[Any]]] = {
         'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
         'emplaced_flows': st.sampled_from((None, 1.0, 'flow', [None], [{}], [GROUND], {1: 2})),
         'events': st.sampled_from((None, 1.0, 'event', [None], [{}], [GROUND], {1: 2})),
+        'onset': st.sampled_from((1.0, '2021-09-19', [], datetime(2021, 9, 19), b'x', {})),
         **described_fields(Scene),
     },
     Accuracy: described_fields(Accuracy),

@@ -204,28 +204,26 @@ def test_hindcast_reports_each_outline(mapped, tmp_path):
 def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(mapped, tmp_path):
     case = Path(shutil.copytree(mapped[0], tmp_path / 'valley'))
     with (case / 'case.yaml').open('a') as file:
-        # four members say little about the other quantities
-        span = '{distribution: uniform, low: 0.2, high: 2.0}'
-        file.write(f'uncertainty: {{exact: all, discharge: {span}}}\n')
-    words = ['ensemble', case, '-o', tmp_path / 'out', '--members', '4', '--spacing', '40']
+        file.write('uncertainty: {discharge: {distribution: uniform, low: 0.2, high: 2.0}}\n')
+    words = ['ensemble', case, '-o', tmp_path / 'out', '--members', '12', '--spacing', '15']
     words += ['--device', 'cpu', '--workers', '1', '--json', tmp_path / 'report.json']
-    assert '--observed' in refused(*words, '--posterior', '4')
+    assert '--observed' in refused(*words, '--posterior', '12')
     text = done(*words)
     dates = json.loads((tmp_path / 'report.json').read_text())['dates']
     assert [item['date'] for item in dates['dates']] == ['900 s', '1800 s']
     assert dates['dates'][0]['brier_skill_persistence'] is None
-    assert sum(item['count'] for item in dates['reliability']) == 2 * footprint().size // 4
+    assert sum(item['count'] for item in dates['reliability']) == 2 * footprint().size
     assert f'{dates["brier_score"]:.3f}' in text and 'all dates' in text
-    seen = ['--observed', case / 'early.asc', '--observed-at', '900s', '--posterior', '4']
+    seen = ['--observed', case / 'early.asc', '--observed-at', '900s', '--posterior', '12']
     text = done(*words, *seen)
     report = json.loads((tmp_path / 'report.json').read_text())
     new = report['posterior']
     # the observed outline is not a forecast
     assert [item['date'] for item in new['dates']['dates']] == ['1800 s']
-    assert report['resumed'] == 4 and new['members'] == 4
+    assert report['resumed'] == 12 and new['members'] == 12
     assert new['effective_parents'] == pytest.approx(report['effective_members'])
     assert new['jaccard_mean'] > report['observed']['jaccard_mean']
-    assert '4 members drawn near' in text
+    assert '12 members drawn near' in text
     for folder in ('.', 'weighted', 'posterior_900s'):
         assert (tmp_path / 'out' / folder / 'reliability.png').stat().st_size > 5000
     # the new members are kept, and those of another outline are not taken for them
