@@ -165,7 +165,10 @@ def plan_within(
         device, clock, on_pilot,
     )
     # compiles the kernels
-    run_at(scene, search.first, 1e-3, device=device, effects=search.effects)
+    run_at(
+        scene, search.first, 1e-3, device=device, effects=search.effects,
+        accuracy=search.accuracy_at(search.first),
+    )
     budget = PLANNING_FRACTION * within
     changes = changes_of(with_ranges(scene)) if with_inputs else {}
 
