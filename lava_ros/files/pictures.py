@@ -40,7 +40,7 @@ def new_figure(
         # with embedded TrueType fonts, text can be searched and copied
         'pdf.fonttype': 42,
         'ps.fonttype': 42,
-        # the same figure gives the same file
+        # equal figures give equal files
         'svg.hashsalt': 'lava_ros',
     }
     with style.context(['default', settings]):

@@ -43,7 +43,7 @@ def _machine(monkeypatch, base=2e-4, each=1e-7, ground=GROUND):
         scene, refinement, horizon, *, device, accuracy=None, effects=None, wall_limit=np.inf,
         clock=None,
     ):
-        # that of the planned runs, also for the short one that compiles the kernels
+        # the short run that compiles the kernels has the spacing of the planned runs
         spacing = pilot_runs.spacing_at(SCENE, refinement, 3600.0)
         assert scene.terrain is not SCENE.terrain or accuracy.spacing == spacing
         if horizon < 1.0:
