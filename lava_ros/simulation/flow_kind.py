@@ -135,7 +135,7 @@ class FlowKind:
             'turbulent': f'Reynolds number {self.reynolds:.2g} is above {LAMINAR:g}',
             'dome': f'viscosity {self.viscosity:.2g} Pa s at the vent, thickness over diameter '
             f'{self.thickness / self.diameter:.2g} >= {MIN_DOME_ASPECT:g}',
-            'tube-fed': f'crust forms in {self.crust:.2g} of the time to flow, below '
+            'tube-fed': f'crust forms in {self.crust:.2g} of the time to flow, less than '
             f'{MIN_OPEN:g}',
             'sheet': f'width over thickness {width:.2g} >= {MIN_SHEET:g}',
             'channel': f'crust forms in {self.crust:.2g} times the time to flow, width over '

@@ -125,7 +125,7 @@ def test_finished_run_is_never_changed(folder, tmp_path, monkeypatch):
     (('--until', '0'), "--until is '0'"),
     (('--at', '2h'), "--at is '2h', expected a time at or before --until, 1h"),
     (('--maps', '0'), '--maps is 0'),
-    (('--within', '1min', '--spacing', '5'), 'no --spacing together with --within'),
+    (('--within', '1min', '--spacing', '5'), '--spacing and --within exclude each other'),
     (('--on', 'crust', '--off', 'crust'), '--on crust and --off crust exclude each other'),
     (('--start', 'yesterday'), "start is 'yesterday'"),
     (('--threshold', '0'), '--threshold is 0'),

@@ -100,7 +100,7 @@ class Drive:
 
     def read(self, worker, scene):
         """Return the time of the clock [s], which only readings by the worker advance."""
-        if threading.current_thread() is threading.main_thread():
+        if threading.current_thread() is not worker._thread:
             return self.now
         self.now += self.tick
         self.ticks += 1
