@@ -38,7 +38,7 @@ def error_scenes(finer: int = 1) -> tuple[BenchScene, ...]:
     return (
         # fine runs of the gully take hours on a core
         *(item for item in scenes(finer) if item.name != 'gully'),
-        # the same rough ground on cells of three sizes; its shortest waves are 40 m long
+        # rough ground on cells of three sizes: its shortest waves are 40 m long
         *(
             bench_scene(
                 f'rough_{cell:g}m', 2400.0,

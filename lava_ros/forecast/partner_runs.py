@@ -13,7 +13,7 @@ import time as wall_clock
 from typing import Any
 
 from lava_ros.effects import Effects
-from lava_ros.runs.drive import driving
+from lava_ros.runs.drive import driving, result_of
 from lava_ros.scene import Scene
 from lava_ros.scene.terrain import Terrain
 from lava_ros.simulation import Simulation
@@ -85,13 +85,7 @@ def measuring(
 
 def measure_error(scene: Scene, run: Areas, time: float, **options: Any) -> NumericalError:
     """Measure the error of a run; arguments and errors as for ``measuring``."""
-    steps = measuring(scene, run, time, **options)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            error: NumericalError = end.value
-            return error
+    return result_of(measuring(scene, run, time, **options))
 
 
 def on_coarser_ground(scene: Scene) -> Scene | None:

@@ -9,11 +9,13 @@ A simulation that follows a clock is run by ``live.worker`` instead.
 from collections.abc import Callable, Generator, Iterable, Sequence
 import math
 import time as wall_clock
-from typing import Any, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     # the solver loads Warp, which drawing and merging results do not need
     from lava_ros.simulation.simulation import Simulation
+
+ResultT = TypeVar('ResultT')
 
 
 #: Minimum wall time of a part [s], so that every part advances.
@@ -105,10 +107,14 @@ def drive(
     simulation: 'Simulation', until: float, sinks: Sequence[Sink] = (), **options: Any
 ) -> bool:
     """Run a simulation up to a time [s]; arguments, result and errors as for ``driving``."""
-    parts = driving(simulation, until, sinks, **options)
+    return result_of(driving(simulation, until, sinks, **options))
+
+
+def result_of(parts: Generator[Any, None, ResultT]) -> ResultT:
+    """Run all parts of some work, and return its result."""
     while True:
         try:
             next(parts)
         except StopIteration as stop:
-            is_done: bool = stop.value
-            return is_done
+            result: ResultT = stop.value
+            return result
