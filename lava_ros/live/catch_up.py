@@ -45,8 +45,7 @@ class CatchUp:
         It is 0 except for the first time that the clock has a time. A ``clock`` that has gone back
         since the maps, or too far ahead, has jumped.
         """
-        now = clock.read()
-        if self._published is None or not now:
+        if self._published is None or not (now := clock.read()):
             return 0.0
         (time, published), self._published = self._published, None
         down = now - published if published is not None else 0.0
