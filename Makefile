@@ -61,7 +61,7 @@ soak: $(STAMP)  ## Run a node under load for 30 minutes, and check memory, deadl
 
 look: $(STAMP)  ## Test reports and the live view in a browser, and MP4 files, with wheels of Chromium and ffmpeg (900 MB)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[look]'
-	$(VENV)/bin/python -m pytest tests/pages/report/test_browser.py tests/watch/test_watch_browser.py tests/maps/test_animation.py $(ARGS)
+	$(VENV)/bin/python -m pytest tests/products/report/test_browser.py tests/watch/test_watch_browser.py tests/products/test_animation.py $(ARGS)
 
 safeguards: $(STAMP)  ## Remove each safeguard in a copy of the package, and check that its test fails
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.safeguards $(ARGS)

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from lava_ros.maps.numbers import percent, seconds
+from lava_ros.layers.numbers import percent, seconds
 from lava_ros.simulation.presets import DEFAULT
 from lava_ros.verification import measure
 from lava_ros.verification.cases import EFFECT_CASES

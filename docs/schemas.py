@@ -16,8 +16,8 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.hindcast import case
-from lava_ros.maps import layer_files
-from lava_ros.maps.layers import HazardLimits, Layer
+from lava_ros.layers import layer_files
+from lava_ros.layers.layer import HazardLimits, Layer
 from lava_ros.ros import parameters
 from lava_ros.runs.store import FINISHED, RUNNING, VERSION
 from lava_ros.scene import (

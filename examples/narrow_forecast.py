@@ -30,8 +30,8 @@ from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, running_
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, PICTURES
 from lava_ros.forecast.scores import brier_score, entropy
-from lava_ros.maps.frames import frame_of
-from lava_ros.maps.sheet import draw_sheet, Panel
+from lava_ros.layers.frame import frame_of
+from lava_ros.products.sheet import draw_sheet, Panel
 from lava_ros.runs.drive import drive
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.distributions import Displacement, Distribution

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from lava_ros.files.resources import share_path
-from lava_ros.maps.layer_files import load_layers
+from lava_ros.layers.layer_files import load_layers
 from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.simulation import Simulation

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from deleted_effects import is_left_out
+from recording import GRIDS, record
 from ros_domain import own_domain
 from volume import volume_errors
 
@@ -91,6 +92,18 @@ def conserved_volume(
     for simulation in flown.values():
         simulation.begin_snapshot().result()
     assert not lost, '\n'.join(lost)
+
+
+@pytest.fixture(scope='session')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a bag of unrounded layers with frames at 200, 400, 600 and 800 s."""
+    return record(tmp_path_factory.mktemp('floats') / 'bag')
+
+
+@pytest.fixture(scope='session')
+def grids(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a bag of the same frames as grids, which are rounded."""
+    return record(tmp_path_factory.mktemp('grids') / 'bag', config=GRIDS)
 
 
 @pytest.fixture(scope='session')

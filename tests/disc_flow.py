@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.forecast.members import make_plan, MemberFields, Plan
-from lava_ros.maps.forecast import HazardMaps, QUANTILES
+from lava_ros.layers.forecast import HazardMaps, QUANTILES
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 

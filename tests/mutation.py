@@ -165,7 +165,7 @@ def main() -> None:
     parser.add_argument('--seed', type=int, default=datetime.date.today().toordinal())
     parser.add_argument('--count', type=int, default=1000, help='maximum number of mutants')
     parser.add_argument('--minutes', type=float, default=30.0, help='start none after this time')
-    parser.add_argument('--files', default='simulation/|live/|maps/', help='regular expression')
+    parser.add_argument('--files', default='simulation/|live/|layers/', help='regular expression')
     options = parser.parse_args()
     end = time.monotonic() + 60.0 * options.minutes
     paths = sorted((ROOT / 'lava_ros').rglob('*.py'))

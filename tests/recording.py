@@ -18,8 +18,8 @@ import yaml
 
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.files.resources import share_path
-from lava_ros.maps.layer_files import layers_from_dict, load_layers
-from lava_ros.maps.layers import ZERO_CELSIUS
+from lava_ros.layers.layer import ZERO_CELSIUS
+from lava_ros.layers.layer_files import layers_from_dict, load_layers
 from lava_ros.ros import codec, outputs
 from lava_ros.scene import Lava, Scene, scene_to_dict, Terrain, Vent
 from lava_ros.simulation.output.budget import VolumeBudget

@@ -33,13 +33,13 @@ from lava_ros.forecast.store import stored_members
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import FALSE_ALARM, HIT
 from lava_ros.hindcast.run import FORCED, Settings
-from lava_ros.maps.forecast import occupancy
-from lava_ros.maps.frames import Recording
-from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.place_arrivals import live_arrivals
-from lava_ros.maps.places import places_on
-from lava_ros.maps.plot import area_words
-from lava_ros.pages.runs import read_run
+from lava_ros.layers.forecast import occupancy
+from lava_ros.layers.layer_files import load_layers
+from lava_ros.layers.numbers import area_words
+from lava_ros.layers.place_arrivals import live_arrivals
+from lava_ros.layers.places import places_on
+from lava_ros.layers.recording import Recording
+from lava_ros.products.run_page import read_run
 from lava_ros.ros import codec, outputs
 from lava_ros.scene.features import read_features
 from lava_ros.simulation import Simulation

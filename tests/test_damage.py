@@ -250,7 +250,7 @@ def test_a_flipped_bit_is_never_silent(
         drawn.append((list(map(vars, panels)), report))
         Path(path).write_bytes(b'a picture')
 
-    monkeypatch.setattr('lava_ros.pages.pictures.draw_sheet', draw)
+    monkeypatch.setattr('lava_ros.products.pictures.draw_sheet', draw)
     monkeypatch.setattr(
         'lava_ros.clients.player.play', lambda bag, **_: len(drawn.extend(schedule(bag)) or drawn)
     )

@@ -15,8 +15,9 @@ import numpy as np
 import viser
 from websockets.sync.client import ClientConnection, connect
 
-from lava_ros.maps.frames import LayerFrame, Recording
-from lava_ros.maps.layers import Layer, OCCUPANCY_GRID, PROBABILITY
+from lava_ros.layers.frame import LayerFrame
+from lava_ros.layers.layer import Layer, OCCUPANCY_GRID, PROBABILITY
+from lava_ros.layers.recording import Recording
 from lava_ros.watch.frames import Frames, Level, Status, WatchedParticles
 from lava_ros.watch.page import Page
 from lava_ros.watch.server import Server

@@ -31,8 +31,8 @@ import time as wall_clock
 import warp as wp
 
 from lava_ros.files.resources import share_path
+from lava_ros.layers.layer_files import load_layers
 from lava_ros.live.worker import SimulationWorker
-from lava_ros.maps.layer_files import load_layers
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import row_of

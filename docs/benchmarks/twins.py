@@ -35,7 +35,7 @@ from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, footpr
 from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.forecast.scores import brier_score, reliability_error
 from lava_ros.forecast.store import Store
-from lava_ros.maps.forecast import HazardMaps, QUANTILES
+from lava_ros.layers.forecast import HazardMaps, QUANTILES
 from lava_ros.scene import Scene, scene_from_yaml
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation.presets import preset_accuracy

@@ -25,11 +25,11 @@ import time
 
 import numpy as np
 
-from lava_ros.maps.frames import Frame, LayerFrame
-from lava_ros.maps.layers import IMAGE, Layer
+from lava_ros.layers.frame import Frame, LayerFrame
+from lava_ros.layers.layer import IMAGE, Layer
 from lava_ros.watch.frames import Frames
 from lava_ros.watch.server import Server
-from pages.report.devtools import Browser
+from products.report.devtools import Browser
 
 #: Cells along a side of the terrain, maps a second, different maps, and kept times.
 SIDE, RATE, N_MAPS, N_TIMES = 2500, 5.0, 4, 600

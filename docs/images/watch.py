@@ -27,11 +27,11 @@ from typing import Any
 
 from PIL import Image
 
-from lava_ros.maps.layers import PROBABILITY
+from lava_ros.layers.layer import PROBABILITY
 from lava_ros.watch.frames import BagFrames
 from lava_ros.watch.page import Page, SHOWN
 from lava_ros.watch.server import Server
-from pages.report.devtools import Browser
+from products.report.devtools import Browser
 
 FOLDER = Path(__file__).parent
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, table_lines, write_json
 from lava_ros.cli.options import argument, command, device_named, repeating_command, seconds_of
-from lava_ros.maps.numbers import percent, seconds
+from lava_ros.layers.numbers import percent, seconds
 
 if TYPE_CHECKING:
     from lava_ros.verification.rows import Row

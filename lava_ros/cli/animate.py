@@ -23,7 +23,7 @@ def animate(args: argparse.Namespace) -> int:
     The animation shows a layer over shaded relief at a constant rate of simulated time. MP4 needs
     ffmpeg.
     """
-    from lava_ros.maps.animation import animate_bag
+    from lava_ros.products.animation import animate_bag
 
     with Progress(has_lines=False) as progress:
         frames = animate_bag(

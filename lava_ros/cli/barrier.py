@@ -36,7 +36,7 @@ def barrier(args: argparse.Namespace) -> int:
     barriers. --low-pass smooths the elevation before that.
     """
     from lava_ros.cli.scenes import place_as_typed, terrain_options
-    from lava_ros.maps.gis import Provenance, write_grid
+    from lava_ros.products.gis import Provenance, write_grid
     from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barriers
     from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 

@@ -60,9 +60,9 @@ def demo(args: argparse.Namespace) -> int:
     draws a picture of the last ones, and ends the node.
     """
     from lava_ros.cli.scenes import scene_from_arguments
-    from lava_ros.maps.onset import Onset
-    from lava_ros.pages.pictures import draw_runs
+    from lava_ros.products.pictures import draw_runs
     from lava_ros.scene.erupting_lava import EruptingLava
+    from lava_ros.scene.onset import Onset
 
     require_ros()
     duration = seconds_of('--duration', args.duration)
@@ -138,8 +138,8 @@ def _flow(
         ChildError: If the node fails.
     """
     from lava_ros.clients.monitor import Monitor
-    from lava_ros.maps.plot import area_words
-    from lava_ros.maps.plot import duration as words
+    from lava_ros.layers.numbers import area_words
+    from lava_ros.layers.numbers import duration as words
 
     with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
         started = changed_at = time.monotonic()
@@ -208,8 +208,8 @@ def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
 
 
 def _print_result(result: dict[str, Any]) -> None:
-    from lava_ros.maps.plot import area_words
-    from lava_ros.maps.plot import duration as words
+    from lava_ros.layers.numbers import area_words
+    from lava_ros.layers.numbers import duration as words
 
     held = ' (limited so that you can watch: --max-speed X)' if result['speed_is_limited'] else ''
     for name, value in (

@@ -64,7 +64,7 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
 
 def _check_layers(name: str) -> Results:
     from lava_ros import doctor as checks
-    from lava_ros.maps.layer_files import find_config, load_layers
+    from lava_ros.layers.layer_files import find_config, load_layers
 
     try:
         layers = load_layers(find_config(name, field='--msg-config'))

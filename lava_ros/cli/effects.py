@@ -16,7 +16,7 @@ from lava_ros.cli.console import Progress, write_json
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.scene_options import SCENE
 from lava_ros.files.resources import share_path
-from lava_ros.maps.numbers import percent
+from lava_ros.layers.numbers import percent
 
 if TYPE_CHECKING:
     from lava_ros.effects.effect import Effect
@@ -87,7 +87,7 @@ def _measured(
     device: str | None,
 ) -> tuple[tuple[Decision, ...], Resolution]:
     from lava_ros.effects import EFFECTS
-    from lava_ros.maps.plot import duration
+    from lava_ros.layers.numbers import duration
     from lava_ros.runs.drive import drive
     from lava_ros.runs.sinks import ProgressSink
 

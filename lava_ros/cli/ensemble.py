@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from lava_ros.forecast.sampling import Member
     from lava_ros.forecast.store import Store
     from lava_ros.hindcast.case import Case
-    from lava_ros.maps.forecast import HazardMaps
+    from lava_ros.layers.forecast import HazardMaps
     from lava_ros.scene import Scene
     from lava_ros.scene.reshaping import Barrier
     from lava_ros.simulation.numerical_error import NumericalError
@@ -124,7 +124,7 @@ def ensemble(args: argparse.Namespace) -> int:
     from lava_ros.forecast.ensemble_error import measure_ensemble_error
     from lava_ros.forecast.influence import Influences, influences_of
     from lava_ros.forecast.member_scenes import check_members
-    from lava_ros.forecast.rasters import observed_in_file, write_atlas
+    from lava_ros.forecast.observations import observed_in_file
     from lava_ros.forecast.sampling import (
         draw_members,
         MAX_MEMBERS,
@@ -132,12 +132,13 @@ def ensemble(args: argparse.Namespace) -> int:
         Susceptibility,
     )
     from lava_ros.forecast.store import Store
-    from lava_ros.maps.gis import Provenance, require_formats, usual_formats
-    from lava_ros.maps.onset import Onset
-    from lava_ros.pages.comparison import compare_ensembles
-    from lava_ros.pages.run_warnings import warnings_of_plan
+    from lava_ros.products.comparison import compare_ensembles
+    from lava_ros.products.ensemble_files import write_atlas
+    from lava_ros.products.gis import Provenance, require_formats, usual_formats
+    from lava_ros.products.run_warnings import warnings_of_plan
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.scene.on_terrain import read_raster_on
+    from lava_ros.scene.onset import Onset
     from lava_ros.scene.projection import coordinate_system
     from lava_ros.scene.ranges import describe_inputs
     from lava_ros.scene.uncertainty import uncertainty_to_dict
@@ -321,7 +322,7 @@ def ensemble(args: argparse.Namespace) -> int:
 
 
 def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
-    from lava_ros.maps.places import places_on
+    from lava_ros.layers.places import places_on
     from lava_ros.scene.features import read_features
     from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
 

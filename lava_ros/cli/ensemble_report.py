@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lava_ros.forecast.members import Plan
     from lava_ros.forecast.probability import Footprint
     from lava_ros.hindcast.case import Case
-    from lava_ros.maps.forecast import HazardMaps
+    from lava_ros.layers.forecast import HazardMaps
     from lava_ros.simulation.numerical_error import NumericalError
 
 #: Reliability of the probabilities at dated outlines, in the folder of the maps.
@@ -49,7 +49,6 @@ def score_against_case(
     Returns:
         The score at the end, and that at the dated outlines if there are any.
     """
-    from lava_ros.forecast.picture import write_reliability
     from lava_ros.hindcast.probabilistic_score import (
         mapped_on,
         outlines_on,
@@ -57,6 +56,7 @@ def score_against_case(
         score_dates,
         score_probability,
     )
+    from lava_ros.products.reliability import write_reliability
 
     known = -1.0 if outline is None else outline.time
     later = {
@@ -126,7 +126,7 @@ def print_report(
     report: dict[str, Any], plan: Plan, error: NumericalError | None = None
 ) -> None:
     """Print the report of the command, with the numerical error of the members."""
-    from lava_ros.maps.numbers import percent
+    from lava_ros.layers.numbers import percent
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.numerical_error import error_text, NOT_MEASURED
     from lava_ros.simulation.spacing_error import SpacingError
@@ -200,7 +200,7 @@ def print_report(
             without, built = (1e-6 * areas[case] for case in ('without', 'with'))
             print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
         if barriers['places']:
-            from lava_ros.pages.comparison import place_texts
+            from lava_ros.products.comparison import place_texts
 
             print('\n'.join(table_lines(place_texts(barriers['places']), '<>>>>')))
         if barriers['effects'] != report['effects']:
@@ -237,7 +237,7 @@ def _input_lines(inputs: dict[str, Any]) -> list[str]:
 def _influence_lines(data: dict[str, Any]) -> list[str]:
     """Describe which quantities decide the inundated area."""
     from lava_ros.forecast.influence import Influences
-    from lava_ros.maps.numbers import percent
+    from lava_ros.layers.numbers import percent
 
     found = Influences.from_dict(data)
     if not found.rows:

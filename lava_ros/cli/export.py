@@ -41,7 +41,7 @@ def export(args: argparse.Namespace) -> int:
     coordinate system of the terrain. If the terrain of the bag has none, --epsg and --offset give
     it; without them the files are in the map frame.
     """
-    from lava_ros.maps.export import export_bag
+    from lava_ros.products.export import export_bag
 
     at = None if args.at is None else seconds_of('--at', args.at, may_be_zero=True)
     with Progress(has_lines=False) as progress:

@@ -59,7 +59,7 @@ def hindcast(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.run import measure_run_error, Run, Settings, UNFINISHED
     from lava_ros.hindcast.score import score_snapshot
     from lava_ros.hindcast.spacing import choose_case_spacing
-    from lava_ros.maps.plot import duration
+    from lava_ros.layers.numbers import duration
     from lava_ros.runs.sinks import ProgressSink
     from lava_ros.scene.erupting_lava import EruptingLava
 

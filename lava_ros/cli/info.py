@@ -85,7 +85,7 @@ def _simulation(bag: BagReader, node: str | None) -> dict[str, Any]:
     """Return the nodes, and simulated time [s], volumes [m3] and warnings of the only one."""
     from lava_ros.bag.decoding import Decoder
     from lava_ros.bag.recorded_node import last_moments
-    from lava_ros.pages.run_warnings import error_of_moment, warnings_of_moments
+    from lava_ros.products.run_warnings import error_of_moment, warnings_of_moments
 
     try:
         moments = last_moments(bag, Decoder(bag), node)

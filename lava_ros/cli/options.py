@@ -20,7 +20,7 @@ DEFAULT_PRESET = 'standard'
 #: Default simulated time of a run, as in ``lava_ros.simulation.resolution``.
 HORIZON = '24h'
 
-#: Maps of `lava export`, and formats of maps and shapes, as in ``lava_ros.maps.export``.
+#: Maps of `lava export`, and formats of maps and shapes, as in ``lava_ros.products.export``.
 SOURCES = ('thickness', 'temperature', 'hazard')
 MAPS = (*SOURCES, 'arrival', 'inundated', 'peak_thickness')
 FORMATS = ('tif', 'geojson', 'gpkg', 'shp', 'kml', 'kmz', 'zip', 'csv', 'nc')

@@ -53,7 +53,7 @@ PAGE = (
 
 def page_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return the options of ``PAGE`` as keyword arguments of ``draw_runs``."""
-    from lava_ros.maps.page_layout import Imprint
+    from lava_ros.products.page_layout import Imprint
 
     return {
         'overlays': args.overlay,
@@ -67,7 +67,7 @@ def page_options(args: argparse.Namespace) -> dict[str, Any]:
 
 def dates_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the options of ``DATES`` as keyword arguments."""
-    from lava_ros.maps.onset import Onset, time_zone
+    from lava_ros.scene.onset import Onset, time_zone
 
     return {
         'onset': None if args.onset is None else Onset.from_text(args.onset),
@@ -85,7 +85,7 @@ def _extent(values: list[float]) -> list[float]:
 
 
 def _scale(text: str) -> float:
-    from lava_ros.maps.sheet import MAX_SCALE, MIN_SCALE
+    from lava_ros.products.sheet import MAX_SCALE, MIN_SCALE
 
     return validation.number(
         '--scale', text.strip().removeprefix('1:'), at_least=MIN_SCALE, at_most=MAX_SCALE

@@ -31,7 +31,7 @@ def places(args: argparse.Namespace) -> int:
     lava reaches, and which places are off the map. If the start of the eruption is known, times
     are also dates.
     """
-    from lava_ros.pages.arrivals import table_of
+    from lava_ros.products.arrivals import table_of
 
     if args.output is not None:
         file_to_write('--output', args.output, ('.csv',))

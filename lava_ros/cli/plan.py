@@ -87,7 +87,7 @@ def plan(args: argparse.Namespace) -> int:
 
 def _changes(found: RunPlan) -> list[list[str]]:
     """Return the rows of the quantities, that with the largest effect first, with a head."""
-    from lava_ros.maps.numbers import percent
+    from lava_ros.layers.numbers import percent
 
     ordered = sorted(found.inputs.items(), key=lambda item: -item[1].mismatch)
     return [['what decides', 'inundated area', '1 - J'], *(
@@ -98,7 +98,7 @@ def _changes(found: RunPlan) -> list[list[str]]:
 
 def _table(found: RunPlan) -> list[list[str]]:
     """Return the rows of the runs that could be made, with a head."""
-    from lava_ros.maps.numbers import percent, seconds
+    from lava_ros.layers.numbers import percent, seconds
 
     cell = found.numerical_error.cell
     head = [

@@ -41,7 +41,7 @@ def plot(args: argparse.Namespace) -> int:
     The maps lie over shaded relief, with coordinates, scale, north arrow, legend, and the facts of
     the simulation. Several runs are drawn side by side, with the same colours and the same extent.
     """
-    from lava_ros.pages.pictures import draw_runs
+    from lava_ros.products.pictures import draw_runs
 
     file_to_write('--output', args.output, PICTURES)
     drawn = draw_runs(

@@ -25,7 +25,7 @@ def report(args: argparse.Namespace) -> int:
     ensemble, or of several runs, the page has the maps of lava plot. With --overlay, it has the
     table of lava places.
     """
-    from lava_ros.pages.report.page import write_report
+    from lava_ros.products.report.page import write_report
 
     if args.scale is not None:
         problem = '--scale applies to paper, and a report is for a screen'

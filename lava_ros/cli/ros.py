@@ -163,7 +163,7 @@ def _save(path: Path, terrain: 'Terrain') -> None:
 
 
 def _started(scene: 'Scene', settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
-    from lava_ros.maps.gis import Provenance, write_grid
+    from lava_ros.products.gis import Provenance, write_grid
     from lava_ros.scene import scene_to_dict
 
     _save(folder / 'terrain.npz', scene.terrain)

@@ -16,7 +16,7 @@ from lava_ros.cli.scene_options import SCENE
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
-    from lava_ros.maps.place_arrivals import ArrivalTable
+    from lava_ros.layers.place_arrivals import ArrivalTable
     from lava_ros.runs.scene_run import SceneRun
     from lava_ros.scene import Scene
     from lava_ros.simulation.numerical_error import NumericalError
@@ -53,13 +53,13 @@ def run(args: argparse.Namespace) -> int:
     finished one. lava plot, report, places, export, animate and watch read the folder.
     """
     from lava_ros.cli.run_request import request_of
-    from lava_ros.maps.onset import Onset
-    from lava_ros.maps.place_arrivals import flow_table
-    from lava_ros.maps.places import places_on
-    from lava_ros.maps.plot import duration
+    from lava_ros.layers.numbers import duration
+    from lava_ros.layers.place_arrivals import flow_table
+    from lava_ros.layers.places import places_on
     from lava_ros.runs.scene_run import SceneRun
     from lava_ros.runs.sinks import ProgressSink
     from lava_ros.scene.features import read_features
+    from lava_ros.scene.onset import Onset
 
     request = request_of(args)
     terrain, until = request.scene.terrain, request.until
@@ -111,7 +111,7 @@ def _measured(made: SceneRun) -> NumericalError | None:
 
 
 def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> None:
-    from lava_ros.maps.plot import area_words, duration
+    from lava_ros.layers.numbers import area_words, duration
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.output.budget import VolumeBudget
 

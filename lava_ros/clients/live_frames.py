@@ -25,9 +25,9 @@ from visualization_msgs.msg import MarkerArray
 from lava_ros.bag.decoding import cloud_columns, image_array, Moment, moment_of, places_in
 from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
-from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame, threshold_at
-from lava_ros.maps.layers import ARRIVED, IMAGE, INUNDATED, Layer
-from lava_ros.maps.messages import BARRIERS, LABELS, PLACES
+from lava_ros.layers.frame import Frame, grid_frame, image_frame, LayerFrame, threshold_at
+from lava_ros.layers.layer import ARRIVED, IMAGE, INUNDATED, Layer
+from lava_ros.layers.messages import BARRIERS, LABELS, PLACES
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.watch.frames import (

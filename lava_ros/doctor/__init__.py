@@ -20,7 +20,7 @@ from typing import Any
 
 from lava_ros.bag.qos import LATCHED
 from lava_ros.files.optional import installation
-from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
+from lava_ros.layers.layer import Layer, OCCUPANCY_GRID
 from lava_ros.simulation.backend.threads import usable_cores
 
 #: Levels: nothing to do; it works, but with limitations; it does not work.

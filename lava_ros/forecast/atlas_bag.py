@@ -11,8 +11,8 @@ import shutil
 from lava_ros.errors import refusing
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.members import Plan
-from lava_ros.maps.forecast import EnsembleForecast, HazardMaps
-from lava_ros.maps.layer_files import load_layers
+from lava_ros.layers.forecast import EnsembleForecast, HazardMaps
+from lava_ros.layers.layer_files import load_layers
 from lava_ros.runs.map_bag import MapBag
 
 #: Namespace of the topics.

@@ -29,7 +29,7 @@ from lava_ros.forecast.probability import (
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import is_sentinel, log_called, Sentinels
 from lava_ros.forecast.store import Store
-from lava_ros.maps.forecast import HazardMaps
+from lava_ros.layers.forecast import HazardMaps
 from lava_ros.simulation.backend.threads import usable_cores
 
 #: Minimum number of members for maps while other members still run.

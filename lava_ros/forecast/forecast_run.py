@@ -8,7 +8,7 @@ import time as wall_clock
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.maps.forecast import Forecast
+from lava_ros.layers.forecast import Forecast
 from lava_ros.runs.drive import drive
 from lava_ros.runs.sinks import PeakSink
 from lava_ros.simulation.output.checkpoint import Checkpoint

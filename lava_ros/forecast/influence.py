@@ -33,7 +33,7 @@ import numpy as np
 
 from lava_ros.forecast.probability import Footprint
 from lava_ros.forecast.sampling import coordinates_of, ERUPTION, Member
-from lava_ros.maps.numbers import percent
+from lava_ros.layers.numbers import percent
 from lava_ros.scene import Scene
 from lava_ros.scene.distributions import Distribution, WITH_LIMITS
 from lava_ros.scene.ranges import with_ranges

@@ -26,8 +26,8 @@ from lava_ros.forecast.probability import (
     footprint_of,
 )
 from lava_ros.forecast.sampling import draw_members, Posterior
-from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.places import Places
+from lava_ros.layers.forecast import HazardMaps
+from lava_ros.layers.places import Places
 from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.checkpoint import Checkpoint
 

@@ -18,8 +18,8 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.sentinels import CalledEffect
-from lava_ros.maps.forecast import HazardMaps, PlaceForecast, QUANTILES, WorstCase
-from lava_ros.maps.places import Places
+from lava_ros.layers.forecast import HazardMaps, PlaceForecast, QUANTILES, WorstCase
+from lava_ros.layers.places import Places
 from lava_ros.scene import MAX_ELEVATION
 from lava_ros.simulation.output.budget import GONE
 from lava_ros.simulation.output.inundation import reached_cells, TOUCHED

@@ -23,8 +23,8 @@ from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, NEVER
 from lava_ros.forecast.sampling import Posterior, Susceptibility
 from lava_ros.forecast.sentinels import CalledEffect
-from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.places import Places
+from lava_ros.layers.forecast import HazardMaps
+from lava_ros.layers.places import Places
 from lava_ros.scene import MAX_ELEVATION, scene_to_dict
 from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.inundation import TOUCHED

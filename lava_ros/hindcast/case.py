@@ -27,7 +27,6 @@ from lava_ros.hindcast.tables import (
     Series,
     series_of,
 )
-from lava_ros.maps.onset import Onset
 from lava_ros.scene import check_plausible, ENVIRONMENT, Scene, Terrain, uncertainty_of, Vent
 from lava_ros.scene.effusion_rates import (
     error_of_rates,
@@ -38,6 +37,7 @@ from lava_ros.scene.events import read_events
 from lava_ros.scene.features import ENDINGS, TABLES
 from lava_ros.scene.materials import lava_from_dict, Material, with_material_in_lava
 from lava_ros.scene.on_terrain import read_cover_on, read_polygons_on, read_raster_on
+from lava_ros.scene.onset import Onset
 from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.vent_files import read_vents, VentRow

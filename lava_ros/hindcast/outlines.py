@@ -11,7 +11,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.maps.onset import Onset
+from lava_ros.scene.onset import Onset
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,13 +17,12 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.score import Score
-from lava_ros.maps.frames import frame_of
-from lava_ros.maps.gis import Provenance, write_grid
-from lava_ros.maps.numbers import percent
-from lava_ros.maps.plot import area_words, duration
-from lava_ros.maps.raster_layers import NODATA
-from lava_ros.maps.sheet import draw_sheet, Panel
-from lava_ros.pages.report.static_page import write_static_page
+from lava_ros.layers.frame import frame_of
+from lava_ros.layers.numbers import area_words, duration, percent
+from lava_ros.products.gis import Provenance, write_grid
+from lava_ros.products.raster_layers import NODATA
+from lava_ros.products.report.static_page import write_static_page
+from lava_ros.products.sheet import draw_sheet, Panel
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material

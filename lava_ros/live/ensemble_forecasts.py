@@ -17,10 +17,10 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
 from lava_ros.forecast.sampling import Posterior
+from lava_ros.layers.forecast import EnsembleForecast
+from lava_ros.layers.places import Places, places_on
 from lava_ros.live.commands import finish
 from lava_ros.live.session import Fork
-from lava_ros.maps.forecast import EnsembleForecast
-from lava_ros.maps.places import Places, places_on
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import Feature
 from lava_ros.simulation.accuracy import Accuracy, COVERED

@@ -21,6 +21,7 @@ from typing import Any
 import lava_ros
 from lava_ros.errors import Guard, LavaError
 from lava_ros.forecast.pool import interrupts_withheld
+from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.live.ensemble_forecasts import (
     EnsembleForecasts,
     ForecastRules,
@@ -29,7 +30,6 @@ from lava_ros.live.ensemble_forecasts import (
 from lava_ros.live.session import Fork
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
-from lava_ros.maps.forecast import EnsembleForecast, Forecast
 
 #: Minimum wall time between the starts of two forecasts [s].
 MIN_PERIOD = 1.0

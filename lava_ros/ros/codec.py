@@ -23,7 +23,7 @@ from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiAr
 from lava_ros.bag import messages
 from lava_ros.bag.encoding import Message
 from lava_ros.errors import LavaError, refusing
-from lava_ros.maps.layers import GRID_MAP
+from lava_ros.layers.layer import GRID_MAP
 from lava_ros.scene import Terrain
 
 

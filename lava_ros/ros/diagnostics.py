@@ -19,12 +19,12 @@ from lava_ros.bag.status_values import (
     resolution_values,
     snapshot_values,
 )
+from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.live.ensemble_forecasts import ForecastStatus
 from lava_ros.live.error_measurement import ErrorMeasurement
 from lava_ros.live.recording_control import RecordingControl
 from lava_ros.live.session import SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
-from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.scene.plausibility import doubts_of_scene
 from lava_ros.scene.projection import system_name

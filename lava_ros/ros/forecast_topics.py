@@ -12,13 +12,13 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import Mask
+from lava_ros.layers.forecast import EnsembleForecast, Forecast
+from lava_ros.layers.layer import ARRIVAL, Layer, plain_source, PROBABILITY
+from lava_ros.layers.place_arrivals import live_arrivals, LiveArrivals
+from lava_ros.layers.places import Places, places_on
 from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import Forecaster
 from lava_ros.live.worker import SimulationWorker
-from lava_ros.maps.forecast import EnsembleForecast, Forecast
-from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
-from lava_ros.maps.place_arrivals import live_arrivals, LiveArrivals
-from lava_ros.maps.places import Places, places_on
 from lava_ros.ros import diagnostics, qos
 from lava_ros.ros.diagnostics import ERROR, OK, WARN
 from lava_ros.ros.executor import now_ns

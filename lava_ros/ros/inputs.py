@@ -17,7 +17,7 @@ from lava_ros import validation
 from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.maps.layers import ZERO_CELSIUS
+from lava_ros.layers.layer import ZERO_CELSIUS
 from lava_ros.ros import codec
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import (

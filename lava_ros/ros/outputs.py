@@ -12,10 +12,10 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lava_ros.errors import LavaError
-from lava_ros.maps import messages
-from lava_ros.maps.forecast import EnsembleForecast, Forecast
-from lava_ros.maps.layers import GRID_MAP, Layer, ZERO_CELSIUS
-from lava_ros.maps.messages import vent_rows
+from lava_ros.layers import messages
+from lava_ros.layers.forecast import EnsembleForecast, Forecast
+from lava_ros.layers.layer import GRID_MAP, Layer, ZERO_CELSIUS
+from lava_ros.layers.messages import vent_rows
 from lava_ros.ros import codec
 from lava_ros.ros.codec import made, plain
 from lava_ros.ros.georeference import StaticTransform, TF_STATIC

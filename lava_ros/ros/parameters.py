@@ -13,11 +13,10 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from lava_ros import validation
 from lava_ros.effects import drop_superseded, EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
+from lava_ros.layers.layer import ZERO_CELSIUS
+from lava_ros.layers.layer_files import MAX_MARGIN
 from lava_ros.live.restart import check_token
 from lava_ros.live.worker import MAX_PARTICLES
-from lava_ros.maps.layer_files import MAX_MARGIN
-from lava_ros.maps.layers import ZERO_CELSIUS
-from lava_ros.maps.onset import Onset
 from lava_ros.scene import (
     constants_of,
     ENVIRONMENT,
@@ -26,6 +25,7 @@ from lava_ros.scene import (
     Scene,
     VENT_TEMPERATURE_RANGE,
 )
+from lava_ros.scene.onset import Onset
 from lava_ros.scene.uncertainty import ALL, QUANTITIES
 from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
 from lava_ros.simulation.presets import PRESETS

@@ -26,11 +26,11 @@ from visualization_msgs.msg import MarkerArray
 from lava_ros.bag import QosProfile
 from lava_ros.bag.georeference import TOPIC
 from lava_ros.errors import LavaError
+from lava_ros.layers.forecast import EnsembleForecast, Forecast
+from lava_ros.layers.layer import Layer, OCCUPANCY_GRID
+from lava_ros.layers.layer_files import load_layers, switched
 from lava_ros.live.recorder import Recorder
 from lava_ros.live.worker import SimulationWorker
-from lava_ros.maps.forecast import EnsembleForecast, Forecast
-from lava_ros.maps.layer_files import load_layers, switched
-from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.georeference import static_transform, TF_LISTENER, TF_STATIC
 from lava_ros.ros.parameters import Settings

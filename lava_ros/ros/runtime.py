@@ -13,6 +13,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 
 from lava_ros.errors import RefusalError
+from lava_ros.layers.layer_files import find_config
 from lava_ros.live.catch_up import Published
 from lava_ros.live.checkpoint_recording import CheckpointRecording
 from lava_ros.live.clock import ClockWatch
@@ -21,7 +22,6 @@ from lava_ros.live.recorder import BagFolder
 from lava_ros.live.recording_control import BagSettings, RecordingControl
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
-from lava_ros.maps.layer_files import find_config
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.executor import now_ns
 from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic

@@ -20,7 +20,6 @@ from lava_ros.errors import LavaError
 from lava_ros.live.recorder import BagFolder
 from lava_ros.live.restart import check_token, differing, digests, Progress, RestartFile
 from lava_ros.live.session import Origin
-from lava_ros.maps.onset import recorded_onset
 from lava_ros.ros import node_parameters, parameters
 from lava_ros.ros.parameters import constant_values, Settings
 from lava_ros.scene import (
@@ -33,6 +32,7 @@ from lava_ros.scene import (
     Vent,
     vents_from_list,
 )
+from lava_ros.scene.onset import recorded_onset
 from lava_ros.scene.terrain_files import load_terrain, terrain_path
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.presets import preset_accuracy, PRESETS

@@ -27,8 +27,8 @@ from lava_ros.bag import QosProfile
 from lava_ros.bag.georeference import TOPIC
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
+from lava_ros.layers.layer import GRID_MAP, OCCUPANCY_GRID
 from lava_ros.live.worker import SimulationWorker
-from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
 from lava_ros.ros import codec, diagnostics, inputs, qos
 from lava_ros.ros.codec import decode
 from lava_ros.ros.executor import now_ns

@@ -15,12 +15,12 @@ from lava_ros.bag.recorded_node import DEFAULT_NODE, described_node, RecordedNod
 from lava_ros.bag.status_values import snapshot_values
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import dump_yaml
-from lava_ros.maps.forecast import EnsembleForecast
-from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.layers import ARRIVED, GRID_MAP, INUNDATED, Layer
-from lava_ros.maps.messages import layer_message, SceneMessages
-from lava_ros.maps.onset import Onset
+from lava_ros.layers.forecast import EnsembleForecast
+from lava_ros.layers.layer import ARRIVED, GRID_MAP, INUNDATED, Layer
+from lava_ros.layers.layer_files import load_layers
+from lava_ros.layers.messages import layer_message, SceneMessages
 from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.scene.onset import Onset
 from lava_ros.simulation.output.snapshot import Snapshot
 
 #: ROS time of simulated time 0 [ns]: 2001-09-09T01:46:40Z, a round number of seconds.

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lava_ros.files.pictures import new_figure, save_picture
-from lava_ros.maps.numbers import percent, seconds
+from lava_ros.layers.numbers import percent, seconds
 from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
 
 _INK, _GREY, _FRONT = '#222222', '#9aa0a6', '#d1495b'

@@ -18,11 +18,12 @@ from lava_ros.bag.decoding import Moment
 from lava_ros.bag.reader import BagReader, mcap_files
 from lava_ros.errors import LavaError, printable
 from lava_ros.files.resources import share_path
-from lava_ros.maps.frames import Frame, LayerFrame, Recording
-from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.layers import IMAGE, Layer, ZERO_CELSIUS
-from lava_ros.maps.onset import Onset, recorded_onset
-from lava_ros.pages.runs import ENSEMBLE_MAPS, read_run
+from lava_ros.layers.frame import Frame, LayerFrame
+from lava_ros.layers.layer import IMAGE, Layer, ZERO_CELSIUS
+from lava_ros.layers.layer_files import load_layers
+from lava_ros.layers.recording import Recording
+from lava_ros.products.run_page import ENSEMBLE_MAPS, read_run
+from lava_ros.scene.onset import Onset, recorded_onset
 
 #: Names of the layers in a live view, one of each source. The thickness is not rounded.
 LAYERS = (

@@ -19,13 +19,14 @@ from PIL import Image
 from viser import ClientHandle
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.colours import round_up, Scale, scale_of, STYLES, time_unit
-from lava_ros.maps.export import georeference_of
-from lava_ros.maps.frames import Frame
-from lava_ros.maps.layers import ARRIVAL, ARRIVED, EXPECTED
-from lava_ros.maps.page_layout import BANNER
-from lava_ros.maps.plot import BARRIER, barriers_of, duration, shaded_ground, titles
-from lava_ros.pages.runs import ENSEMBLE_MAPS
+from lava_ros.layers.frame import Frame
+from lava_ros.layers.layer import ARRIVAL, ARRIVED, EXPECTED
+from lava_ros.layers.numbers import duration
+from lava_ros.products.colours import round_up, Scale, scale_of, STYLES, time_unit
+from lava_ros.products.export import georeference_of
+from lava_ros.products.page_layout import BANNER
+from lava_ros.products.plot import BARRIER, barriers_of, shaded_ground, titles
+from lava_ros.products.run_page import ENSEMBLE_MAPS
 from lava_ros.scene.on_terrain import PlacedPicture
 from lava_ros.scene.projection import DEGREES, transformed
 from lava_ros.watch.frames import COMMANDS, Frames, Level, Status, WatchedParticles

@@ -26,7 +26,7 @@ from websockets.asyncio import server as websocket_server
 from websockets.datastructures import Headers
 
 from lava_ros.errors import Guard, LavaError, refusing
-from lava_ros.maps.frames import Frame
+from lava_ros.layers.frame import Frame
 from lava_ros.scene.on_terrain import PlacedPicture
 from lava_ros.watch.frames import Frames, Level
 from lava_ros.watch.page import ground_picture, Page

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from lava_ros.maps.frames import Frame
-from lava_ros.maps.plot import bounds_of, scale_bar_length, scale_bar_words
+from lava_ros.layers.frame import Frame
+from lava_ros.products.plot import bounds_of, scale_bar_length, scale_bar_words
 from lava_ros.scene import Terrain
 
 #: Rows or columns of large blocks along a side, and maximum number of corners of small ones.

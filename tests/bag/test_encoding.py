@@ -15,9 +15,9 @@ from lava_ros.bag.encoding import encode, Message
 from lava_ros.bag.messages import header_fields
 from lava_ros.bag.schemas import message_schema
 from lava_ros.files.resources import share_path
-from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.layers import GRID_MAP
-from lava_ros.maps.messages import layer_message, SceneMessages
+from lava_ros.layers.layer import GRID_MAP
+from lava_ros.layers.layer_files import load_layers
+from lava_ros.layers.messages import layer_message, SceneMessages
 from lava_ros.ros import codec
 from lava_ros.scene import Lava, Scene, Vent
 from recording import growing, snapshot_at, TERRAIN

@@ -16,7 +16,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Moment, Timeline
 from lava_ros.bag.records import iter_records
 from lava_ros.cli.info import info
-from lava_ros.maps.frames import Recording
+from lava_ros.layers.recording import Recording
 from operations import growth
 
 START = 10**18

@@ -22,10 +22,10 @@ from lava_ros.bag.replay import Step
 from lava_ros.cli.parser import COMMANDS
 from lava_ros.clients import player
 from lava_ros.errors import LavaError
-from lava_ros.maps.export import export_bag
-from lava_ros.maps.frames import Recording
-from lava_ros.pages.arrivals import table_of
-from lava_ros.pages.runs import read_run
+from lava_ros.layers.recording import Recording
+from lava_ros.products.arrivals import table_of
+from lava_ros.products.export import export_bag
+from lava_ros.products.run_page import read_run
 from lava_ros.ros import diagnostics
 from lava_ros.watch.frames import BagFrames
 from recording import changed, GRIDS, merged, record

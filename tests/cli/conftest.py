@@ -41,4 +41,4 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     def write(_: object, path: str | Path, **__: object) -> None:
         Path(path).write_bytes(b'a picture')
 
-    monkeypatch.setattr('lava_ros.pages.pictures.draw_sheet', write)
+    monkeypatch.setattr('lava_ros.products.pictures.draw_sheet', write)

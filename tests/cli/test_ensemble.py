@@ -20,8 +20,8 @@ from lava_ros.bag.recorded_node import described_node, RecordedNode
 from lava_ros.cli.options import seconds_of
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
-from lava_ros.maps.forecast import occupancy
-from lava_ros.pages.runs import read_run
+from lava_ros.layers.forecast import occupancy
+from lava_ros.products.run_page import read_run
 from lava_ros.scene.features import load_features
 
 MAPS = (

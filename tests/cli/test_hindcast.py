@@ -19,7 +19,7 @@ from lava_ros.cli.hindcast import _vents
 from lava_ros.cli.parser import parse_command_line
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import _constants, FALSE_ALARM, HIT, MISS
-from lava_ros.maps.frames import Recording
+from lava_ros.layers.recording import Recording
 from lava_ros.scene.materials import material_named
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'

@@ -23,8 +23,8 @@ from lava_ros.cli.console import Progress
 from lava_ros.cli.parser import COMMANDS, parse_command_line
 from lava_ros.cli.scenes import scene_from_arguments
 from lava_ros.errors import LavaError
-from lava_ros.maps import export, layers
-from lava_ros.pages import runs
+from lava_ros.layers import layer
+from lava_ros.products import export, run_page
 from lava_ros.scene import effusion_rates, emplaced, materials, measurements, Scene
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation import presets, resolution
@@ -321,9 +321,9 @@ def test_help_imports_nothing_heavy():
     (options.DEFAULT_PRESET, presets.DEFAULT),
     (options.seconds_of('', options.HORIZON), resolution.HORIZON),
     (options.MAPS, export.MAPS),
-    (options.SOURCES, layers.SOURCES),
+    (options.SOURCES, layer.SOURCES),
     (options.FORMATS, export.FORMATS),
-    (plot.DRAWN, tuple(dict.fromkeys((*layers.SOURCES, 'arrival', *runs.ENSEMBLE_MAPS)))),
+    (plot.DRAWN, tuple(dict.fromkeys((*layer.SOURCES, 'arrival', *run_page.ENSEMBLE_MAPS)))),
     (scene_options.GAPS, effusion_rates.GAPS),
     (scene_options.RATE_METHODS, tuple(measurements.RATE_ERRORS)),
     (scene_options.EMPLACED_KINDS, emplaced.KINDS),

@@ -23,7 +23,7 @@ from rasterio.warp import transform
 
 from cli.conftest import ensemble_words, write_ensemble_scene, write_outline
 from command_line import done, lava, refused
-from lava_ros.maps.export import MAPS
+from lava_ros.products.export import MAPS
 from lava_ros.scene import Terrain
 from lava_ros.simulation.numerical_error import AreaError, NumericalError
 from recording import GRIDS, record, TERRAIN
@@ -268,7 +268,7 @@ def test_observed_lava_off_the_map_is_refused(bag, ensemble, tmp_path):
 
 def test_extents_in_degrees_and_metres_agree(bag, tmp_path, monkeypatch):
     drawn = Mock()
-    monkeypatch.setattr('lava_ros.pages.pictures.draw_sheet', drawn)
+    monkeypatch.setattr('lava_ros.products.pictures.draw_sheet', drawn)
     metres = (499_980.0, 4_180_050.0, 500_050.0, 4_180_100.0)
     x, y = transform('EPSG:32633', 'EPSG:4326', metres[::2], metres[1::2])
     for extent in (metres, (x[0], y[0], x[1], y[1])):

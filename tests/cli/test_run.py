@@ -17,7 +17,7 @@ import rasterio
 
 from command_line import done, lava, refused
 from geodata import feature, write_features, write_scene
-from lava_ros.maps.frames import Recording
+from lava_ros.layers.recording import Recording
 from lava_ros.watch.frames import BagFrames
 
 ROOT = Path(__file__).parents[2]

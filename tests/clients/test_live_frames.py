@@ -17,8 +17,8 @@ from lava_ros.clients import live_frames
 from lava_ros.clients.live_frames import LiveFrames
 from lava_ros.clients.watcher import Watcher
 from lava_ros.errors import LavaError
-from lava_ros.maps.layers import PROBABILITY
-from lava_ros.maps.plot import barriers_of
+from lava_ros.layers.layer import PROBABILITY
+from lava_ros.products.plot import barriers_of
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.outputs import vent_markers
 from lava_ros.watch.frames import Level, watched_layers

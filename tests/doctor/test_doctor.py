@@ -19,7 +19,7 @@ from lava_ros import doctor
 from lava_ros.doctor import FAIL, Finding, OK, Results, WARN
 from lava_ros.files.optional import installation
 from lava_ros.files.resources import share_path
-from lava_ros.maps.layer_files import layers_from_dict, load_layers
+from lava_ros.layers.layer_files import layers_from_dict, load_layers
 from project import EXTRAS, PROJECT
 
 Usage = namedtuple('Usage', 'total used free')

@@ -16,11 +16,11 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.files import pictures
 from lava_ros.files.pictures import read_picture, save_picture
-from lava_ros.forecast.picture import draw_reliability
-from lava_ros.maps.animation import animate_bag
-from lava_ros.maps.frames import Frame
-from lava_ros.maps.page_layout import Imprint
-from lava_ros.maps.sheet import draw_sheet, Panel
+from lava_ros.layers.frame import Frame
+from lava_ros.products.animation import animate_bag
+from lava_ros.products.page_layout import Imprint
+from lava_ros.products.reliability import draw_reliability
+from lava_ros.products.sheet import draw_sheet, Panel
 from lava_ros.scene.features import Feature
 from lava_ros.verification import chart
 from lava_ros.verification.rows import read_csv
@@ -94,7 +94,7 @@ def figures(monkeypatch):
     def refuse(_: object, text: str, *__: Any, **___: Any) -> None:
         raise AssertionError(f'read as a formula: {text}')
 
-    for module in ('lava_ros.maps.sheet', 'lava_ros.verification.chart'):
+    for module in ('lava_ros.products.sheet', 'lava_ros.verification.chart'):
         monkeypatch.setattr(f'{module}.save_picture', keep)
     monkeypatch.setattr(MathTextParser, 'parse', refuse)
     return found

@@ -28,8 +28,8 @@ from lava_ros.forecast.probability import Footprint, footprint_of, spacing_error
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.sentinels import is_sentinel
 from lava_ros.forecast.store import maps_at, Store
-from lava_ros.maps.forecast import HazardMaps
-from lava_ros.maps.places import Places
+from lava_ros.layers.forecast import HazardMaps
+from lava_ros.layers.places import Places
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.spacing_error import pair_of
 from slope_scenes import uncertain_scene

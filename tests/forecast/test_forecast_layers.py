@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.forecast import EnsembleForecast, Forecast, HazardMaps
-from lava_ros.maps.layer_files import layers_from_dict, load_layers
-from lava_ros.maps.layers import ENSEMBLE_SOURCES, IMAGE, OCCUPANCY_GRID
+from lava_ros.layers.forecast import EnsembleForecast, Forecast, HazardMaps
+from lava_ros.layers.layer import ENSEMBLE_SOURCES, IMAGE, OCCUPANCY_GRID
+from lava_ros.layers.layer_files import layers_from_dict, load_layers
 from lava_ros.scene import Terrain
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'

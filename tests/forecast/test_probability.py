@@ -40,7 +40,7 @@ from lava_ros.forecast.probability import (
 )
 from lava_ros.forecast.sampling import draw_members, Member, Posterior
 from lava_ros.forecast.scores import brier_parts, brier_score, entropy, reliability
-from lava_ros.maps.forecast import (
+from lava_ros.layers.forecast import (
     HazardMaps,
     occupancy,
     probability_words,

@@ -18,7 +18,7 @@ from rasterio.warp import transform_geom
 from disc_flow import disc_plan, FACTOR, TERRAIN, VENT
 from geodata import write_raster
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import observed_in_file
+from lava_ros.forecast.observations import observed_in_file
 from lava_ros.forecast.sampling import (
     draw_members,
     Member,

@@ -30,7 +30,7 @@ from lava_ros.cli.scenes import vents_as_given
 from lava_ros.files.columns import COLUMNS
 from lava_ros.files.yaml import dump_yaml
 from lava_ros.hindcast.case import load_case
-from lava_ros.maps.layer_files import load_layers
+from lava_ros.layers.layer_files import load_layers
 from lava_ros.scene import scene_from_yaml
 from lava_ros.scene.effusion_rates import read_effusion_rates
 from lava_ros.scene.reshaping import read_barriers

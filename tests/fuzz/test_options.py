@@ -50,7 +50,7 @@ COMMANDS = {
 
 #: Functions that start the work, after arguments and files are checked.
 WORK = (
-    'lava_ros.maps.animation.new_figure', 'lava_ros.clients.monitor.Monitor.__init__',
+    'lava_ros.products.animation.new_figure', 'lava_ros.clients.monitor.Monitor.__init__',
     'lava_ros.forecast.pool.Pool.__init__', 'lava_ros.simulation.simulation.Simulation.__init__',
 )
 

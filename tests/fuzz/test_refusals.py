@@ -18,7 +18,7 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.maps.layer_files import layers_from_dict
+from lava_ros.layers.layer_files import layers_from_dict
 from lava_ros.ros import parameters
 from lava_ros.scene import (
     constants_of,

@@ -18,7 +18,7 @@ from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, 
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
 from lava_ros.hindcast.run import measure_run_error, Run, Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
-from lava_ros.maps.frames import Recording
+from lava_ros.layers.recording import Recording
 from lava_ros.runs.sinks import TimeSink
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.budget import VolumeBudget

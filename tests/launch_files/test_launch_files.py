@@ -13,7 +13,7 @@ import yaml
 
 from launch_files.stand_in import Context, start
 from lava_ros.cli.parser import parse_command_line
-from lava_ros.maps.layer_files import load_layers
+from lava_ros.layers.layer_files import load_layers
 from lava_ros.ros.parameters import constant_parameters, LIFECYCLE, PARAMETERS, SOURCES
 from lava_ros.scene import constants_of
 from scripts import load_script

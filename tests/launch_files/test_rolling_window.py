@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from lava_ros.maps.layer_files import load_layers
+from lava_ros.layers.layer_files import load_layers
 from scripts import load_script
 
 ROOT = Path(__file__).parents[2]

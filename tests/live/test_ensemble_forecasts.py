@@ -12,9 +12,9 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.forecast.sampling import Member, Posterior
+from lava_ros.layers.forecast import HazardMaps, QUANTILES
 from lava_ros.live.ensemble_forecasts import EnsembleForecasts, ForecastRules
 from lava_ros.live.session import Fork
-from lava_ros.maps.forecast import HazardMaps, QUANTILES
 from lava_ros.scene import Lava, Scene, Terrain
 
 SCENE = Scene(Terrain(np.zeros((4, 5)), 10.0), lava=Lava.paper())

@@ -20,13 +20,13 @@ from visualization_msgs.msg import Marker
 import yaml
 
 from lava_ros.bag import BagReader, LATCHED
+from lava_ros.layers.layer_files import load_layers
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
-from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
 from lava_ros.ros.codec import message_class
 from lava_ros.runs.map_bag import RunBag
 from lava_ros.scene import Lava, Scene
-from maps.test_layers import EASTWARD as SNAPSHOT
+from layers.test_layers import EASTWARD as SNAPSHOT
 from recording import growing, snapshot_at, TERRAIN, VENT
 from ros.local_node import COARSE
 from scripts import load_script

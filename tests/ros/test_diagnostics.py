@@ -21,7 +21,7 @@ from lava_ros.live.recording_control import RecordingControl
 from lava_ros.live.restart import RestartFile
 from lava_ros.live.session import SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
-from lava_ros.pages.run_warnings import warnings_of_moments
+from lava_ros.products.run_warnings import warnings_of_moments
 from lava_ros.ros import diagnostics
 from lava_ros.ros.subscribers import InputLog
 from lava_ros.scene import Lava, Scene, Terrain, Vent

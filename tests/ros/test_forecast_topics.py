@@ -11,7 +11,7 @@ import pytest
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder
 from lava_ros.errors import LavaError
-from lava_ros.maps.layer_files import layers_from_dict
+from lava_ros.layers.layer_files import layers_from_dict
 from lava_ros.ros import codec
 from lava_ros.ros.forecast_topics import _threshold
 from lava_ros.ros.parameters import Settings

@@ -23,8 +23,8 @@ from lava_ros.bag.georeference import MESSAGE, read_georeference, TOPIC
 from lava_ros.cli.main import main
 from lava_ros.clients.feed import SceneFeed
 from lava_ros.errors import LavaError
+from lava_ros.layers.recording import Recording
 from lava_ros.live.worker_status import WorkerState
-from lava_ros.maps.frames import Recording
 from lava_ros.ros import codec
 from lava_ros.ros.georeference import (
     georeference_message,

@@ -19,14 +19,14 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.layer_files import layers_from_dict
-from lava_ros.maps.layers import GRID_MAP
+from lava_ros.layers.layer import GRID_MAP
+from lava_ros.layers.layer_files import layers_from_dict
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.codec import decode, MAX_GRID_LAYERS
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.subscribers import InputSubscribers
 from lava_ros.scene import Terrain
-from maps.test_layers import EASTWARD as SNAPSHOT
+from layers.test_layers import EASTWARD as SNAPSHOT
 from ros.graph_publisher import publication
 
 #: A terrain of 3 rows and 4 columns with a different elevation in each cell.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lava_ros.maps.layer_files import load_layers
+from lava_ros.layers.layer_files import load_layers
 
 ROOT = Path(__file__).parents[2]
 

@@ -11,7 +11,7 @@ import rasterio
 
 from lava_ros.bag import BagReader, BagWriter
 from lava_ros.clients.player import play
-from lava_ros.maps.export import export_bag
+from lava_ros.products.export import export_bag
 from lava_ros.ros.publishers import ScenePublisher
 
 ETNA, HEKLA = '/etna/lava', '/hekla/lava2'

@@ -15,8 +15,8 @@ from visualization_msgs.msg import Marker
 
 from lava_ros.bag.decoding import cloud_columns, image_array
 from lava_ros.errors import LavaError
-from lava_ros.maps.layer_files import layers_from_dict
-from lava_ros.maps.messages import BARRIERS, CLOSED, ELEVATIONS, LABELS, LETTERS, OPEN, PLACES
+from lava_ros.layers.layer_files import layers_from_dict
+from lava_ros.layers.messages import BARRIERS, CLOSED, ELEVATIONS, LABELS, LETTERS, OPEN, PLACES
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.outputs import SceneMessages, vent_markers
 from lava_ros.ros.parameters import Settings

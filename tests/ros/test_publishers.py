@@ -15,8 +15,8 @@ from rclpy.serialization import deserialize_message
 
 from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
+from lava_ros.layers.layer_files import load_layers
 from lava_ros.live.recorder import Recorder
-from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import codec, outputs
 from lava_ros.ros.parameters import PARAMETERS, Settings
 from lava_ros.ros.publishers import LayerPublishers, NodeGraph, published_layers

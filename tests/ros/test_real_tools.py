@@ -18,7 +18,7 @@ import time
 import pytest
 import yaml
 
-from lava_ros.maps.layer_files import load_layers
+from lava_ros.layers.layer_files import load_layers
 from ros.conftest import Graph
 
 ROOT = Path(__file__).parents[2]

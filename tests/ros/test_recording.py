@@ -14,8 +14,8 @@ import yaml
 
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.cli.main import main
+from lava_ros.layers.recording import Recording
 from lava_ros.live import recording_control
-from lava_ros.maps.frames import Recording
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.ros.subscribers import LIMITS

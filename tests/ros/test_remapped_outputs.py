@@ -12,9 +12,9 @@ import rasterio
 from lava_ros.bag import BagReader, BagWriter
 from lava_ros.bag.recorded_node import described_node
 from lava_ros.clients import player
+from lava_ros.layers.recording import Recording
 from lava_ros.live.worker_status import WorkerState
-from lava_ros.maps.export import export_bag
-from lava_ros.maps.frames import Recording
+from lava_ros.products.export import export_bag
 from ros.graph_publisher import elevation
 from ros.test_contract import MISSING, OPTIONAL, PACKAGES, rows
 

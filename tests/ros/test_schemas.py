@@ -21,7 +21,7 @@ from eruption import VENT, write_case
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import dump_yaml, parse_yaml, read_yaml
 from lava_ros.hindcast.case import load_case
-from lava_ros.maps.layer_files import layers_from_dict
+from lava_ros.layers.layer_files import layers_from_dict
 from lava_ros.ros import node_parameters, parameters
 from lava_ros.ros.executor import start_ros
 from lava_ros.scene import constants_of, scene_from_yaml

@@ -9,7 +9,7 @@ import threading
 import numpy as np
 import pytest
 
-from lava_ros.maps.frames import Recording
+from lava_ros.layers.recording import Recording
 from lava_ros.ros.codec import float_image, header
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation

@@ -17,8 +17,7 @@ import pytest
 from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
-from lava_ros.maps.frames import Recording
-from lava_ros.maps.onset import recorded_onset
+from lava_ros.layers.recording import Recording
 from lava_ros.runs import scene_run, store
 from lava_ros.runs.drive import Sink
 from lava_ros.runs.provenance import digests, files_in, identity_of
@@ -26,6 +25,7 @@ from lava_ros.runs.scene_run import Request, SceneRun
 from lava_ros.runs.store import CHECKPOINT, known_record
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
+from lava_ros.scene.onset import recorded_onset
 from lava_ros.simulation.accuracy import Accuracy
 
 SLOPE = Terrain(np.tile(np.linspace(40.0, 0.0, 30), (20, 1)), 10.0)

@@ -12,8 +12,8 @@ from geodata import feature, write_raster
 from lava_ros.cli.scenes import place_as_typed
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
-from lava_ros.pages.pictures import _window
-from lava_ros.pages.runs import Run
+from lava_ros.products.pictures import _window
+from lava_ros.products.run_page import Run
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import read_features
 from lava_ros.scene.on_terrain import read_raster_on

@@ -19,7 +19,7 @@ from rasterio.warp import transform
 from eruption import write_grid
 from geodata import feature, write_raster
 from lava_ros.errors import LavaError
-from lava_ros.maps.export import export_bag
+from lava_ros.products.export import export_bag
 from lava_ros.scene import Scene, scene_to_dict
 from lava_ros.scene.features import read_features
 from lava_ros.scene.on_terrain import read_raster_on

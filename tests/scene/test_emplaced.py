@@ -14,7 +14,7 @@ import yaml
 
 from geodata import feature, write_features, write_raster, write_scene
 from lava_ros.errors import LavaError
-from lava_ros.maps.gis import Provenance, write_grid
+from lava_ros.products.gis import Provenance, write_grid
 from lava_ros.scene import Lava, Scene, scene_from_yaml, scene_to_dict, Terrain
 from lava_ros.scene.emplaced import EmplacedFlow, read_flows
 from lava_ros.simulation import Simulation

@@ -13,8 +13,8 @@ from rasterio.warp import transform
 
 from geodata import feature, write_features
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import observed_in_file
-from lava_ros.maps.gis import Provenance, write_grid
+from lava_ros.forecast.observations import observed_in_file
+from lava_ros.products.gis import Provenance, write_grid
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import load_features, read_features
 from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier

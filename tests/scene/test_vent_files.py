@@ -20,7 +20,7 @@ from lava_ros.cli.scenes import vents_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.files.columns import angle, COLUMNS, understood
-from lava_ros.forecast.rasters import observed_in_file
+from lava_ros.forecast.observations import observed_in_file
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import read_features
 from lava_ros.scene.reshaping import read_barriers

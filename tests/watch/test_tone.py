@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from lava_ros.maps.colours import scale_of, STYLES
+from lava_ros.products.colours import scale_of, STYLES
 from lava_ros.watch.tone import shown_by_browser, tones
 
 

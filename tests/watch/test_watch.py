@@ -26,9 +26,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from command_line import refused
 from lava_ros.errors import LavaError
-from lava_ros.maps.frames import Recording
-from lava_ros.maps.layers import ARRIVED, PROBABILITY
-from lava_ros.maps.sheet import Panel
+from lava_ros.layers.layer import ARRIVED, PROBABILITY
+from lava_ros.layers.recording import Recording
+from lava_ros.products.sheet import Panel
 from lava_ros.scene.on_terrain import read_placed_picture
 from lava_ros.watch import server as server_module
 from lava_ros.watch import surface

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip('viser')
 from lava_ros.watch.server import Server
-from pages.report.devtools import Browser, needs_browser
+from products.report.devtools import Browser, needs_browser
 from waiting import wait_until
 from watch_page import Growing
 

@@ -1,0 +1,1 @@
+"""What the numbers of maps mean: layers, frames, arrival times and places."""

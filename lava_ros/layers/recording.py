@@ -1,0 +1,440 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Frames of maps from the messages of a bag."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros.bag import BagReader
+from lava_ros.bag.decoding import (
+    cloud_columns,
+    Decoder,
+    image_array,
+    places_in,
+    read_grid,
+    stamp_of,
+)
+from lava_ros.bag.georeference import georeferenced, MESSAGE, recorded_georeference, TOPIC
+from lava_ros.bag.reader import BagMessage
+from lava_ros.bag.recorded_node import find_node
+from lava_ros.errors import LavaError
+from lava_ros.files.resources import share_path
+from lava_ros.files.yaml import parse_yaml
+from lava_ros.layers.frame import Frame, grid_frame, image_frame, LayerFrame, threshold_at
+from lava_ros.layers.layer import ARRIVED, IMAGE, INUNDATED, Layer
+from lava_ros.layers.layer_files import layers_from_dict, load_layers
+from lava_ros.scene import MAX_COORDINATE, Terrain
+
+#: Called with the name of the activity and its completed fraction, 0 to 1.
+Progress = Callable[[str, float], None]
+
+# Resolution and origin (x, y) of a grid [m].
+_Place = tuple[float, float, float]
+
+
+def silent(activity: str, fraction: float) -> None:
+    """Report no progress."""
+
+
+class Recording:
+    """A bag with the maps of a simulation.
+
+    Attributes:
+        bag: The bag.
+        decoder: Decoder of its messages.
+        node: The node whose maps these are.
+        timeline: Simulated times of its messages.
+        layers: Layers with maps in the bag, by topic name.
+        terrain, terrain_info, vents: Topic names of the ground, its metadata and the vents;
+            ``vents`` is None if the bag has none.
+        georeference: Topic name of the georeference of the ground, None if the bag has none.
+        scene: The scene in the bag, in the form of ``scene_to_dict``, with the newest
+            georeference if the bag has no description.
+    """
+
+    def __init__(
+        self, path: str | Path, *, node: str | None = None, more: Sequence[Layer] = ()
+    ) -> None:
+        """Open a bag and find the layers of a node: those that it describes, and ``more``.
+
+        ``node`` is the full name or the namespace of the node; None for the only one. A topic of a
+        layer with messages of another type is reported as damage of the bag.
+
+        Raises:
+            LavaError: If the bag cannot be read, has several nodes and none is named, or has no
+                maps or no terrain.
+        """
+        self.bag = bag = BagReader(path)
+        self.decoder = Decoder(bag)
+        self._left_out: set[str] = set()
+        described = _yaml(bag, 'msg_config')
+        # the layers at the time of recording, or defaults for bags of other programs
+        if described is None:
+            layers = load_layers(share_path('msg_configs/default.yaml'))
+        else:
+            layers = layers_from_dict(described)
+        # masks and margins hide quantities
+        maps = [
+            item for item in layers
+            if item.message == IMAGE or (item.range is not None and item.margin == 0.0)
+        ]
+        self.node, self.timeline = find_node(
+            bag, self.decoder, _namespaces(bag, [*maps, *more]), node=node
+        )
+        self.layers: dict[str, Layer] = {}
+        for layer in (*maps, *more):
+            name = self.node.topic(layer.topic)
+            kind = _type(bag, name)
+            if kind == layer.message:
+                self.layers[name] = layer
+            elif kind and layer in maps:
+                self._leave_out(name, f'the bag has {kind}, the layer is a {layer.message}')
+        if not self.layers:
+            raise LavaError('bag', str(path), 'a bag with the layers of a simulation')
+        self.terrain = self._required('terrain', IMAGE)
+        self.terrain_info = self._required('terrain_info', 'nav_msgs/msg/MapMetaData')
+        self.vents = self._topic('vents', 'sensor_msgs/msg/PointCloud2')
+        scene = _yaml(bag, 'scene')
+        self.scene: Mapping[str, Any] = scene if isinstance(scene, Mapping) else {}
+        if not isinstance(self.scene.get('terrain', {}), Mapping):
+            field = f'custom_data scene.terrain of {path}'
+            raise LavaError(field, self.scene['terrain'], 'a mapping')
+        self.georeference = self._topic(TOPIC, MESSAGE)
+        # other recorders store no scene
+        if self.georeference is not None and not self.scene:
+            for item in bag.newest([self.georeference], (bag.end_ns or 0) + 1):
+                if stated := recorded_georeference(bag, self.decoder, item):
+                    self.scene = georeferenced(self.scene, stated.georeference)
+
+    @property
+    def inundation_threshold(self) -> float:
+        """Minimum thickness of lava that counts as inundation [m]."""
+        return threshold_at(self.timeline.moments[-1] if self.timeline.moments else None)
+
+    @property
+    def topics(self) -> set[str]:
+        """Names of the topics of a frame."""
+        ground = self.terrain, self.terrain_info, self.georeference
+        names = {*ground, self.vents, *self.layers}
+        return {name for name in names if name is not None}
+
+    @property
+    def places(self) -> dict[str, tuple[float, float]]:
+        """Map positions [m] of the places whose arrivals the bag has, by name."""
+        topic = self._topic('place_arrivals', 'diagnostic_msgs/msg/DiagnosticArray')
+        found = self.bag.newest([topic], (self.bag.end_ns or 0) + 1) if topic else ()
+        return next((self.decoder.decode(item, places_in) for item in found), {})
+
+    def frame_at(self, time: float | None = None) -> Frame:
+        """Read the newest maps up to a simulated time [s]; None for the last ones.
+
+        Raises:
+            LavaError: If the bag is damaged, or has no terrain or no map at that time.
+        """
+        end = self.timeline.log_time_at(time)
+        if time is not None and (end is None or time > self.timeline.last_time):
+            raise LavaError('time', time, self.timeline.span)
+        return self.frame_logged((self.bag.end_ns or 0) if end is None else end, time)
+
+    def log_times(self) -> list[int]:
+        """Return the log time of the last map of each frame [ns], also without simulated times.
+
+        Raises:
+            LavaError: If the bag is damaged.
+        """
+        found: dict[int, int] = {}
+        for message in self.bag.messages({*self.layers}):
+            found[self.time_of(message)] = message.stamp_ns
+        return sorted(found.values())
+
+    def frame_logged(self, end: int, time: float | None = None) -> Frame:
+        """Read the newest maps up to a log time [ns]; errors name the simulated ``time`` [s].
+
+        Raises:
+            LavaError: If the bag is damaged, or has no terrain or no map at that time.
+        """
+        assembly = _Assembly(self)
+        assembly.newest = {item.topic: item for item in self.bag.newest(self.topics, end + 1)}
+        if what := assembly.missing_input():
+            raise self.missing_error(time, what)
+        return assembly.frame()
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames of the last run, oldest first, with one in memory at a time.
+
+        A run ends where the simulation was reset to an earlier time. There is one frame for each
+        time at which a layer was published; the other layers keep their previous map. Frames
+        without a simulated time are left out, unless no frame has one.
+
+        Raises:
+            LavaError: If the bag is damaged.
+        """
+        run = self.timeline.last_run
+        start = run[0].stamp_ns if run else 0
+        assembly = _Assembly(self)
+        seen: dict[str, BagMessage] = {}
+        stamp, is_due = 0, False
+        for message in self.bag.messages(self.topics):
+            # each file of a bag begins with a copy of the latched messages
+            if _is_copy(message, seen.get(message.topic)):
+                continue
+            seen[message.topic] = message
+            when, is_layer = self.time_of(message), message.topic in self.layers
+            if is_due and when != stamp:
+                yield from self._due(assembly)
+                is_due = False
+            if not is_layer or when >= start:
+                assembly.newest[message.topic] = message
+                stamp, is_due = when, is_due or is_layer
+        if is_due:
+            yield from self._due(assembly)
+
+    def time_of(self, message: BagMessage) -> int:
+        """Return the ROS time of a message [ns], as in the timeline."""
+        return self.timeline.ros_time(stamp_of(message), message.stamp_ns)
+
+    def missing_error(self, time: float | None, what: str) -> LavaError:
+        """Return the error for input missing up to a simulated time [s], None for the end."""
+        if time is None:
+            return LavaError('bag', str(self.bag.path), f'a bag that contains a {what}')
+        return LavaError('time', time, f'a time at or after the first {what} of the bag')
+
+    def progress_at(self, frame: Frame) -> float:
+        """Return the fraction of the last run up to a frame; 0 if times are unknown."""
+        run = self.timeline.last_run
+        if frame.time is None or not run or run[-1].time <= run[0].time:
+            return 0.0
+        return (frame.time - run[0].time) / (run[-1].time - run[0].time)
+
+    def _topic(self, name: str, message_type: str) -> str | None:
+        """Return the full name of a topic of the node, None without messages of that type."""
+        topic = self.node.topic(name)
+        return topic if _type(self.bag, topic) == message_type else None
+
+    def _required(self, name: str, message_type: str) -> str:
+        topic = self._topic(name, message_type)
+        if topic is None:
+            expected = f'a bag with messages on the topic {self.node.topic(name)} ({message_type})'
+            raise LavaError('bag', str(self.bag.path), expected)
+        return topic
+
+    @cached_property
+    def _grounds(self) -> tuple[set[tuple[int, ...]], set[_Place]]:
+        """Shapes and positions of all terrains in the bag."""
+        shapes, places = set(), set()
+        for message in self.bag.messages((self.terrain, self.terrain_info)):
+            if message.topic == self.terrain:
+                shapes.add(_image(self.decoder, message).shape)
+            else:
+                places.add(_place(self.decoder, message))
+        return shapes, places
+
+    def _check_ground(self, name: str, shape: tuple[int, ...], place: _Place | None) -> None:
+        """Report a map that is not on the present terrain, unless it is on another of the bag."""
+        shapes, places = self._grounds
+        if shape not in shapes:
+            rows, columns = shape
+            self._leave_out(name, f'a map of {columns} x {rows} cells is on no terrain of the bag')
+        elif place is not None and place not in places:
+            self._leave_out(
+                name, f'a map at ({place[1]:g}, {place[2]:g}) in cells of {place[0]:g} m is on no '
+                'terrain of the bag',
+            )
+
+    def _leave_out(self, topic: str, reason: str) -> None:
+        """Report the first map of a topic that is left out."""
+        if topic not in self._left_out:
+            self._left_out.add(topic)
+            self.bag.report_damage(f'maps on {topic} are left out: {reason}')
+
+    def _due(self, assembly: '_Assembly') -> Iterator[Frame]:
+        if not assembly.missing_input():
+            frame = assembly.frame()
+            if frame.time is not None or not self.timeline.moments:
+                yield frame
+
+
+class _Assembly:
+    """The newest message of each topic, from which frames are assembled."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self.newest: dict[str, BagMessage] = {}
+        self._decoded: dict[str, tuple[BagMessage, Any]] = {}
+        # the newest metadata and elevations, and the terrain built from them
+        self._ground: tuple[_Place, np.ndarray, Terrain] | None = None
+
+    def missing_input(self) -> str:
+        """Return the name of the first missing input of a frame, or an empty text."""
+        if not {self._recording.terrain, self._recording.terrain_info} <= set(self.newest):
+            return 'terrain'
+        return '' if self._layer_names() else 'map'
+
+    def frame(self) -> Frame:
+        """Return the frame; maps of earlier terrains are left out."""
+        recording = self._recording
+        place = self._get(recording.terrain_info, _place)
+        elevation = self._get(recording.terrain, _image)
+        if self._ground is None or self._ground[0] != place or self._ground[1] is not elevation:
+            # the shortest decimal for the float32: 0.1, not 0.10000000149
+            resolution = float(str(np.float32(place[0])))
+            self._ground = place, elevation, Terrain(elevation, resolution, place[1:])
+        terrain = self._ground[2]
+        layers: dict[str, LayerFrame] = {}
+        # newer maps first, and images before grids of the same time
+        for name in sorted(self._layer_names(), key=lambda name: (
+            -recording.time_of(self.newest[name]), recording.layers[name].message != IMAGE
+        )):
+            layer = recording.layers[name]
+            # a grid and an image of one source have the same content
+            if layer.source not in layers:
+                shown, where = self._get(name, partial(_map, layer))
+                if layer.min_cells and shown is not None:
+                    shown, where = _without_border(shown, where, terrain, place)
+                if shown is None:
+                    recording._leave_out(name, 'a map has infinite values')
+                elif shown.values.shape == terrain.shape and where in (place, None):
+                    layers[layer.source] = shown
+                else:
+                    recording._check_ground(name, shown.values.shape, where)
+        arrived, inundated = (layers.pop(source, None) for source in (ARRIVED, INUNDATED))
+        has_vents = recording.vents in self.newest
+        stamp = max(recording.time_of(self.newest[name]) for name in self._layer_names())
+        frame = Frame(
+            elevation=terrain.elevation,
+            resolution=terrain.resolution,
+            origin=terrain.origin,
+            layers=layers,
+            vents=self._get(recording.vents, _vents) if has_vents else np.empty((0, 2)),
+            time=recording.timeline.time_at(stamp),
+            scene=self._scene(),
+        )
+        return frame.with_cover(
+            None if arrived is None else arrived.values,
+            None if inundated is None else inundated.values,
+            recording.inundation_threshold,
+        )
+
+    def _scene(self) -> Mapping[str, Any]:
+        """Return the scene with the georeference of the ground, if the bag has it."""
+        recording, name = self._recording, self._recording.georeference
+        if name is None or name not in self.newest:
+            return recording.scene
+        stated = self._get(name, partial(recorded_georeference, recording.bag))
+        ground = recording.terrain, recording.terrain_info
+        stamps = [stamp_of(self.newest[topic]) for topic in ground]
+        if stated is None or not stated.belongs_to(stamps):
+            return recording.scene
+        return georeferenced(recording.scene, stated.georeference)
+
+    def _layer_names(self) -> list[str]:
+        return [name for name in self._recording.layers if name in self.newest]
+
+    def _get(self, name: Any, convert: Callable[[Decoder, BagMessage], Any]) -> Any:
+        """Return the content of a topic's newest message; each is decoded once."""
+        message = self.newest[name]
+        known = self._decoded.get(name)
+        if known is None or known[0] is not message:
+            known = (message, convert(self._recording.decoder, message))
+            self._decoded[name] = known
+        return known[1]
+
+
+def _is_copy(message: BagMessage, before: BagMessage | None) -> bool:
+    """Return True if a message of a topic is the previous one again; a clock may loop."""
+    return (
+        before is not None
+        and before.publish_ns == message.publish_ns
+        and before.data == message.data
+    )
+
+
+def _yaml(bag: BagReader, name: str) -> Any:
+    return parse_yaml(f'custom_data {name} of {bag.path}', bag.custom_data.get(name, ''))
+
+
+def _type(bag: BagReader, name: str) -> str:
+    """Return the type of a topic, empty without messages."""
+    topic = bag.topics.get(name)
+    # rosbag2 also lists topics without messages
+    return topic.message_type if topic is not None and topic.count else ''
+
+
+def _namespaces(bag: BagReader, layers: Sequence[Layer]) -> list[str]:
+    """Return the namespaces with a layer and a terrain; without a terrain, those with a layer."""
+    found = {
+        name.removesuffix(f'/{layer.topic}') or '/'
+        for name in bag.topics
+        for layer in layers
+        if name.endswith(f'/{layer.topic}') and _type(bag, name) == layer.message
+    }
+    with_ground = {
+        name for name in found if _type(bag, f'{name.rstrip("/")}/terrain') == IMAGE
+    }
+    return sorted(with_ground or found)
+
+
+def _image(decoder: Decoder, item: BagMessage) -> np.ndarray:
+    """Return the pixels of an image, float32, shape [rows, columns]."""
+    return decoder.decode(item, lambda image: image_array(image, item.topic).astype(np.float32))
+
+
+def _place(decoder: Decoder, item: BagMessage) -> _Place:
+    def read(info: Any) -> _Place:
+        origin = info.origin.position
+        return (float(info.resolution), float(origin.x), float(origin.y))
+
+    return decoder.decode(item, read)
+
+
+def _map(
+    layer: Layer, decoder: Decoder, message: BagMessage
+) -> tuple[LayerFrame | None, _Place | None]:
+    """Return a map, None with infinite values, and the position of its grid, None for an image."""
+    if layer.message == IMAGE:
+        pixels = _image(decoder, message)
+        return None if np.isinf(pixels).any() else image_frame(layer, pixels), None
+    grid = read_grid(decoder, message)
+    return grid_frame(layer, grid.cells), (grid.resolution, *grid.origin)
+
+
+def _without_border(
+    shown: LayerFrame, where: _Place | None, terrain: Terrain, place: _Place
+) -> tuple[LayerFrame, _Place | None]:
+    """Cut a map with further cells around it (``min_cells``) down to the terrain."""
+    border = shown.layer.border(terrain.shape)
+    (below, _), (left, _) = border
+    whole = tuple(np.add(terrain.shape, np.sum(border, axis=1)))
+    resolution, x, y = place
+    corner = resolution, x - left * resolution, y - below * resolution
+    # the node extends the grid with its resolution in float64
+    if where is None or shown.values.shape != whole or not np.allclose(
+        where, corner, rtol=0.0, atol=1e-3 * resolution
+    ):
+        return shown, where
+    rows, columns = terrain.shape
+    values = shown.values[below : below + rows, left : left + columns]
+    return replace(shown, values=values), place
+
+
+def _vents(decoder: Decoder, item: BagMessage) -> np.ndarray:
+    """Return the map positions of the active vents and ends of fissures, float64, [count, 2]."""
+    names, ends = ('x', 'y', 'discharge'), ('x_end', 'y_end')
+    columns = decoder.decode(item, lambda cloud: cloud_columns(cloud, item.topic, names, ends))
+    points = np.stack([columns[name] for name in names], axis=-1)
+    if all(name in columns for name in ends):
+        others = np.stack([columns[name] for name in (*ends, 'discharge')], axis=-1)
+        points = np.concatenate([points, others[~np.isnan(others[:, :2]).all(axis=1)]])
+    # keeps NaN, which the next check rejects
+    points = points[~(points[:, 2] <= 0.0)]
+    beyond = points[~(np.abs(points) <= MAX_COORDINATE)]
+    if beyond.size:
+        expected = f'coordinates and discharges, at most {MAX_COORDINATE:g} from 0'
+        raise LavaError(f'{item.topic}.data', float(beyond[0]), expected)
+    return points[:, :2]

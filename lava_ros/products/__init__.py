@@ -1,0 +1,1 @@
+"""Maps for people and GIS: pictures, pages, reports and files."""

@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Arrival of lava at places in runs on disk: the table of `lava places` and `lava report`."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import tzinfo
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.forecast.store import maps_at
+from lava_ros.layers.place_arrivals import arrivals, ArrivalTable, flow_table
+from lava_ros.layers.places import Places, places_on
+from lava_ros.products.run_page import dated, Members, read_run, Run
+from lava_ros.scene.features import read_features
+from lava_ros.scene.onset import Onset
+
+
+def table_of(
+    path: str | Path, files: Sequence[str | Path], *, field: str, node: str | None = None,
+    time: float | None = None, onset: Onset | None = None, zone: tzinfo | None = None,
+) -> ArrivalTable:
+    """Return the arrival of lava at the points, lines and areas of files.
+
+    Args:
+        path: A bag or the folder of an ensemble.
+        files: Files for ``features.load_features``.
+        field: Name of the files in errors.
+        node: Full name or namespace of a node of the bag; None for the only one.
+        time: Simulated time [s] up to which a bag is read; None for all of it.
+        onset: Date of simulated time 0; None for that of the run, if it states one.
+        zone: Zone of local times; None for that of this machine.
+
+    Raises:
+        LavaError: If a file or the run cannot be read, or the run has no arrival times.
+    """
+    run = read_run(path, node=node, wanted=('arrival',))
+    if run.ensemble is not None and time is not None:
+        raise validation.conflict('--time', f'an ensemble ({path})')
+    features = [item for file in files for item in read_features(field, file, run.terrain)]
+    places = places_on(features, run.terrain)
+    if run.ensemble is not None:
+        table = _table_of_members(Path(path), run, run.ensemble, places)
+    else:
+        table = _table_of_bag(path, run, places, time, node)
+    return replace(table, onset=dated(onset, zone, [run]))
+
+
+def _table_of_bag(
+    path: str | Path, run: Run, places: Places, time: float | None, node: str | None
+) -> ArrivalTable:
+    panel = run.panels.get('arrival')
+    if panel is None:
+        raise LavaError('bag', str(path), 'a bag with the layer arrived, or one of the thickness')
+    end, arrived = panel.frame.time, panel.values
+    if time is not None:
+        # the newest map has all earlier arrival times, to the step
+        end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
+        arrived = np.where(arrived <= end, arrived, np.nan)
+    facts: dict[str, Any] = {
+        'threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
+    }
+    if panel.frame.arrived is not panel.values and np.isfinite(places.at(arrived)).any():
+        facts['note'] = 'times are those of the first map in the bag that shows the lava'
+    frame = panel.frame
+    if time is not None:
+        frame = read_run(path, node=node, time=time, wanted=('arrival',)).panels['arrival'].frame
+    return flow_table(places, run.terrain, arrived, frame.inundated, facts)
+
+
+def _table_of_members(
+    folder: Path, run: Run, members: Members, places: Places
+) -> ArrivalTable:
+    maps = maps_at(folder, members.plan, places, members=members.count)
+    if not math.isclose(maps.effective_members, members.effective, rel_tol=1e-6):
+        expected = 'maps with the weights of its members: repeat the lava ensemble command'
+        raise LavaError('ensemble', str(folder), expected)
+    assert maps.places is not None
+    rows = arrivals(
+        places,
+        *(
+            {fraction: places.at(values) for fraction, values in quantiles.items()}
+            for quantiles in (maps.arrival, maps.inundated)
+        ),
+        probability=maps.places.probability,
+        first=maps.places.arrival,
+        earliest=maps.places.earliest,
+        members=maps.effective_members,
+    )
+    facts: dict[str, Any] = {
+        'threshold_m': members.plan.threshold,
+        'horizon_s': members.plan.horizon,
+        'members': maps.members,
+        'effective_members': maps.effective_members,
+        **maps.limits(),
+        'arrival_error_s': maps.arrival_error,
+        **run.quality(),
+    }
+    if maps.spacing_error is not None and not maps.spacing_error.is_usable:
+        facts['note'] = maps.spacing_error.text()
+    return ArrivalTable(rows, facts, is_ensemble=True)

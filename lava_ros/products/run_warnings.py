@@ -1,0 +1,94 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Warnings about runs, for all their pages and JSON files, and the numerical error of runs."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+import math
+from pathlib import Path
+from typing import Any
+
+from lava_ros.bag.decoding import Moment
+from lava_ros.forecast.ensemble_error import stored_error
+from lava_ros.forecast.members import Plan
+from lava_ros.layers.numbers import percent
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.resolution import Resolution, resolution_of
+
+
+def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
+    """Return warnings by the diagnostics of a run, each a sentence."""
+    if not run:
+        return []
+    found: list[str] = []
+    parsed = (VolumeBudget.from_texts(item.values) for item in run)
+    budgets = [budget for budget in parsed if budget is not None]
+    errors = [budget.error for budget in budgets if not budget.is_conserved]
+    if errors:
+        known = all(map(math.isfinite, errors))
+        part = f'up to {percent(max(errors))}' if known else 'an unknown part'
+        found.append(
+            f'Volume was not conserved: {part} of it is unaccounted for. Do not trust these maps.'
+        )
+    elif budgets:
+        found += _sentences(*budgets[-1].warnings())
+    names = ('spacing_m', 'flow_width_m', 'particles_across')
+    spacing, width, across = (run[-1].number(name) for name in names)
+    resolution = Resolution(spacing, math.nan, width, across, math.nan, 'measured')
+    kind = run[-1].values.get('flow_kind_warnings', '')
+    return [*found, *_under_resolved(resolution), *_sentences(kind)]
+
+
+def warnings_of_plan(plan: Plan) -> list[str]:
+    """Return warnings about the members of an ensemble, each a sentence."""
+    accuracy = replace(plan.accuracy, threshold=plan.threshold)
+    expected = resolution_of(plan.scene, accuracy, plan.forced, horizon=plan.horizon)
+    kind = [] if expected.kind is None else expected.kind.warnings()
+    return [*_under_resolved(expected), *_sentences(*kind)]
+
+
+def _sentences(*phrases: str) -> list[str]:
+    return [f'{text[0].upper()}{text[1:]}.' for text in phrases if text]
+
+
+def _under_resolved(resolution: Resolution) -> list[str]:
+    if not resolution.is_coarse:
+        return []
+    return [
+        f'The flow is under-resolved: {resolution.across:.2g} particles across about '
+        f'{resolution.width:.2g} m. The inundated area would differ in a finer run.'
+    ]
+
+
+def error_of_moment(moment: Moment | None) -> dict[str, Any] | None:
+    """Return the numerical error in the diagnostics of a run; None if it is not measured.
+
+    The keys are those of ``NumericalError.as_dict`` that diagnostics contain.
+    """
+    if moment is None:
+        return None
+    inundated, standing, particles, ground, time = (
+        None if math.isnan(value) else value
+        for value in (
+            moment.number(f'numerical_error_{name}')
+            for name in ('inundated', 'standing', 'particles', 'ground', 'time_s')
+        )
+    )
+    if inundated is None:
+        return None
+    return {
+        'inundated': {'particles': particles, 'ground': ground, 'total': inundated},
+        'standing': {'total': standing},
+        'time_s': time,
+    }
+
+
+def error_of_folder(folder: Path) -> dict[str, Any] | None:
+    """Return the numerical error of the members in a folder of maps; None if it is not measured.
+
+    Raises:
+        LavaError: If its file is not valid.
+    """
+    error, _ = stored_error(folder if (folder / 'members').is_dir() else folder.parent)
+    return None if error is None else error.as_dict()
