@@ -25,13 +25,8 @@ from lava_ros.scene.terrain import (
     RESOLUTION_RANGE,
     Terrain,
 )
-from lava_ros.scene.vents import (
-    check_vents,
-    MAX_DISCHARGE,
-    Vent,
-    VENT_TEMPERATURE_RANGE,
-    vents_from_list,
-)
+from lava_ros.scene.vent_keys import MAX_DISCHARGE, VENT_TEMPERATURE_RANGE
+from lava_ros.scene.vents import check_vents, Vent, vents_from_list
 
 __all__ = [
     'ENVIRONMENT',

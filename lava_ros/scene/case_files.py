@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import similar_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.events import read_events, TerrainEvent
 from lava_ros.scene.features import ENDINGS, TABLES
+from lava_ros.scene.file_keys import CASE_KEYS
 from lava_ros.scene.input_files import files_in
 from lava_ros.scene.materials import with_material_in_lava
-from lava_ros.scene.scene import ENVIRONMENT
 from lava_ros.scene.terrain import Terrain
 
 
@@ -40,16 +39,6 @@ OPTIONS = 'case.yaml'
 
 #: Radius of a vent without its own, in cells.
 VENT_RADIUS = 1.5
-
-#: Options of ``load_terrain`` in ``case.yaml``.
-TERRAIN_KEYS = ('epsg', 'nodata', 'fill_holes', 'sea_level')
-
-#: Keys of ``case.yaml``.
-KEYS = (
-    *('title', 'source', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
-    *('start', 'end', *TERRAIN_KEYS, 'low_pass', 'events'),
-    'uncertainty', 'effusion_rate', 'outlines', 'insist',
-)
 
 
 @dataclass(frozen=True)
@@ -92,8 +81,8 @@ def find_case_files(directory: str | Path) -> CaseFiles:
         raise LavaError('case', str(folder), f'a folder that exists{similar_file(folder)}')
     path = folder / OPTIONS
     data = read_yaml('case', path) if path.exists() else None
-    given = validation.keys('case', {} if data is None else data, allowed=[*KEYS, 'material'])
-    options = with_material_in_lava('case', given)
+    options = CASE_KEYS.names('case', {} if data is None else data)
+    options = with_material_in_lava('case', options)
     found = [next(filter(Path.is_file, map(folder.joinpath, names)), None) for names in FILES]
     missing = [
         ' or '.join(names[:3])

@@ -24,7 +24,7 @@ from lava_ros.scene.effusion_rates import (
 from lava_ros.scene.terrain import Terrain
 from lava_ros.scene.typed_places import place_as_typed
 from lava_ros.scene.vent_files import check_places, read_vents, series_of, VentRow
-from lava_ros.scene.vents import RATE_CHECK
+from lava_ros.scene.vent_keys import RATE_CHECK
 
 #: Default effusion rate [m3/s] and maximum default radius [m] of a vent.
 SUMMIT_DISCHARGE, SUMMIT_RADIUS = 50.0, 20.0

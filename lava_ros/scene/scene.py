@@ -146,12 +146,6 @@ class Scene:
 #: Fields of ``Scene`` that are numbers of the surroundings.
 ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.metadata)
 
-#: Keys of a scene in a file.
-SCENE_KEYS = (
-    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', 'onset', 'insist',
-    *ENVIRONMENT,
-)
-
 
 def suspicious_temperatures(scene: Scene, *, is_celsius: bool = False) -> list[str]:
     """Describe the vents whose temperature is probably in the wrong unit, Celsius or kelvin.

@@ -24,10 +24,11 @@ from lava_ros.scene.effusion_rates import (
 )
 from lava_ros.scene.emplaced import read_flows
 from lava_ros.scene.events import read_events
+from lava_ros.scene.file_keys import SCENE_KEYS
 from lava_ros.scene.materials import with_material_in_lava
-from lava_ros.scene.scene import date_text, onset_from, SCENE_KEYS
+from lava_ros.scene.scene import date_text, onset_from
 from lava_ros.scene.terrain import Terrain
-from lava_ros.scene.terrain_files import load_terrain, TERRAIN_OPTIONS, terrain_path
+from lava_ros.scene.terrain_files import load_terrain, TERRAIN_KEYS, terrain_path
 
 _LOG = logging.getLogger(__name__)
 
@@ -59,18 +60,11 @@ def read_scene(
     name, path = path, find_file(path, 'examples', field='scene', expected='a readable YAML file')
     if path != Path(name):
         _LOG.info(f'{name}: no such file here, so that of the package, {path}')
-    known_keys = [*SCENE_KEYS, 'material']
-    data = validation.keys('scene', read_yaml('scene', path), allowed=known_keys)
-    data = with_material_in_lava('scene', data)
+    data = with_material_in_lava('scene', SCENE_KEYS.names('scene', read_yaml('scene', path)))
     ground = data.pop('terrain', None)
     insist = validation.flag('scene.insist', data.get('insist', False))
     if terrain is None:
-        known: dict[str, Any] = validation.keys(
-            'scene.terrain',
-            ground,
-            allowed=['file', *TERRAIN_OPTIONS],
-            required=['file'],
-        )
+        known = TERRAIN_KEYS.names('scene.terrain', ground)
         name = validation.text('scene.terrain.file', known.pop('file'), 'the name of a file')
         options = {'insist': insist} | known | dict(options or {})
         terrain = load_terrain(terrain_path(name, path.parent), **options)

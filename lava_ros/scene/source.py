@@ -24,10 +24,10 @@ from lava_ros.scene.case_files import (
     CaseFiles,
     find_case_files,
     read_case_events,
-    TERRAIN_KEYS,
     VENT_RADIUS,
 )
 from lava_ros.scene.effusion_rates import error_of_rates, Options, read_effusion_rates
+from lava_ros.scene.file_keys import CASE_TERRAIN
 from lava_ros.scene.given_vents import described, GivenVents, summit, usual_vent
 from lava_ros.scene.input_files import digests, files_in
 from lava_ros.scene.materials import Material
@@ -224,7 +224,7 @@ class SceneSource:
 
     def _terrain_options(self) -> dict[str, Any]:
         """Return the options of ``load_terrain`` that are given."""
-        given = {name: getattr(self, name) for name in TERRAIN_KEYS}
+        given = {name: getattr(self, name) for name in CASE_TERRAIN}
         if self.nodata not in (None, 'none'):
             try:
                 given['nodata'] = float(self.nodata)
@@ -242,7 +242,7 @@ class SceneSource:
         if self.path is not None and not self._is_elevation:
             data, terrain = read_scene(self.path, terrain=terrain, options=options)
         elif terrain is None:
-            for name in filter(options.__contains__, TERRAIN_KEYS):
+            for name in filter(options.__contains__, CASE_TERRAIN):
                 expected = f'left out without {self._word("terrain")} or a scene'
                 raise LavaError(self._word(name), options[name], expected)
             terrain = demo_terrain()
@@ -268,7 +268,7 @@ class SceneSource:
         assert self.path is not None
         files, given = find_case_files(self.path), self._given
         options = files.options
-        known = {name: options[name] for name in (*TERRAIN_KEYS, 'insist') if name in options}
+        known = {name: options[name] for name in (*CASE_TERRAIN, 'insist') if name in options}
         known |= self._terrain_options()
         ground = self.load_terrain() or load_terrain(files.elevation, **known)
         stated = {**options.get('effusion_rate', {}), **given.choices}

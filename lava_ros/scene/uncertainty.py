@@ -16,16 +16,21 @@ from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.keys import any_of, either, Key, Keys, list_of, same_keys, Schema
 from lava_ros.scene.distributions import (
     Displacement,
+    DISPLACEMENT_KEYS,
     Distribution,
+    distribution_schema,
+    keys_of,
     KINDS,
     Roughness,
-    WITH_LIMITS,
+    ROUGHNESS_KEYS,
     WORDS,
 )
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.measurements import error_of_rate, error_of_survey
+from lava_ros.scene.materials import materials
+from lava_ros.scene.measurements import error_of_rate, error_of_survey, RATE_ERRORS, SURVEYS
 
 #: Quantities that are factors, above 0.
 FACTORS = ('discharge', 'viscosity', 'yield_strength')
@@ -176,12 +181,73 @@ class Uncertainty:
         return name in self.exact or (ALL in self.exact and self.distribution_of(name) is None)
 
 
+#: Reference to the schema of a distribution.
+_ONE: Schema = {'$ref': '#/definitions/distribution'}
+
+#: Keys of a class of eruptions, of the error by method, and of the error by survey, in a file.
+CLASS_KEYS = Keys({
+    'probability': Key(PROBABILITY_CHECK, 'Relative to those of the other classes', True),
+    'duration': Key(None, 'Duration [s]', True, schema={'allOf': [_ONE]}),
+    'volume': Key(None, 'Volume of all vents together [m3]', True, schema={'allOf': [_ONE]}),
+    'name': Key(validation.text, 'Name in logs, messages and tables'),
+})
+MEASURED_KEYS = Keys({'measured': Key(partial(validation.choice, allowed=RATE_ERRORS), '', True)})
+SURVEY_KEYS = Keys({'survey': Key(partial(validation.choice, allowed=SURVEYS), '', True)})
+
+
+def _drawn(text: str, *others: Schema) -> Key:
+    """Return the key of a quantity with a distribution, or another schema."""
+    return Key(None, text, schema={'allOf': [any_of(_ONE, *others) if others else _ONE]})
+
+
+_RATE_KEY = _drawn('Factor on all effusion rates', MEASURED_KEYS.as_schema())
+
+#: Keys of uncertain quantities in a file.
+UNCERTAINTY_KEYS = Keys({
+    'discharge': _RATE_KEY,
+    'temperature': _drawn('Offset of the temperature of all vents [K]'),
+    'viscosity': _drawn('Factor on the viscosity'),
+    'yield_strength': _drawn('Factor on the yield strength'),
+    'position': Key(DISPLACEMENT_KEYS, 'Displacement of all vents'),
+    'terrain': Key(
+        None, 'Errors of the terrain',
+        schema=any_of(ROUGHNESS_KEYS.as_schema(), SURVEY_KEYS.as_schema()),
+    ),
+    'constants': Key(
+        None, 'Values of other constants of the lava',
+        schema=Keys(same_keys(CONSTANTS, None, schema=_ONE)).as_schema(),
+    ),
+    'eruption': Key(
+        None, 'Classes of eruptions, of which each member draws one',
+        schema=list_of(CLASS_KEYS.as_schema()),
+    ),
+    'exact': Key(
+        None, 'Quantities that are not drawn',
+        schema=any_of({'const': ALL}, list_of({'enum': list(QUANTITIES)})),
+    ),
+    'material': Key(
+        None, 'Material whose published ranges are drawn; that of the lava if left out',
+        schema=lambda: {'enum': list(materials())},
+    ),
+    'effusion_rate': _RATE_KEY,
+}, (either('discharge', 'effusion_rate', optional=True),))
+
+
+def definitions() -> Schema:
+    """Return the schemas to which those of uncertain quantities refer."""
+    names = [sign + name for sign in ('', '-') for name in QUANTITIES]
+    meaning = 'Quantity with the same, or after a minus sign the opposite, rank'
+    return {
+        'distribution': distribution_schema(),
+        'leader': {'description': meaning, 'enum': ['', *names]},
+    }
+
+
 def uncertainty_from_dict(data: object) -> Uncertainty:
     """Build an uncertainty from the plain data of a scene file; raise LavaError for bad data."""
     where = 'uncertainty'
-    names = [item.name for item in fields(Uncertainty)]
     values: dict[str, Any] = {}
-    for key, item in validation.keys(where, data, allowed=[*names, 'effusion_rate']).items():
+    for key, item in UNCERTAINTY_KEYS.names(where, data).items():
         name = 'discharge' if key == 'effusion_rate' else key
         if name in values:
             raise LavaError(f'{where}.{key}', item, 'either effusion_rate or discharge')
@@ -214,26 +280,22 @@ def _distribution(where: str, data: object) -> Distribution:
     if not isinstance(data, Mapping) or 'distribution' not in data:
         raise LavaError(where, data, f'a mapping with distribution: {", ".join(KINDS)}')
     kind = validation.choice(f'{where}.distribution', data['distribution'], KINDS)
-    names = KINDS[kind]
-    limits = ['limits'] if kind in WITH_LIMITS else []
-    values = validation.keys(
-        where, data, allowed=['distribution', *names, *limits, *WORDS], required=names
-    )
-    numbers = [values[name] for name in names]
+    values = keys_of(kind).names(where, data)
+    numbers = [values[name] for name in KINDS[kind]]
     parts = {'kind': kind, 'numbers': numbers, 'limits': values.get('limits')}
     return validation.build(Distribution, where, parts | _words(values))
 
 
 def _rate(where: str, data: object) -> Distribution:
     if isinstance(data, Mapping) and 'measured' in data:
-        known = validation.keys(where, data, allowed=['measured'])
+        known = MEASURED_KEYS.names(where, data)
         return error_of_rate(f'{where}.measured', known['measured'])
     return _distribution(where, data)
 
 
 def _terrain(where: str, data: object) -> Roughness:
     if isinstance(data, Mapping) and 'survey' in data:
-        known = validation.keys(where, data, allowed=['survey'])
+        known = SURVEY_KEYS.names(where, data)
         return error_of_survey(f'{where}.survey', known['survey'])
     return validation.build(Roughness, where, data)
 
@@ -255,10 +317,9 @@ def _constants(where: str, data: object) -> dict[str, Distribution]:
 
 
 def _eruption_classes(where: str, data: object) -> tuple[EruptionClass, ...]:
-    names = [item.name for item in fields(EruptionClass)]
     result = []
     for label, item in validation.items(where, data, 'a list of classes of eruptions'):
-        values = validation.keys(label, item, allowed=names, required=names[:-1])
+        values = CLASS_KEYS.names(label, item)
         for name in ('duration', 'volume'):
             values[name] = _distribution(f'{label}.{name}', values[name])
         result.append(validation.build(EruptionClass, label, values))
