@@ -26,7 +26,12 @@ from lava_ros.scene.case_files import (
     read_case_events,
     VENT_RADIUS,
 )
-from lava_ros.scene.effusion_rates import error_of_rates, Options, read_effusion_rates
+from lava_ros.scene.effusion_rates import (
+    error_of_rates,
+    Options,
+    RATE_KEYS,
+    read_effusion_rates,
+)
 from lava_ros.scene.file_keys import CASE_TERRAIN
 from lava_ros.scene.given_vents import described, GivenVents, summit, usual_vent
 from lava_ros.scene.input_files import digests, files_in
@@ -271,8 +276,8 @@ class SceneSource:
         known = {name: options[name] for name in (*CASE_TERRAIN, 'insist') if name in options}
         known |= self._terrain_options()
         ground = self.load_terrain() or load_terrain(files.elevation, **known)
-        stated = {**options.get('effusion_rate', {}), **given.choices}
-        choices = validation.build(Options, 'case.effusion_rate', stated)
+        stated = RATE_KEYS.names('case.effusion_rate', options.get('effusion_rate', {}))
+        choices = validation.build(Options, 'case.effusion_rate', {**stated, **given.choices})
         rates, origin = given.table(choices)
         if not rates:
             rates, origin = read_effusion_rates('case', files.rates, choices)
