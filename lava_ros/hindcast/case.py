@@ -115,20 +115,11 @@ def load_case(directory: str | Path, **changes: Any) -> Case:
     Raises:
         LavaError: If a file is missing or not valid, or the files are not consistent.
     """
-    return case_of(SceneSource(path=directory, **changes))
-
-
-def case_of(source: SceneSource) -> Case:
-    """Read the scene of a case, and its observations.
-
-    Raises:
-        LavaError: As ``load_case``.
-    """
-    assert source.path is not None
-    folder = Path(source.path)
+    folder = Path(directory)
     if not folder.is_dir():
         # raises LavaError
         find_case_files(folder)
+    source = SceneSource(path=folder, **changes)
     found = source.load()
     assert found.case is not None
     read, scene = found.case, found.scene

@@ -236,9 +236,9 @@ def scene_and_material(
     Args:
         data: Mapping with any of ``vents``, ``lava`` (as for ``materials.lava_from_dict``),
             ``ambient_temperature``, ``gravity``, ``uncertainty``, and ``emplaced_flows`` and
-            ``events`` as returned by ``scene_files.with_changes``, ``insist``, True to accept
-            numbers that cannot be, and ``rate_error``, the distribution of a
-            factor on all effusion rates unless ``uncertainty`` has one or takes them as exact.
+            ``events`` as returned by ``read_flows`` and ``read_events``, ``insist``, True to
+            accept numbers that cannot be, and ``rate_error``, the distribution of a factor on all
+            effusion rates unless ``uncertainty`` has one or takes them as exact.
             The material of the lava is that of the uncertainty, unless this names another.
         terrain: Terrain of the scene.
         label: Name of the data in errors.

@@ -83,38 +83,22 @@ def read_scene(
         )
     if isinstance(ground, Mapping) and 'sea_level' in ground and terrain.sea_level is None:
         terrain = replace(terrain, sea_level=ground['sea_level'])
-    data, terrain = with_changes(data, path.parent, terrain, options or {})
+    data, terrain = _with_changes(data, path.parent, terrain, options or {})
     return _with_rates(data, path.parent), terrain
 
 
-def with_changes(
-    data: dict[str, Any], folder: Path, terrain: Terrain, options: Mapping[str, Any],
-    *, prefix: str = 'scene.',
+def _with_changes(
+    data: dict[str, Any], folder: Path, terrain: Terrain, options: Mapping[str, Any]
 ) -> tuple[dict[str, Any], Terrain]:
-    """Replace emplaced flows and events by the contents of their files.
-
-    Args:
-        data: Plain data of a scene.
-        folder: Folder to which file names are relative.
-        terrain: Terrain before the flows.
-        options: Options of ``load_terrain`` for the files of events.
-        prefix: Prefix of the keys in errors.
-
-    Returns:
-        Data for ``scene_from_dict``, and the terrain raised by flows that are ground.
-
-    Raises:
-        LavaError: If a file or a value cannot be used.
-    """
-    data = dict(data)
+    """Replace emplaced flows and events by the contents of their files, and raise the terrain."""
     if 'emplaced_flows' in data:
         terrain, data['emplaced_flows'] = read_flows(
-            f'{prefix}emplaced_flows', data['emplaced_flows'], folder, terrain
+            'scene.emplaced_flows', data['emplaced_flows'], folder, terrain
         )
     if 'events' in data:
         # the grid of an event has to be that of the terrain
         read = partial(load_terrain, **{**options, 'offset': terrain.offset})
-        data['events'] = read_events(f'{prefix}events', data['events'], folder, terrain, read)
+        data['events'] = read_events('scene.events', data['events'], folder, terrain, read)
     return data, terrain
 
 

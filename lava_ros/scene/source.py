@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import partial
 import logging
+from operator import attrgetter
 from pathlib import Path
 from threading import get_ident
 from typing import Any
@@ -32,6 +33,8 @@ from lava_ros.scene.effusion_rates import (
     RATE_KEYS,
     read_effusion_rates,
 )
+from lava_ros.scene.emplaced import EmplacedFlow, read_flows
+from lava_ros.scene.events import read_events
 from lava_ros.scene.file_keys import CASE_TERRAIN
 from lava_ros.scene.given_vents import described, GivenVents, summit, usual_vent
 from lava_ros.scene.input_files import digests, files_in
@@ -39,7 +42,7 @@ from lava_ros.scene.materials import Material
 from lava_ros.scene.plausibility import check_date
 from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.scene import date_text, ENVIRONMENT, onset_from, Scene, scene_and_material
-from lava_ros.scene.scene_files import read_scene, with_changes
+from lava_ros.scene.scene_files import read_scene
 from lava_ros.scene.terrain import Terrain
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain, terrain_path
 from lava_ros.scene.vent_files import check_places, read_vents, series_of, VentRow
@@ -266,6 +269,7 @@ class SceneSource:
         if rows or self.effusion_rate is not None:
             # the error in a table of the scene is that of the rates that are replaced
             data['rate_error'] = error_of_rates(rates, self.measured)
+        terrain, data['emplaced_flows'] = self._with_flows(terrain, data.get('emplaced_flows', []))
         return self._completed('scene', data | self._onset(data, origin), terrain)
 
     def _load_case(self) -> SourcedScene:
@@ -276,19 +280,13 @@ class SceneSource:
         known = {name: options[name] for name in (*CASE_TERRAIN, 'insist') if name in options}
         known |= self._terrain_options()
         ground = self.load_terrain() or load_terrain(files.elevation, **known)
+        ground, flows = self._with_flows(ground, [])
         stated = RATE_KEYS.names('case.effusion_rate', options.get('effusion_rate', {}))
         choices = validation.build(Options, 'case.effusion_rate', {**stated, **given.choices})
         rates, origin = given.table(choices)
         if not rates:
             rates, origin = read_effusion_rates('case', files.rates, choices)
-        rows = given.rows(ground)
-        is_own = [row.discharge is not None for row in rows]
-        if any(is_own) and not all(is_own):
-            expected = 'one for every vent, or for none'
-            raise LavaError(f'effusion rate of {rows[is_own.index(False)].name!r}', None, expected)
-        if not rows:
-            rows = given.with_rate(read_vents('case', files.vents, ground))
-            check_places(rows, ground, files.vents.name)
+        rows = self._rows_of_case(files, ground)
         width = options.get('low_pass', 0.0) if self.low_pass is None else self.low_pass
         first, last = rates[0].start, rates[-1].end
         start = options.get('start', first)
@@ -304,6 +302,7 @@ class SceneSource:
                 for row, fluxes in zip(rows, series_of(rows, rates), strict=True)
             ],
             'rate_error': error_of_rates(rates, choices.measured),
+            'emplaced_flows': flows,
             'events': read_case_events(
                 files, ground, partial(load_terrain, **known, offset=ground.offset), start
             ),
@@ -317,18 +316,36 @@ class SceneSource:
             'case', data, ground, CaseInputs(files, ground, rows, start, last, width)
         )
 
+    def _rows_of_case(self, files: CaseFiles, ground: Terrain) -> tuple[VentRow, ...]:
+        """Return the vents that are given, or those of a case."""
+        rows = self._given.rows(ground)
+        if not rows:
+            rows = self._given.with_rate(read_vents('case', files.vents, ground))
+            check_places(rows, ground, files.vents.name)
+            return rows
+        is_own = [row.discharge is not None for row in rows]
+        if any(is_own) and not all(is_own):
+            expected = 'one for every vent, or for none'
+            raise LavaError(f'effusion rate of {rows[is_own.index(False)].name!r}', None, expected)
+        return rows
+
+    def _with_flows(
+        self, terrain: Terrain, known: Sequence[EmplacedFlow]
+    ) -> tuple[Terrain, list[EmplacedFlow]]:
+        """Return a terrain raised by the given flows that are ground, and all other flows."""
+        terrain, flows = read_flows(
+            'emplaced_flows', list(self.emplaced_flows), Path(), terrain
+        )
+        return terrain, [*known, *flows]
+
     def _completed(
         self, label: str, data: dict[str, Any], terrain: Terrain, case: CaseInputs | None = None
     ) -> SourcedScene:
         """Make the scene of plain data and of the inputs that a scene and a case share."""
-        shared = {'emplaced_flows': list(self.emplaced_flows), 'events': list(self.events)}
-        changes, terrain = with_changes(
-            {name: items for name, items in shared.items() if items},
-            Path(), terrain, self._terrain_options(), prefix='',
-        )
-        for name, items in changes.items():
-            data[name] = [*data.get(name, []), *items]
-        data['events'] = sorted(data.get('events', []), key=lambda event: event.time)
+        # the grid of an event has to be that of the terrain
+        read = partial(load_terrain, **{**self._terrain_options(), 'offset': terrain.offset})
+        events = read_events('events', list(self.events), Path(), terrain, read)
+        data['events'] = sorted([*data.get('events', []), *events], key=attrgetter('time'))
         if self.material is not None:
             data['lava'] = {'material': self.material}
         if self.insist:

@@ -268,3 +268,21 @@ def test_a_scene_knows_its_files_and_the_warnings_about_them(folder):
     assert SceneSource(path='base.yaml').load().remarks == ()
     (remark,) = SceneSource(path='base.yaml', terrain='later.npz').load().remarks
     assert 'positions of vents are now counted from the lower-left corner of a survey' in remark
+
+
+def test_ground_of_an_emplaced_flow_remains_when_a_case_changes_the_ground(folder):
+    x, y = VENT
+    dam = f'{{line: [[{x}, {y - 300}], [{x + 60}, {y - 300}]], height: 10, width: 20}}'
+    write_case(folder / 'dammed', yaml=f'events: [{{time: 3600, barrier: {dam}}}]\n')
+    square = np.array([(0, 0), (60, 0), (60, 60), (0, 60), (0, 0)]) + (x + 100.0, y - 60.0)
+    write_features(folder / 'wall.geojson', feature('Polygon', [square]))
+    flows = [{'file': 'wall.geojson', 'thickness': 3.0, 'as': 'ground'}]
+    bare, raised = (
+        SceneSource(path='dammed', emplaced_flows=some, epsg=32633).load().scene
+        for some in ([], flows)
+    )
+    for time in (0.0, 4000.0):
+        added = raised.at(time).terrain.elevation - bare.at(time).terrain.elevation
+        assert added.max() == pytest.approx(3.0, abs=1e-3) and (added > 1.0).sum() >= 4
+    dammed = raised.at(4000.0).terrain.elevation - raised.terrain.elevation
+    assert dammed.max() == pytest.approx(10.0, abs=1e-2)
