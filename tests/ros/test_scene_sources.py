@@ -274,7 +274,7 @@ def test_ground_of_an_emplaced_flow_remains_when_a_case_changes_the_ground(folde
     x, y = VENT
     dam = f'{{line: [[{x}, {y - 300}], [{x + 60}, {y - 300}]], height: 10, width: 20}}'
     write_case(folder / 'dammed', yaml=f'events: [{{time: 3600, barrier: {dam}}}]\n')
-    square = np.array([(0, 0), (60, 0), (60, 60), (0, 60), (0, 0)]) + (x + 100.0, y - 60.0)
+    square = np.add([(0, 0), (60, 0), (60, 60), (0, 60), (0, 0)], (x + 100.0, y - 60.0))
     write_features(folder / 'wall.geojson', feature('Polygon', [square]))
     flows = [{'file': 'wall.geojson', 'thickness': 3.0, 'as': 'ground'}]
     bare, raised = (
