@@ -32,24 +32,29 @@ class Key:
     """A key of a mapping.
 
     Attributes:
-        check: Check of the value: one of ``validation`` with its options, or ``Keys``; None if
-            only its reader can check it.
+        values: Check of the value: one of ``validation`` with its options, or ``Keys``. If only
+            its reader can check it, its schema, or None with ``schema``.
         text: Description for people.
         is_required: True if a file must have the key.
         schema: Schema of the value, or a function that returns it; None for that of the check.
     """
 
-    check: Check | None = None
+    values: Check | Schema | None = None
     text: str = ''
     is_required: bool = False
     schema: Schema | Callable[[], Schema] | None = None
+
+    @property
+    def check(self) -> Check | None:
+        """Check of the value; None if only its reader can check it."""
+        return self.values if callable(self.values) else None
 
     def as_schema(self) -> Schema:
         """Return the JSON Schema of the value."""
         own = self.schema() if callable(self.schema) else self.schema
         if own is None:
-            assert self.check is not None
-            own = schema_of(self.check)
+            assert self.values is not None
+            own = schema_of(self.values) if callable(self.values) else self.values
         return {'description': self.text, **own} if self.text else own
 
     @classmethod
@@ -160,6 +165,6 @@ def either(*names: str, optional: bool = False) -> Schema:
     return {'oneOf': options}
 
 
-def same_keys(names: Iterable[str], check: Check | None, **more: Any) -> dict[str, Key]:
-    """Return a key for each name, all with one check."""
-    return {name: Key(check, **more) for name in names}
+def same_keys(names: Iterable[str], values: Check | Schema, **more: Any) -> dict[str, Key]:
+    """Return a key for each name, all with the same values."""
+    return {name: Key(values, **more) for name in names}

@@ -85,37 +85,29 @@ HAZARD_KEYS = Keys({
     'lethal_temperature': Key(partial(number, above=-ZERO_CELSIUS, unit='Celsius')),
 })
 
+_SOURCES = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES, ARRIVED, INUNDATED, LAVA)
+
 #: Keys of a layer; msg_configs/default.yaml describes them in full. Checks of the others depend
 #: on the source and the message.
 LAYER_KEYS = Keys({
     'topic': Key(
-        None, 'Relative topic name; the name of the layer if left out',
-        schema={'type': 'string', 'pattern': f'^{TOPIC.pattern}$'},
+        {'type': 'string', 'pattern': f'^{TOPIC.pattern}$'},
+        'Relative topic name; the name of the layer if left out',
     ),
-    'source': Key(
-        partial(
-            choice, allowed=(
-                *SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES, ARRIVED, INUNDATED, LAVA,
-            )
-        ),
-        'Quantity that the layer shows', True,
-    ),
+    'source': Key(partial(choice, allowed=_SOURCES), 'Quantity that the layer shows', True),
     'message': Key(partial(choice, allowed=tuple(MESSAGES)), 'Type of the messages', True),
     'range': Key(
-        None, 'Values [low, high] that map to the ends of scale, in the unit of the source',
-        schema=list_of(schema_of(RANGE_CHECK), 2, 2),
+        list_of(schema_of(RANGE_CHECK), 2, 2),
+        'Values [low, high] that map to the ends of scale, in the unit of the source',
     ),
     'scale': Key(
-        None, 'Grid values [first, last] at the ends of range; [0, 100] if left out',
-        schema=list_of(schema_of(SCALE_CHECK), 2, 2),
+        list_of(schema_of(SCALE_CHECK), 2, 2),
+        'Grid values [first, last] at the ends of range; [0, 100] if left out',
     ),
-    'step': Key(
-        None, 'Value of the source at or above which a cell is 100; below it, 0',
-        schema=keys.number(),
-    ),
+    'step': Key(keys.number(), 'Value of the source at or above which a cell is 100; below it, 0'),
     'classes': Key(
-        None, 'Values of the source at which one class ends and the next begins',
-        schema=list_of(keys.number(above=0.0), 1, MAX_CLASSES - 1),
+        list_of(keys.number(above=0.0), 1, MAX_CLASSES - 1),
+        'Values of the source at which one class ends and the next begins',
     ),
     'margin': Key(
         partial(number, at_least=0.0, at_most=MAX_MARGIN, unit='m'),
@@ -134,10 +126,8 @@ LAYER_KEYS = Keys({
         'Minimum number of columns and of rows; 0 if left out',
     ),
     'heartbeat': Key(
-        None, 'Wall time after which an unchanged map is sent again [s]; 0: never',
-        schema=keys.any_of(
-            {'const': 0}, keys.number(at_least=MIN_HEARTBEAT, at_most=MAX_HEARTBEAT)
-        ),
+        keys.any_of({'const': 0}, keys.number(at_least=MIN_HEARTBEAT, at_most=MAX_HEARTBEAT)),
+        'Wall time after which an unchanged map is sent again [s]; 0: never',
     ),
     'enabled': Key(flag, 'Publish the layer; true if left out'),
     'rate': Key(
@@ -147,16 +137,16 @@ LAYER_KEYS = Keys({
     'record': Key(flag, 'Write the layer to the bag; true if left out'),
     'qos': Key(QOS_KEYS, 'Quality of service of the publisher'),
     'hazard': Key(
-        None, 'Limits between which heat and burial grow from harmless to lethal',
-        schema=HAZARD_KEYS.as_schema,
+        HAZARD_KEYS.as_schema(),
+        'Limits between which heat and burial grow from harmless to lethal',
     ),
 })
 
 #: Keys of a layer configuration.
 FILE_KEYS = Keys({
-    'layers': Key(None, is_required=True, schema={
+    'layers': Key({
         'type': 'object', 'minProperties': 1, 'additionalProperties': LAYER_KEYS.as_schema(),
-    }),
+    }, is_required=True),
 })
 
 

@@ -224,10 +224,8 @@ class Roughness:
 
     def __post_init__(self) -> None:
         """Validate every field; LavaError names one that is not usable."""
-        for name in ('deviation', 'correlation'):
-            value = ROUGHNESS_CHECK(f'roughness.{name}', getattr(self, name))
+        for name, value in ROUGHNESS_KEYS.values('roughness', vars(self)).items():
             object.__setattr__(self, name, value)
-        validation.text('roughness.source', self.source)
 
     def text(self) -> str:
         """Describe the errors for people."""

@@ -20,7 +20,7 @@ from lava_ros.files.columns import Column, understood
 from lava_ros.files.csv import read_table
 from lava_ros.files.keys import DATE, Key, Keys, TEXT
 from lava_ros.scene.distributions import Distribution
-from lava_ros.scene.measurements import error_of_rate, RATE_ERRORS
+from lava_ros.scene.measurements import RATE_ERRORS
 from lava_ros.scene.plausibility import check_date
 from lava_ros.scene.vent_keys import MAX_DISCHARGE
 
@@ -97,7 +97,7 @@ RATE_KEYS = Keys({
 
 #: Keys of a table and of the choices for reading it.
 TABLE_KEYS = Keys({
-    'file': Key(None, 'File, relative to this one', True, schema=TEXT), **RATE_KEYS.keys,
+    'file': Key(TEXT, 'File, relative to this one', True), **RATE_KEYS.keys,
 })
 
 
@@ -240,7 +240,7 @@ def error_of_rates(
     volume = sum(item.volume for item in known)
     error = sum((item.error or 0.0) * (item.end - item.start) for item in known)
     if not volume or not error:
-        return None if measured is None else error_of_rate('effusion_rate.measured', measured)
+        return None if measured is None else RATE_ERRORS[measured]
     factor = math.exp(math.sqrt(math.log1p((error / volume) ** 2)))
     return Distribution('lognormal', (1.0, factor), source='errors in the table of effusion rates')
 

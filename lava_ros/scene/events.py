@@ -28,9 +28,7 @@ def event_keys(time: Check) -> Keys:
     return Keys({
         'time': Key(time, 'Time of the change [s]', True),
         'terrain': Key(FILE_NAME, 'File of the new elevation; relative to this file'),
-        'barrier': Key(
-            None, 'A barrier that is built', schema=BARRIER_KEYS.as_schema,
-        ),
+        'barrier': Key(BARRIER_KEYS.as_schema(), 'A barrier that is built'),
         'barriers': Key(FILE_NAME, 'Vector file of lines with height and width [m]'),
     }, (either(*CHANGES),))
 

@@ -35,8 +35,8 @@ PLACE_CHECK = partial(validation.pair, most=MAX_COORDINATE)
 #: Keys of a barrier in a file.
 BARRIER_KEYS = Keys({
     'line': Key(
-        None, 'Two or more places [easting, northing] along the crest [m]', True,
-        schema=list_of(schema_of(PLACE_CHECK), 2),
+        list_of(schema_of(PLACE_CHECK), 2),
+        'Two or more places [easting, northing] along the crest [m]', True,
     ),
     **{
         name: Key(

@@ -57,23 +57,21 @@ NPZ_KEYS = (
 #: Options of ``load_terrain`` that a scene file may give; the function checks their values.
 TERRAIN_OPTIONS: dict[str, Key] = {
     'epsg': Key(
-        None, 'EPSG code of the coordinates; replaces the one in the file',
-        schema={'type': 'integer', 'minimum': MIN_EPSG},
+        {'type': 'integer', 'minimum': MIN_EPSG},
+        'EPSG code of the coordinates; replaces the one in the file',
     ),
     'resolution': Key(
         partial(validation.number, above=0.0, unit='m'), 'Side of the cells to make [m]'
     ),
     'offset': Key(validation.pair, 'Easting and northing of the origin of the map frame [m]'),
     'window': Key(
-        None,
+        list_of(number(), 4, 4),
         'Part to keep: smallest easting and northing, largest easting and northing [m]',
-        schema=list_of(number(), 4, 4),
     ),
     'fill_holes': Key(validation.flag, 'Fill cells without data that data surround'),
     'nodata': Key(
-        None,
+        any_of(number(), {'const': 'none'}),
         'Value of cells without data that the file does not declare; none: all have data',
-        schema=any_of(number(), {'const': 'none'}),
     ),
     'sea_level': Key(
         SEA_LEVEL_CHECK,
@@ -83,7 +81,7 @@ TERRAIN_OPTIONS: dict[str, Key] = {
 
 #: Keys of the terrain in a scene file.
 TERRAIN_KEYS = Keys({
-    'file': Key(None, 'File, relative to this one', True, schema=TEXT), **TERRAIN_OPTIONS,
+    'file': Key(TEXT, 'File, relative to this one', True), **TERRAIN_OPTIONS,
 })
 
 #: Minimum elevation, and maximum elevation on Earth [m].

@@ -25,6 +25,9 @@ TEMPERATURE_CHECK = partial(
     at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
 )
 
+#: Check of the radius of a vent.
+RADIUS_CHECK = partial(validation.number, above=0.0, at_most=1e5, unit='m')
+
 #: Check of an effusion rate.
 RATE_CHECK = partial(validation.number, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s')
 
@@ -66,10 +69,7 @@ VENT_KEYS = Keys({
         schema=any_of(*RATE_SCHEMAS),
     ),
     'temperature': Key(TEMPERATURE_CHECK, 'Temperature of the erupting lava [K]'),
-    'radius': Key(
-        partial(validation.number, above=0.0, at_most=1e5, unit='m'),
-        'Radius of the disc, or half the width of the fissure [m]',
-    ),
+    'radius': Key(RADIUS_CHECK, 'Radius of the disc, or half the width of the fissure [m]'),
     'end': Key(_IN_MAP, 'The other end of a fissure [x, y] in the map frame [m]'),
     'name': Key(validation.text, 'Name in logs, messages and tables'),
     'velocity': Key(
@@ -80,9 +80,7 @@ VENT_KEYS = Keys({
         validation.pair,
         'Position [easting, northing] in the coordinate system of the terrain [m]',
     ),
-    'projected_end': Key(
-        validation.pair, 'The other end of a fissure [easting, northing] [m]'
-    ),
+    'projected_end': Key(validation.pair, 'The other end of a fissure [easting, northing] [m]'),
     'effusion_rate': Key(
         check_discharge, 'Effusion rate [m3/s]: a number, [time [s], rate] pairs, or a table',
         schema=any_of(*RATE_SCHEMAS),
