@@ -39,7 +39,7 @@ class GivenVents:
         word: Function that returns the name of a field as the user writes it.
     """
 
-    vent: Sequence[str]
+    vent: Sequence[str | Sequence[float]]
     vents: str | Path | None
     effusion_rate: float | str | Path | None
     choices: Mapping[str, Any]
@@ -63,7 +63,10 @@ class GivenVents:
             raise validation.conflict(self.word('vent'), self.word('vents'))
         if not self.vents:
             word = self.word('vent')
-            places = [place_as_typed(word, text, terrain, on_terrain=True) for text in self.vent]
+            texts = [
+                item if isinstance(item, str) else ','.join(map(str, item)) for item in self.vent
+            ]
+            places = [place_as_typed(word, text, terrain, on_terrain=True) for text in texts]
             return tuple(
                 VentRow(f'vent {index}', place, discharge=self.rate)
                 for index, place in enumerate(places)

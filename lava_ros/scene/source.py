@@ -125,7 +125,7 @@ class SceneSource:
         sea_level: Elevation at or below which the ground is sea [m].
         low_pass: Width of a Gaussian filter of the ground [m].
         vent: Places of vents: easting and northing [m], or longitude and latitude [degrees], as
-            text with a comma.
+            pairs of numbers or as text with a comma.
         vents: File of points and lines.
         effusion_rate: Effusion rate of each vent [m3/s], or a table of the rates of all together.
         start: Date of the start of the eruption (ISO 8601), which is time 0.
@@ -147,7 +147,7 @@ class SceneSource:
     fill_holes: bool | None = None
     sea_level: float | None = None
     low_pass: float | None = None
-    vent: Sequence[str] = ()
+    vent: Sequence[str | Sequence[float]] = ()
     vents: str | Path | None = None
     effusion_rate: float | str | Path | None = None
     start: str | None = None

@@ -75,7 +75,8 @@ SAME = {
         {'vents': [CRATER | {'effusion_rate': 5.0}]}, {'effusion_rate': 5.0}, '--effusion-rate 5',
     ),
     'place and rate': Inputs(
-        {'vents': [CRATER | {'effusion_rate': 5.0}]}, {'vent': [PLACE], 'effusion_rate': 5.0},
+        {'vents': [CRATER | {'effusion_rate': 5.0}]},
+        {'vent': [(500_150.0, 4_180_250.0)], 'effusion_rate': 5.0},
         f'--vent {PLACE} --effusion-rate 5',
     ),
     'file of vents': Inputs(
