@@ -61,7 +61,7 @@ def is_on(text: str) -> bool:
 
 def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
     if decision is None:
-        return 'forced' if name in effects else 'never chosen, only forced'
+        return 'forced' if name in effects else 'never chosen automatically'
     is_needed = decision.value > decision.effect.threshold
     is_switched_on = not math.isnan(decision.since)
     is_fixed = decision.is_forced or bool(decision.formulation)

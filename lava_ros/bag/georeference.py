@@ -47,7 +47,7 @@ def read_georeference(message: Any, frame_id: str | None = None) -> StampedGeore
             in metres, or its transform is not a shift along the axes x and y.
     """
     if frame_id not in (None, message.child_frame_id):
-        expected = f'{frame_id!r}: nothing is transformed here'
+        expected = f'{frame_id!r}: messages are not transformed'
         raise LavaError(f'{TOPIC}.child_frame_id', message.child_frame_id, expected)
     place, turn = message.transform.translation, message.transform.rotation
     for axis, value in (('x', place.x), ('y', place.y)):
@@ -110,7 +110,7 @@ def georeferenced(
     """Return a scene, in the form of ``scene_to_dict``, with another georeference."""
     known = scene.get('terrain') or {}
     stated = georeference._asdict()
-    # the scene may also have the vertical datum, and is checked where it is used
+    # the scene may also have the vertical datum; its georeference is checked when it is used
     if stated['epsg'] is not None and stated['epsg'] == known.get('epsg'):
         del stated['wkt']
     return {**scene, 'terrain': {**known, **stated}}

@@ -127,7 +127,7 @@ class McapFile:
                     loaded = self._load(stream, block, wanted, start_ns)
                     held += loaded.size
                     if held > MAX_HELD:
-                        expected = f'at most {MAX_HELD} bytes of messages of one time, not {held}'
+                        expected = f'at most {MAX_HELD} bytes of messages at one time, not {held}'
                         raise LavaError('bag', str(self.path), expected)
                     number += 1
                     if (time := loaded.next_time) is not None:
@@ -435,7 +435,7 @@ def _add(contents: McapFile, data: bytes, offset: int, *, joins: bool = False) -
             channels[item.id] = item
         elif isinstance(item, Metadata):
             if not bag_metadata.is_whole(item.name, item.metadata):
-                raise McapError('its checksum does not fit')
+                raise McapError('its checksum does not match')
             metadata[item.name] = item.metadata
     contents.schemas.update(schemas)
     contents.channels.update(channels)

@@ -52,14 +52,14 @@ class QosProfile:
         """Validate the policies.
 
         Raises:
-            LavaError: If rmw does not have a policy.
+            LavaError: If rmw does not define a policy.
         """
         for name, words in _WORDS.items():
             validation.choice(f'qos.{name}', getattr(self, name), words)
 
     @property
     def is_latched(self) -> bool:
-        """True if a late subscriber gets messages published before it joined."""
+        """True if a late subscriber receives messages that were published before it joined."""
         return self.durability == 'transient_local'
 
     def to_dict(self) -> dict[str, Any]:
@@ -71,7 +71,7 @@ class QosProfile:
         return result
 
 
-#: Profile of the package's maps: a late subscriber gets the newest one.
+#: Profile of the package's maps: a late subscriber receives the newest map.
 LATCHED = QosProfile(depth=1, durability='transient_local')
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from lava_ros import validation
 from lava_ros.bag.reader import BagMessage, BagReader
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 
 #: Wall time between the last message and the first of the next round of a loop [s].
 LOOP_PAUSE = 1.0
@@ -55,10 +55,10 @@ def schedule(
     rate = validation.number('rate', rate, above=0.0)
     start_offset = validation.number('start_offset', start_offset, at_least=0.0, unit='s')
     if bag.start_ns is None or bag.end_ns is None:
-        raise LavaError('bag', 'without messages', 'at least one message to replay')
+        raise RefusalError('bag', f'{bag.path} contains no messages', 'Choose another bag')
     begin = bag.start_ns + round(start_offset * 1e9)
     if begin > bag.end_ns:
-        expected = f'at most the {bag.duration_ns / 1e9:g} s the bag lasts'
+        expected = f'at most {bag.duration_ns / 1e9:g} s, the duration of the bag'
         raise LavaError('start_offset', start_offset, expected)
     chosen = bag.topics.keys() if topics is None else bag.topics.keys() & topics
     latched = [name for name in bag.topics if name in chosen and bag.topics[name].qos.is_latched]

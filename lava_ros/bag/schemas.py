@@ -29,7 +29,7 @@ SEPARATOR = '=' * 80
 
 @dataclass(frozen=True)
 class MessageSchema:
-    """The definition of a message type, with which its messages can be decoded anywhere.
+    """The definition of a message type, with which any program can decode its messages.
 
     ``text`` contains the definition of the type, then that of each dependency once, in the format
     ``encoding``. The hash is RIHS01.

@@ -38,7 +38,7 @@ def open_input(path: str | Path) -> BinaryIO:
     """
     try:
         _check_regular(os.stat(path), path)
-        # the path may have changed since: open without waiting, and check again
+        # the path may have changed since then: open without waiting, and check again
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except ValueError as error:
         raise OSError(errno.EINVAL, str(error), str(path)) from error
@@ -60,7 +60,7 @@ def check_exists(field: str, path: Path) -> None:
 
 def similar_file(path: Path) -> str:
     """Return a remark about the file with the most similar name in the folder; may be empty."""
-    # the reader process does without
+    # imported here, because the reader process does not need it
     from lava_ros.validation import meant
 
     try:
@@ -129,7 +129,7 @@ def replacing(path: Path, *, is_durable: bool = True) -> Iterator[Path]:
 
 @contextmanager
 def writing(field: str, path: str | Path) -> Iterator[Path]:
-    """Yield a file as ``replacing``; raise LavaError, which names ``field``, for an OSError."""
+    """Yield a file like ``replacing``; an OSError becomes a LavaError that names ``field``."""
     expected = 'a file to write'
     with refusing(field, str(path), expected, OSError, ValueError), replacing(Path(path)) as file:
         yield file

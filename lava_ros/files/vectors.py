@@ -227,7 +227,7 @@ def write_vectors(
                 if ending == 'geojson':
                     place.write_text(text)
                 continue
-            # as dates they would lose the zone
+            # written as dates, the values would lose their time zone
             meta, _, geometry, values = raw.read(text.encode(), DATE_AS_STRING='YES')
             raw.write(
                 place, geometry, values, meta['fields'], layer=name, driver=driver,

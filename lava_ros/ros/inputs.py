@@ -314,7 +314,7 @@ def _vent(
 
 def _check_message(name: str, header: Header, settings: Settings, data: Any = b'') -> None:
     if header.frame_id != settings.frame_id:
-        expected = f'{settings.frame_id!r}: nothing is transformed here'
+        expected = f'{settings.frame_id!r}: messages are not transformed'
         raise LavaError(f'{name}.header.frame_id', header.frame_id, expected)
     size = memoryview(data).nbytes
     if size > settings.max_input_bytes:

@@ -386,7 +386,7 @@ def test_every_effect_has_a_reason():
     assert {name: is_on(text) for name, text in known.items()} == asdict(effects_for(scene))
     assert known['steep'].startswith('on: slope = 0.5 > 0.087')
     assert known['yielding'] == 'off: the material has none'
-    assert known['merging'] == 'off: never chosen, only forced'
+    assert known['merging'] == 'off: never chosen automatically'
     # forced
     known = table(steep=False, helmholtz=True, merging=True)
     assert known['steep'] == 'off: forced'
