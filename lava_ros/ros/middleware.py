@@ -36,7 +36,7 @@ def _local_profiles() -> list[Path]:
 
 
 def set_profiles() -> None:
-    """Let Fast DDS use params/fast_dds.xml, unless the user has chosen other profiles."""
+    """Make Fast DDS use params/fast_dds.xml, unless the user has chosen other profiles."""
     has_own = _local_profiles() or any(name in os.environ for name in PROFILES)
     if _uses_fast_dds() and not has_own:
         os.environ[PROFILES[0]] = str(share_path('params/fast_dds.xml'))

@@ -58,7 +58,7 @@ def layer_message(
 
 def particle_message(sample: ParticleSample, snapshot: Snapshot, header: Header) -> PointCloud2:
     """Make a cloud of at most ``MAX_PARTICLES`` particles, on the surface of the lava."""
-    # the particles are sorted by place, so that every n-th one shows all of the lava
+    # the particles are sorted by position, so every n-th particle covers all of the lava
     chosen = slice(None, None, len(sample.volume) // MAX_PARTICLES + 1)
     place, terrain = sample.position[chosen], snapshot.terrain
     columns = {

@@ -102,7 +102,8 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
     except LavaError as error:
         if progress is None:
             raise
-        node.get_logger().warning(f'{error}: not compared with the inputs of {progress.bag}')
+        warning = f'the inputs cannot be compared with those of {progress.bag}: {error}'
+        node.get_logger().warning(warning)
         given = StartupInputs(given=progress.given)
     given = replace(given, restart_file=file)
     if progress is not None:
@@ -162,8 +163,8 @@ def _restarted(
         found = _resumed(node, given, progress.bag)
     except LavaError as error:
         log.warning(
-            f'cannot resume {progress.bag}: {error}; starting again at time 0, the maps had '
-            f'reached {progress.time:.3f} s'
+            f'cannot resume {progress.bag}, starting again at time 0; the maps had reached '
+            f'{progress.time:.3f} s: {error}'
         )
         return None
     assert found.checkpoint is not None
