@@ -188,7 +188,7 @@ def _write_gif(
     from PIL import Image
 
     # With one palette for all pictures, unchanged pixels take no space: matplotlib's writer makes
-    # files four times as large. MAXCOVERAGE keeps the colours of lava, which few pixels have.
+    # files four times as large. MAXCOVERAGE keeps the colours of lava, which only few pixels have.
     palette = Image.fromarray(colours).quantize(256, Image.Quantize.MAXCOVERAGE)
     images: list[Any] = []
     durations: list[int] = []

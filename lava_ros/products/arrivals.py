@@ -60,7 +60,7 @@ def _table_of_bag(
         raise LavaError('bag', str(path), 'a bag with the layer arrived, or one of the thickness')
     end, arrived = panel.frame.time, panel.values
     if time is not None:
-        # the newest map has all earlier arrival times, to the step
+        # the newest map contains all earlier arrival times, exact to the time step
         end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
     facts: dict[str, Any] = {

@@ -97,7 +97,7 @@ def export_bag(
     known: dict[str, Georeference] = {}
 
     def georeference_in(scene: Mapping[str, Any]) -> Georeference:
-        # a replaced coordinate system is a warning, and frames have the same scene
+        # a replaced coordinate system gives a warning; all frames have the same scene
         stated = repr([scene.get('terrain', {}).get(name) for name in Georeference._fields])
         if stated not in known:
             known[stated] = georeference_of(scene, epsg=epsg, offset=offset)
@@ -283,7 +283,7 @@ def _history_map(name: str, history: Arrival) -> gis.Made:
         tags['note'] = 'times are those of the steps of the simulation'
     else:
         tags['longest_time_between_maps_s'] = repr(history.longest_gap)
-        tags['note'] = 'lava may have come earlier, by the time between two maps at most'
+        tags['note'] = 'lava may have arrived earlier, by at most the time between two maps'
     return history.times.astype(np.float32), tags
 
 

@@ -189,7 +189,7 @@ def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[
         places = [
             np.add(place, offset).tolist() for place in (item.position, item.end) if place
         ]
-        # another name for a rate that changes, so that --vents does not read a constant rate
+        # a rate that changes has another name, so that --vents does not read it as a constant rate
         name = 'effusion_rate' if isinstance(item.discharge, float) else 'peak_effusion_rate'
         known = {'name': item.name, name: item.peak, 'radius': item.radius}
         if item.temperature is not None:
@@ -277,7 +277,7 @@ def _geographic(
     from rasterio.warp import transform_geom
 
     geometries = [item['geometry'] for item in features]
-    expected = 'easting and northing that have a longitude and latitude'
+    expected = 'an easting and northing that can be converted to longitude and latitude'
     with refusing('the corner of the map', corner, expected):
         geometries = transform_geom(crs, 'EPSG:4326', geometries, precision=7)
     return [

@@ -49,7 +49,7 @@ def place_name(
         angle = math.radians(degrees)
         x, y = distance * math.cos(angle), distance * math.sin(angle)
         side = 'center' if abs(x) < 1.0 else 'left' if x > 0.0 else 'right'
-        # above or below, half the height of the text further
+        # above and below, half the height of the text is added
         label.set(position=(x, y + 4.0 * np.sign(round(y, 6)) * (side == 'center')), ha=side)
         box = box_of(label)
         is_in = edge.x0 <= box.x0 and box.x1 <= edge.x1 and edge.y0 <= box.y0 and box.y1 <= edge.y1

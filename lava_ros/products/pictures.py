@@ -224,7 +224,7 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
         x0, y0, x1, y1 = run.terrain.extent
         x, y = run.terrain.offset
         if west >= x1 + x or east <= x0 + x or south >= y1 + y or north <= y0 + y:
-            expected = f'an extent with some of {run.name} {run.terrain.bounds(projected=True)}'
+            expected = f'an extent that overlaps {run.name} {run.terrain.bounds(projected=True)}'
             raise LavaError('--extent', shown, expected)
     return window
 

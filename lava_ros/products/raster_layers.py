@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The table of maps that are written as rasters, and the QGIS style of each.
+"""Table of the maps that are written as rasters, and the QGIS style of each.
 
 Everything that a GeoTIFF states about its values follows from this table: unit, description, no
 data, and colours. A map without a row cannot be written.
