@@ -20,7 +20,7 @@ class Arrival:
 
     Times are those of the simulation's steps if the bag contains them and the threshold is the
     inundation thickness. Otherwise the time of a cell is that of the first frame with lava in it,
-    and late by at most ``longest_gap``. Frames on earlier terrains are discarded.
+    which is late by at most ``longest_gap``. Frames on earlier terrains are discarded.
 
     Attributes:
         threshold: Lava has arrived where its thickness is at or above this value [m].
@@ -92,7 +92,7 @@ def check_threshold(threshold: float, layer: Layer) -> None:
 def rounding(layer: Layer) -> float:
     """Return half the step between the values of a layer, in its unit; 0 if it is not rounded.
 
-    Values beyond the layer's range are set to its ends, with a larger error.
+    Values beyond the layer's range are clipped to it, with a larger error.
     """
     if layer.message == IMAGE or layer.range is None:
         return 0.0

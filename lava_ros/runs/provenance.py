@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Provenance of a run: program, input files, and a digest of all that decides its result."""
+"""Provenance of a run: program, input files, and a digest of all that its result depends on."""
 
 from collections.abc import Iterable, Iterator, Mapping
 import hashlib
@@ -79,11 +79,11 @@ def digests(files: Iterable[tuple[str, Path]]) -> list[dict[str, Any]]:
 
 
 def identity_of(scene: Scene, settings: Mapping[str, Any]) -> str:
-    """Return a digest that differs for every other scene and other settings of a run.
+    """Return a digest that identifies the scene and the settings of a run.
 
     Args:
         scene: The scene, with all values resolved.
-        settings: Everything else that decides the result, as plain data.
+        settings: Everything else that determines the result, as plain data.
     """
     digest = hashlib.sha256()
     grids = [scene.terrain.elevation, *(flow.thickness for flow in scene.emplaced_flows)]

@@ -59,7 +59,7 @@ class RunFolder(RunStore):
                 self.bag.copy(former, self.checkpoint.time)
             self.put({'maps': maps.name})
             if former != path and former.is_dir():
-                # the new bag has its maps up to the checkpoint
+                # the new bag contains its maps up to the checkpoint
                 shutil.rmtree(former)
 
     def keep(
@@ -95,7 +95,7 @@ class RunFolder(RunStore):
                 self.path.rmdir()
 
     def close(self) -> None:
-        """Close the bag, and let another run use the folder.
+        """Close the bag, and release the folder for other runs.
 
         Raises:
             LavaError: If the bag cannot be written.

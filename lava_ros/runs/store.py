@@ -85,8 +85,8 @@ class RunStore:
         models = [item['program']['model'] for item in (known, self.record)]
         if models[0] != models[1]:
             _LOG.warning(
-                '{} was begun with model {}, and continues with model {}: the result is that of '
-                'neither'.format(self.path, *models)
+                '{} was begun with model {} and continues with model {}: its result matches '
+                'neither model'.format(self.path, *models)
             )
         self.record = dict(known)
 
@@ -97,7 +97,7 @@ class RunStore:
 
         Args:
             checkpoint: The state.
-            arrays: Arrays that later parts of the run only add to.
+            arrays: Arrays to which later parts of the run only append.
             changes: Changes of ``run.json``.
 
         Raises:
@@ -133,13 +133,13 @@ class RunStore:
         self.close()
 
     def close(self) -> None:
-        """Let another run use the folder."""
+        """Release the folder for other runs."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
 
     def __del__(self) -> None:
-        """Let another run use the folder."""
+        """Release the folder for other runs."""
         if getattr(self, '_lock', None) is not None:
             self.close()
 
@@ -154,7 +154,7 @@ def _finite(plain: Any) -> Any:
 
 
 def _locked(path: Path) -> int:
-    """Return an open folder that no other run can lock while it is open."""
+    """Open a folder so that no other run can lock it until it is closed."""
     folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -194,7 +194,7 @@ def unused_folder(parent: Path, name: str, identity: str) -> Path:
 
 
 def numbered(path: Path) -> Iterator[Path]:
-    """Yield a path, and then the path with the numbers from 2 in its name."""
+    """Yield a path, and then the path with the numbers 2, 3, ... in its name."""
     yield path
     for number in count(2):
         yield path.with_name(f'{path.name}_{number}')
@@ -216,7 +216,7 @@ class KeepSink(ScheduledSink):
         Args:
             keep: Function that stores the state.
             times: Simulated times [s] at which the state may be stored; None for any time. A run
-                in a batch needs them, because it cannot complete a step by itself.
+                in a batch needs these times, because it cannot complete a step by itself.
         """
         super().__init__([] if times is None else times)
         self._keep, self._is_free = keep, times is None
@@ -232,7 +232,7 @@ class KeepSink(ScheduledSink):
         return ()
 
     def _wait(self, duration: float) -> None:
-        """Store the state again after a wall time [s]."""
+        """Set the wall time until the state is stored again [s]."""
         self._next = wall_clock.monotonic() + duration
         if self._is_free:
             self.wall_due = self._next
