@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forecasts by simulations that run ahead of another one."""
+"""Forecasts by simulations that run ahead of the live simulation."""
 
 import math
 import time as wall_clock
@@ -17,7 +17,7 @@ from lava_ros.simulation.output.checkpoint import Checkpoint
 #: time steps.
 N_SAMPLES = 240
 
-#: Number of observations of a scene's first forecast, which takes less than half of the time.
+#: Number of observations in a scene's first forecast, which takes less than half the time.
 N_FIRST_SAMPLES = 60
 
 #: Number of observations before the first regular one, each at half the time of the next.

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import plan_from, running
 from lava_ros.forecast.probability import (
@@ -117,7 +117,7 @@ class LiveEnsemble:
             max_particles=max_particles,
             progress=self._shares,
         )
-        # a member waits until all lower numbers are done, because cheap ones finish first
+        # a member waits until all lower numbers are done, because fast members finish first
         self._ahead: dict[int, Footprint] = {}
         self._footprints: list[Footprint] = []
         self.duration = 0.0
@@ -163,7 +163,7 @@ class LiveEnsemble:
     def agreement(self, outline: Outline) -> np.ndarray:
         """Return the Jaccard index of each member with an outline, float64, shape [asked].
 
-        Members that have not run get the mean of the completed members.
+        Members that have not run get the mean index of the completed members.
         """
         time = outline.time - self.start
         found = [jaccard(footprint_by(one, self.plan, time), outline) for one in self._footprints]
@@ -224,8 +224,8 @@ class LiveEnsembles:
         """Replace the ensemble in progress by a new one at the next ``advance``.
 
         ``changes`` is a number that changes with the scene. The first ensemble of a scene draws
-        from ``posterior`` after a number of earlier ``outlines``, None without any. ``how`` are
-        further arguments of ``LiveEnsemble``.
+        from ``posterior``, the distribution after a number of earlier ``outlines``; None without
+        outlines. ``how`` are further arguments of ``LiveEnsemble``.
         """
         self.drop()
         if changes != self._changes:
@@ -242,9 +242,10 @@ class LiveEnsembles:
         """Cancel the ensemble in progress; finished ones remain."""
         self._ordered = self.current = None
         waiting, self._waiting = self._waiting, []
-        expected = 'a scene that does not change until the members have run'
+        problem = 'The ensemble was cancelled before it could use the outline'
         for number, _ in waiting:
-            self._refuse(number, LavaError('observed_outline', 'not used', expected))
+            remedy = 'Publish the outline again'
+            self._refuse(number, RefusalError('observed_outline', problem, remedy))
 
     def advance(self, wall_limit: float) -> None:
         """Run members for about a wall time [s].
@@ -264,7 +265,7 @@ class LiveEnsembles:
             first = [item for item in self._first if item.covers(ensemble.start)]
             if all(item.population is not ensemble.population for item in first):
                 first.append(ensemble)
-            # the oldest for outlines that come late, and few others because of their memory
+            # keep the oldest for late outlines, and few others to save memory
             self._first = [*first[:1], *first[1:][-2:]]
             self._send_maps(ensemble)
             waiting, self._waiting = self._waiting, []
@@ -291,7 +292,7 @@ class LiveEnsembles:
         def rank(item: LiveEnsemble) -> tuple[int, int]:
             return item.population.outlines, item.population.generation
 
-        # the first of equal ones
+        # the first one of several equals
         best = max(covering, key=rank, default=None)
         if best is not None and best is self.current:
             self._waiting.append((number, outline))

@@ -26,7 +26,8 @@ from lava_ros.scene.distributions import Distribution, Roughness
 from lava_ros.scene.ranges import with_ranges
 from lava_ros.scene.uncertainty import CONSTANTS, Uncertainty
 
-#: Quantity of each coordinate of a point; add new ones at the end, so that the others keep theirs.
+#: Quantity of each coordinate of a point; add new quantities at the end, so that the existing ones
+#: keep their coordinates.
 COORDINATES = (
     'discharge', 'temperature', 'viscosity', 'yield_strength', 'x', 'y', 'place_x', 'place_y',
 )
@@ -50,8 +51,8 @@ _FINE = 3.0
 #: Steps of a field [1/m]: rounding to them removes the error of the Fourier transform.
 _STEPS = 1024.0
 
-#: Variance added around weighted members, as a fraction of that before the observation: a single
-#: member with weight has none.
+#: Variance added around weighted members, as a fraction of the variance before the observation,
+#: because a single member with weight has none.
 MIN_VARIANCE = 0.01
 
 #: Bits of a coordinate, and digits of a value: further digits depend on the machine's logarithm.
@@ -190,7 +191,7 @@ class Susceptibility:
 
 
 def _cell(sums: np.ndarray, share: float) -> tuple[int, float]:
-    """Return the interval of cumulative sums with a fraction, and the position in it."""
+    """Return the interval of cumulative sums that contains a fraction, and the position in it."""
     target = share * sums[-1]
     index = int(np.searchsorted(sums, target, side='right'))
     # the last cell with a likelihood above 0
@@ -223,7 +224,7 @@ def draw_members(
     is_uncertain = bool(uncertainty.drawn or uncertainty.eruption or susceptibility)
     if count > 1 and not is_uncertain:
         raise LavaError(
-            'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
+            'scene.uncertainty', {}, 'an uncertain quantity; otherwise all members would be equal'
         )
     constants = _constants_of(uncertainty)
     names = _names(uncertainty)
@@ -350,7 +351,7 @@ def random_field(
     from scipy.fft import irfft2, next_fast_len, rfft2
     from scipy.special import ndtri
 
-    # coarser noise has no waves that the field lacks, and is interpolated by its waves
+    # the coarser noise contains all waves of the field, and is interpolated by them
     step = max(int(roughness.correlation / (_FINE * resolution)), 1)
     beyond = int(np.ceil(_BEYOND * roughness.correlation / resolution))
     # limit the extension of a field that hardly changes over the terrain

@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sentinels: the members of an ensemble on whose flow its effects are reviewed.
+"""Sentinels: the members of an ensemble whose flow is used to review its effects.
 
 The choice of effects before the first step follows from the expected flow. Sentinels measure the
-numbers of the effects that are off a few times on their way to the horizon. An effect
-that a sentinel calls for is switched on for all members, which run again from the start.
+numbers of the effects that are off a few times on their way to the horizon. An effect that a
+sentinel needs is switched on for all members, which run again from the start.
 
 Which members are sentinels, and when they measure, depends on their index and the horizon alone.
 The sentinel with the lowest index that calls for effects decides, and all sentinels measure again
-in the next run. Members that are added later therefore lead to the same effects as members that
-were there from the beginning.
+in the next run. The effects therefore do not depend on whether members are added later or are
+present from the beginning.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files import similar_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.hindcast.outlines import Outline, read_outlines
@@ -47,7 +47,7 @@ def _vector_files(stem: str) -> tuple[str, ...]:
     return tuple(f'{stem}{ending}' for ending in ENDINGS if ending not in TABLES)
 
 
-#: Possible names of the footprint; the first that exists is used, and none with ``outlines``.
+#: Possible names of the footprint; the first that exists is used, but none with ``outlines``.
 FOOTPRINTS = ('footprint.asc', 'footprint.tif', *_vector_files('footprint'))
 
 #: Possible names of each file; the first that exists is used.
@@ -58,7 +58,7 @@ FILES = (
     ('effusion_rate.csv',),
 )
 
-#: Radius of a vent without its own, in cells.
+#: Default radius of a vent, in cells.
 VENT_RADIUS = 1.5
 
 #: Keys of ``case.yaml``.
@@ -93,8 +93,8 @@ class Case:
         low_pass: Width of the filter applied to the terrain [m]; 0: none.
         outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
             case has one footprint only.
-        stated: Names of the constants of the lava that the files of the case state, and
-            ``vent_temperature`` if they do.
+        stated: Names of the constants of the lava that the files of the case state, with
+            ``vent_temperature`` if they state it.
     """
 
     name: str
@@ -167,9 +167,9 @@ def load_case(
 
     Args:
         directory: The folder.
-        material: Name of a material in place of the case's lava, also of its constants.
-        low_pass_width: Width of the filter of the terrain [m] in place of the case's.
-        vents: Returns the vents to use for those of the case and its terrain.
+        material: Name of a material that replaces the case's lava, including its constants.
+        low_pass_width: Width of the filter of the terrain [m] that replaces the case's.
+        vents: Returns the vents to use, given the case's vents and its terrain.
 
     Raises:
         LavaError: If a file is missing or not valid, or the files are not consistent.
@@ -185,7 +185,7 @@ def load_case(
         if not path and not (names is FOOTPRINTS and 'outlines' in options)
     ]
     if missing:
-        raise LavaError('case', str(folder), f'a folder that also holds {", ".join(missing)}')
+        raise LavaError('case', str(folder), f'a folder that also contains {", ".join(missing)}')
     elevation, outline, vent_table, rate_table = found
     assert elevation and vent_table and rate_table
     if low_pass_width is not None:
@@ -288,7 +288,7 @@ def _stated(options: Mapping[str, Any], vents: Iterable[VentRow]) -> frozenset[s
     """Return the names of the constants that the files of a case state."""
     names = {*options.get('lava', {})} - {'material'}
     if names & {'composition', 'vft_a', 'vft_b', 'vft_c'}:
-        # the law that they give is moved by the viscosity at the vent
+        # the viscosity at the vent shifts the law that they give
         names |= {'viscosity'}
     if 'vent_temperature' in options or any(row.temperature is not None for row in vents):
         names |= {'vent_temperature'}
@@ -308,13 +308,13 @@ def _footprint(path: Path, *, ground: Terrain) -> np.ndarray:
         expected = '0 (not covered) and 1 (covered) only, and no data'
         raise LavaError('a cell of the footprint', float(other[0]), expected)
     if not covered.any():
-        expected = 'at least one cell of the elevation that was covered'
-        raise LavaError('the footprint', f'{path.name} without one', expected)
+        problem = f'The footprint {path.name} covers no cell of the elevation'
+        raise RefusalError('the footprint', problem, 'Check its values and its coordinates')
     return covered
 
 
 def _from(start: float, series: Series) -> list[tuple[float, float]]:
-    """Return a discharge after a time ``start`` [s], which becomes 0."""
+    """Return a discharge from a time ``start`` [s], which becomes time 0."""
     before = [flux for time, flux in series if time <= start]
     later = [(time - start, flux) for time, flux in series if time > start]
     return [(0.0, before[-1] if before else 0.0), *later]

@@ -43,13 +43,14 @@ from lava_ros.simulation.selection import Decision
 #: Default number of maps of a run.
 MAPS = 24
 
-#: Maximum displacement per step over the cell size, four times the usual one, and the integrator,
-#: of first order: less than half as many evaluations, for the same scores (docs/VALIDATION.md).
+#: Maximum displacement per step over the cell size, four times the default, and the integrator,
+#: which is of first order: less than half the evaluations give the same scores
+#: (docs/VALIDATION.md).
 COURANT, INTEGRATOR = 2.0, 'rkl1'
 
 #: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
 #: that resolve waves during weeks of creeping flow. Lateral stress is in none of the models with
-#: which materials were calibrated, and takes six times as long (docs/VALIDATION.md).
+#: which the materials were calibrated, and makes a run six times as long (docs/VALIDATION.md).
 FORCED = {
     name: False
     for name, effect in EFFECTS.items()
@@ -89,7 +90,7 @@ class Settings:
 
     def accuracy(self, case: Case) -> Accuracy:
         """Return the accuracy for a case: the preset's with longer steps, and deterministic."""
-        # repeated runs take the same path at a fork of a flow, also on a GPU
+        # repeated runs take the same path at a fork of a flow, even on a GPU
         accuracy = replace(
             preset_accuracy(self.preset), spacing=self.spacing, thickness=self.thickness,
             deterministic=True,
@@ -113,8 +114,8 @@ class Result:
     Attributes:
         snapshot: The flow at the end.
         peak: Largest thickness in any map [m], float32, shape [rows, columns].
-        wall_time: Wall time without file access [s]. Of one of several runs on a GPU, only that of
-            the host.
+        wall_time: Wall time without file access [s]. For one of several runs on a GPU, only the
+            time of the host.
         most_particles: Largest number of particles.
         effects: Names of the effects that are on.
         accuracy: The accuracy, without automatic values.
@@ -139,12 +140,12 @@ class Result:
 
 
 class Run:
-    """A run of a case, from its start or, if ``is_resumed``, from the state stored last."""
+    """A run of a case, from its start or, if ``is_resumed``, from the last stored state."""
 
     def __init__(
         self, case: Case, settings: Settings, *, folder: Path | None = None, has_maps: bool = True
     ) -> None:
-        """Start a run, or resume the one whose state is in ``folder``; None stores no state.
+        """Start a run, or resume the run whose state is in ``folder``; None stores no state.
 
         Without ``has_maps`` only the last map is made. The folder then has no bag.
 
@@ -243,7 +244,7 @@ class Run:
                 )
 
     def close(self) -> None:
-        """Let another run use the folder, if there is one."""
+        """Release the folder for other runs, if there is one."""
         if self._store is not None:
             self._store.close()
 
@@ -303,7 +304,7 @@ class Run:
 
     @cached_property
     def _simulation(self) -> Simulation:
-        # made on first use, because it may have to be compiled
+        # created at the first use, because it may have to be compiled
         started, device = wall_clock.monotonic(), self.settings.device
         if self._store is not None and self._store.checkpoint is not None:
             simulation = Simulation.resume(self._store.checkpoint, device=device)
@@ -320,7 +321,7 @@ class Run:
 
 
 def identity_of(case: Case, settings: Settings) -> str:
-    """Return a hash that differs for every other case and other settings."""
+    """Return a hash that identifies the case and the settings."""
     grids = [case.footprint, *(outline.footprint for outline in case.outlines)]
     grids += [event.terrain.elevation for event in case.events]
     return run_identity(case.scene, {

@@ -11,14 +11,14 @@ import math
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.scene import Terrain
 from lava_ros.scene.effusion_rates import Interval
 from lava_ros.scene.likely_places import likely_place
 from lava_ros.scene.terrain_files import HIGHEST
 from lava_ros.scene.vent_files import VentRow
 
-#: A discharge as (time [s], flux [m3/s]) pairs of increasing time; each holds until the next.
+#: A discharge as pairs (time [s], flux [m3/s]) in order of time; each applies until the next.
 Series = tuple[tuple[float, float], ...]
 
 #: Maximum median slope of a terrain (rise over run) with elevations in metres.
@@ -31,13 +31,13 @@ THINNEST, THICKEST = 0.1, 100.0
 #: Maximum distance of a vent from the mapped outline that needs no check [cells].
 NEAR = 10.0
 
-#: Maximum distance of vents from the outline they belong to, over the outline's size.
+#: Maximum distance of vents from the outline of their eruption, over the outline's size.
 FAR = 0.5
 
 #: The outline counts as upside down if flipping brings it closer by this factor.
 _NEARER = 3.0
 
-#: Maximum height of lava above all vents, by its thickness in a pit [m].
+#: Maximum height of lava above all vents, due to its thickness in a pit [m].
 _CLIMB = 10.0
 
 
@@ -51,8 +51,8 @@ def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[S
     spans += [(vent.start, vent.end) for vent in vents]
     for vent in vents:
         if vent.discharge is not None and not isinstance(vent.discharge, float):
-            expected = 'one number: the effusion rates of a case are those of its table'
-            raise LavaError(f'effusion rate of {vent.name}', 'a series', expected)
+            problem = f'The effusion rate of {vent.name} changes with time'
+            raise RefusalError(vent.name, problem, 'Move the series to the table of the case')
     result: list[list[tuple[float, float]]] = [[] for _ in vents]
     row = 0
     has_shares = any(vent.discharge is None for vent in vents)
@@ -84,21 +84,21 @@ def check_elevation(ground: Terrain) -> None:
     """Refuse elevations that do not exist on Earth, or are not in metres."""
     high = float(np.nanmax(ground.elevation))
     if high > HIGHEST:
-        expected = f'metres, on Earth at most {HIGHEST:g}: feet times 0.3048'
-        raise LavaError('a height of the elevation', high, expected)
+        expected = f'at most {HIGHEST:g} m; multiply feet by 0.3048'
+        raise LavaError('the largest elevation', high, expected)
     rise = np.abs(np.diff(ground.elevation, axis=1)) / ground.resolution
     rise = rise[np.isfinite(rise)]
     slope = float(np.median(rise)) if rise.size else 0.0
     if slope > STEEPEST:
-        expected = f'at most {STEEPEST:g}: heights and cells both in metres'
+        expected = f'at most {STEEPEST:g}, with heights and cells both in metres'
         raise LavaError("the elevation's median slope", round(slope, 2), expected)
 
 
 def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarray) -> None:
     """Refuse vents outside the terrain, grids with reversed rows, and outlines of other eruptions.
 
-    Lava starts at its vents and flows down. An outline that does so only when flipped is upside
-    down; so is an elevation on which the whole outline is above its vents.
+    Lava starts at its vents and flows down. If only the flipped outline fits this, it is upside
+    down. If the whole outline is above its vents, the elevation is upside down.
     """
     found = []
     for name, place in ((vent.name, place) for vent in vents for place in vent.places):
@@ -111,24 +111,25 @@ def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarra
             raise LavaError(f'{name!r} of vent.csv', place, expected)
         found.append(cell)
     distance, turned = _distance(found, footprint), _distance(found, footprint[::-1])
-    shown = f'{distance * ground.resolution:.0f} m from the nearest vent'
+    problem = f'The footprint is {distance * ground.resolution:.0f} m from the nearest vent'
     if distance > NEAR and turned < distance / _NEARER:
-        expected = f'near it; with its rows in the opposite order it is {turned:.0f} cells away: '
-        raise LavaError('the footprint', shown, expected + 'its rows seem to be upside down')
+        problem += f', and {turned:.0f} cells with reversed rows: its rows seem to be upside down'
+        raise RefusalError('the footprint', problem, 'Reverse their order')
     size = math.hypot(*(np.ptp(np.argwhere(footprint), axis=0) + 1))
     if distance > max(NEAR, FAR * size):
-        expected = 'near it: vents and footprint are not of the same eruption'
-        raise LavaError('the footprint', shown, expected)
+        remedy = 'Use vents and a footprint of the same eruption'
+        raise RefusalError('the footprint', problem, remedy)
     top = max(ground.elevation[cell] for cell in found)
     heights = ground.elevation[footprint & ground.has_data]
     if not heights.size:
-        raise LavaError('the elevation', 'no data under the footprint', 'data there')
+        problem = 'The elevation has no data under the footprint'
+        raise RefusalError('the elevation', problem, 'Use an elevation that covers it')
     above = float((heights > top + _CLIMB).mean())
     if above > 0.5:
-        expected = 'below them: lava does not flow up; the elevation, on which the highest vent '
-        expected += f'is at {top:.0f} m and the lava at {np.median(heights):.0f} m, seems to be '
-        shown = f'{100 * above:.0f} % above all vents'
-        raise LavaError('the footprint', shown, expected + 'upside down')
+        problem = f'{100 * above:.0f} % of the footprint is above all vents: the elevation, with '
+        problem += f'the highest vent at {top:.0f} m and the lava at {np.median(heights):.0f} m, '
+        problem += 'seems to be upside down'
+        raise RefusalError('the elevation', problem, 'Reverse the order of its rows')
 
 
 def check_discharge(volume: float, area: float) -> None:

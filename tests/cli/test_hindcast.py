@@ -221,7 +221,7 @@ def test_refuses_unusable_cases_and_folders_of_others(tmp_path):
     for command in ('hindcast', 'calibrate'):
         output = refused(command, case, '-o', tmp_path / 'new')
         assert output.startswith(f'lava {command}: case is') and output.count('\n') == 1
-        assert 'also holds vent.csv' in output and not (tmp_path / 'new').exists()
+        assert 'also contains vent.csv' in output and not (tmp_path / 'new').exists()
     assert [path.name for path in out.iterdir()] == ['thesis.txt']
 
 

@@ -96,7 +96,7 @@ def test_gpus_are_listed(monkeypatch):
     monkeypatch.setattr(doctor.shutil, 'which', lambda name: None)
     monkeypatch.setattr(doctor.Path, 'exists', lambda path: False)
     found = one(doctor.check_gpu())
-    assert found.level == WARN and found.text.startswith('none: the simulation runs on the CPU, with ')
+    assert found.level == WARN and found.text.startswith('none: the simulation runs on the CPU')
     monkeypatch.setattr(doctor.shutil, 'which', lambda name: '/usr/bin/nvidia-smi')
     assert 'cannot use' in one(doctor.check_gpu()).text
 
