@@ -147,11 +147,11 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     if args.scene:
         data, terrain = read_scene(args.scene, terrain=terrain, options=given)
     elif terrain is None:
-        for name, value in given.items():
+        for name in given:
             if name == 'insist':
                 continue
-            expected = 'left out without --terrain or a scene'
-            raise LavaError(f'--{name.replace("_", "-")}', value, expected)
+            option = f'--{name.replace("_", "-")}'
+            raise validation.dependence(option, '--terrain or a scene')
         terrain = demo_terrain()
         data['vents'] = [
             {'position': (x, y), 'discharge': discharge, 'radius': 20.0, 'name': f'vent {index}'}
@@ -175,8 +175,8 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     for vent in () if rates else vents:
         is_own = args.discharge is None and vent.discharge is not None
         if not is_own and not math.isclose(vent.share, vent.part):
-            expected = 'none without a table that vents divide: --effusion-rate FILE'
-            raise LavaError(f'share of {vent.name!r}', vent.share / vent.part, expected)
+            table = 'a table of effusion rates (--effusion-rate FILE)'
+            raise validation.dependence(f'the share of {vent.name!r}', table)
     if vents:
         data['vents'] = [_described(vent, terrain) for vent in vents]
     if args.material is not None:

@@ -210,7 +210,7 @@ def write_vectors(
     options = {'CSV': {'GEOMETRY': 'AS_WKT'}, 'GeoJSON': {'RFC7946': 'YES'}}.get(driver, {})
     written = []
     with (
-        refusing('output', str(folder), 'a folder to write to'),
+        refusing('output', str(folder), 'a writable folder'),
         TemporaryDirectory() as temporary,
         warnings.catch_warnings(),
     ):

@@ -68,7 +68,8 @@ class Pool(Generic[Job, Result]):
                 self.close()
                 deaths = deaths + 1 if len(left) == before else 0
             if deaths > DEATHS:
-                problem = f'{deaths} rounds of worker processes ended without finishing a job'
+                numbers = ', '.join(map(str, list(left)[: self._processes]))
+                problem = f'Processes that ran the jobs {numbers} ended {deaths} times'
                 raise RefusalError('jobs', problem, 'Check the memory, or use fewer workers')
 
     def close(self) -> None:

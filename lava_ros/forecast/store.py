@@ -71,7 +71,7 @@ class Store:
         }
         path = folder / MANIFEST
         # a ValueError is text that is not UTF-8 or JSON
-        with refusing('--output', str(folder), 'a folder to write to', OSError, ValueError):
+        with refusing('--output', str(folder), 'a writable folder', OSError, ValueError):
             if path.exists():
                 known = json.loads(path.read_text(encoding='utf-8'))
                 self.plan = plan.switching_on(_switched_on(known))
@@ -89,7 +89,7 @@ class Store:
             LavaError: If the folder cannot be written.
         """
         self.plan = self.plan.switching_on(called)
-        with refusing('--output', str(self._folder), 'a folder to write to', OSError):
+        with refusing('--output', str(self._folder), 'a writable folder', OSError):
             # delete members first, because the new description does not apply to them
             for path in self._members.glob('*.npz'):
                 path.unlink()
@@ -220,7 +220,8 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     for footprint, weight in zip(stored, weights, strict=False):
         tally.add(footprint, weight)
     if not tally.count == members == len(weights):
-        problem = f'{folder} has {tally.count} members, but its maps were made of {members}'
+        problem = f'The maps in {folder} are of {members} members, but it has {tally.count} and '
+        problem += f'{len(weights)} weights'
         raise RefusalError('ensemble', problem, 'Run the ensemble again')
     return tally.maps()
 

@@ -265,7 +265,7 @@ class Run:
             item.name: f'{"on" if item.is_on else "off"}: {item.reason}'
             for item in result.decisions
         }
-        with refusing('output', str(bag), 'a folder to write to', OSError):
+        with refusing('output', str(bag), 'a writable folder', OSError):
             store.bag.describe({
                 'device': result.device,
                 'effects': json.dumps([{'time': 0.0, 'effects': effects}]),

@@ -130,7 +130,7 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
     topics: dict[str, str] = {}
     for layer in layers:
         if layer.topic in topics:
-            expected = f'another topic: layer {topics[layer.topic]} has this one'
+            expected = f'a different topic: layer {topics[layer.topic]} has this one'
             raise LavaError(f'layers.{layer.name}.topic', layer.topic, expected)
         topics[layer.topic] = layer.name
     return layers

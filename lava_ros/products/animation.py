@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import file_to_write, writing
 from lava_ros.files.pictures import new_figure
 from lava_ros.layers.frame import Frame, LayerFrame
@@ -74,8 +74,8 @@ def animate_bag(
     width = int(validation.number('width', width, at_least=200, at_most=3840, unit='pixels'))
     is_gif = output.suffix.lower() == '.gif'
     if not is_gif and shutil.which('ffmpeg') is None:
-        expected = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
-        raise LavaError('format', '.mp4', expected)
+        problem = 'Writing an MP4 needs ffmpeg, which is not installed'
+        raise RefusalError('format', problem, 'Install ffmpeg, or write a .gif')
     recording = Recording(path, node=node)
     last, start = _peak_frame(recording, source)
     moments = np.linspace(start, last.time or 0.0, max(2, round(seconds * fps)))
@@ -226,6 +226,6 @@ def _write_mp4(pictures: Iterator[tuple[np.ndarray, int]], path: Path, fps: floa
                 for _ in range(round(HOLD_TIME * fps)):
                     writer.grab_frame()
         except subprocess.CalledProcessError as error:
-            expected = f'an MP4 that ffmpeg can write ({error.stderr.strip()[-300:]})'
-            raise LavaError('output', str(path), expected) from error
+            problem = f'ffmpeg cannot write {path}: {error.stderr.strip()[-300:]}'
+            raise RefusalError('output', problem, 'Write a .gif') from error
     return drawn

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.store import maps_at
 from lava_ros.layers.place_arrivals import arrivals, ArrivalTable, flow_table
 from lava_ros.layers.places import Places, places_on
@@ -79,8 +79,8 @@ def _table_of_members(
 ) -> ArrivalTable:
     maps = maps_at(folder, members.plan, places, members=members.count)
     if not math.isclose(maps.effective_members, members.effective, rel_tol=1e-6):
-        expected = 'maps with the weights of its members: repeat the lava ensemble command'
-        raise LavaError('ensemble', str(folder), expected)
+        problem = f'The maps in {folder} do not have the weights of its members'
+        raise RefusalError('ensemble', problem, 'Repeat the lava ensemble command')
     assert maps.places is not None
     rows = arrivals(
         places,

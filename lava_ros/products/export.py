@@ -13,7 +13,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.bag.description import described, effects_on
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files.optional import require
 from lava_ros.files.vectors import WRITTEN
 from lava_ros.layers.arrival import Arrival, check_threshold, rounding, THICKNESS
@@ -86,8 +86,8 @@ def export_bag(
     for name in formats:
         validation.choice('formats', name, FORMATS)
     if every and 'tif' not in formats:
-        expected = 'also tif, which alone can have every frame'
-        raise LavaError('formats', ', '.join(formats), expected)
+        problem = 'Only GeoTIFF files can contain every frame'
+        raise RefusalError('formats', problem, 'Add tif to the formats')
     if threshold is not None:
         threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     require('rasterio', 'GeoTIFF', str(directory))
@@ -112,7 +112,7 @@ def export_bag(
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
     gis.require_formats(formats, target, coordinate_system(end.epsg, end.wkt))
-    with refusing('output', str(target), 'a folder to write to', OSError):
+    with refusing('output', str(target), 'a writable folder', OSError):
         target.mkdir(parents=True, exist_ok=True)
         if any(target.iterdir()):
             raise LavaError('output', str(target), 'a folder that is new or empty')

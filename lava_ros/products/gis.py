@@ -105,7 +105,7 @@ def write_grid(
     rows, columns = cells.shape
     # GDAL raises no error if the disk is full, so it writes into memory
     with (
-        refusing('output', str(path), 'a file to write', OSError, RasterioError),
+        refusing('output', str(path), 'a writable file', OSError, RasterioError),
         MemoryFile() as memory,
         memory.open(
             driver='COG',
@@ -225,7 +225,7 @@ def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
     """Raise LavaError if a library is missing, or a coordinate system for GeoJSON or KML."""
     for name in formats:
         if crs is None and _in_degrees(name):
-            expected = f'the EPSG code of the map: {name} has longitudes and latitudes'
+            expected = f'the EPSG code of the map, because {name} has longitudes and latitudes'
             raise LavaError('epsg', None, expected)
         if name in vectors.WRITTEN:
             require('pyogrio', name, str(folder))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 from lava_ros.products.plot import INK, Window
 
 #: Warning on every page.
@@ -207,7 +207,7 @@ def choose_page(
             if min(page.map_size) > 0.8:
                 pages.append(page)
     if not pages:
-        raise LavaError('maps', count, 'fewer maps, because they do not fit on one page')
+        raise RefusalError('maps', f'{count} maps do not fit on one page', 'Choose fewer')
     return max(pages, key=size)
 
 

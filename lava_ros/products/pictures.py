@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.observations import observed_in_file
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.layers.numbers import duration
@@ -250,7 +250,8 @@ def _moments(onset: Onset, runs: Sequence[Run], panels: Sequence[Panel]) -> dict
 def _check_together(runs: Sequence[Run]) -> None:
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
-        raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
+        problem = f'Several runs have the same name: {", ".join(names)}'
+        raise RefusalError('runs', problem, 'Rename a folder')
     # the full definition may add a vertical datum, which maps do not use
     systems = {
         (land.epsg, land.wkt if land.epsg is None else None)
@@ -258,7 +259,8 @@ def _check_together(runs: Sequence[Run]) -> None:
     }
     if len(systems) > 1:
         labels = ' and '.join(system_name(*item) for item in systems)
-        raise LavaError('coordinate systems of the runs', labels, 'the same for all')
+        problem = f'The runs have different coordinate systems: {labels}'
+        raise RefusalError('runs', problem, 'Draw them on separate pages')
 
 
 def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Panel]]:

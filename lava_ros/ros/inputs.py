@@ -339,7 +339,7 @@ def _check_pose(name: str, pose: Pose) -> None:
 
 def _check_cells(field: str, width: int, height: int, settings: Settings) -> None:
     if min(width, height) < 2 or max(width, height) > MAX_SIDE_CELLS:
-        raise LavaError(field, f'{width} x {height}', f'2 to {MAX_SIDE_CELLS} cells a side')
+        raise LavaError(field, f'{width} x {height}', f'2 to {MAX_SIDE_CELLS} cells per side')
     if width * height > settings.max_terrain_cells:
         expected = f'at most {settings.max_terrain_cells} cells (max_terrain_cells)'
         raise LavaError(field, f'{width} x {height}', expected)

@@ -163,7 +163,7 @@ class NodeGraph:
         user, owner = users.get(topic), self._fields.get(topic)
         if user is not None and (field or owner or user != name):
             other = user if field or not owner else name
-            expected = f'another topic than {other}, also after remapping'
+            expected = f'a different topic; {other} has the same one after remapping'
             raise LavaError(field or owner or name, topic, expected)
 
     def drop(self, made: Any) -> None:

@@ -50,7 +50,7 @@ class RunFolder(RunStore):
         """
         super().__init__(path, record, expected)
         former = bag_in(path)
-        with refusing('--output', str(path), 'a folder to write to', OSError):
+        with refusing('--output', str(path), 'a writable folder', OSError):
             maps = next(item for item in numbered(path / MAPS) if not item.exists())
             self.bag = RunBag(maps, scene, data)
             if self.checkpoint is None:
@@ -66,7 +66,7 @@ class RunFolder(RunStore):
         self, checkpoint: Checkpoint, arrays: Mapping[str, np.ndarray] = {}, **changes: Any
     ) -> None:
         """Store the state, and the maps before it; arguments and errors as for ``RunStore``."""
-        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             self.bag.flush()
         super().keep(checkpoint, arrays, **changes)
 
@@ -77,7 +77,7 @@ class RunFolder(RunStore):
 
     def finish(self, changes: Mapping[str, Any]) -> None:
         """Close the bag, write ``run.json`` and remove the state; errors as for ``RunStore``."""
-        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             self.bag.close()
         super().finish(changes)
 
@@ -89,7 +89,7 @@ class RunFolder(RunStore):
         """
         self.close()
         if self.checkpoint is None:
-            with refusing('--output', str(self.path), 'a folder to write to', OSError):
+            with refusing('--output', str(self.path), 'a writable folder', OSError):
                 shutil.rmtree(self.bag.directory)
                 (self.path / RUN_FILE).unlink()
                 self.path.rmdir()
@@ -102,5 +102,5 @@ class RunFolder(RunStore):
         """
         super().close()
         if hasattr(self, 'bag'):
-            with refusing('--output', str(self.path), 'a folder to write to', OSError):
+            with refusing('--output', str(self.path), 'a writable folder', OSError):
                 self.bag.close()

@@ -71,7 +71,7 @@ class RunStore:
         known = known_record(path)
         if not is_usable(path, known, record['identity']):
             raise LavaError('--output', str(path), expected)
-        with refusing('--output', str(path), 'a folder to write to', OSError):
+        with refusing('--output', str(path), 'a writable folder', OSError):
             path.mkdir(parents=True, exist_ok=True)
             self._lock: int | None = _locked(path)
         if (path / CHECKPOINT).is_file() and known:
@@ -104,7 +104,7 @@ class RunStore:
             LavaError: If a file cannot be written.
         """
         self.put(changes)
-        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             if arrays:
                 with replacing(self.path / ARRAYS) as partial:
                     np.savez(partial, **arrays)  # type: ignore[arg-type]
@@ -127,7 +127,7 @@ class RunStore:
             LavaError: If a file cannot be written.
         """
         self.put({**changes, 'status': FINISHED})
-        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             for name in (CHECKPOINT, ARRAYS):
                 (self.path / name).unlink(missing_ok=True)
         self.close()
@@ -178,7 +178,8 @@ def known_record(path: Path) -> dict[str, Any]:
         with open_input(path / RUN_FILE) as file:
             record: dict[str, Any] = parse_json(RUN_FILE, file.read())
         if record['version'] > VERSION:
-            raise LavaError(f'version of {path / RUN_FILE}', record['version'], f'{VERSION}')
+            field = f'version of {path / RUN_FILE}'
+            raise LavaError(field, record['version'], f'at most {VERSION}')
         return record
 
 

@@ -124,7 +124,7 @@ class Uncertainty:
             leader = getattr(one, 'follows', '').removeprefix('-')
             if leader and not self.is_followed(leader, name):
                 others = [other for other in self.drawn if self.is_followed(other, name)]
-                expected = f'a quantity with a distribution of its own: {", ".join(others)}'
+                expected = f'a quantity with its own distribution: {", ".join(others)}'
                 raise LavaError(f'uncertainty.{name}.follows', leader, expected)
         for index, name in enumerate(self.exact):
             where = f'uncertainty.exact[{index}]'
@@ -184,7 +184,7 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
     for key, item in validation.keys(where, data, allowed=[*names, 'effusion_rate']).items():
         name = 'discharge' if key == 'effusion_rate' else key
         if name in values:
-            raise LavaError(f'{where}.{key}', item, 'either effusion_rate or discharge')
+            raise validation.conflict(f'{where}.effusion_rate', f'{where}.discharge')
         values[name] = _READERS.get(name, _distribution)(f'{where}.{key}', item)
     return Uncertainty(**values)
 

@@ -142,7 +142,7 @@ def _segments(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
             continue
         for start, end in pairwise(places):
             if start == end:
-                raise LavaError(part.where, 'a line of no length', 'a point or a longer line')
+                raise LavaError(part.where, 'a line of length 0', 'a point or a longer line')
             found.append((start, end, math.dist(start, end)))
     return found
 

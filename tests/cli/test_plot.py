@@ -181,8 +181,8 @@ def test_plot_compares_runs_by_folder(bag, ensemble, tmp_path, undrawn):
     compound = replace(TERRAIN, wkt=CRS.from_user_input('EPSG:32633+5773').to_wkt())
     plot(tmp_path, bag, record(tmp_path / 'compound', terrain=compound))
     picture = tmp_path / 'no.png'
-    assert 'the same for all' in refused('plot', bag, nowhere, '-o', picture)
-    assert 'different names' in refused('plot', bag, bag, '-o', picture)
+    assert 'different coordinate systems' in refused('plot', bag, nowhere, '-o', picture)
+    assert 'have the same name' in refused('plot', bag, bag, '-o', picture)
     assert not picture.exists()
 
 

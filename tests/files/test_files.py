@@ -159,7 +159,7 @@ def test_rejects_output_that_would_replace_its_input(bag, tmp_path):
     ):
         ground.write_text('precious')
         status, _, message = lava(*words)
-        assert (status, 'expected another file than' in message) == (2, True), message
+        assert (status, 'expected a file other than' in message) == (2, True), message
         assert (ground.read_text(), scene.read_text()) == ('precious', '{}')
         assert huts.read_text().startswith('name,x,y')
 

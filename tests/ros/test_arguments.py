@@ -42,7 +42,7 @@ MISTAKES = {
     ('--params-file', 'open.yaml'): "--params-file is 'open.yaml', expected a file of parameters",
     ('--params-file', 'mixed.yaml'): "--params-file is 'mixed.yaml', expected a file of param",
     ('--params-file', 'type.yaml'): 'preset is 3, expected a string',
-    ('--params-file', 'whole.yaml'): 'time_scale is 60, expected a double; a whole number is wr',
+    ('--params-file', 'whole.yaml'): 'time_scale is 60, expected a double; write a whole number',
     ('--params-file', 'list.yaml'): 'effects_off is 3, expected a list of effects',
     ('--params-file',): '--params-file is missing, expected a value after it',
     ('-r', '__ns:=/fleet-1'): "-r is '__ns:=/fleet-1', expected FROM:=TO, __ns:=/NAMESPACE",
