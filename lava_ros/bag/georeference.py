@@ -40,7 +40,7 @@ class StampedGeoreference(NamedTuple):
 
 
 def read_georeference(message: Any, frame_id: str | None = None) -> StampedGeoreference:
-    """Read a message, that of the map frame ``frame_id`` or, with None, of any frame.
+    """Read the message of the map frame ``frame_id`` or, with None, of any frame.
 
     Raises:
         LavaError: If the message is of another frame, its coordinate system is not a projected one
@@ -81,7 +81,7 @@ def _with_system(text: str, offset: tuple[float, float]) -> Georeference:
         result = Georeference(None, offset, text)
     else:
         raise LavaError(field, shown, expected)
-    # without GDAL, the program that uses it checks it
+    # without GDAL, the definition is checked by the program that uses it
     if is_installed('rasterio'):
         try:
             system = coordinate_system(result.epsg, result.wkt)

@@ -227,7 +227,7 @@ class _Messages:
         self._data += memoryview(data)[head.start : head.end]
 
     def sort(self) -> None:
-        """Sort the messages by log time; those of one time remain in the order of the file."""
+        """Sort the messages by log time; messages with equal times keep the order of the file."""
         times = np.asarray(self._times)
         if (times[1:] < times[:-1]).any():
             order = np.argsort(times, kind='stable')
@@ -268,7 +268,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
             # a file with damaged magic bytes is still an MCAP file if a record follows
             if data[: len(MAGIC)] != MAGIC and not records.fits(data, len(MAGIC)):
-                raise LavaError('bag', str(path), 'an MCAP file; it does not start like one')
+                raise LavaError('bag', str(path), 'an MCAP file; this one has another format')
             yield data
 
 
@@ -334,7 +334,7 @@ def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | N
 
 
 def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
-    """Return True if the data match their checksum or, without one, those of their parts."""
+    """Return True if the data match their checksum or, without one, the checksums of all parts."""
     footer = records.footer_of(data)
     assert footer is not None
     end = footer.summary_start - records.FRAME.size - records.DATA_END.size

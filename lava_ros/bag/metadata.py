@@ -116,7 +116,7 @@ def to_record(data: Mapping[str, Any]) -> dict[str, str]:
 
 def to_text(data: Mapping[str, Any]) -> str:
     """Convert metadata to YAML."""
-    # lines are not folded, so that every YAML reader gets long values unchanged
+    # lines are not folded, so that every YAML reader reads long values unchanged
     return dump_yaml(data, allow_unicode=True, width=2**31)
 
 

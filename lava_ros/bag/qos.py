@@ -14,7 +14,7 @@ from lava_ros.files.yaml import dump_yaml, parse_yaml
 #: rosbag2's value for a duration without limit [ns].
 INFINITE_NS = 2**63 - 1
 
-#: Depth of a history if none was recorded: that of rmw's default profile.
+#: Depth of a history if none was recorded: the depth in rmw's default profile.
 DEFAULT_DEPTH = 10
 
 # Names of each policy, in the order of their numbers in metadata before version 9.

@@ -43,7 +43,8 @@ def schedule(
     """Schedule the messages of a bag.
 
     With a start offset, earlier messages are skipped, except the newest one of each latched
-    (transient_local) topic, which is due immediately: a map that was published early still holds.
+    (transient_local) topic, which is due immediately: a map that was published early is still
+    valid.
 
     ``rate`` is bag time per wall time [s/s], ``start_offset`` is bag time after the first message
     [s]. A ``loop`` starts again at the offset after the end, without limit. ``topics`` are the

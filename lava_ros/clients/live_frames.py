@@ -77,7 +77,7 @@ class LiveFrames(Watcher, Frames):
     """
 
     def __init__(self, namespace: str = '', domain_id: int | None = None) -> None:
-        """Subscribe in a ROS domain, None for that of the environment.
+        """Subscribe in a ROS domain; None for the domain of the environment.
 
         Raises:
             LavaError: If ``namespace`` is not a ROS namespace, such as ``/etna``.

@@ -94,7 +94,7 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
     for names in columns
 }
 
-#: Words of headers of dates, of which numbers are days in a spreadsheet or seconds since 1970.
+#: Words in headers of dates; numbers there are days in a spreadsheet or seconds since 1970.
 _DATES = re.compile('date|timestamp|iso|utc', re.IGNORECASE)
 
 #: Row numbers that GIS programs add.

@@ -71,8 +71,8 @@ def run_ensemble(
     """Run the members that are not yet in the store, and merge all members.
 
     The maps depend only on the members, not on their order, the runner or interruptions. Sentinels
-    run first. If a sentinel calls for effects that are off, the store deletes all members, and
-    they run again with these effects: at most once for each effect.
+    run first. If a sentinel needs effects that are off, the store deletes all members, and they
+    run again with these effects: at most once for each effect.
 
     Args:
         members: The first members of the ensemble.

@@ -13,8 +13,8 @@ from lava_ros.runs.drive import drive
 from lava_ros.runs.sinks import PeakSink
 from lava_ros.simulation.output.checkpoint import Checkpoint
 
-#: Number of observations within a horizon, from which peaks are taken. Arrival times are those of
-#: time steps.
+#: Number of observations within a horizon, from which peaks are taken. Arrival times are exact to
+#: a time step.
 N_SAMPLES = 240
 
 #: Number of observations in a scene's first forecast, which takes less than half the time.
@@ -27,8 +27,8 @@ N_EARLY_SAMPLES = 4
 class ForecastRun:
     """A forecast by a simulation that runs ahead of the one it was forked from.
 
-    The flow equals that of the original simulation advanced to the horizon; it is bitwise
-    identical on the same device if the simulation is deterministic.
+    The flow equals the original simulation advanced to the horizon; on the same device it is
+    bitwise identical if the simulation is deterministic.
 
     Attributes:
         simulation: The simulation.

@@ -15,10 +15,10 @@ part m_c and the size of its change, e_ck, the Jaccard index J of the areas befo
     1 - J = sum e_ck / sum (m_c + e_ck / 2)        e_ck^2 = max(d_ck^2 - s_ck^2, 0)
 
 s is the standard error of d; it removes the scatter of a small number of members. The change of
-the map is that of its mean over the other quantities. The variance that the regression of f does
-not explain is due to the errors of the terrain, which have no u, and to the interaction of
-quantities. Standard errors are those of least squares for A, and of the jackknife over members for
-J.
+the map is the change of its mean over the other quantities. The variance that the regression of f
+does not explain is due to the errors of the terrain, which have no u, and to the interaction of
+quantities. Standard errors of A are from least squares, and those of J from the jackknife over
+members.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@
 
 Members start from the state of the simulation, with its resolution and effects, and then differ
 in their drawn inputs. Member k has the same draws in successive ensembles until an outline
-arrives, which weights these members. The next ensemble draws new ones near those of high weight.
+arrives, which weights these members. The next ensemble draws new members near the members of high
+weight.
 """
 
 from collections.abc import Callable, Sequence
@@ -42,7 +43,7 @@ class Population:
     """Drawn inputs that successive ensembles share, and their agreement with observed outlines.
 
     Attributes:
-        posterior: Distribution of the members; None for that of the scene.
+        posterior: Distribution of the members; None for the distribution of the scene.
         outlines: Number of outlines that the distribution and the agreement contain.
         agreement: Agreement of the members with the outlines since they were drawn, float64, one
             value from 0 to 1 per member; None without such an outline.
@@ -280,11 +281,11 @@ class LiveEnsembles:
             self._send_maps(ensemble)
 
     def observe(self, number: int, outline: Outline) -> None:
-        """Weight the members by an outline, and draw those of the next ensemble near them.
+        """Weight the members by an outline, and draw the members of the next ensemble near them.
 
         They are compared with it in the first complete ensemble that covers its time, of the
         population that contains most outlines, and of the newest such population. An outline waits
-        if that is the ensemble in progress, and is refused if no ensemble covers its time.
+        if this is the ensemble in progress, and is refused if no ensemble covers its time.
         """
         known = [item for item in (*self._first, self._shown, self.current) if item is not None]
         covering = [item for item in known if item.covers(outline.time)]

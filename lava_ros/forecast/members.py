@@ -120,7 +120,7 @@ class MemberFields:
         peak: Largest thickness [m], float32, same shape; 0 without lava.
         left: Fraction of the emitted volume that has left the map.
         corner: Row and column of the part's first cell.
-        called: Effects that the flow of a sentinel calls for although they are off in its plan.
+        called: Effects that the flow of a sentinel needs although they are off in its plan.
         pair: Differences of a run of the member with particles farther apart; None without one.
     """
 
@@ -231,7 +231,7 @@ def run_members(
 ) -> list[MemberFields]:
     """Run members from the plan's start to the horizon.
 
-    If a sentinel calls for effects that are off, all members run again with these effects.
+    If a sentinel needs effects that are off, all members run again with these effects.
     ``device`` is the Warp device; None for the first GPU, or the CPU without one.
 
     Returns:

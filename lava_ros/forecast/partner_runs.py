@@ -54,7 +54,7 @@ def measuring(
         effects: Its effects.
         horizon: Its horizon [s].
         device: Warp device; None for the first GPU, or the CPU without one.
-        areas: Returns the areas of a partner run, on the cells of those of the run.
+        areas: Returns the areas of a partner run, on the cells of the run.
         clock: Returns the time [s], for the cost.
 
     Raises:

@@ -58,7 +58,7 @@ class Pilot:
     areas: Areas
 
     def timed_by_work(self) -> 'Pilot':
-        """Return the pilot with its work in place of its times."""
+        """Return the pilot with its work in place of its wall times."""
         each = EVALUATION_WORK + PARTICLE_WORK * self.particles
         work = SETUP_WORK + each * self.evaluations
         return replace(self, wall_time=work, setup=SETUP_WORK)
@@ -77,10 +77,9 @@ def run_at(
 ) -> Pilot | None:
     """Run a scene to ``horizon`` [s]; None if it takes more than ``wall_limit`` [s].
 
-    ``accuracy`` is that of the refinement, by default with the settings of a preset
-    (``accuracy_at``), and ``effects`` are the physics, by default those that the scene needs.
-    Kernels are compiled at their first use: a first call for a short ``horizon`` excludes that
-    from the wall time.
+    ``accuracy`` has the refinement, by default with the settings of a preset (``accuracy_at``),
+    and ``effects`` are the physics, by default those that the scene needs. Kernels are compiled at
+    their first use: a first call for a short ``horizon`` excludes that from the wall time.
     """
     accuracy = accuracy or accuracy_at(scene, refinement, horizon)
     begun = clock()
@@ -105,7 +104,7 @@ def accuracy_at(scene: Scene, refinement: float, horizon: float) -> Accuracy:
 
 
 def spacing_at(scene: Scene, refinement: float, horizon: float) -> float:
-    """Return the particle spacing [m]: that of ``standard`` for a horizon [s], made finer."""
+    """Return the particle spacing [m]: the spacing of ``standard`` for a horizon [s], refined."""
     return standard_resolution(scene, horizon).spacing / refinement
 
 

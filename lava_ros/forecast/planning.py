@@ -45,7 +45,7 @@ from lava_ros.simulation.selection import effects_for
 #: Particles across the flow of the first pilot.
 FIRST_ACROSS = 4.0
 
-#: Minimum refinement, and that of the first pilot if the width of the flow is unknown.
+#: Minimum refinement, and refinement of the first pilot if the width of the flow is unknown.
 COARSEST, UNKNOWN = 0.01, 0.15
 
 #: Minimum ratio of the particles' part to the ground's part of the error: finer particles change
@@ -96,7 +96,7 @@ class RunPlan:
         is_finest: Whether more time would hardly reduce the error.
         pilots: Number of pilots.
         spent: Time of the pilots, without compilation [s].
-        options: Runs of other spacings, those of presets included, from the coarsest to the
+        options: Runs of other spacings, including those of the presets, from the coarsest to the
             finest.
         presets: Refinements of the presets with a target, by name.
         inputs: Effects of the uncertain quantities that the scene gives or leaves open, by name,

@@ -102,7 +102,7 @@ def choose_spacing(
     """
     guess = accuracy.spacing
     assert guess is not None
-    # the limits due to the number of particles are those of the preset
+    # the preset sets the limits due to the number of particles
     expected = resolution_of(scene, accuracy, horizon=horizon)
     if PRESETS[preset].target is None or math.isnan(expected.width):
         return SpacingChoice(guess, reason='no pilot runs')
@@ -116,7 +116,7 @@ def choose_spacing(
     )
 
     def wanted() -> float:
-        """Return the refinement of the runs, over that of the first guess."""
+        """Return the refinement of the runs relative to the first guess."""
         if len(search.pilots) < 2:
             return 1.0
         return guess / spacing_of_preset(preset, search, expected)

@@ -91,7 +91,7 @@ class Forecasting:
     ) -> None:
         """Replace the forecast in progress by a new one from a checkpoint.
 
-        ``number`` is that of the forecast, and ``how`` are further arguments of ``ForecastRun``.
+        ``number`` identifies the forecast, and ``how`` are further arguments of ``ForecastRun``.
         The first forecast of a scene (``is_first``) has fewer observations. ``ensemble`` has
         further arguments of ``LiveEnsembles.order``, None for no ensemble.
         """

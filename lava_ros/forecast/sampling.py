@@ -44,8 +44,8 @@ _MARGIN = 1e-3
 #: Extension of a field beyond the terrain in correlation lengths, so that opposite borders differ.
 _BEYOND = 3.0
 
-#: Cells of the noise of a field in a correlation length: its shorter waves have no more than 1e-4
-#: of the amplitude.
+#: Number of noise cells per correlation length of a field: waves that are shorter than these cells
+#: have at most 1e-4 of the amplitude.
 _FINE = 3.0
 
 #: Steps of a field [1/m]: rounding to them removes the error of the Fourier transform.
@@ -285,7 +285,7 @@ def _names(uncertainty: Uncertainty) -> tuple[str, ...]:
 
 
 def _constants_of(uncertainty: Uncertainty) -> list[str]:
-    # in the order of Lava, independent of that of a file
+    # in the order of Lava, which does not depend on the order in a file
     return [name for name in CONSTANTS if name in uncertainty.constants]
 
 
@@ -341,8 +341,8 @@ def random_field(
 ) -> np.ndarray:
     """Draw a Gaussian field [m] with covariance s^2 exp(-(r / L)^2), float32.
 
-    White noise is convolved with a Gaussian of standard deviation L / 2, whose autocorrelation is
-    that of the field. s and L are ``deviation`` and ``correlation`` of ``roughness`` [m].
+    White noise is convolved with a Gaussian of standard deviation L / 2, which gives the field
+    this covariance. s and L are ``deviation`` and ``correlation`` of ``roughness`` [m].
 
     Raises:
         LavaError: If scipy is not installed.
@@ -359,7 +359,7 @@ def random_field(
         next_fast_len(-(-(side + min(beyond, 4 * max(shape))) // step), real=True)
         for side in shape
     )
-    # raw bits of the generator are the same in all versions, its normal numbers may not be
+    # the raw bits of the generator are equal in all versions; its normal numbers may differ
     bits = np.random.PCG64(np.random.SeedSequence(seed)).random_raw(rows * columns)
     noise = ndtri(((bits >> np.uint64(11)) + 0.5) * 2.0**-53).reshape(rows, columns)
     width = 0.5 * roughness.correlation
@@ -367,7 +367,7 @@ def random_field(
         np.exp(-2.0 * (np.pi * width * np.fft.fftfreq(side, step * resolution)) ** 2)
         for side in (rows, columns)
     )
-    # the sum of the squares of the kernel is that of its spectrum (Parseval)
+    # the sum of the squares of the kernel equals the sum over its spectrum (Parseval)
     variance = (gain_y**2).mean() * (gain_x**2).mean()
     scale = step**2 * roughness.deviation / np.sqrt(variance)
     waves = rfft2(noise) * (scale * gain_y[:, None] * gain_x[: columns // 2 + 1])

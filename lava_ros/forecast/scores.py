@@ -85,7 +85,7 @@ def reliability(
 ) -> list[ReliabilityBin]:
     """Return the points of a reliability diagram with ``bins`` bins of equal width.
 
-    Empty bins have NaN. Other arguments and errors are those of ``brier_score``.
+    Empty bins have NaN. Other arguments and errors as for ``brier_score``.
     """
     probability, outcome = _pairs(probability, outcome)
     # a fraction of members of 0.3 may be stored as 0.299999999

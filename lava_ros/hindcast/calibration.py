@@ -5,12 +5,12 @@
 
 The constants are the same for all cases, and the score is the mean of the cases' scores. The
 leave-one-out score of a case is the score with the set that is best for the other cases. Outlines
-of a case after a date are not fitted: their scores are those of forecasts.
+of a case after a date are not fitted: their scores are scores of forecasts.
 
 A mapped outline constrains few constants, and the score jumps when a flow passes an obstacle on
 the other side. The result is therefore the set of all runs that are nearly as good as the best,
 the spread of each parameter in this set, and the parameters on which the score does not depend.
-Intervals of the parameters come from the same weights as those of ensemble members.
+Intervals of the parameters are computed with the weights of ensemble members.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -287,7 +287,7 @@ def leave_one_out(samples: Sequence[ParameterSample]) -> list[CrossValidation]:
 
 
 def result_names(case: Case) -> list[str]:
-    """Return the names of the results of a case: its own, or those of its dated outlines."""
+    """Return the names of the results of a case: its name, or the names of its dated outlines."""
     return [f'{case.name} {item.text}' for item in case.outlines] or [case.name]
 
 

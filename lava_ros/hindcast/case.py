@@ -80,7 +80,7 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """An eruption and its mapped flow field; ``name`` is that of the folder.
+    """An eruption and its mapped flow field; ``name`` is the name of the folder.
 
     Attributes:
         source: Source of the data; may be empty.

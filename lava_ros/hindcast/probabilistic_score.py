@@ -95,7 +95,7 @@ def probability_at(
 def score_dates(
     probability: np.ndarray, outlines: Mapping[str, Outline], before: np.ndarray | None = None
 ) -> dict[str, Any]:
-    """Score the probabilities at the times of dated outlines, and those of all dates together.
+    """Score the probabilities at the time of each dated outline, and of all dates together.
 
     Args:
         probability: Probability at the time of each outline, 0 to 100 %, NaN without data, shape

@@ -4,8 +4,8 @@
 """Replicates: several rotated and mirrored runs of a case, and their agreement.
 
 Where decimetres decide at a fork of a flow, its path depends on rounding errors. The cells that
-half of the replicates cover do not depend on them, and they are the same for a rotated case: with
-a run for each quarter turn, mirrored or not, its set of runs is the same.
+half of the replicates cover do not depend on them. They are also the same for a rotated case: with
+a run for each quarter turn, mirrored and not, a rotated case has the same set of runs.
 
 On a GPU they run as a batch, because one run would not keep it busy; on the CPU they run one by
 one.
@@ -157,7 +157,7 @@ def run_together(
 
     def route(number: int, case: Case, direction: Orientation) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
-        # spacing and thickness are those of the original case in all directions
+        # all directions use the spacing and the thickness of the original case
         accuracy = settings.accuracy(case)
         same = replace(settings, spacing=accuracy.spacing, thickness=accuracy.thickness)
         run = Run(direction.rotate(case), same, folder=kept, has_maps=False)

@@ -67,7 +67,7 @@ class Settings:
 
     Attributes:
         preset: Preset of the accuracy.
-        spacing: Particle spacing [m]; None for that of the preset.
+        spacing: Particle spacing [m]; None for the spacing of the preset.
         device: Warp device; None for the first GPU, or the CPU without one.
         forced: Effects forced on or off; others are chosen from the scene.
         maps: Number of maps, evenly spaced over the simulated time, each at the end of the time
@@ -75,8 +75,8 @@ class Settings:
             makes one map.
         courant: Maximum displacement per step over the cell size, unless the preset has its own.
         integrator: Time integration, unless the preset has its own displacement.
-        thickness: Thickness scale, which sets the volume of a particle [m]; None for that of the
-            expected flow.
+        thickness: Thickness scale, which sets the volume of a particle [m]; None for the scale of
+            the expected flow.
     """
 
     preset: str = DEFAULT

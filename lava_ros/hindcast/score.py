@@ -39,7 +39,7 @@ STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 class Score:
     """A comparison of a simulated flow with a mapped one.
 
-    Simulated cells are those of the footprint, at least half of which lava has covered; mapped
+    Simulated cells are those of which lava has covered at least half (the footprint); mapped
     cells are those with their centre in the outline. ``jaccard`` is cells in both over cells in
     either and ``fit`` its square root, e1 in the literature; ``recall`` is the simulated fraction
     of the mapped cells, ``precision`` the mapped fraction of the simulated cells. ``area`` is the

@@ -133,7 +133,7 @@ def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarra
 
 
 def check_discharge(volume: float, area: float) -> None:
-    """Refuse a volume in the wrong unit [m3]: lava on an area [m2] too thin or too thick."""
+    """Refuse a volume [m3] that makes the lava on an area [m2] too thin or too thick."""
     thickness = volume / area
     if not THINNEST <= thickness <= THICKEST:
         too = 'little' if thickness < THINNEST else 'much'

@@ -164,8 +164,8 @@ class HazardMaps:
     def unseen(self) -> float:
         """Largest probability of an event that occurs in no member, 0 to 100: 1 / (n + 1).
 
-        With n + 1 draws in random order, the last is the only one with the event at most that
-        often.
+        Of n + 1 draws in random order, the probability that only the last has the event is at most
+        this.
         """
         return unseen(self.effective_members)
 
@@ -192,7 +192,7 @@ class HazardMaps:
     def sampling_error(self) -> float:
         """Maximum standard error of the probability from the number of members, 0 to 100.
 
-        It is the binomial error at 50 %; that of low-discrepancy sequences is smaller.
+        It is the binomial error at 50 %; the error of low-discrepancy sequences is smaller.
         """
         return 50.0 / float(self.effective_members**0.5)
 

@@ -78,7 +78,7 @@ DEPTHS = (0.5, 2.0, 5.0)
 
 
 def plain_source(source: str) -> str:
-    """Return the quantity of a source: that of its peak, its mean or its quantiles."""
+    """Return the quantity whose peak, mean or quantiles a source contains."""
     if source in QUANTILE_SOURCES:
         return ARRIVAL
     return 'thickness' if source == EXPECTED else source.removeprefix(PEAK)

@@ -204,7 +204,7 @@ class SceneMessages:
             scene: The scene.
             time: Simulated time of the vents [s].
             header: Header of the messages.
-            ground: Current terrain under the flow; None for that of the scene.
+            ground: Current terrain under the flow; None for the terrain of the scene.
 
         Returns:
             Messages by topic: ``terrain_georeference``, ``terrain``, ``terrain_info`` and

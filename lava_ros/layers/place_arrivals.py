@@ -46,7 +46,7 @@ class PlaceArrival:
             without a forecast.
         arrival: Simulated time [s] by which lava has arrived in a fraction of the members, by the
             fractions in ``QUANTILES``; all equal for a single run.
-        earliest: Earliest arrival in any member [s]; that of a single run.
+        earliest: Earliest arrival in any member [s]; for a single run, its arrival.
         members: Effective number of members; None for a single run.
         front_distance: Distance to the nearest cell inundated so far [m].
         whole: Length [m] or area [m2] of the place.

@@ -66,7 +66,7 @@ class Places:
         return len(self.names)
 
     def middle(self, index: int) -> tuple[float, float]:
-        """Return the map position [m] of a point, the middle of a line, or that of an area."""
+        """Return the map position [m] of a point, or of the middle of a line or an area."""
         segments = self.segments[index]
         if self.kinds[index] != 'area':
             segments = segments[len(segments) // 2]

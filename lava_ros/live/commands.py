@@ -125,7 +125,7 @@ def finish(future: 'Future[Any]', error: Exception | None = None, *, result: Any
 def command(kind: str = '') -> Callable[..., Callable[..., 'Future[Any]']]:
     """Make a method a command: a call puts it into the queue, and returns a future.
 
-    ``kind`` is that of ``Command``.
+    ``kind`` is as in ``Command``.
     """
 
     def decorate(method: Callable[..., Any]) -> Callable[..., 'Future[Any]']:

@@ -71,8 +71,8 @@ class ForecastStatus:
         share: Fraction of the time in which forecasts may currently compute.
         outlines: Number of outlines used to weight and draw the members of this scene.
         jaccard_mean: Mean agreement with the newest outline, 0 to 1; None without one.
-        members_left: Effective number of members after the newest outline, near which those of
-            the next ensemble are drawn; None without one.
+        members_left: Effective number of members after the newest outline, near which the members
+            of the next ensemble are drawn; None without an outline.
     """
 
     count: int = 0

@@ -45,8 +45,8 @@ MAX_LAG_INCREASE = 0.5
 #: Wall time between two checks of the live simulation [s].
 _WATCH_TIME = 0.1
 
-#: Minimum fraction of a device's time for forecasts, by kind of device. Two busy processes get
-#: half of a GPU each, so the live simulation loses half of this fraction. On a CPU, forecasts have
+#: Minimum fraction of a device's time for forecasts, by kind of device. Each of two busy processes
+#: gets half of a GPU, so the live simulation loses half of this fraction. On a CPU, forecasts have
 #: a low priority and slow the simulation only by their use of caches and memory.
 MIN_DUTY_CYCLES = {'cpu': 0.25, 'cuda': 0.1}
 

@@ -184,8 +184,8 @@ class BagFolder:
         """Initialize from the parameters at the start.
 
         Args:
-            root: Folder of the bags; empty: that of ``given``, else ``bags``.
-            given: Bag that the user has named, else empty.
+            root: Folder of the bags; empty: the folder of ``given``, otherwise ``bags``.
+            given: Bag that the user has named, otherwise empty.
             node: Full name of the node. Unless it is the default, it is part of the names of its
                 bags, because nodes may share a folder.
         """

@@ -228,7 +228,7 @@ class SimulationSession:
     ) -> float:
         """Simulate up to ``until`` [s] for at most ``wall_limit`` [s].
 
-        ``limit`` and ``whole_steps`` are those of ``Simulation.advance``.
+        ``limit`` and ``whole_steps`` are as in ``Simulation.advance``.
 
         Returns:
             The time reached [s].
@@ -362,7 +362,7 @@ class SimulationSession:
         self.start(scene)
 
     def fail(self) -> None:
-        """Drop the simulation after a failure; scene and last snapshot stay."""
+        """Drop the simulation after a failure; the scene and the last snapshot remain."""
         self.simulation = None
         self._put(time=0.0, step=0.0, device='', accuracy=None, changes=self.changes + 1)
 

@@ -214,7 +214,7 @@ class SimulationWorker:
         """Copy the state for another simulation; the future fails without a simulation."""
         begun = time.monotonic()
         checkpoint = self.session.checkpoint()
-        # the state is that of an earlier time of the clock
+        # the state belongs to an earlier time of the clock
         clock = self.clock() - self._age / self.time_scale
         return Fork(checkpoint, self.session.changes, clock, time.monotonic() - begun)
 

@@ -24,7 +24,7 @@ from lava_ros.layers.recording import Progress, Recording, silent
 from lava_ros.products import plot
 from lava_ros.products.colours import picture_of, scale_of, STYLES
 
-#: Maximum number of pictures; all those of a GIF are in memory until it is written.
+#: Maximum number of pictures; a GIF keeps all of them in memory until it is written.
 MAX_FRAMES = 300
 
 #: Additional display time of the last picture [s].
@@ -114,7 +114,7 @@ def _peak_frame(recording: Recording, source: str) -> tuple[Frame, float]:
 
 
 class _Canvas:
-    """The figure, of which only the map and the title change between frames."""
+    """The figure, in which only the map and the title change between frames."""
 
     def __init__(self, figure: Any, frame: Frame, source: str) -> None:
         self._source, self._canvas = source, figure.canvas

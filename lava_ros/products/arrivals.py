@@ -34,8 +34,8 @@ def table_of(
         field: Name of the files in errors.
         node: Full name or namespace of a node of the bag; None for the only one.
         time: Simulated time [s] up to which a bag is read; None for all of it.
-        onset: Date of simulated time 0; None for that of the run, if it states one.
-        zone: Zone of local times; None for that of this machine.
+        onset: Date of simulated time 0; None for the date that the run states, if any.
+        zone: Zone of local times; None for the zone of this machine.
 
     Raises:
         LavaError: If a file or the run cannot be read, or the run has no arrival times.
@@ -67,7 +67,7 @@ def _table_of_bag(
         'threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
     }
     if panel.frame.arrived is not panel.values and np.isfinite(places.at(arrived)).any():
-        facts['note'] = 'times are those of the first map in the bag that shows the lava'
+        facts['note'] = 'each time is that of the first map in the bag with lava at the place'
     frame = panel.frame
     if time is not None:
         frame = read_run(path, node=node, time=time, wanted=('arrival',)).panels['arrival'].frame

@@ -30,7 +30,7 @@ from lava_ros.simulation.output.inundation import raise_peak, reached_cells
 
 _LOG = logging.getLogger(__name__)
 
-#: Maps for export: those of a frame, and those accumulated over all frames up to it.
+#: Maps for export: maps of a frame, and maps accumulated over all frames up to it.
 MAPS = (*SOURCES, 'arrival', 'inundated', 'peak_thickness')
 
 #: File formats: GeoTIFF with QGIS styles, vector files of outline and isochrones, and NetCDF.
@@ -38,7 +38,7 @@ FORMATS = ('tif', *WRITTEN, 'nc')
 
 
 class Exported(NamedTuple):
-    """The written files, and the georeference of those of the last frame."""
+    """The written files, and the georeference of the files of the last frame."""
 
     files: tuple[Path, ...]
     georeference: Georeference
@@ -280,7 +280,7 @@ def _history_map(name: str, history: Arrival) -> gis.Made:
         return raise_peak(history.peak, history.times, least) if is_noted else history.peak, tags
     tags['threshold_m'] = repr(history.threshold)
     if history.is_noted:
-        tags['note'] = 'times are those of the steps of the simulation'
+        tags['note'] = 'times are exact to a time step of the simulation'
     else:
         tags['longest_time_between_maps_s'] = repr(history.longest_gap)
         tags['note'] = 'lava may have arrived earlier, by at most the time between two maps'
@@ -293,8 +293,8 @@ def _shapes(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the outline and the isochrones as layers of features.
 
-    The outline is that of the footprint so far, with the inundated area, or that of the standing
-    lava if the bag has no arrival times.
+    The outline surrounds the footprint so far, with the inundated area, or the standing lava if
+    the bag has no arrival times.
     """
     cells, part, name = frame.footprint, frame.inundated, 'inundated area'
     if cells is None and history.times is not None and history.threshold == frame.threshold:

@@ -292,7 +292,7 @@ def write_netcdf(
     """Write maps to a NetCDF file that follows the CF conventions.
 
     ``maps`` has the values of each map, NaN without data, and its tags, by its name in
-    ``RASTER_LAYERS``. The tags, and those of the origin, are attributes as in a GeoTIFF.
+    ``RASTER_LAYERS``. These tags and the tags of the origin become attributes, as in a GeoTIFF.
     """
     from scipy.io import netcdf_file
 

@@ -33,7 +33,7 @@ def place_name(
         place: Its position in the coordinates of the axes [m], shape [2].
         colour: Colour of the text.
         taken: Boxes that texts must not touch [pixels].
-        is_point: True for the name of a point, False for that of a line or an area.
+        is_point: True for the name of a point, False for the name of a line or an area.
 
     Returns:
         False if no place near the position is free; the name is then left out.
@@ -74,7 +74,7 @@ def box_of(text: Any) -> Any:
 
 
 def fixed_boxes(axes: Any, markers: Iterable[tuple[np.ndarray, float]]) -> list[Any]:
-    """Return the boxes of the texts of a map that stay, and of markers [pixels].
+    """Return the boxes of the fixed texts of a map, and of markers [pixels].
 
     ``markers`` are positions in the coordinates of the axes [m], shape [count, 2], and the size of
     each marker [points].

@@ -97,7 +97,7 @@ def draw_runs(
 ) -> dict[str, Any]:
     """Draw bags and ensembles on one page to print.
 
-    ``options`` are those of ``read_page``.
+    ``options`` are as in ``read_page``.
 
     Returns:
         The text, titles and scores of the page as plain data.
@@ -143,7 +143,7 @@ def read_page(
     one; without ``layers``, the default maps are drawn. ``extent`` is west, south, east and north
     in the coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without
     ``onset``, the common onset of the runs is used; ``zone`` is the time zone of local times, None
-    for that of this machine.
+    for the zone of this machine.
 
     Raises:
         LavaError: If a run or a file cannot be read, or the runs cannot be compared.
@@ -196,7 +196,7 @@ def read_page(
 
 
 def _named(paths: Sequence[str]) -> dict[str, str]:
-    """Return files by a unique name for each: that of the file, with folders where needed."""
+    """Return files by a unique name for each: the file name, with folders where needed."""
     names: dict[str, str] = {}
     for path in dict.fromkeys(paths):
         parts = Path(path).resolve().with_suffix('').parts

@@ -39,7 +39,7 @@ class Panel:
         frame: Ground and vents.
         source: Its quantity: a key of ``colours.STYLES``.
         values: float, shape [rows, columns]; NaN leaves the ground.
-        title: Its title; that of the style if empty.
+        title: Its title; if empty, the title of the style.
         is_saturated: True if the values are clipped, so that true values may be larger.
         outlines: Cells whose outline is drawn, bool, shape [rows, columns], by name.
     """

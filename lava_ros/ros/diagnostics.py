@@ -291,7 +291,7 @@ class NodeLog:
             self._logger.warning(text)
 
     def recorder(self, recording: RecordingControl) -> None:
-        """Log the location of the bag, its error, and that of the progress of the run."""
+        """Log the location of the bag, its error, and the error of the progress file."""
         recorder, file = recording.recorder, recording.restart_file
         if recorder.is_recording:
             place = Path(recorder.directory).absolute()

@@ -44,7 +44,7 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
     Profiles that the user has chosen take precedence.
 
     Args:
-        args: ROS arguments, beginning with ``--ros-args``; None: those of the process.
+        args: ROS arguments, beginning with ``--ros-args``; None: the arguments of the process.
         **options: Further arguments of ``rclpy.init``.
 
     Raises:

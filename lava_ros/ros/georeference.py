@@ -72,7 +72,7 @@ def recorded_transform(logger: Any, *, is_wanted: bool) -> 'StaticTransform | No
 
 
 class StaticTransform:
-    """Makes the messages of ``/tf_static``, and compares those of other nodes with them.
+    """Makes the messages of ``/tf_static``, and compares messages of other nodes with them.
 
     ``problem`` is the reason why there is no transform, empty if there is one or none is needed.
     """

@@ -10,8 +10,8 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from lava_ros.files.resources import share_path
 
-#: Environment variables that name a file of profiles for Fast DDS: that of version 2 (ROS Jazzy),
-#: and that of version 3.
+#: Environment variables that name a file of profiles for Fast DDS: for version 2 (ROS Jazzy), and
+#: for version 3.
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 
 #: Files of profiles that Fast DDS 2 and 3 also read, from the working directory.

@@ -95,7 +95,7 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
     A parameter file may contain parameters of other nodes, so these are not errors.
 
     Raises:
-        LavaError: If such a parameter is in ``typed_names``, those of the command line.
+        LavaError: If such a parameter is in ``typed_names``, the names on the command line.
     """
     known, given = list(node.get_parameters_by_prefix('')), parameter_overrides(node)
     result = []
@@ -114,7 +114,8 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
 def without_section(args: Sequence[str], node: str) -> list[str]:
     """Return a warning for each parameter file without a section for a node; ROS ignores it.
 
-    ``args`` are those of the command line, which ROS has accepted; ``node`` is a full name.
+    ``args`` are the arguments of the command line, which ROS has accepted; ``node`` is a full
+    name.
     """
     result = []
     for path in (word for flag, word in pairwise(args) if flag == '--params-file'):

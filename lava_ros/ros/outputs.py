@@ -102,7 +102,7 @@ class SceneMessages:
     """
 
     def __init__(self, transform: StaticTransform | None = None) -> None:
-        """Initialize without any messages made; ``transform`` makes those of ``/tf_static``."""
+        """Initialize without any messages; ``transform`` makes the messages of ``/tf_static``."""
         self._transform, self._messages = transform, messages.SceneMessages()
 
     def forget(self) -> None:

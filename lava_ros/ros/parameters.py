@@ -50,7 +50,7 @@ _EXAMPLES = {
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """A parameter. Its type is that of its default; a list contains strings.
+    """A parameter. Its type is the type of its default; a list contains strings.
 
     Attributes:
         description: Meaning and unit.
@@ -127,7 +127,7 @@ LIFECYCLE = (
     ),
 )
 
-#: Sea level that stands for no sea [m].
+#: Sea level that means that there is no sea [m].
 NO_SEA = -MAX_ELEVATION
 
 #: Sources of terrain and lava; the defaults of ``lava.*`` depend on them.
@@ -259,9 +259,9 @@ class Settings:
     )
     quantities_exact: tuple[str, ...] = _fixed(
         [''],
-        'Quantities that ensembles do not draw, such as viscosity or terrain (all: only what the '
-        'scene gives a distribution), also in place of its distributions; empty: those that the '
-        'scene fixes',
+        'Quantities that ensembles do not draw, such as viscosity or terrain, even if the scene '
+        'gives them a distribution; all: all without a distribution in the scene; empty: the '
+        'quantities that the scene fixes',
     )
     places: tuple[str, ...] = _fixed(
         [''],
@@ -354,7 +354,7 @@ class Settings:
         'is a new run',
     )
     bag_root: str = _fixed(
-        '', 'Folder of the bags; empty: the one that holds bag_directory, else bags/'
+        '', 'Folder of the bags; empty: the folder of bag_directory, otherwise bags/'
     )
     bag_max_size: int = _parameter(
         0, 'Size [bytes] at which the next recording continues in a new file; 0: no limit',

@@ -131,7 +131,7 @@ class NodeGraph:
         other publisher or subscription may have this topic.
 
         Raises:
-            LavaError: If the topic is that of a ``field``, or of another name after remapping.
+            LavaError: If the topic belongs to a ``field``, or to another name after remapping.
         """
         if kind not in ('publisher', 'subscription'):
             made = getattr(self.node, f'create_{kind}')(*args, **options)

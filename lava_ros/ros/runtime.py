@@ -432,7 +432,7 @@ class NodeRuntime:
         self._graph.send(self._diagnostics, message, stamp_ns, qos.DIAGNOSTICS)
 
     def _note_progress(self, worker: WorkerStatus) -> None:
-        # until the first map of a restarted node, the progress is that of the killed one
+        # until the first map of a restarted node, the progress of the killed node applies
         if self._layers.shown is not None:
             self._bags.note(
                 time=self._layers.shown.time,

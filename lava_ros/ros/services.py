@@ -18,7 +18,7 @@ from lava_ros.ros.runtime import NodeRuntime
 
 
 def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
-    """Create the services; the results of commands are reported like those of inputs."""
+    """Create the services; the results of commands are reported like the results of inputs."""
     logger, worker, take = graph.node.get_logger(), runtime.worker, runtime.allowance.take
 
     def check_active(name: str) -> None:

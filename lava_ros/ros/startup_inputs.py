@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from lava_ros.simulation import Simulation
 
 
-#: Parameters of the run, which are read before those of the scene are declared.
+#: Parameters of the run, which are read before the parameters of the scene are declared.
 _RESTART = tuple(
     spec for spec in parameters.PARAMETERS
     if spec.name in ('restart_token', 'bag_root', 'bag_directory', 'frame_id', 'sea_level')

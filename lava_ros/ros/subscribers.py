@@ -121,7 +121,7 @@ class InputLog:
         self._logged: dict[str, tuple[str, float]] = {}
 
     def arrive(self) -> int:
-        """Return a number for a message whose result may come after that of a newer message."""
+        """Return a number for a message whose result may come later than a newer message's."""
         with self._lock:
             self._arrived += 1
             return self._arrived
@@ -274,7 +274,7 @@ class InputSubscribers:
                 PointCloud2, partial(self._on_ground, 'terrain_cloud', inputs.terrain_from_cloud)
             ),
         }
-        # no topic without grid_map_msgs
+        # without grid_map_msgs there is no such topic
         with suppress(LavaError):
             take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take

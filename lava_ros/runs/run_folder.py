@@ -82,7 +82,7 @@ class RunFolder(RunStore):
         super().finish(changes)
 
     def discard(self) -> None:
-        """Remove the files of a new run that could not start; keep those of a resumed one.
+        """Remove the files of a new run that could not start; keep the files of a resumed run.
 
         Raises:
             LavaError: If they cannot be removed.

@@ -169,11 +169,11 @@ def known_record(path: Path) -> dict[str, Any]:
     """Read the ``run.json`` of a folder; empty without one.
 
     Raises:
-        LavaError: If it cannot be read or is not that of a run.
+        LavaError: If it cannot be read or does not describe a run.
     """
     if not (path / RUN_FILE).is_file():
         return {}
-    expected = 'a folder whose run.json is that of a run, and undamaged'
+    expected = 'a folder whose run.json describes a run and is undamaged'
     with refusing('run', str(path), expected, OSError, KeyError, TypeError, ValueError):
         with open_input(path / RUN_FILE) as file:
             record: dict[str, Any] = parse_json(RUN_FILE, file.read())
@@ -186,7 +186,7 @@ def known_record(path: Path) -> dict[str, Any]:
 def unused_folder(parent: Path, name: str, identity: str) -> Path:
     """Return the first folder of a name, with a number if needed, that a run can use.
 
-    It is new, empty, or that of an interrupted run with the same identity.
+    It is new, empty, or belongs to an interrupted run with the same identity.
     """
     return next(
         path for path in numbered(parent / name)

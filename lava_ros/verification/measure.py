@@ -51,7 +51,7 @@ STEPPED = (1.0, 4.0)
 #: Runs with a shorter total time are repeated [s].
 REPEATED_BELOW = 3.0
 
-#: Maximum expected time of a run [s], and that of a quick report.
+#: Maximum expected time of a run [s], in a full and in a quick report.
 MAX_RUN_TIME, QUICK_MAX_RUN_TIME = 30.0, 2.0
 
 #: Factor by which a preset may take longer.

@@ -56,7 +56,7 @@ class Status(NamedTuple):
 class WatchedParticles(NamedTuple):
     """Map position x, y [m] and temperature [Celsius] of particles, shape [particles, 3].
 
-    ``time`` is their simulated time [s]; None for that of the maps.
+    ``time`` is their simulated time [s]; None for the time of the maps.
     """
 
     values: np.ndarray

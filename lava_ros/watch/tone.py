@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Colours to send to a browser so that it shows those of a map, despite its tone mapping.
+"""Colours to send to a browser so that it shows the colours of a map despite tone mapping.
 
 The browser draws a surface in ambient light with the filmic tone mapping ACES, as three.js has it:
 

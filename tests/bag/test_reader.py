@@ -239,7 +239,7 @@ def test_limit_of_memory_counts_whole_messages(
     ('gone', None, 'a bag directory or an .mcap file that exists'),
     ('bag/a', b'', 'this one has none'),
     ('bag', b'', 'this one is empty'),
-    ('bag', b'SQLite format 3', 'does not start like one'),
+    ('bag', b'SQLite format 3', 'this one has another format'),
     ('bag/metadata.yaml', b'{', 'metadata that rosbag2 wrote'),
     ('bag/metadata.yaml', b'a: 1', 'metadata that rosbag2 wrote'),
     ('bag/metadata.yaml', b'%storage_identifier: sqlite3}', 'mcap; `ros2 bag convert`'),

@@ -144,8 +144,8 @@ def _read(field: str, known: Format, data: bytes, path: Path) -> list[Item]:
 def _check_members(path: Path, data: bytes) -> str | None:
     """Warn of GeoJSON members that GDAL ignores, and raise LavaError for ambiguous ones.
 
-    Returns the coordinate system in a file before RFC 7946: GDAL replaces an unknown one by
-    degrees.
+    Returns the coordinate system that a file in the format before RFC 7946 states; GDAL would
+    treat an unknown one as degrees.
     """
     others: list[str] = []
 

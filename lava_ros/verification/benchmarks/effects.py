@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cost of effects: the time of a step with an effect over that of the bare step.
+"""Cost of effects: the time of a step with an effect over the time of the bare step.
 
 Every step is one stage of fixed length, so each includes the full cost of the passes at the end of
 a step, and no effect changes the number of steps.

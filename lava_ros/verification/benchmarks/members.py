@@ -3,7 +3,7 @@
 
 """Speed of batches of one to many ensemble members.
 
-The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage.
+The lava is the same as in ``benchmarks/effects.py``, in steps of fixed length of one stage.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 
 """Time of a step with few to many particles, and of other operations that a user waits for.
 
-The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage.
+The lava is the same as in ``benchmarks/effects.py``, in steps of fixed length of one stage.
 """
 
 from __future__ import annotations

@@ -307,7 +307,7 @@ def layer(
 ) -> Trial:
     """Return a square layer of uniform vertical thickness [m] around (0, 0) on a slope [rad].
 
-    ``side`` is that of the layer [m]; that of the ground is twice as long. The spacing [m] is that
+    ``side`` is the side of the layer [m]; the ground is twice as long. The spacing [m] is that
     at a refinement of 1. The temperature is in kelvin.
     """
     spacing /= accuracy.refinement

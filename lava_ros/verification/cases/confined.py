@@ -87,7 +87,8 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
 
     finer = accuracy.refinement
     runs = [run(width, 'helmholtz', count * finer) for width, count in WIDTHS.items()]
-    # up to a limit; differences would smooth the jump of the slope at a wall over the support
+    # up to a limit, because differences would smooth the jump of the slope at a wall over the
+    # kernel
     return case.joined([*runs, run(6.0, 'green', 9 * min(1.0, finer), gradient='energy')])
 
 
@@ -148,9 +149,9 @@ def stillness(
 ) -> tuple[case.Measurement, case.Measurement]:
     """Return speed of the fastest particle and scatter of the surface of a pond.
 
-    The speed is relative to that of a fall from the surface to the bottom, the scatter of the
-    surface, where it is deeper than 1 m, relative to the largest depth. ``when`` is appended to
-    the names of the quantities.
+    The speed is relative to the speed of a fall from the surface to the bottom; the scatter of the
+    surface, where the pond is deeper than 1 m, is relative to the largest depth. ``when`` is
+    appended to the names of the quantities.
     """
     sample = trial.sample()
     deep, depth = sample.thickness > 1.0, float(sample.thickness.max())

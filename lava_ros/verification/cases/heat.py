@@ -45,7 +45,7 @@ def _sheet(
 ) -> case.Case:
     """Return the case of temperatures in the middle of a sheet at rest.
 
-    Errors are relative to the loss of temperature if ``is_of_loss``, else to the temperature.
+    Errors are relative to the loss of temperature if ``is_of_loss``, otherwise to the temperature.
     """
 
     def measure(accuracy: Accuracy, device: str) -> case.Run:

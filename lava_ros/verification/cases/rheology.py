@@ -191,8 +191,8 @@ def _run_laws(accuracy: Accuracy, device: str) -> case.Run:
 def _run_crust(accuracy: Accuracy, device: str) -> case.Run:
     """Compare the speeds of sheets 2 m thick that a crust holds back, up to an age of weeks.
 
-    The stress of the crust is sigma delta / d, that of the sheet rho g d sin b. The lava is so
-    viscous that it moves only by millimetres.
+    The stress of the crust is sigma delta / d, and the stress of the sheet rho g d sin b. The lava
+    is so viscous that it moves only by millimetres.
     """
     runs, thickness = [], 2.0
     for degrees in (10.0, 30.0, 45.0):

@@ -95,7 +95,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
 def response(
     form: str, radius: float, wavelength: float, accuracy: Accuracy, device: str = 'cpu'
 ) -> case.Run:
-    """Velocity amplitude relative to that of ``local``, in a layer 1 m thick driven by cos(q x).
+    """Velocity amplitude relative to ``local``, in a layer 1 m thick driven by cos(q x).
 
     ``form`` is one of ``FORMS``, ``radius`` that of the kernel and ``wavelength`` 2 pi / q [m].
     The ratio of the accuracy gives the spacing, its refinement the number of particles. No

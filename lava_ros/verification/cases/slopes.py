@@ -28,7 +28,7 @@ COSINE = math.cos(SLOPE)
 
 
 def _run_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
-    """Compare a strip on 20 degrees, finally sixty run-outs h cot b long, along its middle."""
+    """Compare a strip along its middle on a slope of 20 degrees, up to a length of 60 h cot b."""
     thickness = 1.0
     run_out = thickness / math.tan(SLOPE)
     last = 60.0 * run_out
@@ -92,7 +92,7 @@ def _run_flux(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
-    """Compare arrivals below a fissure on 20 degrees with those of a fork.
+    """Compare arrivals below a fissure on a slope of 20 degrees with the arrivals in a fork.
 
     The fork starts when the front is 3 of 10 run-outs h cot b below the fissure. Compared are the
     cells from 5 to 10 run-outs down, in a band whose distance from the fissure's ends is 8.
