@@ -32,7 +32,7 @@ MAX_CHUNK_SIZE = 1 << 29
 #: Opcode and length of a record.
 FRAME = struct.Struct('<BQ')
 
-#: Content of the record that ends the data: a checksum over them.
+#: Content of the record at the end of the data: a checksum of the data.
 DATA_END = struct.Struct('<I')
 
 #: Pseudo-opcode of bytes that are not a record.

@@ -187,7 +187,7 @@ class SceneMessages:
     """
 
     def __init__(self) -> None:
-        """Initialize without any messages made."""
+        """Initialize without any messages."""
         self.forget()
 
     def forget(self) -> None:

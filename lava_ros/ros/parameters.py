@@ -260,8 +260,8 @@ class Settings:
     quantities_exact: tuple[str, ...] = _fixed(
         [''],
         'Quantities that ensembles do not draw, such as viscosity or terrain, even if the scene '
-        'gives them a distribution; all: all without a distribution in the scene; empty: the '
-        'quantities that the scene fixes',
+        'gives them a distribution; all: only quantities with a distribution in the scene are '
+        'drawn; empty: the quantities that the scene fixes',
     )
     places: tuple[str, ...] = _fixed(
         [''],
@@ -432,7 +432,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
             raise validation.conflict(f'{name} in effects_on', f'{name} in effects_off')
     for name in names_on:
         if name not in drop_superseded(possible(lava)):
-            expected = 'an effect that the material has by its constants, lava.*'
+            expected = 'an effect for which lava.* has the constants'
             raise LavaError('effects_on', name, expected)
     try:
         Effects(**{name: name in names_on for name in EFFECTS})

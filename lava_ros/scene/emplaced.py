@@ -257,7 +257,8 @@ def _check_on_terrain(
     off = 100.0 * volumes[~is_on].sum() / volumes.sum()
     found = f'{off:.3g} % of {path.name} is off the terrain, such as {east:.10g}, {north:.10g}'
     if not is_on.any() or not may_exceed:
-        raise RefusalError(field, found, f'Use a flow {terrain.bounds(projected=True)}')
+        remedy = f'Use a flow {terrain.bounds(projected=True)}'
+        raise RefusalError(field, f'{field}: {found}', remedy)
     _LOG.warning(f'{found}: this part is left out')
     return False
 

@@ -158,9 +158,11 @@ def _serve_own(
 
     def answer(connection: Any, request: Any) -> Any:
         if not is_own(request.headers):
-            response = connection.respond(HTTPStatus.FORBIDDEN, 'not for this page\n')
+            text = 'requests from other pages are refused\n'
+            response = connection.respond(HTTPStatus.FORBIDDEN, text)
         elif len(connection.server.connections) >= MAX_PAGES:
-            response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, 'too many pages\n')
+            text = 'too many pages are open\n'
+            response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text)
         else:
             response = process_request(connection, request)
         if response is not None:

@@ -106,7 +106,7 @@ def test_file_to_write_checks_the_path_without_a_change(tmp_path, caplog, alarm)
     os.mkfifo(tmp_path / 'pipe')
     names = ['none/a.json', 'file/a.json', 'pipe', 'a\0b']
     for path in (tmp_path, Path('/dev/null'), *(tmp_path / name for name in names)):
-        with pytest.raises(LavaError, match='^--json is .* a file (to write|in a folder)'):
+        with pytest.raises(LavaError, match='^--json is .* a (writable file|file in a folder)'):
             file_to_write('--json', path)
     with pytest.raises(LavaError, match="bag.mcap', expected a file whose name ends with .json"):
         file_to_write('--json', tmp_path / 'bag.mcap', ('.json',))

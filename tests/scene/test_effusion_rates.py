@@ -74,7 +74,7 @@ def test_time_0_is_the_given_start_or_the_first_date(tmp_path, caplog):
 @pytest.mark.parametrize(('start', 'lost'), [
     ('2021-09-19', ''), ('2021-09-19T12:00:00', '8.64e+05 of 2.59e+06 m3 before'),
     ('2021-09-19T12:00:00-12:00', '1.73e+06 of 2.59e+06 m3 before'),
-    ('2021-09-22', '2.59e+06 of 2.59e+06 m3 before'),
+    ('2021-09-22', 'All lava of vents[0].effusion_rate comes out before the start'),
 ])
 def test_lava_before_the_start_is_left_out_with_a_warning(start, lost, tmp_path, caplog):
     (tmp_path / 'days.csv').write_text(WHOLE['dates'])
@@ -82,7 +82,7 @@ def test_lava_before_the_start_is_left_out_with_a_warning(start, lost, tmp_path,
     text = f'vents: [{{position: [300.0, 300.0], effusion_rate: {rate}}}]'
     path = write_scene(tmp_path, np.zeros((60, 60)), 10.0, text)
     if start == '2021-09-22':
-        with pytest.raises(LavaError, match=re.escape(f"effusion_rate is '{lost}")):
+        with pytest.raises(LavaError, match=re.escape(lost)):
             scene_from_yaml(path)
         return
     scene_from_yaml(path)
@@ -126,7 +126,7 @@ def test_rejects_cells_without_a_rate_unless_gaps_is_set(cell, tmp_path):
         read(tmp_path, text)
     for gaps, rate in (('zero', 0.0), ('interpolate', 3.0)):
         assert read(tmp_path, text, gaps=gaps)[1].discharge == rate
-    with pytest.raises(LavaError, match='no value.*expected at least two instants'):
+    with pytest.raises(LavaError, match='has no value. Give the rates at two or more times'):
         read(tmp_path, f'time,q\n0,{cell}\n100,{cell}\n', gaps='interpolate')
     text = f'time,q\n0,2\n100,{cell}\n300,4\n400,4\n'
     assert [item.discharge for item in read(tmp_path, text, gaps='zero')] == [0.0, 0.0, 4.0]

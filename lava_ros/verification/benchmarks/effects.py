@@ -25,7 +25,7 @@ from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.rows import OnProgress, row_of
 
-#: Default number of particles on a GPU, which fewer would not keep busy, and on a CPU.
+#: Default number of particles on a GPU, enough to keep it busy, and on a CPU.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
 
 #: Minimum time of one measurement [s].
