@@ -82,9 +82,9 @@ PROBE_TIMEOUT = 30.0
 #: A round trip on one machine is slow above this time [ms].
 SLOW = 50.0
 
-_WAY_TO_ROS = f'source the setup file of ROS 2 Jazzy, or run {installation("ros")}'
+_ROS_REMEDY = f'source the setup file of ROS 2 Jazzy, or run {installation("ros")}'
 
-_WAY_TO_DDS = (
+_DDS_REMEDY = (
     'let the firewall pass UDP 7400 to 7500 and multicast, check that /dev/shm is writable, '
     'and try ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST'
 )
@@ -243,7 +243,7 @@ def check_ros(environment: Mapping[str, str] = os.environ) -> Results:
     """Check whether ROS 2 Jazzy can be imported, and with which middleware."""
     missing = [name for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs') if not find_spec(name)]
     if missing:
-        return [(FAIL, f'no Python package {", ".join(missing)}', _WAY_TO_ROS)]
+        return [(FAIL, f'no Python package {", ".join(missing)}', _ROS_REMEDY)]
     distro = environment.get('ROS_DISTRO', '')
     if distro and distro != DISTRO:
         return [(WARN, f'ROS_DISTRO is {distro}', f'source ROS 2 {DISTRO}')]
@@ -300,22 +300,22 @@ def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Results:
     The check runs in a separate process, because the middleware may hang or crash.
     """
     if find_spec('rclpy') is None:
-        return [(FAIL, 'not tested: rclpy is not installed', _WAY_TO_ROS)]
+        return [(FAIL, 'not tested: rclpy is not installed', _ROS_REMEDY)]
     words = [sys.executable, '-m', 'lava_ros.clients.dds_probe']
     try:
         probe = subprocess.run(
             words, capture_output=True, text=True, timeout=timeout, check=False
         )
     except subprocess.TimeoutExpired:
-        return [(FAIL, f'no message returned within {timeout:g} s', _WAY_TO_DDS)]
+        return [(FAIL, f'no message returned within {timeout:g} s', _DDS_REMEDY)]
     try:
         seen = json.loads(probe.stdout.splitlines()[-1])
     except (IndexError, ValueError):
         last = (probe.stderr.strip().splitlines() or ['nothing'])[-1]
         text = f'the probe ended with status {probe.returncode}: {last}'
-        return [(FAIL, text, _WAY_TO_DDS)]
+        return [(FAIL, text, _DDS_REMEDY)]
     if 'error' in seen:
-        return [(FAIL, seen['error'], _WAY_TO_DDS)]
+        return [(FAIL, seen['error'], _DDS_REMEDY)]
     text = (
         f'{seen["middleware"]}: found after {seen["discovery_ms"]:.0f} ms, '
         f'there in {seen["trip_ms"]:.2f} ms, {seen["nodes"]} other nodes in the graph'

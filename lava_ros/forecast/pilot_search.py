@@ -93,7 +93,7 @@ class PilotSearch:
     spent: float = 0.0
     count: int = 0
 
-    def climb(
+    def run_pilots(
         self, budget: Callable[[], float], useful: Callable[[], float], *,
         limit: float = math.inf, reserved: Callable[[float], float] = lambda _: 0.0,
     ) -> None:

@@ -178,7 +178,7 @@ def plan_within(
         least = 2.0 * len(changes) * PILOT_MARGIN * search.pilots[0].wall_time
         return min(least, CHANGES_FRACTION * left)
 
-    search.climb(
+    search.run_pilots(
         lambda: budget, lambda: finest_useful(search), limit=within / (members or 1),
         reserved=reserved,
     )

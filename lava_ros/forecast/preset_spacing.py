@@ -133,7 +133,7 @@ def choose_spacing(
         ]
         return runs * max([*each, SETUP_WORK])
 
-    search.climb(lambda: _PLANNED * work(), wanted)
+    search.run_pilots(lambda: _PLANNED * work(), wanted)
     if len(search.pilots) < 2:
         return SpacingChoice(guess, None, search.count, TOO_SHORT)
     search.measure_finest_ground(_FILLED * work() - search.spent)

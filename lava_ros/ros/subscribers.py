@@ -142,7 +142,7 @@ class InputLog:
             self._superseded += 1
             self._judge(topic, number, is_bad=False)
 
-    def forgive(self, topic: str) -> None:
+    def downgrade(self, topic: str) -> None:
         """Reduce the topic's error to a warning, because no later message would clear it."""
         with self._lock:
             self._newest[topic] = self._newest[topic][0], False
@@ -401,7 +401,7 @@ class InputSubscribers:
     def refuse(self, topic: str, error: LavaError) -> None:
         """Report a refused input as a warning, because no later input would clear an error."""
         self._reject(topic, error)
-        self.log.forgive(topic)
+        self.log.downgrade(topic)
 
     def came_from_topic(self, terrain: Terrain) -> bool:
         """Return True if a terrain was received on ``terrain`` and ``terrain_info``."""

@@ -91,7 +91,7 @@ def test_input_log_is_an_error_while_the_newest_message_is_rejected():
     assert 'at most 1' in _values(log.status())['last_error']
     log.reject('message', LavaError('message', 'x', 'y'))
     assert log.status().level == ERROR
-    log.forgive('message')
+    log.downgrade('message')
     assert (log.status().level, *_counts(log, 'rejected.message')) == (WARN, '1')
 
 
