@@ -23,7 +23,7 @@ HEAD = '| parameter | type | default | range | unit | may change | meaning |'
 LAUNCH = PAGE.parents[1] / 'launch/lava_parameters.yaml'
 
 #: Part of the descriptions of parameters that are read at each reset.
-LATER = 'from the next start or reset on'
+LATER = 'from the next start or reset'
 
 
 def launch_arguments() -> str:

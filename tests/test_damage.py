@@ -167,7 +167,7 @@ def test_damaged_checkpoint_is_replaced_by_the_previous_one(
     status, out, report = lava('info', path)
     assert (status, 'is damaged' in report) == (1, True)
     assert f'checkpoints  {3 if is_lost else 4}, ' in out
-    assert ('cannot be read: attachment' in out) == is_lost
+    assert ('cannot be read: The attachment' in out) == is_lost
 
 
 def test_bag_without_a_data_checksum_is_checked_by_its_parts(bag: Path) -> None:

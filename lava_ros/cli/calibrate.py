@@ -15,7 +15,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
 from lava_ros.cli.options import argument, command
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
@@ -204,13 +204,16 @@ def _keep_settings(
         **{f'case {case.name}': identity_of(case, settings) for case in cases},
     }
     if has_runs:
-        with refusing('--output', str(path), 'the settings of its runs, or --fresh', OSError):
+        expected = 'a folder with the settings of its runs, or --fresh'
+        with refusing('--output', str(path), expected, OSError):
             earlier = parse_json(SETTINGS, path.read_text(encoding='utf-8'))
         for name, value in plain.items():
             if earlier.get(name) != value:
-                shown = 'with other content' if name.startswith('case') else value
-                expected = f'as it was for the runs in {output / TABLE}, or --fresh'
-                raise LavaError(name, shown, expected)
+                if name.startswith('case'):
+                    problem = f'The {name} has changed since the runs in {output / TABLE}'
+                    raise RefusalError(name, problem, 'Add --fresh to start again')
+                expected = f'{earlier.get(name)}, as for the runs in {output / TABLE}, or --fresh'
+                raise LavaError(name, value, expected)
     write_json(plain, path)
 
 
@@ -255,7 +258,7 @@ def _until(text: str | None, cases: Sequence[Case]) -> dict[str, float]:
     if text is None:
         return {}
     if not any(case.outlines for case in cases):
-        raise LavaError('--until', text, 'cases with dated outlines (outlines in case.yaml)')
+        raise validation.surplus('--until', 'to cases without dated outlines')
     until = {}
     for case in cases:
         try:
@@ -295,7 +298,8 @@ def _names(cases: Sequence[Case]) -> list[str]:
         raise LavaError('CASE_DIR', ' '.join(names), 'folders with different names')
     materials = sorted({case.material.name for case in cases})
     if len(materials) > 1:
-        raise LavaError('CASE_DIR', ' '.join(materials), 'cases of one material, or --material')
+        problem = f'The cases have different materials: {", ".join(materials)}'
+        raise RefusalError('CASE_DIR', problem, 'Choose one with --material')
     return names
 
 

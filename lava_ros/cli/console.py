@@ -68,7 +68,7 @@ def check_outputs(args: argparse.Namespace) -> None:
     for output in named.keys() & set(OUTPUTS):
         for name, value in vars(args).items():
             if name != output and any(_is_same(named[output], item) for item in _texts(value)):
-                raise LavaError(f'--{output}', named[output], f'another file than {name}')
+                raise LavaError(f'--{output}', named[output], f'a file other than {name}')
 
 
 def _texts(value: object) -> Iterator[str]:
@@ -115,7 +115,7 @@ def made_folder(name: str | Path) -> Path:
         LavaError: If it cannot be created.
     """
     folder = Path(name)
-    with refusing('--output', str(name), 'a folder to write to', OSError):
+    with refusing('--output', str(name), 'a writable folder', OSError):
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 

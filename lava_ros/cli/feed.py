@@ -10,7 +10,7 @@ from lava_ros import validation
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.ros import require_ros
 from lava_ros.cli.scene_options import SCENE_OPTIONS
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 
 
 @command(
@@ -43,9 +43,9 @@ def feed(args: argparse.Namespace) -> int:
     # without vents no flow determines how fine the cells have to be
     scene = scene_as_given(args) if args.no_vents else scene_from_arguments(args)
     if scene.emplaced_flows:
-        expected = 'flows that are ground: lava at the start is a part of the scene of a node '
-        expected += '(-p scene:=FILE), and no topic has it'
-        raise LavaError('scene.emplaced_flows', scene.emplaced_flows[0].source, expected)
+        problem = f'The emplaced flow {scene.emplaced_flows[0].source} cannot be sent on a topic'
+        remedy = 'Give the scene to the node instead: -p scene:=FILE'
+        raise RefusalError('scene.emplaced_flows', problem, remedy)
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 

@@ -22,7 +22,7 @@ def recover(args: argparse.Namespace) -> int:
     from lava_ros.bag.recovery import recover as recover_bag
 
     source = BagReader(args.bag)
-    place = refusing('output', args.output, 'a place that can be written', OSError)
+    place = refusing('output', args.output, 'a writable folder', OSError)
     with place, Progress(has_lines=False) as progress:
         count = recover_bag(source, args.output, on_progress=progress.show)
     whole = BagReader(args.output)

@@ -30,7 +30,7 @@ def is_installed(package: str) -> bool:
 
 
 def installation(extra: str) -> str:
-    """Return the command that installs an extra: the package is in no registry."""
+    """Return the command that installs an extra from the source: lava_ros is in no registry."""
     return f"pip install '.[{extra}]' in the folder of the source"
 
 

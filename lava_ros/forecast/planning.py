@@ -45,13 +45,14 @@ from lava_ros.simulation.selection import effects_for
 #: Particles across the flow of the first pilot.
 FIRST_ACROSS = 4.0
 
-#: Minimum refinement, and that of the first pilot if the width of the flow is unknown.
+#: Minimum refinement, and refinement of the first pilot if the width of the flow is unknown.
 COARSEST, UNKNOWN = 0.01, 0.15
 
-#: Minimum part of the particles over that of the ground: finer particles change little.
+#: Minimum ratio of the particles' part to the ground's part of the error: finer particles change
+#: little.
 USEFUL = 0.25
 
-#: Maximum fraction of the pilots' time for those with changed inputs.
+#: Maximum fraction of the pilots' time for pilots with changed inputs.
 CHANGES_FRACTION = 0.4
 
 #: Fraction of the time that a plan uses, with a margin for other load on the machine.
@@ -95,7 +96,7 @@ class RunPlan:
         is_finest: Whether more time would hardly reduce the error.
         pilots: Number of pilots.
         spent: Time of the pilots, without compilation [s].
-        options: Runs of other spacings, those of presets included, from the coarsest to the
+        options: Runs of other spacings, including those of the presets, from the coarsest to the
             finest.
         presets: Refinements of the presets with a target, by name.
         inputs: Effects of the uncertain quantities that the scene gives or leaves open, by name,
@@ -154,7 +155,7 @@ def plan_within(
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
-    # all pilots have the effects of preset standard
+    # all pilots use the effects of the preset standard
     standard = standard_resolution(scene, horizon)
     search = PilotSearch(
         scene, horizon, lambda refinement: accuracy_at(scene, refinement, horizon),
@@ -177,12 +178,12 @@ def plan_within(
         least = 2.0 * len(changes) * PILOT_MARGIN * search.pilots[0].wall_time
         return min(least, CHANGES_FRACTION * left)
 
-    search.climb(
+    search.run_pilots(
         lambda: budget, lambda: finest_useful(search), limit=within / (members or 1),
         reserved=reserved,
     )
     if len(search.pilots) < 2:
-        raise LavaError('within', within, 'a longer time: the coarsest runs take more')
+        raise LavaError('within', within, 'a longer time: even the coarsest runs take more')
     inputs = change_inputs(search, budget, changes)
     search.measure_finest_ground(budget - search.spent)
     refinement, count = choose(search, within, members)
@@ -219,10 +220,10 @@ def plan_within(
 def change_inputs(
     search: PilotSearch, budget: float, changes: Mapping[str, tuple[Member, Member]]
 ) -> dict[str, InputChange]:
-    """Return what changes of the inputs change, with coarse pilots while there is time.
+    """Return the effect of changes of the inputs, from coarse pilots while time remains.
 
-    All have the same particle spacing, that of the finest pilot but one for which they fit in the
-    time.
+    All have the same particle spacing: that of the finest pilot, except the last, for which they
+    fit in the time.
 
     Args:
         search: Pilots of the scene as it is.
@@ -251,7 +252,7 @@ def change_inputs(
 
 
 def finest_useful(search: PilotSearch) -> float:
-    """Return the refinement above which the error hardly falls."""
+    """Return the refinement above which the error hardly decreases."""
     refinement = search.refinement_for(lambda ground: USEFUL * ground)
     return min(max(refinement, search.first), FINEST)
 
@@ -266,7 +267,7 @@ def choose(search: PilotSearch, within: float, members: int | None) -> tuple[flo
         if not 1 <= count <= fitting:
             continue
         error = math.hypot(search.error(refinement).inundated.total, sampling_error(count))
-        # of equal errors, prefer the finer run
+        # if errors are equal, prefer the finer run
         if error <= least:
             best, least = (refinement, count), error
     return best

@@ -174,7 +174,7 @@ def _bag(path: Path, node: str | None, time: float | None, wanted: Collection[st
     scene = _scene(frame)
     if scene is not None:
         known = frame_of(scene)
-        # the page shows vents also after the end of the emission
+        # the page also shows vents that no longer emit lava
         vents = frame.vents if len(frame.vents) else known.vents
         frame = replace(frame, vents=vents, fissures=known.fissures)
     maps = {
@@ -420,13 +420,13 @@ def _inputs(inputs: Mapping[str, Any]) -> dict[str, str]:
     ]
     exact = [name.replace('_', ' ') for name in inputs.get('exact', {})]
     return {
-        'uncertain': '; '.join(drawn) or 'nothing of the scene',
+        'uncertain': '; '.join(drawn) or 'no quantity',
         **({'taken as exact': ', '.join(exact)} if exact else {}),
     }
 
 
 def _decides(tags: Mapping[str, str]) -> dict[str, str]:
-    """Describe which quantities decide the inundated area, if that is known."""
+    """Describe which quantities affect the inundated area most, if that is known."""
     if 'influence' not in tags:
         return {}
     found = Influences.from_dict(parse_json('influence', tags['influence']))
@@ -440,7 +440,7 @@ def _raster(
     source = read_raster('a map', path, kind=np.float64)
     values, tags = np.flipud(source.values[0].filled(np.nan)), dict(source.tags)
     if values.shape != shape:
-        raise ValueError(f'{path.name} has other cells than {MANIFEST}')
+        raise ValueError(f'the grid of {path.name} differs from that in {MANIFEST}')
     wrong = values[(values < least) | (values > most)]
     if wrong.size:
         raise ValueError(f'{path.name} has {wrong[0]:g}, expected {least:g} to {most:g}')

@@ -85,7 +85,7 @@ def time_zone(name: str) -> ZoneInfo:
     Raises:
         LavaError: If it is not available on this machine.
     """
-    expected = 'a time zone of this machine, such as Europe/Rome; package tzdata'
+    expected = 'a time zone of this machine, such as Europe/Rome; tzdata adds all zones'
     with refusing('--timezone', name, expected, KeyError, ValueError, OSError):
         return ZoneInfo(name)
 

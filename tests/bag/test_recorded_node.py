@@ -102,7 +102,7 @@ def test_command_reads_the_named_node(
             assert f'{names}; --node' in out and 'simulated ' not in out
         else:
             error = refused(command, both, *arguments)
-            assert f'expected a bag of one node, or --node with one of {names}' in error
+            assert f'contains several nodes. Choose one: --node with one of {names}' in error
         error = refused(command, both, *arguments, '--node', '/vesuvius')
         assert error.startswith(f"lava {command}: --node is '/vesuvius'") and names in error
     out = done(command, both, *arguments, '--node', '/stromboli/lava')

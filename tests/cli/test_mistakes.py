@@ -100,7 +100,7 @@ LINES = {
     'other suffix': ('effects scene.yml', "scene is 'scene.yml'", 'did you mean scene.yaml?'),
     'folder as a file': ('effects --terrain full', "is 'full'", 'a file; this is a folder'),
     'folder that is not a case': (
-        'effects full', "case is 'full'", 'a folder that also holds elevation.asc'),
+        'effects full', "case is 'full'", 'a folder that also contains elevation.asc'),
     'elevation twice': (
         'effects ground.npz --terrain ground.npz', 'elevation ground.npz and --terrain exclude',
         'Leave out one of them.'),

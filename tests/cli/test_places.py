@@ -193,8 +193,8 @@ def test_table_uses_the_weights_of_members(ensemble: Path, tmp_path: Path) -> No
     for name in POINTS:
         assert found[name]['probability_percent'] == likely[name]
     for text, words in (
-        ('[1, 1]', 'a folder with 6 members'), ('{', 'the weights'),
-        ('[1, 1, 1, 1, 1, 1]', 'maps with the weights of its members'),
+        ('[1, 1]', 'are of 6 members'), ('{', 'the weights'),
+        ('[1, 1, 1, 1, 1, 1]', 'do not have the weights of its members'),
     ):
         (ensemble / 'weights.json').write_text(text)
         assert words in refused('places', ensemble, tmp_path / 'a.geojson')

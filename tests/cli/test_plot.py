@@ -181,8 +181,8 @@ def test_plot_compares_runs_by_folder(bag, ensemble, tmp_path, undrawn):
     compound = replace(TERRAIN, wkt=CRS.from_user_input('EPSG:32633+5773').to_wkt())
     plot(tmp_path, bag, record(tmp_path / 'compound', terrain=compound))
     picture = tmp_path / 'no.png'
-    assert 'the same for all' in refused('plot', bag, nowhere, '-o', picture)
-    assert 'different names' in refused('plot', bag, bag, '-o', picture)
+    assert 'different coordinate systems' in refused('plot', bag, nowhere, '-o', picture)
+    assert 'have the same name' in refused('plot', bag, bag, '-o', picture)
     assert not picture.exists()
 
 
@@ -205,7 +205,7 @@ def test_plot_draws_overlays_and_counts_those_off_the_map(bag, tmp_path, caplog,
     (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
     (('--time', '9h'), 'time is'),
     (('--extent', '5', '1', '4', '2'), '--extent is .5 1 4 2., expected WEST SOUTH EAST'),
-    (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent with'),
+    (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent that overlaps'),
     (('--scale', '1:0'), '--scale is .0., expected'),
     (('--scale', '1:20'), '--scale is .1:20., expected 1:[0-9]+ or smaller'),
     (('--onset', '2006-07-14T22:00'), '--onset is .*offset from UTC'),

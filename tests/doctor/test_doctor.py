@@ -96,7 +96,7 @@ def test_gpus_are_listed(monkeypatch):
     monkeypatch.setattr(doctor.shutil, 'which', lambda name: None)
     monkeypatch.setattr(doctor.Path, 'exists', lambda path: False)
     found = one(doctor.check_gpu())
-    assert found.level == WARN and found.text.startswith('none: the CPU does the work, on ')
+    assert found.level == WARN and found.text.startswith('none: the simulation runs on the CPU')
     monkeypatch.setattr(doctor.shutil, 'which', lambda name: '/usr/bin/nvidia-smi')
     assert 'cannot use' in one(doctor.check_gpu()).text
 
@@ -173,8 +173,8 @@ def test_ros_distribution_is_checked(monkeypatch):
 
 
 @pytest.mark.parametrize(('environment', 'level', 'words'), [
-    ({}, OK, 'domain 0, range SUBNET: every machine of the subnet'),
-    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, OK, 'this machine alone'),
+    ({}, OK, 'domain 0, range SUBNET: every machine in the subnet'),
+    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, OK, 'only this machine'),
     ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}, FAIL, 'no machine'),
     (
         {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'ROS_STATIC_PEERS': '10.0.0.7'},
@@ -213,7 +213,7 @@ def test_layers_with_a_weak_policy_are_reported():
     layers = layers_from_dict({'layers': {'mask': layer, 'hidden': hidden, 'raw': image}})
     levels, texts, ways_out = zip(*doctor.check_qos(layers), strict=True)
     assert levels == (WARN,) * 2 * len(doctor.CONSUMERS)
-    assert all('of mask' in text for text in texts)
+    assert all('receive mask' in text for text in texts)
     assert set(ways_out) == {
         'set layers.mask.qos.reliability to reliable',
         'set layers.mask.qos.durability to transient_local',
@@ -233,11 +233,11 @@ def test_middleware_that_cannot_start_is_reported(monkeypatch):
     assert found.level == FAIL
     assert 'rmw_of_nobody' in found.text
     monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
-    assert one(doctor.check_round_trip()).text == 'not tried: no rclpy'
+    assert one(doctor.check_round_trip()).text == 'not tested: rclpy is not installed'
 
 
 @pytest.mark.parametrize(('code', 'words'), [
-    ('import time; time.sleep(60)', 'nothing came back within 0.5 s'),
+    ('import time; time.sleep(60)', 'no message returned within 0.5 s'),
     ('import os; os.abort()', 'ended with status -6'),
     ('print("""{"error": "a latched message did not arrive within 20 s"}""")', 'latched'),
 ])

@@ -188,7 +188,7 @@ def test_calibration_forecasts_later_outlines(mapped, tmp_path):
 def test_until_needs_outlines(tmp_path):
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
     text = refused('calibrate', case, '--until', '900', '-o', tmp_path / 'out')
-    assert "lava calibrate: --until is '900', expected cases with dated outlines" in text
+    assert '--until does not apply to cases without dated outlines' in text
     assert not (tmp_path / 'out').exists()
 
 

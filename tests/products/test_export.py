@@ -167,7 +167,7 @@ def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
     ({'threshold': 0.01}, 'threshold is 0.01'),
     ({'threshold': float('nan')}, 'threshold is nan'),
     ({'maps': ['depth']}, 'maps'),
-    ({'every': True, 'formats': ['nc', 'kml']}, "formats is 'nc, kml', expected also tif"),
+    ({'every': True, 'formats': ['nc', 'kml']}, "Only GeoTIFF files can contain every frame"),
 ])
 def test_rejects_invalid_arguments(grids, tmp_path, options, words):
     with pytest.raises(LavaError, match=words):
@@ -427,8 +427,8 @@ def with_infinite_values(topic: str, message: Any) -> Any:
 
 @pytest.mark.parametrize(('change', 'topic', 'words'), [
     (with_hazard_text, '/hazard', 'the bag has std_msgs/msg/String, the layer is a nav_msgs/msg/'),
-    (with_fewer_rows, '/hazard', 'a map of 40 x 29 cells is on no terrain'),
-    (with_other_corner, '/hazard', r'a map at (-45, 20) in cells of 5 m is on no terrain'),
+    (with_fewer_rows, '/hazard', 'a map of 40 x 29 cells fits no terrain'),
+    (with_other_corner, '/hazard', r'a map at (-45, 20) in cells of 5 m fits no terrain'),
     (with_infinite_values, '/height', 'a map has infinite values'),
 ])
 def test_layer_that_cannot_be_used_is_named(tmp_path, change, topic, words):

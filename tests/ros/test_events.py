@@ -105,7 +105,7 @@ def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     ('words', 'named'),
     [
-        (['--emplaced-flow', 'flow.asc'], 'no topic has it'),
+        (['--emplaced-flow', 'flow.asc'], 'cannot be sent on a topic'),
         (['--terrain-at', '1h', 'none.npz'], 'none.npz'),
         (['--vent', '20,20'], '--vent and --no-vents exclude each other'),
         (['--vents', 'vents.csv'], '--vents and --no-vents exclude each other'),

@@ -225,7 +225,7 @@ def test_later_attempt_does_not_follow_a_new_link(local, monkeypatch, tmp_path):
     node.run(1.0)
     node.status_now('recorder', lambda item: 'removed, moved or replaced' in item['message'])
     now[0] += recording_control.RETRY_PERIOD
-    node.status_now('recorder', lambda item: 'a link that has come into it' in item['message'])
+    node.status_now('recorder', lambda item: 'a symbolic link' in item['message'])
     assert list((tmp_path / 'outside').iterdir()) == []
 
 

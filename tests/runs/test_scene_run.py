@@ -176,7 +176,7 @@ def test_run_of_another_model_continues_with_a_warning(tmp_path, monkeypatch, ca
     path.write_text(json.dumps(record))
     with caplog.at_level(logging.WARNING):
         SceneRun(request(folder)).folder.close()
-    assert 'begun with model 0, and continues with model 1' in caplog.text
+    assert 'begun with model 0 and continues with model 1' in caplog.text
 
 
 @pytest.mark.parametrize('kind', ['finished', 'other scene', 'other settings', 'foreign'])

@@ -179,7 +179,7 @@ def test_barrier_and_filter_keep_cells_without_data():
 
 @pytest.mark.parametrize(('change', 'word'), [
     ({'line': ((0.0, 0.0),)}, 'two or more places'),
-    ({'line': ((0.0, 0.0), (0.0, 0.0))}, 'that differ'),
+    ({'line': ((0.0, 0.0), (0.0, 0.0))}, 'two or more different points'),
     ({'line': '0,0 1,1'}, 'two or more places'),
     ({'line': ((0.0, 0.0), (1.0, np.nan))}, r'barrier.line\[1\]'),
     ({'height': -5.0}, 'barrier.height'),

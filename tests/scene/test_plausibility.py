@@ -148,7 +148,7 @@ SLIPS = {
     ),
     'elevations in feet': Slip(
         {'elevation': (SLOPE + 5000.0) * 3.2808}, {'elevation': SLOPE + 5000.0},
-        'feet times 0.3048',
+        'multiply feet by 0.3048',
     ),
     'cells in cm': Slip(
         {'elevation': SLOPE, 'cell': 2500.0}, {'elevation': SLOPE, 'cell': 25.0},
