@@ -111,11 +111,11 @@ def run(tmp_path_factory):
     """Return a hindcast, its printed text, and everything made from its bag."""
     folder = tmp_path_factory.mktemp('agreement')
     case, out = write_eruption(folder / 'pulses'), folder / 'out'
-    printed = done('hindcast', case, *OPTIONS, '-o', out)
+    printed = done('run', case, *OPTIONS, '-o', out)
     formats = [name for name, package in FORMATS.items() if find_spec(package)]
     done('export', out / 'bag', '-o', folder / 'maps', '--formats', *formats)
-    done('plot', out / 'bag', '-o', folder / 'map.png', '--json', folder / 'plot.json')
-    done('report', out / 'bag', '-o', folder / 'report.html')
+    done('map', out / 'bag', '-o', folder / 'map.png', '--json', folder / 'plot.json')
+    done('map', out / 'bag', '-o', folder / 'report.html')
     return SimpleNamespace(
         folder=folder, case=case, out=out, printed=printed, maps=folder / 'maps',
         score=json.loads((out / 'hindcast.json').read_text())['score'],
@@ -307,7 +307,7 @@ def ensemble(run):
     out, report = run.folder / 'ensemble', run.folder / 'ensemble.json'
     formats = [name for name, package in FORMATS.items() if find_spec(package)]
     done(
-        'ensemble', run.case, *OPTIONS, '-o', out, '--members', '2', '--workers', '1',
+        'run', run.case, *OPTIONS, '-o', out, '--members', '2', '--workers', '1',
         '--json', report, '--formats', *formats,
     )
     members = read_run(out).ensemble
@@ -385,7 +385,7 @@ def test_ensemble_is_the_same_in_all_outputs(run, ensemble):
     for item in features:
         by_then = tifs['arrival_time_p50'] <= item['properties']['time_s']
         assert item['properties']['area_m2'] == by_then.sum() * CELL**2
-    done('plot', ensemble.out, '-o', run.folder / 'e.png', '--json', run.folder / 'e.json')
+    done('map', ensemble.out, '-o', run.folder / 'e.png', '--json', run.folder / 'e.json')
     shown = json.loads((run.folder / 'e.json').read_text())
     for name, area in ensemble.report['area_m2'].items():
         words = name.replace('at least', 'at') + (' or more' if '%' in name else '')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo`: a flow on a mountain."""
+"""`lava ros demo`: a flow on a mountain."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.console import Progress, write_json
-from lava_ros.cli.options import argument, command, seconds_of
+from lava_ros.cli.options import argument, command, output_option, seconds_of, shared
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
-from lava_ros.cli.scene_options import SCENE_OPTIONS
+from lava_ros.cli.scene_options import SCENE
 from lava_ros.errors import refusing
 
 if TYPE_CHECKING:
@@ -41,10 +41,10 @@ RESULT, PICTURE = 'demo.json', 'demo.png'
 
 
 @command(
-    *SCENE_OPTIONS,
-    argument('--duration', 'TIME', 'simulated time: 6h, 90min', '12h'),
-    argument(
-        '--output', 'DIR', 'bag to record; if it exists, a number is added to the name',
+    *SCENE,
+    shared('--until', '12h', default='12h'),
+    output_option(
+        'DIR', 'bag to record; if it exists, a number is added to the name',
         'bags/demo',
     ),
     argument(
@@ -65,7 +65,7 @@ def demo(args: argparse.Namespace) -> int:
     from lava_ros.scene.onset import Onset
 
     require_ros()
-    duration = seconds_of('--duration', args.duration)
+    duration = seconds_of('--until', args.until)
     if args.spacing is not None:
         validation.number('--spacing', args.spacing, above=0.0, unit='m')
     slowest, fastest = SPEED_RANGE
@@ -96,7 +96,7 @@ def demo(args: argparse.Namespace) -> int:
     try:
         values, frames = _flow(scene, settings, domain, duration)
     except ChildError as error:
-        print(f'lava demo: {error}', file=sys.stderr)
+        print(f'lava ros demo: {error}', file=sys.stderr)
         return 1
     result = _result(values, speed) | {
         'height_maps_received': frames, 'erupting_lava': EruptingLava.of(scene).as_dict(),
@@ -229,4 +229,4 @@ def _print_result(result: dict[str, Any]) -> None:
     ):
         print(f'{name:32} {value}')
     for item in result['warnings']:
-        print(f'lava demo: {item}', file=sys.stderr)
+        print(f'lava ros demo: {item}', file=sys.stderr)

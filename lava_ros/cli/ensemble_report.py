@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report of `lava ensemble`: numbers of its maps, scores against mapped lava, and text."""
+"""The report of an ensemble: numbers of its maps, scores against mapped lava, and text."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def print_report(
             print('\n'.join(table_lines(place_texts(barriers['places']), '<>>>>')))
         if barriers['effects'] != report['effects']:
             print(
-                'lava ensemble: the runs with barriers have other effects, '
+                'lava run: the runs with barriers have other effects, '
                 f'{", ".join(barriers["effects"])}: delete both folders to run all with these',
                 file=sys.stderr,
             )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava info`: the contents of a bag."""
+"""`lava bag info`: the contents of a bag."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 
 """Arguments that describe a scene; ``scenes.py`` makes the scene."""
 
-from lava_ros.cli.options import Argument, argument
+from lava_ros.cli.options import Argument, argument, shared
 
 #: Default lava, as in ``lava_ros.scene.materials``, which is slow to import.
 DEFAULT_MATERIAL = 'etna_basalt'
@@ -59,11 +59,7 @@ def _rate(text: str) -> float | str:
 RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity', 'measured')
 
 _TABLE = (
-    argument(
-        '--start --eruption-start', 'DATE', 'date of the start of the eruption, which is time 0: '
-        '2021-09-19T14:10:00Z; maps and tables then have dates (default: that of the scene, or '
-        'the first date in a table of effusion rates)', dest='eruption_start',
-    ),
+    shared('--start', 'that of the scene, or the first date in a table of effusion rates'),
     argument(
         '--gaps', None, 'effusion rate in the gaps of a table: zero, or interpolate between its '
         'neighbours (default: zero, with a warning)', choices=GAPS,
@@ -121,6 +117,5 @@ _PARTS: tuple[str | Argument, ...] = (
     ),
 )
 
-#: The arguments that choose a scene: its file without a flag, or with one.
+#: The arguments that describe a scene.
 SCENE = (argument('scene', 'SCENE', _FILE, nargs='?'), *_PARTS)
-SCENE_OPTIONS = (argument('--scene', 'FILE', _FILE), *_PARTS)

@@ -224,7 +224,7 @@ def _onset_of(
     Raises:
         LavaError: If the option is not a date, or is not that of the rates of the file.
     """
-    given, field = Options(start=args.eruption_start).origin, '--eruption-start'
+    given, field = Options(start=args.eruption_start).origin, '--start'
     if given is not None and table is None:
         # the reader of a table checks the date
         check_date(field, given)

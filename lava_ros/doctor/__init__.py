@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of `lava doctor`: the machine and the ROS graph, with a remedy for each problem."""
+"""Checks of `lava check install`: machine and ROS graph, with a remedy for each problem."""
 
 from collections.abc import Iterable, Mapping
 import ctypes

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava accuracy`, `verify`, `bench` and `effects`: printed and written tables."""
+"""`lava check accuracy`, `verify`, `bench` and `effects`: printed and written tables."""
 
 import csv
 from dataclasses import replace
@@ -109,7 +109,7 @@ def test_interrupted_accuracy_keeps_finished_cases(tmp_path, one_setting, monkey
     monkeypatch.setitem(measure.CASES, 'dam_break', stopped)
     words = ['--quick', '--device', 'cpu', '--output', tmp_path]
     words += ['--case', 'fixed_volume', '--case', 'dam_break']
-    assert lava('accuracy', *words)[0] == 130
+    assert lava('check', 'accuracy', *words)[0] == 130
     assert {row.case for row in read_csv(tmp_path / 'cpu.csv')} == {'fixed_volume'}
 
 
@@ -131,7 +131,7 @@ def test_verify_reports_a_case_with_its_bounds(tmp_path):
 def test_verify_shows_progress_before_a_case_runs(monkeypatch):
     stopped = Case('fake', 'a fake', 'nobody', Mock(side_effect=KeyboardInterrupt))
     monkeypatch.setattr(cases, 'CASES', {'fake': stopped})
-    status, _, printed = lava('verify', '--device', 'cpu')
+    status, _, printed = lava('check', 'solver', '--device', 'cpu')
     assert (status, printed) == (130, '  0 %  1 of 1: a fake\n')
 
 
@@ -149,7 +149,7 @@ def test_verify_fails_when_an_error_exceeds_its_bound(errors, words, status, mon
     monkeypatch.setattr(cases, 'CASES', {'fake': known})
     limits = (0.02, 0.01)  # draft, other presets
     monkeypatch.setattr(bounds, 'BOUNDS', {'fake': {'q': limits, 'r': limits}})
-    ended, out, _ = lava('verify', '--device', 'cpu', *words)
+    ended, out, _ = lava('check', 'solver', '--device', 'cpu', *words)
     assert ended == status
     if '--json' in words:
         assert json.loads(out)['within_bounds'] is False

@@ -15,8 +15,8 @@ from command_line import done, lava, refused
 from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_case_in_degrees
 from lava_ros.bag import BagReader
 from lava_ros.bag.recorded_node import described_node, RecordedNode
-from lava_ros.cli.hindcast import _vents
 from lava_ros.cli.parser import parse_command_line
+from lava_ros.cli.run_case import _vents
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import _constants, FALSE_ALARM, HIT, MISS
 from lava_ros.layers.recording import Recording
@@ -29,13 +29,13 @@ LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_streng
 def valley(tmp_path):
     """Write a case; return the first words of a short hindcast of it."""
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
-    words = ['hindcast', case, '-o', tmp_path / 'out', '--preset', 'draft', '--spacing', '20']
+    words = ['run', case, '-o', tmp_path / 'out', '--preset', 'draft', '--spacing', '20']
     return [*words, '--device', 'cpu', '--maps', '1']
 
 
 def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     case, out = write_case(tmp_path / 'valley', hours=1, yaml=LAVA), tmp_path / 'out'
-    words = ['hindcast', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
+    words = ['run', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
     done(*words, '--maps', '3', '-o', out, '--json', tmp_path / 'out.json')
     data = json.loads((tmp_path / 'out.json').read_text())
     assert data == json.loads((out / 'hindcast.json').read_text())
@@ -94,7 +94,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert described_node(bag.custom_data) == RecordedNode(
         '/lava', '/', {topic.removeprefix('/'): topic for topic in bag.topics}
     )
-    assert done('info', out / 'bag').count('nodes      /lava\n') == 1
+    assert done('bag', 'info', out / 'bag').count('nodes      /lava\n') == 1
     times = [frame.time for frame in Recording(out / 'bag').frames()]
     dues = (1200, 2400, 3600)
     late = np.subtract(times, dues)
@@ -136,7 +136,7 @@ def test_vents_of_a_case_keep_their_rates_unless_an_option_replaces_them(words, 
                'crs': {'type': 'name', 'properties': {'name': 'EPSG:32633'}},
                'geometry': {'type': 'LineString', 'coordinates': crest}}
     (folder / 'vent.geojson').write_text(json.dumps(feature))
-    args = parse_command_line(['hindcast', str(folder), *words.split()])
+    args = parse_command_line(['run', str(folder), *words.split()])
     case = load_case(folder, vents=lambda rows, ground: _vents(args, rows, ground))
     assert [vent.series for vent in case.scene.vents] == [
         tuple((time, 0.5 * rate) for time, rate in rates)
@@ -158,7 +158,7 @@ def test_page_and_numbers_list_the_oxides_of_a_composition(tmp_path):
     assert 'Giordano' in sources[int(number) - 1]
     assert by_name['vft_b'][1] == f'{case.scene.lava.vft_b:g}'
     words = ['--preset', 'draft', '--spacing', '40', '--device', 'cpu', '--maps', '1']
-    output = done('hindcast', tmp_path / 'valley', '-o', tmp_path / 'out', *words)
+    output = done('run', tmp_path / 'valley', '-o', tmp_path / 'out', *words)
     expected = r'lava +basalt \(changed: vft_a, vft_b, vft_c\); at the vent .* \(1442 K\)'
     assert re.search(expected, output)
     data = json.loads((tmp_path / 'out/hindcast.json').read_text())
@@ -215,10 +215,10 @@ def test_refuses_unusable_cases_and_folders_of_others(tmp_path):
     case, out = write_case(tmp_path / 'valley'), tmp_path / 'out'
     out.mkdir()
     (out / 'thesis.txt').write_text('mine')
-    assert 'new, empty or of a hindcast' in refused('hindcast', case, '-o', out)
+    assert 'new, empty or of a hindcast' in refused('run', case, '-o', out)
     assert 'new, empty or of a calibration' in refused('calibrate', case, '-o', out)
     (case / 'vent.csv').unlink()
-    for command in ('hindcast', 'calibrate'):
+    for command in ('run', 'calibrate'):
         output = refused(command, case, '-o', tmp_path / 'new')
         assert output.startswith(f'lava {command}: case is') and output.count('\n') == 1
         assert 'also holds vent.csv' in output and not (tmp_path / 'new').exists()
@@ -356,9 +356,9 @@ def test_calibration_cross_validates_two_cases(tmp_path):
 
 def test_a_case_in_degrees_runs_without_a_warning(tmp_path):
     folder, _ = write_case_in_degrees(tmp_path / 'degrees', hours=0.5)
-    words = ['hindcast', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
+    words = ['run', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
     status, out, err = lava(*words, '-o', tmp_path / 'out')
-    output = [line for line in err.splitlines() if line.startswith('lava hindcast: ')]
+    output = [line for line in err.splitlines() if line.startswith('lava run: ')]
     ground, rates = output
     assert 'EPSG:4326 taken to EPSG:32633' in ground
     assert '2 intervals of mean rates, 0 to 1800 s, 2.7e+04 m3 in all' in rates

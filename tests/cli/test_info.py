@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava info` and `lava recover`."""
+"""`lava bag info` and `lava bag recover`."""
 
 from dataclasses import replace
 import json
@@ -38,8 +38,9 @@ def bag(tmp_path):
 
 
 def info(path: Path) -> tuple[list[str], dict[str, Any]]:
-    """Return the lines and the JSON that `lava info` prints about a bag."""
-    return done('info', path).splitlines(), json.loads(done('info', path, '--json', '-'))
+    """Return the lines and the JSON that `lava bag info` prints about a bag."""
+    plain = json.loads(done('bag info', path, '--json', '-'))
+    return done('bag info', path).splitlines(), plain
 
 
 def test_info_lists_the_contents_of_a_bag(bag):
@@ -53,26 +54,26 @@ def test_info_lists_the_contents_of_a_bag(bag):
 
 
 def test_info_as_json(bag, tmp_path):
-    done('info', bag, '--json', tmp_path / 'info.json')
+    done('bag', 'info', bag, '--json', tmp_path / 'info.json')
     data = json.loads((tmp_path / 'info.json').read_text())
     assert data['scene'] == SCENE
     assert data['topics'][0]['qos']['durability'] == 'transient_local'
     assert (data['message_count'], data['recovered'], data['duration']) == (3, False, 2.0)
     assert info(bag)[1] == data
-    refused('info', bag, '--json', tmp_path / 'gone' / 'info.json')
+    refused('bag', 'info', bag, '--json', tmp_path / 'gone' / 'info.json')
 
 
 def test_truncated_bag_is_described_and_recovered(bag, tmp_path):
     path = bag / 'bag_0.mcap'
     path.write_bytes(path.read_bytes()[:-50])
     (bag / 'metadata.yaml').unlink()
-    assert 'cut off' in done('info', bag)
-    assert '3 messages' in done('recover', bag, tmp_path / 'whole')
+    assert 'cut off' in done('bag', 'info', bag)
+    assert '3 messages' in done('bag', 'recover', bag, '-o', tmp_path / 'whole')
     assert not BagReader(tmp_path / 'whole').recovered
-    assert 'choose another name' in refused('recover', bag, tmp_path / 'whole')
+    assert 'choose another name' in refused('bag', 'recover', bag, '-o', tmp_path / 'whole')
     # cut off within the first chunk
     path.write_bytes(path.read_bytes()[:100])
-    status, *texts = lava('recover', bag, tmp_path / 'empty')
+    status, *texts = lava('bag', 'recover', bag, '-o', tmp_path / 'empty')
     assert status == 1 and 'no message' in ''.join(map(str, texts))
 
 

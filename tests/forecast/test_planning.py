@@ -17,7 +17,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast import pilot_runs, pilot_search, planning
 from lava_ros.forecast.pilot_runs import Pilot
 from lava_ros.forecast.pilot_search import FINEST, PLANNING_FRACTION
-from lava_ros.forecast.planning import plan_within, PLANNED_TIME_FRACTION, USEFUL
+from lava_ros.forecast.planning import plan_runs, PLANNED_TIME_FRACTION, USEFUL
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict
 from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
@@ -73,7 +73,7 @@ def _wall_time(refinement, base=2e-4, each=1e-7):
 
 
 def _plan(spent, within, scene=SCENE, **options):
-    return plan_within(scene, **{
+    return plan_runs(scene, **{
         'within': within, 'horizon': 3600.0, 'device': 'cpu', 'clock': lambda: spent[0], **options
     })
 
@@ -177,20 +177,20 @@ def scene_file(tmp_path):
 
 def test_command_names_a_time_that_is_too_short_as_typed(monkeypatch, scene_file):
     _machine(monkeypatch)
-    words = ('plan', scene_file, '--within', '0.01s', '--horizon', '1h', '--device', 'cpu')
+    words = ('plan', scene_file, '--within', '0.01s', '--until', '1h', '--device', 'cpu')
     assert "--within is '0.01s'" in refused(*words)
 
 
 @pytest.mark.nightly
 def test_command_plans_with_real_pilots(scene_file, tmp_path):
-    words = ['plan', scene_file, '--within', '3s', '--horizon', '10min', '--device', 'cpu']
+    words = ['plan', scene_file, '--within', '3s', '--until', '10min', '--device', 'cpu']
     assert lava(*words, '--json', tmp_path / 'plan.json')[0] == 0
     assert 0.0 < json.loads((tmp_path / 'plan.json').read_text())['wall_time'] <= 3.0
 
 
 def test_command_prints_a_table_and_the_plan(monkeypatch, scene_file, tmp_path):
     _machine(monkeypatch)
-    words = ['plan', scene_file, '--within', '2s', '--horizon', '1h', '--device', 'cpu']
+    words = ['plan', scene_file, '--within', '2s', '--until', '1h', '--device', 'cpu']
     status, printed, _ = lava(*words, '--json', tmp_path / 'plan.json')
     assert status == 0
     plan = json.loads((tmp_path / 'plan.json').read_text())

@@ -71,7 +71,7 @@ def test_onset_without_a_time_zone_is_refused(onset):
 
 @pytest.mark.parametrize(('words', 'rates'), [
     (['--start', START, '--effusion-rate', '5'], [3.0]),
-    (['--eruption-start', START], [3.0]),
+    (['--start', START], [3.0]),
     (['--effusion-rate', 'rates.csv'], [3.0]),
     (['--effusion-rate', 'rates.csv', '--start', START], [3.0]),
     ([], [{'file': 'rates.csv'}]),
@@ -88,7 +88,7 @@ def test_options_of_a_scene_give_its_onset(words, rates, tmp_path):
 def test_start_that_contradicts_the_rates_of_the_file_is_refused(tmp_path):
     path = write(tmp_path, [{'file': 'rates.csv'}])
     error = refused('effects', path, '--start', '2026-11-27T00:00Z')
-    assert '--eruption-start is ' in error
+    assert '--start is ' in error
     assert 'expected 2026-11-27T05:30:00Z, the time 0 of the effusion rates of' in error
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava hindcast`: simulate a mapped eruption, and compare."""
+"""One run of a mapped eruption, or several, for `lava run`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
+from lava_ros.cli.arrivals import arrivals_at, print_arrivals
 from lava_ros.cli.console import made_folder, Progress, write_json
-from lava_ros.cli.options import argument, command, forced_effects
-from lava_ros.cli.scene_options import vent_arguments
+from lava_ros.cli.options import forced_effects
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
@@ -32,27 +32,8 @@ if TYPE_CHECKING:
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
 
 
-@command(
-    argument('case', 'CASE_DIR', 'folder of the case'),
-    '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh', '--json',
-    argument(
-        '-o --output', 'DIR', 'folder for maps, bag and page (default: hindcasts/<case>_<preset>)'
-    ),
-    *vent_arguments('case'),
-    argument(
-        '--runs', 'N', 'make N more runs, rotated and mirrored, and report their scatter and the '
-        'area that at least half of them cover; from 2 to 8, which are all directions (default: '
-        'none)', 1,
-    ),
-    argument('--maps', 'N', 'number of maps of the run, which does not change the flow', 24),
-)
-def hindcast(args: argparse.Namespace) -> int:
-    """Simulate a mapped eruption, and compare the flow with the map.
-
-    The folder of the case has elevation.asc, vent.csv, effusion_rate.csv, footprint.asc and, if
-    needed, case.yaml (docs/VALIDATION.md). The command compares the area that the simulated lava
-    covers with the footprint. The same command continues an interrupted run.
-    """
+def run_case(args: argparse.Namespace) -> int:
+    """Simulate a mapped eruption, compare it with the map, and return the exit status."""
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
@@ -66,7 +47,7 @@ def hindcast(args: argparse.Namespace) -> int:
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
     case = load_case(
-        args.case,
+        args.scene,
         material=args.material,
         low_pass_width=args.low_pass,
         vents=lambda rows, ground: _vents(args, rows, ground),
@@ -74,7 +55,7 @@ def hindcast(args: argparse.Namespace) -> int:
     settings = Settings(
         args.preset, args.spacing, args.device, forced_effects(args), args.maps
     )
-    output = Path(args.output or Path('hindcasts') / f'{case.name}_{args.preset}')
+    output = Path(args.output or Path('runs') / f'{case.name}_{args.preset}')
     _prepare(output)
     unfinished = output / UNFINISHED
     if args.fresh:
@@ -125,6 +106,9 @@ def hindcast(args: argparse.Namespace) -> int:
         data['runs'] = several.as_dict()
     if outlines:
         data['outlines'] = outlines
+    table = arrivals_at(args, output / BAG)
+    if table is not None:
+        data['places'] = table.as_dict()['places']
     write_json(data, output / RESULT, args.json)
     print(case.title)
     rows = [('lava', EruptingLava.of(case.scene).text())]
@@ -132,8 +116,9 @@ def hindcast(args: argparse.Namespace) -> int:
     rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
         print(f'  {term:26} {value}')
+    print_arrivals(table)
     for item in warnings(case, result):
-        print(f'lava hindcast: {item}', file=sys.stderr)
+        print(f'lava run: {item}', file=sys.stderr)
     print('\n'.join(f'written to {path}' for path in [*files, output / RESULT]))
     return 0
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava verify`: the solver against exact solutions."""
+"""`lava check solver`: the solver against exact solutions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     argument('--case', 'NAME', 'cases to run (default: all)', action='extend', nargs='+'),
     '--device', '--json',
 )
-def verify(args: argparse.Namespace) -> int:
+def solver(args: argparse.Namespace) -> int:
     """Compare the solver with exact solutions.
 
     The command runs flows whose exact solution is known. It prints the quantity of each that is

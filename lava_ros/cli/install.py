@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava doctor`: check the installation."""
+"""`lava check install`: check the installation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     ),
     '--json',
 )
-def doctor(args: argparse.Namespace) -> int:
+def install(args: argparse.Namespace) -> int:
     """Check Python, ROS, DDS, GPU, disk and clock, and print what to correct.
 
     The command checks what the package needs: Python, packages, ROS, discovery, a message that
