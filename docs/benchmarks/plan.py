@@ -195,7 +195,7 @@ def sampling():
             ('found, independent members', error(np.split(drawn, MEMBERS // size))),
         ]
         if size in balanced:
-            rows.append(('found, members of `lava run --members`', error(balanced[size])))
+            rows.append(('found, members of `lava run`', error(balanced[size])))
         for kind, value in rows:
             yield {
                 'quantity': f'error of a probability, {kind}', 'members': size, 'value': value,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import made_folder, Progress, table_lines, write_json
+from lava_ros.cli.console import made_folder, Progress, table_lines, with_units, write_json
 from lava_ros.cli.options import (
     argument,
     command,
@@ -100,7 +100,7 @@ def accuracy(args: argparse.Namespace) -> int:
         shown = [row for row in rows if (row.case in cases.EFFECT_CASES) == is_effect]
         if shown:
             draw(shown, cases.TITLES, folder / name, before)
-    write_json(as_plain(measured), args.json)
+    write_json({'rows': with_units(as_plain(measured), s='low high')}, args.json)
     _print_presets(measured)
     print(f'written to {folder}: {stem}.csv, {stem}.png')
     return 0

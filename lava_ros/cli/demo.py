@@ -102,7 +102,7 @@ def demo(args: argparse.Namespace) -> int:
         'height_maps_received': frames, 'erupting_lava': EruptingLava.of(scene).as_dict(),
     }
     draw_runs([output], output / PICTURE)
-    result['wall_time'] = round(time.monotonic() - started, 2)
+    result['wall_time_s'] = round(time.monotonic() - started, 2)
     result['bag'], result['picture'] = str(output), str(output / PICTURE)
     write_json(result, output / RESULT, args.json)
     _print_result(result)
@@ -186,19 +186,18 @@ def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
     budget = VolumeBudget.from_texts(values)
     assert budget is not None
     return {
-        'simulated_time': float(values['simulated_time_s']),
+        'simulated_time_s': float(values['simulated_time_s']),
         'particles': int(values['particles']),
         'spacing_m': float(values['spacing_m']),
         'particles_across': float(values['particles_across']),
-        'numerical_error': values.get('numerical_error', NOT_MEASURED),
+        'numerical_error_text': values.get('numerical_error', NOT_MEASURED),
         **{
             name: float(value) for name, value in values.items()
             if name.startswith('numerical_error_')
         },
         'inundated_area_m2': float(values['inundated_area_m2']),
         'standing_area_m2': float(values['standing_area_m2']),
-        **{name.removesuffix('_m3'): float(text) for name, text in budget.texts().items()},
-        'volumes': dict(budget.rows()),
+        **{name: float(text) for name, text in budget.texts().items()},
         'warnings': budget.warnings(),
         'steps': int(values['steps']),
         'speed': round(speed, 1),
@@ -210,20 +209,23 @@ def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
 def _print_result(result: dict[str, Any]) -> None:
     from lava_ros.layers.numbers import area_words
     from lava_ros.layers.numbers import duration as words
+    from lava_ros.simulation.output.budget import VolumeBudget
 
+    budget = VolumeBudget.from_texts({name: str(value) for name, value in result.items()})
+    assert budget is not None
     held = ' (limited so that you can watch: --max-speed X)' if result['speed_is_limited'] else ''
     for name, value in (
-        ('simulated time', words(result['simulated_time'])),
+        ('simulated time', words(result['simulated_time_s'])),
         ('particles', f'{result["particles"]:,}, {result["spacing_m"]:.3g} m apart'),
         ('particles across the flow', f'{result["particles_across"]:.2g}'),
-        ('numerical error', result['numerical_error']),
+        ('numerical error', result['numerical_error_text']),
         ('inundated area', area_words(result['inundated_area_m2'])),
         ('standing lava', area_words(result['standing_area_m2'])),
-        *((f'volume {name}', value) for name, value in result['volumes'].items()),
+        *((f'volume {name}', value) for name, value in budget.rows()),
         ('speed', f'{result["speed"]:,.0f} x real time{held}'),
         ('device', result['device']),
         ('maps over DDS', f'{result["height_maps_received"]} of height'),
-        ('wall time', f'{result["wall_time"]:.1f} s'),
+        ('wall time', f'{result["wall_time_s"]:.1f} s'),
         ('bag', result['bag']),
         ('picture', result['picture']),
     ):

@@ -78,7 +78,8 @@ def effects(args: argparse.Namespace) -> int:
     ]
     for text in resolution.warnings():
         _LOG.warning(text)
-    write_json(rows, args.json)
+    kind = None if resolution.kind is None else resolution.kind.text()
+    write_json({'until_s': horizon, 'flow_kind': kind, 'effects': rows}, args.json)
     return 0
 
 

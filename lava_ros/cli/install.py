@@ -40,8 +40,11 @@ def install(args: argparse.Namespace) -> int:
         findings.append(finding)
         if args.json is None:
             _print(finding)
-    write_json([asdict(finding) for finding in findings], args.json)
-    return int(any(finding.level == FAIL for finding in findings))
+    fails = any(finding.level == FAIL for finding in findings)
+    write_json(
+        {'works': not fails, 'checks': [asdict(finding) for finding in findings]}, args.json
+    )
+    return int(fails)
 
 
 def _findings(args: argparse.Namespace) -> Iterator[Finding]:
@@ -81,6 +84,6 @@ def _print(finding: Finding) -> None:
     lines = [Text.assemble(
         (f'{finding.level:6}', style), f'{finding.check:13} {printable(finding.text)}'
     )]
-    if finding.way_out:
-        lines.append(Text(f'{"":20}-> {printable(finding.way_out)}', style='dim'))
+    if finding.remedy:
+        lines.append(Text(f'{"":20}-> {printable(finding.remedy)}', style='dim'))
     terminal(soft_wrap=True, highlight=False).print(*lines, sep='\n')

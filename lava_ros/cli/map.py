@@ -95,7 +95,7 @@ def draw(args: argparse.Namespace) -> int:
     refuse_options(
         args, draw.arguments, unused, lambda name: surplus(name, f'to {suffix}, {words}')
     )
-    write_json(kind(args), args.json)
+    write_json({'output': args.output, **kind(args)}, args.json)
     return 0
 
 

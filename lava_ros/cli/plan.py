@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import table_lines, write_json
+from lava_ros.cli.console import table_lines, with_units, write_json
 from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.scene_options import SCENE
 from lava_ros.errors import LavaError
@@ -81,7 +81,9 @@ def plan(args: argparse.Namespace) -> int:
     log_resolution(scene, accuracy, forced, until)
     lava = EruptingLava.of(scene)
     print(f'lava: {lava.text()}')
-    write_json(_as_dict(found) | {'erupting_lava': lava.as_dict()}, args.json)
+    write_json(
+        {'until_s': until, **_as_dict(found), 'erupting_lava': lava.as_dict()}, args.json
+    )
     return 0
 
 
@@ -125,4 +127,4 @@ def _as_dict(found: RunPlan) -> dict[str, Any]:
     plain['options'] = [
         asdict(item) | {'error': item.error.as_dict()} for item in found.options
     ]
-    return plain
+    return with_units(plain, m='spacing', s='wall_time spent')  # type: ignore[no-any-return]

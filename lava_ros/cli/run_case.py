@@ -15,7 +15,13 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.arrivals import arrivals_at, print_arrivals
-from lava_ros.cli.console import made_folder, Progress, write_json
+from lava_ros.cli.console import (
+    accuracy_as_dict,
+    made_folder,
+    Progress,
+    with_units,
+    write_json,
+)
 from lava_ros.cli.options import forced_effects
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
@@ -104,6 +110,7 @@ def run_case(args: argparse.Namespace) -> int:
     data = _as_dict(case, settings, result, judged, error)
     if several is not None:
         data['runs'] = several.as_dict()
+        data['runs']['majority'] = _score_as_dict(several.majority)
     if outlines:
         data['outlines'] = outlines
     table = arrivals_at(args, output / BAG)
@@ -133,7 +140,9 @@ def _dated(
         return [], {}
     scores = score_outlines(case, [item.snapshot for item in results])
     references = refer(case, {item.outline: item.area_error for item in scores})
-    plain = [asdict(item) | asdict(references[item.outline]) for item in scores]
+    plain = [
+        with_units(asdict(item), s='time') | asdict(references[item.outline]) for item in scores
+    ]
     return plain, {
         f'Jaccard on {item.outline}': f'{item.jaccard:.3f} (area {100 * item.area_error:+.0f} %; '
         f'{references[item.outline].words})'
@@ -176,10 +185,13 @@ def _as_dict(
 ) -> dict[str, Any]:
     from lava_ros.hindcast.page import warnings
     from lava_ros.scene.erupting_lava import EruptingLava
+    from lava_ros.scene.lava import constant_units
     from lava_ros.simulation.selection import decision_as_dict
 
     snapshot, budget = result.snapshot, result.snapshot.budget
+    resolution = result.resolution
     return {
+        'kind': 'case',
         'case': case.name,
         'title': case.title,
         'material': case.material.name,
@@ -187,9 +199,9 @@ def _as_dict(
         'warnings': warnings(case, result),
         'preset': settings.preset,
         'device': result.device,
-        'simulated_s': snapshot.time,
-        'score': asdict(judged),
-        'volume': {**asdict(budget), 'error': budget.error},
+        'simulated_time_s': snapshot.time,
+        'score': _score_as_dict(judged),
+        **{name: float(text) for name, text in budget.texts().items()},
         'wall_time_s': round(result.wall_time, 3),
         'steps': snapshot.steps.count,
         'evaluations': snapshot.steps.evaluations,
@@ -199,13 +211,33 @@ def _as_dict(
         ),
         'effects': list(result.effects),
         'decisions': [decision_as_dict(item) for item in result.decisions],
-        'accuracy': asdict(result.accuracy),
-        'resolution': asdict(result.resolution),
+        'accuracy': accuracy_as_dict(result.accuracy),
+        'resolution': {
+            'spacing_m': resolution.spacing, 'flow_width_m': resolution.width,
+            'particles_across': resolution.across,
+        },
+        'flow_kind': None if resolution.kind is None else resolution.kind.text(),
         'numerical_error': error.as_dict(),
         'effects_error': result.effects_error,
         'cell_m': case.scene.terrain.resolution * settings.coarseness(case),
-        'composition': {name: one.value for name, one in case.material.composition.items()},
-        'lava': asdict(case.scene.lava),
-        'vents': [asdict(vent) for vent in case.scene.vents],
+        'composition_percent': {
+            name: one.value for name, one in case.material.composition.items()
+        },
+        'lava': [
+            {'name': name, 'value': value, 'unit': constant_units()[name]}
+            for name, value in asdict(case.scene.lava).items()
+        ],
+        'vents': with_units(
+            [asdict(vent) for vent in case.scene.vents], m='position end radius', k='temperature',
+            m3_per_s='discharge', m_per_s='velocity',
+        ),
         'low_pass_m': case.low_pass,
     }
+
+
+def _score_as_dict(judged: Score) -> dict[str, Any]:
+    lengths = 'length mapped_length mean_thickness median_thickness thickest mapped_thickness'
+    plain = with_units(
+        asdict(judged), m=lengths, m2='area standing_area mapped_area', m3='volume'
+    )
+    return dict(plain)

@@ -18,7 +18,7 @@ import numpy as np
 
 from lava_ros.cli import run_barriers
 from lava_ros.cli.arrivals import arrivals_at, print_arrivals
-from lava_ros.cli.console import made_folder, Progress, write_json
+from lava_ros.cli.console import made_folder, Progress, with_units, write_json
 from lava_ros.cli.ensemble_report import (
     describe_agreement,
     print_report,
@@ -212,7 +212,9 @@ def run_members(args: argparse.Namespace) -> int:
     table = arrivals_at(args, output)
     if table is not None:
         report['places'] = table.as_dict()['places']
-    write_json(report, args.json)
+    # the bag and the tags of the maps have the error of the spacing as it is read from them
+    plain = with_units(report, m='spacing usable_spacing')
+    write_json({'kind': 'ensemble', **plain}, args.json)
     print_report(report, plan, runs.error)
     print_arrivals(table)
     return 0

@@ -46,7 +46,10 @@ def run_scene(args: argparse.Namespace) -> int:
         try:
             snapshot = made.run(shown)
             progress.show('measuring the numerical error', 1.0)
-            record = {'folder': str(made.folder.path), **made.finish(_measured(made))}
+            record = {
+                'kind': 'scene', 'folder': str(made.folder.path),
+                **made.finish(_measured(made)),
+            }
         except KeyboardInterrupt:
             print('lava run: interrupted; the same command continues', file=sys.stderr)
             raise

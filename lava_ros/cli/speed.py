@@ -65,5 +65,5 @@ def speed(args: argparse.Namespace) -> int:
     ]
     sides = ''.join('<' if column in ('benchmark', 'unit') else '>' for column in columns)
     print('\n'.join(table_lines([columns, *(line[: len(columns)] for line in cells)], sides)))
-    write_json(as_plain(rows), args.json)
+    write_json({'rows': as_plain(rows)}, args.json)
     return 0

@@ -352,7 +352,7 @@ def test_ensemble_with_too_coarse_particles_says_that_it_is_not_usable(scene, li
     words = ['run', scene, '-o', out, '--until', '10min', '--workers', '1', '--members']
     output = done(*words, '1', '--spacing', '40', '--device', 'cpu', '--json', report)
     error = json.loads(report.read_text())['spacing_error']
-    assert error['spacing'] == 40.0 and not error['is_usable']
+    assert error['spacing_m'] == 40.0 and not error['is_usable']
     said = f'a spacing of {error["usable_spacing"]:g} m would do'
     assert 'the probabilities are not usable' in output and said in output
     found = read_run(out)
@@ -362,4 +362,4 @@ def test_ensemble_with_too_coarse_particles_says_that_it_is_not_usable(scene, li
     assert places['spacing_error'] == error and said in places['note']
     with rasterio.open(out / 'inundation_probability.tif') as file:
         assert file.tags()['is_usable'] == 'false' and said in file.tags()['spacing_error']
-    assert 0.0 < error['usable_spacing'] < 40.0
+    assert 0.0 < error['usable_spacing_m'] < 40.0

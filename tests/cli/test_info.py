@@ -14,6 +14,7 @@ import pytest
 from command_line import done, lava, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
+from lava_ros.cli.console import with_units
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 import recording
@@ -58,7 +59,7 @@ def test_info_as_json(bag, tmp_path):
     data = json.loads((tmp_path / 'info.json').read_text())
     assert data['scene'] == SCENE
     assert data['topics'][0]['qos']['durability'] == 'transient_local'
-    assert (data['message_count'], data['recovered'], data['duration']) == (3, False, 2.0)
+    assert (data['message_count'], data['recovered'], data['duration_s']) == (3, False, 2.0)
     assert info(bag)[1] == data
     refused('bag', 'info', bag, '--json', tmp_path / 'gone' / 'info.json')
 
@@ -87,8 +88,8 @@ def test_info_lists_checkpoints(tmp_path):
     assert lines[start].endswith('; resume takes the newest')
     assert lines[start + 1] == '  at 600.000 s simulated, 6.000 s, 6 particles'
     stored = report['checkpoints']
-    assert [item['time'] for item in stored] == [100.0 * count for count in range(7)]
-    assert stored[6]['size'] == len(checkpoint.to_bytes())
+    assert [item['time_s'] for item in stored] == [100.0 * count for count in range(7)]
+    assert stored[6]['size_bytes'] == len(checkpoint.to_bytes())
 
 
 def test_info_warns_of_a_volume_that_is_nan(tmp_path, monkeypatch):
@@ -122,7 +123,7 @@ def test_info_shows_effects_and_the_source_of_a_resumed_run(name, value, shown, 
     place = lines.index(shown[0])
     assert lines[place : place + len(shown)] == shown
     assert 'custom data' not in lines
-    assert report[name] == value
+    assert report[name] == with_units(value, s='time')
 
 
 @pytest.mark.parametrize(('name', 'text'), [

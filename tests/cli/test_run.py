@@ -64,7 +64,7 @@ def result(folder):
 def test_json_is_the_file_of_the_run_with_its_places(folder, result):
     record = json.loads((folder / 'run/run.json').read_text())
     assert {name: result[name] for name in record} == record
-    assert result.keys() - record.keys() == {'folder', 'places'}
+    assert result.keys() - record.keys() == {'kind', 'folder', 'places'}
     assert [item['path'] for item in result['inputs']] == [
         str(folder / 'scene.yaml'), 'ground.npz', 'rates.csv'
     ]

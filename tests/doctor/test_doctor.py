@@ -31,7 +31,7 @@ def one(check: Results) -> Finding:
     (result,) = check
     found = Finding('check', *result)
     assert found.text
-    assert found.way_out or found.level == OK
+    assert found.remedy or found.level == OK
     return found
 
 
@@ -121,7 +121,7 @@ def test_kernel_cache_is_measured(tmp_path, monkeypatch):
     monkeypatch.setattr(doctor, '_warp', lambda: warp(0, '/proc/none'))
     found = one(doctor.check_kernel_cache())
     assert found.level == FAIL
-    assert 'WARP_CACHE_PATH' in found.way_out
+    assert 'WARP_CACHE_PATH' in found.remedy
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_ros_distribution_is_checked(monkeypatch):
     monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
     found = one(doctor.check_ros({}))
     assert found.level == FAIL
-    assert "pip install '.[ros]'" in found.way_out
+    assert "pip install '.[ros]'" in found.remedy
 
 
 @pytest.mark.parametrize(('environment', 'level', 'words'), [
@@ -272,12 +272,12 @@ def test_findings_are_lines(findings):
 
 def test_findings_are_written_as_json(findings, tmp_path):
     findings += [Finding('disk', WARN, '2.0 GB', 'make room')]
-    expected = [{'check': 'disk', 'level': 'WARN', 'text': '2.0 GB', 'way_out': 'make room'}]
+    found = [{'check': 'disk', 'level': 'WARN', 'text': '2.0 GB', 'remedy': 'make room'}]
     path = tmp_path / 'doctor.json'
     assert lava('check', 'install', '--json', path) == (0, '', '')
-    assert json.loads(path.read_text()) == expected
+    assert json.loads(path.read_text())['checks'] == found
     status, output, _ = lava('check', 'install', '--json', '-')
-    assert status == 0 and json.loads(output) == expected
+    assert status == 0 and json.loads(output)['checks'] == found
     status, _, output = lava('check', 'install', '--json', tmp_path / 'no/such')
     assert status == 2 and '--json' in output
 
@@ -289,9 +289,9 @@ def test_every_check_runs_without_ros(monkeypatch, tmp_path):
         monkeypatch.setitem(sys.modules, name, None)
     status, output, errors = lava('check', 'install', '--json', '-', '--msg-config', 'none.yaml')
     assert status == 1, errors
-    levels = {item['check']: item for item in json.loads(output)}
+    levels = {item['check']: item for item in json.loads(output)['checks']}
     names = 'python packages ros discovery dds qos gpu kernel_cache disk clock'
     assert set(levels) == {name.replace('_', ' ') for name in names.split()}
     assert levels['ros']['level'] == levels['dds']['level'] == FAIL
     assert 'none.yaml' in levels['qos']['text']
-    assert all(item['way_out'] for item in levels.values() if item['level'] != OK)
+    assert all(item['remedy'] for item in levels.values() if item['level'] != OK)
