@@ -18,7 +18,7 @@ PARTS = ('simulate', 'before', 'results', 'ros', 'bags', 'check')
 JOBS = dict(zip(PARTS, GROUPS.values(), strict=True))
 
 #: Minimum number of commands that have an option of the last table.
-MIN_COMMANDS = 5
+MIN_COMMANDS = 3
 
 
 def command_rows(names: tuple[str, ...]) -> Iterator[tuple[str, ...]]:

@@ -125,7 +125,7 @@ class Node:
     def __init__(self, folder, env, **parameters):
         """Start the process with parameters."""
         words = [f'{name}:={value}' for name, value in parameters.items()]
-        command = [sys.executable, '-m', 'lava_ros.cli.main', 'node', '--ros-args']
+        command = [sys.executable, '-m', 'lava_ros.cli.main', 'ros', 'node', '--ros-args']
         for word in words:
             command += ['-p', word]
         self.log = folder / 'node.txt'

@@ -127,6 +127,11 @@ def output_option(metavar: str, text: str, usual: str | None = None, **options: 
     return argument('-o --output', metavar, text, usual, **options)
 
 
+def in_group(title: str, *arguments: Argument) -> tuple[Argument, ...]:
+    """Return arguments that the help of a command lists under a title."""
+    return tuple((names, {**options, 'group': title}) for names, options in arguments)
+
+
 def shared(name: str, usual: str, **options: Any) -> Argument:
     """Return a shared argument with another default value, which ``usual`` describes."""
     names, known = _SHARED[name]

@@ -83,19 +83,17 @@ class _Parser(argparse.ArgumentParser):
     Attributes:
         commands: The parsers of commands, by name.
         families: The parsers of the first words of commands of two words.
-        options: Names of the options.
     """
 
     def __init__(self, *args: Any, **options: Any) -> None:
-        self.options: list[str] = []
         super().__init__(*args, **options)
         self.commands: dict[str, _Parser] = {}
         self.families: dict[str, _Parser] = {}
 
-    def add_argument(self, *names: Any, **options: Any) -> argparse.Action:
-        """Add an argument, and note the names of an option."""
-        self.options += [name for name in names if name.startswith('-')]
-        return super().add_argument(*names, **options)
+    @property
+    def options(self) -> list[str]:
+        """Names of the options."""
+        return list(self._option_string_actions)
 
     def check_options(self, words: list[str]) -> None:
         """Exit with status 2 for an option that does not exist, and suggest one that does."""
@@ -130,7 +128,7 @@ class _Parser(argparse.ArgumentParser):
             f'lava {item}' for item, known in command_line_parser().commands.items()
             if name in known.options
         ]
-        return f', but one of {", ".join(others)}' if others else ''
+        return f' here; it belongs to {", ".join(others)}' if others else ''
 
     def error(self, message: str) -> NoReturn:
         text = one_line(self._explained(message), MAX_EXPECTED_LENGTH)
@@ -222,8 +220,13 @@ def command_line_parser() -> _Parser:
         known = places[family].add_parser(
             word, description=command.run.__doc__, help=_summary(command)
         )
+        groups: dict[str, Any] = {'': known}
         for names, options in command.arguments:
-            known.add_argument(*names, **options)
+            title = options.get('group', '')
+            if title not in groups:
+                groups[title] = known.add_argument_group(title)
+            own = {key: value for key, value in options.items() if key != 'group'}
+            groups[title].add_argument(*names, **own)
         known.set_defaults(command=name, run=command.run, **command.defaults)
         parser.commands[name] = known
     return parser

@@ -16,6 +16,7 @@ from lava_ros.cli.options import (
     DEFAULT_PRESET,
     formats,
     HORIZON,
+    in_group,
     long_name,
     output_option,
     refuse_options,
@@ -24,7 +25,8 @@ from lava_ros.cli.options import (
 from lava_ros.cli.scene_options import SCENE
 
 #: Options of ensembles.
-_ENSEMBLE = (
+_ENSEMBLE = in_group(
+    'ensembles, with --members',
     shared('--seed', '0'),
     argument(
         '--susceptibility', 'FILE', 'raster of the relative likelihood that the vent opens in a '
@@ -60,7 +62,8 @@ _ENSEMBLE = (
 )
 
 #: Options of mapped eruptions.
-_CASE = (
+_CASE = in_group(
+    'mapped eruptions',
     argument(
         '--runs', 'N', 'make N more runs of a mapped eruption, rotated and mirrored, and report '
         'their scatter and the area that at least half of them cover; from 2 to 8, which are all '

@@ -45,7 +45,8 @@ LINES = {
     'scene as an option': (
         'effects --scene scene.yaml', '--scene: unknown option', 'give the SCENE without'),
     'option of other commands': (
-        'export BAG -o out --members 4', '--members: unknown option', 'lava run, lava plan'),
+        'export BAG -o out --members 4', '--members: unknown option here',
+        'belongs to lava run, lava plan'),
     'option of an ensemble': (
         'run scene.yaml --seed 3', '--seed has no effect without --members', 'Add --members'),
     'option of a mapped eruption': (
