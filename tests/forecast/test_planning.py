@@ -96,6 +96,22 @@ def test_plan_uses_its_time_and_states_both_parts_of_its_error(monkeypatch, with
     assert (plan.members, plan.sampling_error) == (1, 0.0)
 
 
+@pytest.mark.parametrize('error', [0.1, 0.03])
+def test_plan_finds_the_coarsest_run_below_an_error(monkeypatch, error):
+    spent = _machine(monkeypatch)
+    plan = plan_runs(SCENE, error=error, horizon=3600.0, device='cpu', clock=lambda: spent[0])
+    assert 0.97 * error <= plan.error <= error
+    coarser = [item for item in plan.options if item.refinement < 0.97 * plan.refinement]
+    assert coarser and all(item.error.inundated.total > error for item in coarser)
+    assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.15)
+
+
+def test_error_below_that_of_the_finest_run_is_refused(monkeypatch):
+    spent = _machine(monkeypatch)
+    with pytest.raises(LavaError, match=r'error is 0.001, expected at least .* %, that of the fin'):
+        plan_runs(SCENE, error=0.001, horizon=3600.0, device='cpu', clock=lambda: spent[0])
+
+
 def test_plan_is_no_finer_than_the_ground_makes_useful(monkeypatch):
     spent = _machine(monkeypatch)
     plan = _plan(spent, 1000.0)
