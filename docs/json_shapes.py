@@ -473,7 +473,10 @@ ARRIVALS = keys('Arrival at places', {
     'threshold_m': number('Thickness at or above which lava has arrived'),
     'time_s?': number('Simulated time of the maps of a run'),
     'horizon_s?': number('Simulated time at which the members end'),
-    'members?': count('Number of members'),
+    **{f'{name}?': SUMMARY[name] for name in (
+        'members', 'effective_members', 'unseen_percent', 'arrives_before_percent',
+        'spacing_error', 'arrival_error_s',
+    )},
     'note?': text('What a reader of the table must know'),
     'onset_utc': unknown(text('Date of simulated time 0')),
     'places': PLACES,

@@ -6,7 +6,7 @@
 import argparse
 
 from lava_ros.cli.arrivals import print_arrivals
-from lava_ros.cli.console import write_json
+from lava_ros.cli.console import with_units, write_json
 from lava_ros.cli.options import argument, command, output_option, seconds_of
 from lava_ros.cli.pages import DATES, dates_of, ONE_RUN
 from lava_ros.files import file_to_write, write_output
@@ -41,6 +41,6 @@ def places(args: argparse.Namespace) -> int:
     )
     if args.output is not None:
         write_output('--output', args.output, table.as_csv())
-    write_json(table.as_dict(), args.json)
+    write_json(with_units(table.as_dict(), m='spacing usable_spacing'), args.json)
     print_arrivals(table)
     return 0

@@ -353,7 +353,7 @@ def test_ensemble_with_too_coarse_particles_says_that_it_is_not_usable(scene, li
     output = done(*words, '1', '--spacing', '40', '--device', 'cpu', '--json', report)
     error = json.loads(report.read_text())['spacing_error']
     assert error['spacing_m'] == 40.0 and not error['is_usable']
-    said = f'a spacing of {error["usable_spacing"]:g} m would do'
+    said = f'a spacing of {error["usable_spacing_m"]:g} m would do'
     assert 'the probabilities are not usable' in output and said in output
     found = read_run(out)
     assert found.title.endswith(', not usable') and said in found.facts['warning']

@@ -41,6 +41,8 @@ LINES = {
     '--places huts.csv --barriers dams.csv',
     'mapped eruption': 'run valley --spacing 40 --maps 1 --runs 2 -o case --places huts.csv',
     'probability of a mapped eruption': 'run valley --members 2 --spacing 40 --workers 1 -o odds',
+    'narrowed ensemble': 'run valley --members 4 --spacing 40 --workers 1 -o narrow '
+    '--observed valley/footprint.asc --observed-at 900s --posterior 2',
     'calibration': 'calibrate valley --spacing 40 --runs 4 --unknown viscosity -o fit',
     'plan': 'plan scene.yaml --until 5min --error 60%',
     'effects': 'effects scene.yaml',
@@ -49,6 +51,7 @@ LINES = {
     'animation': f'map {ROOT}/bags/sample -o film.gif --seconds 0.5 --fps 4 --width 200',
     'page for a screen': f'map {ROOT}/bags/sample -o page.html',
     'places': f'places {ROOT}/bags/sample huts.csv',
+    'places of an ensemble': 'places atlas huts.csv',
     'bag': f'bag info {ROOT}/bags/sample',
     'installation': 'check install',
     'solver': 'check solver --case sheet --preset draft',
@@ -128,6 +131,9 @@ def test_json_of_a_command_fits_its_schema(
     monkeypatch.setattr(members, 'SETS', ('bare',))
     words = shlex.split(LINES[kind])
     command = next(name for name in COMMANDS if ' '.join(words).startswith(name))
+    if kind == 'places of an ensemble':
+        ensemble = 'run scene.yaml --members 2 --until 1min --spacing 20 --workers 1 -o atlas'
+        done(*ensemble.split(), '--device', 'cpu')
     device = () if command in NO_DEVICE else ('--device', 'cpu')
     done(*words, *device, '--json', tmp_path / 'a.json')
     data = json.loads((tmp_path / 'a.json').read_text())

@@ -108,7 +108,7 @@ def test_plan_finds_the_coarsest_run_below_an_error(monkeypatch, error):
 
 def test_error_below_that_of_the_finest_run_is_refused(monkeypatch):
     spent = _machine(monkeypatch)
-    with pytest.raises(LavaError, match=r'error is 0.001, expected at least .* %, that of the fin'):
+    with pytest.raises(LavaError, match=r'error is 0.001, expected at least .* %, that of'):
         plan_runs(SCENE, error=0.001, horizon=3600.0, device='cpu', clock=lambda: spent[0])
 
 
