@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from lava_ros.hindcast.case import Case
     from lava_ros.hindcast.run import Result, Settings
     from lava_ros.hindcast.score import Score
-    from lava_ros.scene import Terrain
-    from lava_ros.scene.vent_files import VentRow
     from lava_ros.simulation.numerical_error import NumericalError
 
 #: Files and folders of a hindcast in its folder.
@@ -40,6 +38,7 @@ RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html',
 
 def run_case(args: argparse.Namespace) -> int:
     """Simulate a mapped eruption, compare it with the map, and return the exit status."""
+    from lava_ros.cli.scenes import WORDS
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
@@ -52,11 +51,17 @@ def run_case(args: argparse.Namespace) -> int:
 
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
+    if isinstance(args.discharge, str):
+        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', args.discharge, expected)
     case = load_case(
         args.scene,
         material=args.material,
-        low_pass_width=args.low_pass,
-        vents=lambda rows, ground: _vents(args, rows, ground),
+        low_pass=args.low_pass,
+        vent=args.vent or (),
+        vents=args.vents,
+        effusion_rate=args.discharge,
+        words=WORDS,
     )
     settings = Settings(
         args.preset, args.spacing, args.device, forced_effects(args), args.maps
@@ -148,27 +153,6 @@ def _dated(
         f'{references[item.outline].words})'
         for item in scores
     }
-
-
-def _vents(
-    args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
-) -> tuple[VentRow, ...]:
-    from lava_ros.cli.scenes import vents_as_given
-
-    if isinstance(args.discharge, str):
-        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
-        raise LavaError('--effusion-rate', args.discharge, expected)
-    given = vents_as_given(args, ground)
-    if not given:
-        rate = args.discharge
-        return rows if rate is None else tuple(
-            replace(row, discharge=rate * row.part) for row in rows
-        )
-    is_own = [vent.discharge is not None for vent in given]
-    if any(is_own) and not all(is_own):
-        expected = 'one for every vent, or for none'
-        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, expected)
-    return tuple(given)
 
 
 def _prepare(output: Path) -> None:

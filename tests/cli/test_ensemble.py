@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava ensemble`: maps from a scene file, resumed runs, barriers and errors."""
+"""`lava run --members`: maps from a scene file, resumed runs, barriers and errors."""
 
 import json
 from pathlib import Path
