@@ -4,7 +4,8 @@
 """Output of commands: progress, tables, JSON, and text without control characters."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 import json
 import os
 from pathlib import Path
@@ -14,6 +15,9 @@ from typing import Any, TextIO
 
 from lava_ros.errors import LavaError, printable, refusing
 from lava_ros.files import file_to_write, write_output
+
+#: Version of the JSON of the commands.
+JSON_VERSION = 1
 
 #: Arguments that name output files.
 OUTPUTS = ('json', 'output', 'picture')
@@ -80,18 +84,42 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(item)
 
 
-def write_json(data: Any, *names: str | Path | None) -> None:
+def write_json(data: Mapping[str, Any], *names: str | Path | None) -> None:
     """Write data as JSON to files, or to stdout for ``-``; None is ignored.
 
+    ``version`` is that of the format (schemas/json_*.schema.json), unless the data have their own.
     ``main`` keeps all other output of a command with ``--json -`` from stdout.
     """
     # in ASCII, because a terminal may interpret characters at or above 128
-    text = json.dumps(data, indent=1) + '\n'
+    text = json.dumps({'version': JSON_VERSION, **data}, indent=1) + '\n'
     for name in names:
         if name == '-':
             print(text, end='', file=getattr(sys.stdout, 'data', None))
         elif name is not None:
             write_output('--json', name, text)
+
+
+def with_units(data: Any, **units: str) -> Any:
+    """Return plain data whose keys end with their unit, at any depth.
+
+    Args:
+        data: Plain data.
+        units: Names of keys, separated by spaces, by their unit: ``m='spacing width'``.
+    """
+    if isinstance(data, Mapping):
+        new = {name: f'{name}_{unit}' for unit, names in units.items() for name in names.split()}
+        return {new.get(key, key): with_units(value, **units) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [with_units(value, **units) for value in data]
+    return data
+
+
+def accuracy_as_dict(accuracy: Any) -> dict[str, Any]:
+    """Return an accuracy as plain data with units."""
+    plain = with_units(
+        asdict(accuracy), m='spacing thickness threshold', s='longest_step fixed_step'
+    )
+    return dict(plain)
 
 
 def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:

@@ -155,7 +155,7 @@ class LiveFrames(Watcher, Frames):
             if silence <= PATIENCE:
                 return Status(Level.WARN, f'listening for a node {where}')
             others = f' (heard from {", ".join(sorted(self._others))})' if self._others else ''
-            words = f"no node answers {where}{others}: start 'lava node', or give --namespace"
+            words = f"no node answers {where}{others}: start 'lava ros node', or give --namespace"
             return Status(Level.ERROR, f'{words} and ROS_DOMAIN_ID of the one that runs')
         if silence > PATIENCE:
             words = f'no message from the node for {silence:.0f} s: these are its last maps'

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of `lava doctor`: the machine and the ROS graph, with a remedy for each problem."""
+"""Checks of `lava check install`: machine and ROS graph, with a remedy for each problem."""
 
 from collections.abc import Iterable, Mapping
 import ctypes
@@ -97,7 +97,7 @@ class Finding:
     check: str
     level: str
     text: str
-    way_out: str = ''
+    remedy: str = ''
 
 
 #: Results of a check: level, text and an optional remedy for each.
@@ -119,13 +119,13 @@ def check_packages() -> Results:
     for name, lowest, untried, extra in PACKAGES:
         version = _version(name)
         if not version:
-            way_out = installation(extra) if extra else f'pip install {name}'
-            results.append((WARN if extra else FAIL, f'{name} is missing', way_out))
+            remedy = installation(extra) if extra else f'pip install {name}'
+            results.append((WARN if extra else FAIL, f'{name} is missing', remedy))
         elif _parts(lowest) <= _parts(version) < _parts(untried):
             found.append(f'{name} {version}')
         else:
-            way_out = f"pip install '{name}>={lowest},<{untried}'"
-            results.append((WARN, f'{name} {version} was not tested', way_out))
+            remedy = f"pip install '{name}>={lowest},<{untried}'"
+            results.append((WARN, f'{name} {version} was not tested', remedy))
     return [*results, (OK, ', '.join(found))]
 
 
@@ -234,8 +234,8 @@ def check_clock() -> Results:
     status = ctypes.c_int.from_buffer(state, _TIMEX_STATUS).value
     error = ctypes.c_long.from_buffer(state, _TIMEX_MAXERROR).value / 1e6
     if status & _UNSYNCHRONISED or error > CLOCK_ERROR:
-        way_out = 'run chrony or systemd-timesyncd when several machines share the graph'
-        return [(WARN, 'not synchronised', way_out)]
+        remedy = 'run chrony or systemd-timesyncd when several machines share the graph'
+        return [(WARN, 'not synchronised', remedy)]
     return [(OK, f'synchronised within {error * 1e3:.0f} ms')]
 
 
@@ -272,8 +272,8 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Results:
         return [*results, (FAIL, text, f'set it to one of {", ".join(DISCOVERY_RANGES)}')]
     if reach == 'OFF' and not peers:
         return [*results, (FAIL, text, 'set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET')]
-    way_out = 'any machine in the subnet can command the node; LOCALHOST prevents that'
-    return [*results, (OK, text, way_out) if reach == 'SUBNET' else (OK, text)]
+    remedy = 'any machine in the subnet can command the node; LOCALHOST prevents that'
+    return [*results, (OK, text, remedy) if reach == 'SUBNET' else (OK, text)]
 
 
 def check_qos(layers: Iterable[Layer]) -> Results:

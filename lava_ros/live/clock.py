@@ -120,8 +120,8 @@ class ClockWatch:
         if is_simulated and now - self._seen[1] >= PATIENCE:
             what = 'stands still' if stamp_ns else 'does not arrive'
             texts['clock'] = (
-                f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
-                '`ros2 bag play --clock` do, or set use_sim_time to false'
+                f'/clock {what}, so simulated time stands still: publish it, as `lava ros replay` '
+                'and `ros2 bag play --clock` do, or set use_sim_time to false'
             )
         if now - self._jumped < WARNING_TIME:
             where = 'ahead' if worker.jump > 0.0 else 'back'

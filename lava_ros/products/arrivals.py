@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrival of lava at places in runs on disk: the table of `lava places` and `lava report`."""
+"""Arrival of lava at places in runs on disk: the table of `lava places` and `lava map`."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,7 +42,7 @@ def table_of(
     """
     run = read_run(path, node=node, wanted=('arrival',))
     if run.ensemble is not None and time is not None:
-        raise validation.conflict('--time', f'an ensemble ({path})')
+        raise validation.conflict('--at', f'an ensemble ({path})')
     features = [item for file in files for item in read_features(field, file, run.terrain)]
     places = places_on(features, run.terrain)
     if run.ensemble is not None:
@@ -61,7 +61,7 @@ def _table_of_bag(
     end, arrived = panel.frame.time, panel.values
     if time is not None:
         # the newest map contains all earlier arrival times, exact to the time step
-        end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
+        end = validation.number('--at', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
     facts: dict[str, Any] = {
         'threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
@@ -80,7 +80,7 @@ def _table_of_members(
     maps = maps_at(folder, members.plan, places, members=members.count)
     if not math.isclose(maps.effective_members, members.effective, rel_tol=1e-6):
         problem = f'The maps in {folder} do not have the weights of its members'
-        raise RefusalError('ensemble', problem, 'Repeat the lava ensemble command')
+        raise RefusalError('ensemble', problem, 'Repeat the lava run command')
     assert maps.places is not None
     rows = arrivals(
         places,

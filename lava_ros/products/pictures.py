@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Page of maps of runs on disk: `lava plot`, and the picture of `lava report`."""
+"""Page of maps of runs on disk: `lava map`, and the picture of `lava map`."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -138,7 +138,7 @@ def read_page(
 ) -> RunsPage:
     """Read bags and ensembles for one page.
 
-    Texts and files are the options of `lava plot`. ``node`` is the full name or the namespace of a
+    Texts and files are the options of `lava map`. ``node`` is the full name or the namespace of a
     node of the bags, None for the only one. ``time`` is a simulated time [s], None for the last
     one; without ``layers``, the default maps are drawn. ``extent`` is west, south, east and north
     in the coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without
@@ -158,7 +158,7 @@ def read_page(
     shown = list(_shown(runs, layers))
     window = None if extent is None else _window(extent, runs)
     features = {
-        name: read_features('--overlay', path, runs[0].terrain)
+        name: read_features('--places', path, runs[0].terrain)
         for name, path in _named(overlays).items()
     }
     charts: list[Callable[[Any], None]] = []

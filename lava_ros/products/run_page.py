@@ -138,7 +138,7 @@ def dated(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onse
     known = {run.onset for run in runs}
     onset = given or (known.pop() if len(known) == 1 else None)
     if onset is None and zone is not None:
-        raise validation.dependence('--timezone', '--onset')
+        raise validation.dependence('--timezone', '--start')
     return None if onset is None else replace(onset, zone=zone)
 
 
@@ -151,7 +151,7 @@ def read_run(
     path: str | Path, *, node: str | None = None, time: float | None = None,
     wanted: Collection[str] = (),
 ) -> Run:
-    """Read a bag's directory, an .mcap file, or the output of ``lava ensemble``.
+    """Read a bag's directory, an .mcap file, or the output of ``lava run --members``.
 
     ``node`` is the full name or the namespace of a node of a bag, None for the only one. ``time``
     is the simulated time of a bag's maps [s], None for the last ones. The map of arrival times is
@@ -162,7 +162,7 @@ def read_run(
     """
     if not is_ensemble(path):
         return _bag(Path(path), node, time, wanted)
-    for name, value in (('--node', node), ('--time', time)):
+    for name, value in (('--node', node), ('--at', time)):
         if value is not None:
             raise validation.conflict(name, f'an ensemble ({path})')
     return _ensemble(Path(path))

@@ -274,7 +274,7 @@ def main(args: list[str] | None = None) -> int:
         start_ros(args)
         rest = remove_ros_args(['lava_node', *words])[1:]
         if rest:
-            expected = '--ros-args and its arguments (lava node --help)'
+            expected = '--ros-args and its arguments (lava ros node --help)'
             raise LavaError('an argument', rest[0], expected)
         node = LavaNode(typed=node_parameters.typed(words))
     except (LavaError, ParameterException) as error:

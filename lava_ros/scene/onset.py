@@ -29,7 +29,7 @@ class Onset:
     zone: tzinfo | None = None
 
     @classmethod
-    def from_text(cls, onset: str, *, field: str = '--onset') -> 'Onset':
+    def from_text(cls, onset: str, *, field: str = '--start') -> 'Onset':
         """Read a date and time in ISO 8601; errors name ``field``.
 
         Raises:

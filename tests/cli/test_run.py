@@ -64,7 +64,7 @@ def result(folder):
 def test_json_is_the_file_of_the_run_with_its_places(folder, result):
     record = json.loads((folder / 'run/run.json').read_text())
     assert {name: result[name] for name in record} == record
-    assert result.keys() - record.keys() == {'folder', 'places'}
+    assert result.keys() - record.keys() == {'kind', 'folder', 'places'}
     assert [item['path'] for item in result['inputs']] == [
         str(folder / 'scene.yaml'), 'ground.npz', 'rates.csv'
     ]
@@ -94,12 +94,10 @@ def test_every_output_has_the_same_numbers(folder, result, tmp_path):
 
 
 @pytest.mark.parametrize(('words', 'name'), [
-    (('plot',), 'map.png'), (('report',), 'page.html'),
-    (('animate', '--seconds', '1s'), 'film.gif'),
+    ((), 'map.png'), ((), 'page.html'), (('--seconds', '1s'), 'film.gif'),
 ])
-def test_commands_that_draw_read_the_folder(words, name, folder, tmp_path):
-    command, *options = words
-    done(command, folder / 'run', '-o', tmp_path / name, *options)
+def test_maps_of_the_folder_are_drawn_by_the_suffix(words, name, folder, tmp_path):
+    done('map', folder / 'run', '-o', tmp_path / name, *words)
     assert (tmp_path / name).stat().st_size > 1000
 
 
@@ -159,7 +157,7 @@ def test_run_without_vents_has_no_flow(tmp_path):
     assert (record['numerical_error'], record['numerical_error_text']) == (
         None, 'not yet measured'
     )
-    done('plot', run, '-o', tmp_path / 'map.png')
+    done('map', run, '-o', tmp_path / 'map.png')
 
 
 #: Runs `lava` without ROS and all extras: neither packages nor message definitions.
@@ -206,7 +204,7 @@ def test_observatory_tutorial_runs_as_written(tmp_path, monkeypatch):
     # 20 minutes of 12 m3/s and 40 of 5.5
     assert result['volume_emitted_m3'] == pytest.approx(27_600.0, rel=1e-6)
     assert result['onset'] == '2021-09-19T14:10:00Z'
-    (drawing,) = re.findall(r'^lava (plot runs/lidar .*?) +#', page, re.MULTILINE)
+    (drawing,) = re.findall(r'^lava (map runs/lidar .*?) +#', page, re.MULTILINE)
     for words in (drawing, 'export runs/lidar -o maps --formats tif geojson'):
         done(*shlex.split(words))
     assert (tmp_path / 'map.pdf').read_bytes().startswith(b'%PDF')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of the machine and the ROS graph, and the report of `lava doctor`."""
+"""Checks of the machine and the ROS graph, and the report of `lava check install`."""
 
 from collections import namedtuple
 import importlib.metadata
@@ -31,7 +31,7 @@ def one(check: Results) -> Finding:
     (result,) = check
     found = Finding('check', *result)
     assert found.text
-    assert found.way_out or found.level == OK
+    assert found.remedy or found.level == OK
     return found
 
 
@@ -121,7 +121,7 @@ def test_kernel_cache_is_measured(tmp_path, monkeypatch):
     monkeypatch.setattr(doctor, '_warp', lambda: warp(0, '/proc/none'))
     found = one(doctor.check_kernel_cache())
     assert found.level == FAIL
-    assert 'WARP_CACHE_PATH' in found.way_out
+    assert 'WARP_CACHE_PATH' in found.remedy
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_ros_distribution_is_checked(monkeypatch):
     monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
     found = one(doctor.check_ros({}))
     assert found.level == FAIL
-    assert "pip install '.[ros]'" in found.way_out
+    assert "pip install '.[ros]'" in found.remedy
 
 
 @pytest.mark.parametrize(('environment', 'level', 'words'), [
@@ -256,29 +256,29 @@ def test_middleware_that_hangs_or_crashes_is_reported(code, words, monkeypatch):
 def findings(monkeypatch):
     """Replace the doctor's checks by a list of findings that a test fills."""
     found: list[Finding] = []
-    monkeypatch.setattr('lava_ros.cli.doctor._findings', lambda args: iter(found))
+    monkeypatch.setattr('lava_ros.cli.install._findings', lambda args: iter(found))
     return found
 
 
 def test_findings_are_lines(findings):
     findings += [Finding('python', OK, '3.11'), Finding('gpu', WARN, 'none [x]', 'buy one')]
     lines = ['OK    python        3.11', 'WARN  gpu           none [x]', f'{"":20}-> buy one', '']
-    assert lava('doctor') == (0, '\n'.join(lines), '')
+    assert lava('check', 'install') == (0, '\n'.join(lines), '')
     # a FAIL sets the exit status
     findings.append(Finding('dds', FAIL, 'nothing came back', 'see the firewall'))
-    status, output, _ = lava('doctor')
+    status, output, _ = lava('check', 'install')
     assert status == 1 and 'FAIL' in output
 
 
 def test_findings_are_written_as_json(findings, tmp_path):
     findings += [Finding('disk', WARN, '2.0 GB', 'make room')]
-    expected = [{'check': 'disk', 'level': 'WARN', 'text': '2.0 GB', 'way_out': 'make room'}]
+    found = [{'check': 'disk', 'level': 'WARN', 'text': '2.0 GB', 'remedy': 'make room'}]
     path = tmp_path / 'doctor.json'
-    assert lava('doctor', '--json', path) == (0, '', '')
-    assert json.loads(path.read_text()) == expected
-    status, output, _ = lava('doctor', '--json', '-')
-    assert status == 0 and json.loads(output) == expected
-    status, _, output = lava('doctor', '--json', tmp_path / 'no/such')
+    assert lava('check', 'install', '--json', path) == (0, '', '')
+    assert json.loads(path.read_text())['checks'] == found
+    status, output, _ = lava('check', 'install', '--json', '-')
+    assert status == 0 and json.loads(output)['checks'] == found
+    status, _, output = lava('check', 'install', '--json', tmp_path / 'no/such')
     assert status == 2 and '--json' in output
 
 
@@ -287,11 +287,11 @@ def test_every_check_runs_without_ros(monkeypatch, tmp_path):
     monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
     for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs'):
         monkeypatch.setitem(sys.modules, name, None)
-    status, output, errors = lava('doctor', '--json', '-', '--msg-config', 'none.yaml')
+    status, output, errors = lava('check', 'install', '--json', '-', '--msg-config', 'none.yaml')
     assert status == 1, errors
-    levels = {item['check']: item for item in json.loads(output)}
+    levels = {item['check']: item for item in json.loads(output)['checks']}
     names = 'python packages ros discovery dds qos gpu kernel_cache disk clock'
     assert set(levels) == {name.replace('_', ' ') for name in names.split()}
     assert levels['ros']['level'] == levels['dds']['level'] == FAIL
     assert 'none.yaml' in levels['qos']['text']
-    assert all(item['way_out'] for item in levels.values() if item['level'] != OK)
+    assert all(item['remedy'] for item in levels.values() if item['level'] != OK)

@@ -339,7 +339,7 @@ def test_vector_formats_keep_features_and_positions(ending, bag, tmp_path):
     exported = export_bag(bag, out, formats=[ending])
     assert sorted(exported.files) == sorted(out.iterdir())
     paths = [path for path in exported.files if path.suffix == f'.{ending}']
-    found = [item for path in paths for item in load_features('--overlay', path)]
+    found = [item for path in paths for item in load_features('--places', path)]
     areas = [item for item in found if item.kind == 'Polygon']
     (outline,) = (item for item in areas if 'time_s' not in item.properties)
     times = {float(item.properties['time_s']) for item in areas if item is not outline}
@@ -391,7 +391,7 @@ def test_dates_of_isochrones_keep_their_zone(ending, tmp_path):
     paths = export_bag(bag, tmp_path / 'out', formats=[ending]).files
     found = [
         item.properties['date_utc'] for path in paths if path.suffix == f'.{ending}'
-        for item in load_features('--overlay', path) if item.properties.get('time_s')
+        for item in load_features('--places', path) if item.properties.get('time_s')
     ]
     if ending == 'geojson':
         # its reader parses dates

@@ -144,7 +144,7 @@ def test_rejects_words_outside_ros_args(run, words):
     assert status == 2
 
 
-@pytest.mark.parametrize('command', [name for name in COMMANDS if name != 'node'])
+@pytest.mark.parametrize('command', [name for name in COMMANDS if name != 'ros node'])
 def test_other_commands_reject_ros_arguments(command):
     status, out, err = lava(command, '--ros-args', '-r', '__ns:=/fleet-1')
     assert (status, out) == (2, '')
@@ -157,6 +157,6 @@ def test_rejects_an_invalid_ros_domain_id(monkeypatch, domain):
     monkeypatch.setenv('ROS_DOMAIN_ID', domain)
     with pytest.raises(LavaError, match='^ROS_DOMAIN_ID is .*, expected a whole number from 0 to'):
         start_ros([])
-    status, out, err = lava('replay', BAG)
+    status, out, err = lava('ros', 'replay', BAG)
     assert (status, out) == (2, '')
-    assert err.startswith('lava replay: ROS_DOMAIN_ID is ')
+    assert err.startswith('lava ros replay: ROS_DOMAIN_ID is ')

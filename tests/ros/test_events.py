@@ -119,4 +119,4 @@ def test_feed_rejects_what_it_would_not_publish(
     Path('flow.asc').write_text(
         'ncols 2\nnrows 2\nxllcorner 10\nyllcorner 10\ncellsize 5\n1 2\n0 3\n'
     )
-    assert named in refused('feed', '--terrain', 'ground.npz', '--no-vents', *words)
+    assert named in refused('ros', 'feed', '--terrain', 'ground.npz', '--no-vents', *words)

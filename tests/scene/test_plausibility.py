@@ -302,7 +302,7 @@ def test_user_may_insist(tmp_path):
 ])
 def test_dates_are_compared_with_the_clock(date, words, caplog):
     now = datetime(2026, 6, 1, tzinfo=timezone.utc)
-    check_date('--eruption-start', datetime.fromisoformat(date), now)
+    check_date('--start', datetime.fromisoformat(date), now)
     assert words in caplog.text if words else not caplog.text
 
 

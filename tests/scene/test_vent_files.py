@@ -92,7 +92,7 @@ def test_reads_vents_barriers_and_areas_of_every_format(ending, tmp_path, caplog
     assert (first.discharge, second.discharge) == pytest.approx((7.5, 22.5), rel=1e-4)
     assert (first.name, first.radius, first.temperature) == ('Fessura', 25.0, 1350.0)
     assert 'are ignored: remark (' in caplog.text
-    found = read_features('--overlay', path, TERRAIN)
+    found = read_features('--places', path, TERRAIN)
     assert [item.name for item in found] == ['Fessura', 'Fessura']
     assert len({item.where for item in found}) == 1
     path = write(tmp_path / f'b.{ending}', 'MultiPoint', POINTS, KNOWN)
@@ -314,12 +314,12 @@ def test_places_are_degrees_if_they_are_then_on_the_terrain(ending, tmp_path):
         write(path, 'Point', POINTS[0], {'name': 'a'})
         path.with_suffix('.prj').unlink()
     (vent,) = vents_of(path)
-    (point,) = read_features('--overlay', path, TERRAIN)
+    (point,) = read_features('--places', path, TERRAIN)
     np.testing.assert_allclose([vent.place, point.rings[0][0]], [(x, y)] * 2, atol=0.02)
     # eastings and northings near the origin of the system
     local = Terrain(np.zeros((50, 50)), 2.0, epsg=32633)
     (tmp_path / 'b.csv').write_text('x,y\n15.0,37.7\n')
-    (point,) = read_features('--overlay', tmp_path / 'b.csv', local)
+    (point,) = read_features('--places', tmp_path / 'b.csv', local)
     assert point.rings[0].tolist() == [[15.0, 37.7]]
     (vent,) = GivenVents(['15.0,37.7'], None, 1.0, {}, str).rows(local)
     assert vent.place == (15.0, 37.7)

@@ -163,7 +163,7 @@ def read_in_process(
             _readers.clear()
             if isinstance(error, EOFError) and status > 0:
                 problem = f'The process that reads {field} {value} ended with status {status}'
-                raise RefusalError(field, problem, "Run 'lava doctor'") from error
+                raise RefusalError(field, problem, "Run 'lava check install'") from error
             if isinstance(error, EOFError):
                 raise LavaError(field, str(value), _limit(status)) from error
             raise
