@@ -45,7 +45,6 @@ from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.solidified import RaisedTerrain
 from lava_ros.simulation.particles.state import room_for, State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
-from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
 
@@ -84,7 +83,6 @@ class Solver:
         neighbors: The grid of cells in which neighbours are found.
         raster: The terrain's cells, for maps.
         stage: The kernels of one stage of a step.
-        after_step: Passes of effects at the end of a step, by effect.
         vents: The vents on the device.
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of particles at any readback so far.
@@ -200,12 +198,8 @@ class Solver:
 
     def _build_stage(self) -> None:
         """Collect the kernels of the effects for the state, the terrain and the grids."""
-        self.after_step = {
-            name: kind(self.scene, self.accuracy, self.terrain, self.state)
-            for name, kind in device_parts(self.effects, 'AfterStep').items()
-        }
         self.stage = Stage(
-            self.scene, self.accuracy, self.state, self.neighbors, self.after_step
+            self.scene, self.accuracy, self.state, self.neighbors, self.terrain
         )
 
     def replace_terrain(self, scene: Scene) -> None:

@@ -51,7 +51,8 @@ from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.accuracy import expected_thickness
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import EVALUATIONS, STEPS
-from lava_ros.simulation.step.timestep import longest_step, MAX_STAGES
+from lava_ros.simulation.step.stage import longest_step
+from lava_ros.simulation.step.timestep import MAX_STAGES
 from lava_ros.verification.bounds import bound
 
 #: Maximum fraction of the lava that may be unaccounted for.

@@ -45,7 +45,7 @@ def looks_of(maps, device):
     known = np.isfinite(maps[0][0])
     terrain = Terrain(np.where(known, 0.0, np.nan), 1.0)
     state = Simulation(Scene(terrain), effects={}, device=device).solver.state
-    state.bounds.assign([shape[0], shape[0], shape[1], shape[1]])
+    state.cell_maps.bounds.assign([shape[0], shape[0], shape[1], shape[1]])
     looks, shown = Looks(terrain, 0.1, 0.0, state.device), Shown(shape, state.device)
     ground = wp.array(known.astype(np.uint8), dtype=wp.uint8, device=state.device)
     for thickness, temperature in maps:
@@ -228,7 +228,7 @@ def test_fractions_are_resampled_where_terrains_overlap(until, origin, cell):
     cells = simulation.solver.covered
     cells.move(ground, None, 0.1)
     arrived, half, squares = (
-        cells.maps[name].numpy() for name in ('arrived', 'half_inundated', 'covered')
+        getattr(cells.maps, name).numpy() for name in ('arrived', 'half_inundated', 'covered')
     )
     inundated = inundated_fraction(arrived, squares)
     np.testing.assert_array_equal(footprint_cells(inundated), half >= 0.0)

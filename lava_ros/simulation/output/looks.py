@@ -115,10 +115,10 @@ class Looks:
 
     def seen(self, state: State, part: tuple[slice, slice]) -> Seen:
         """Return the results so far for some rows and columns."""
-        start, corner = self._start, (part[0].start, part[1].start)
+        start, corner, covered = self._start, (part[0].start, part[1].start), state.cell_maps
         maps = (
-            state.arrived, state.half_inundated, state.covered.view(wp.float32), self._peaks[0],
-            self._peaks[1],
+            covered.arrived, covered.half_inundated, covered.covered.view(wp.float32),
+            self._peaks[0], self._peaks[1],
         )
         arrived, half_inundated, squares, thickness, temperature = _read_parts(maps, part)
         arrival, half = (

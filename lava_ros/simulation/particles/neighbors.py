@@ -299,9 +299,8 @@ class NeighborGrid:
         if self._way is None or self._way.particle is not state.particle:
             parts = {'ground': self._terrain.ground, 'cells': self.cells, **self._constants}
             self._way = arguments_type(state.real)()
-            for name in arguments_type(state.real).vars:
-                if name in parts or hasattr(state, name):
-                    setattr(self._way, name, parts.get(name, getattr(state, name, None)))
+            for name, value in (state.arrays | parts).items():
+                setattr(self._way, name, value)
         return self._way
 
     def rebuild(self, state: State) -> None:
