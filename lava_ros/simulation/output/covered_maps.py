@@ -88,12 +88,12 @@ def show_covered_cells(state: State, maps: Any, window: Window) -> None:
     window.launch(state, _show, arguments)
 
 
-def note_lava(state: State, way: Any) -> None:
+def record_covered_ground(state: State, arguments: Any) -> None:
     """Record the ground covered now, by the ordered particles and their flow.
 
-    ``way`` is the argument of the kernels of a stage.
+    ``arguments`` is the argument of the kernels of a stage.
     """
-    launch_over(state, _kernel(state.real), [way])
+    launch_over(state, _kernel(state.real), [arguments])
 
 
 class CoveredCells:

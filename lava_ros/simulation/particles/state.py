@@ -280,6 +280,11 @@ class State(Arrays):
         self.counts[place : place + 1].fill_(value)
 
     @property
+    def time(self) -> float:
+        """Simulated time [s] (read back from the device)."""
+        return float(self.read_clock()[0][at.TIME])
+
+    @property
     def count(self) -> int:
         """Number of particles (read back from the device)."""
         return at.count_in(self.read_clock()[1])

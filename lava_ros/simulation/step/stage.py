@@ -47,13 +47,11 @@ class Stage:
         terrain: StaggeredTerrain,
     ) -> None:
         """Collect the constants and the kernels for the effects that are on in ``state``."""
-        assert accuracy.spacing is not None and accuracy.thickness is not None
         self._accuracy, self._effects = accuracy, state.effects
         self._viscosity = scene.lava.viscosity
         self._state, self._neighbors = state, neighbors
-        self._radius = accuracy.ratio * accuracy.spacing
         self._pace: tuple[Scene, VentSet, Any] | None = None
-        self.constants = _flow_constants(scene, accuracy, self._radius, state.real)
+        self.constants = _flow_constants(scene, accuracy, state.real)
         neighbors.set_constants(
             law=law_of(scene.lava, state.real),
             heat=heat_of(scene, state.effects, state.real),
@@ -73,23 +71,23 @@ class Stage:
         self._needs_flow_after_motion = any(part.finishes_step for part in self.parts.values())
 
     def take(
-        self, scene: Scene, vents: VentSet, *, look: Callable[[], None] | None = None
+        self, scene: Scene, vents: VentSet, *, observe: Callable[[], None] | None = None
     ) -> None:
         """Run one stage; at the end of a step the vents emit the particles that are due.
 
-        The scene's vents limit the length of steps. ``look`` launches observations of the flow
+        The scene's vents limit the length of steps. ``observe`` launches observations of the flow
         before it moves.
         """
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)
-        is_needed = self._mover is None or self._needs_flow_after_motion or look is not None
+        is_needed = self._mover is None or self._needs_flow_after_motion or observe is not None
         self.compute_flow(fills_flow=is_needed)
-        if look is not None:
-            look()
+        if observe is not None:
+            observe()
         if self._mover is None:
             # before the choice of the step, which depends on the speed
             self.finish_flow()
-        pace, way, outlets = self._pace_of(scene, vents), self._arguments(), vents.outlets
+        pace, arguments, outlets = self._pace_of(scene, vents), self._arguments(), vents.outlets
         emission = emission_function(
             state.real, vents.is_symmetric, state.has_velocity, state.has_age,
             state.bins_in_motion, state.has_temperature_remainder,
@@ -97,10 +95,10 @@ class Stage:
         emits_in_motion = emission if state.bins_in_motion else None
         choice = choice_within_motion(state, pace, outlets, emits_in_motion)
         if not is_within_the_motion(state, sums_up=self._mover is not None):
-            choice = choose_before_motion(state, choice, way)
-        self._move(way, choice)
+            choice = choose_before_motion(state, choice, arguments)
+        self._move(arguments, choice)
         if not state.bins_in_motion:
-            emit(state, emission, outlets, way)
+            emit(state, emission, outlets, arguments)
 
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
         """Return the (cached) arguments for the choice of a stage."""
@@ -130,14 +128,14 @@ class Stage:
         The result is stored in ``state.flow``, if ``fills_flow``, and as input to the lateral
         stress in ``source`` and ``area``.
         """
-        state, way = self._state, self._arguments()
+        state, arguments = self._state, self._arguments()
         elevate, flow = self._flow_kernels(
             state.lanes, state.parts, state.is_short, state.is_wide,
             not self._is_published,
         )
         if state.has_surface:
-            launch_over(state, elevate, [way], lanes=state.lanes)
-        launch_over(state, flow, [way, fills_flow], lanes=state.lanes)
+            launch_over(state, elevate, [arguments], lanes=state.lanes)
+        launch_over(state, flow, [arguments, fills_flow], lanes=state.lanes)
 
     def finish_flow(self) -> None:
         """Let effects replace the local velocities: by lateral stress or momentum."""
@@ -147,18 +145,18 @@ class Stage:
         for part in self.parts.values():
             part.compute_velocity(self._arguments())
 
-    def _move(self, way: Any, choice: StageChoice) -> None:
+    def _move(self, arguments: Any, choice: StageChoice) -> None:
         """Move the particles, and end the step."""
         state = self._state
         for part in self.parts.values():
-            part.accelerate(way)
+            part.accelerate(arguments)
         if self._mover is None:
-            motion.move_particles(state, way, choice, motion.motion_of(state))
+            motion.move_particles(state, arguments, choice, motion.motion_of(state))
         else:
-            self._mover.move_particles(way, choice, motion.motion_of(state))
+            self._mover.move_particles(arguments, choice, motion.motion_of(state))
         self._neighbors.is_binned = state.bins_in_motion
         for part in self.parts.values():
-            part.finish_step(way)
+            part.finish_step(arguments)
 
     def _arguments(self) -> Any:
         return self._neighbors.motion_arguments(self._state)
@@ -174,9 +172,9 @@ def longest_step(scene: Scene, accuracy: Accuracy, effects: Effects, reach: floa
     return min([accuracy.longest_step, *limits])
 
 
-def _flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> Any:
-    """Return the constants for a scene, its accuracy and the kernel radius [m]."""
-    kernel = smoothing_kernel(accuracy.kernel, real)
+def _flow_constants(scene: Scene, accuracy: Accuracy, real: Any) -> Any:
+    """Return the constants for a scene and its accuracy."""
+    kernel, radius = smoothing_kernel(accuracy.kernel, real), accuracy.radius
     constants = flow_constants_of(real)()
     constants.radius = radius
     constants.weight = scene.lava.density * scene.gravity

@@ -146,9 +146,8 @@ class Part(DevicePart):
     ) -> None:
         """Prepare for the scene's conductivity and the longest possible step."""
         super().__init__(scene, accuracy, terrain, state)
-        assert accuracy.spacing is not None
         lava = scene.lava
-        square = (accuracy.ratio * accuracy.spacing) ** 2
+        square = accuracy.radius**2
         diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
         self._kernels = partial(_kernels, state.real, accuracy.kernel, state.effects)
         norm = smoothing_kernel(accuracy.kernel, state.real).norm

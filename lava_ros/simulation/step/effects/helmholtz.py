@@ -253,10 +253,8 @@ class Part(DevicePart):
     ) -> None:
         """Compute the weights of the sweeps for the expected thickness."""
         super().__init__(scene, accuracy, terrain, state)
-        assert accuracy.spacing is not None and accuracy.thickness is not None
-        self._weights = _schedule(
-            THICKEST * accuracy.thickness, accuracy.ratio * accuracy.spacing
-        )
+        assert accuracy.thickness is not None
+        self._weights = _schedule(THICKEST * accuracy.thickness, accuracy.radius)
 
     def compute_velocity(self, arguments: Any) -> None:
         """Replace the local velocity in ``flow`` by the solution, and raise ``rates`` to it."""

@@ -17,7 +17,6 @@ inertia, V u are conserved to rounding.
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from lava_ros.scene import Scene
@@ -228,9 +227,9 @@ class Part(DevicePart):
     ) -> None:
         """Store the intended spacing and volume of particles."""
         super().__init__(scene, accuracy, terrain, state)
-        assert accuracy.spacing is not None and accuracy.thickness is not None
+        assert accuracy.spacing is not None
         self._area = accuracy.spacing**2
-        self._least = float(np.float32(self._area * accuracy.thickness))
+        self._least = accuracy.particle_volume
         self._scan: Scan | None = None
 
     def finish_step(self, arguments: Any) -> None:

@@ -218,9 +218,8 @@ class Part(DevicePart):
     ) -> None:
         """Prepare for the solidus of the scene's lava."""
         super().__init__(scene, accuracy, terrain, state)
-        assert accuracy.spacing is not None
         self._solidus = scene.lava.solidus
-        self._widest = accuracy.ratio * accuracy.spacing / 1.5
+        self._widest = accuracy.radius / 1.5
         self._terrain = terrain
 
     @staticmethod
