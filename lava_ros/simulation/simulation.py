@@ -558,22 +558,23 @@ class Simulation:
         """Return the effects that a scene needs, with those that the user forces."""
         return effects_for(scene, self._forced, accuracy=self.accuracy, horizon=self._horizon)
 
-    def _update_effects(self, kept: Iterable[str] | None = None) -> None:
+    def _update_effects(self, remaining: Iterable[str] | None = None) -> None:
         """Choose the effects again, unless the user has given all of them.
 
-        Once there is lava, active effects, or those in ``kept``, remain on: they have shaped it.
+        Once there is lava, active effects, or those in ``remaining``, stay on: they have shaped
+        it.
         """
         if self._forced is None:
             return
-        if kept is None:
-            kept = self.effects if self.time > 0.0 or self.particle_count else ()
+        if remaining is None:
+            remaining = self.effects if self.time > 0.0 or self.particle_count else ()
         chosen = self._choose_effects(self.scene)
         on = [name for name in chosen if name in self._forced]
-        kept = [name for name in kept if self._forced.get(name, True)]
-        for name in (*kept, *chosen):
+        remaining = [name for name in remaining if self._forced.get(name, True)]
+        for name in (*remaining, *chosen):
             if not any(excluded_by(name, other) for other in on):
                 on.append(name)
-        self._switch_to(replace(chosen, **{name: name in on for name in (*kept, *chosen)}))
+        self._switch_to(replace(chosen, **{name: name in on for name in (*remaining, *chosen)}))
         self._watch()
 
     def _switch_to(self, effects: Effects) -> None:

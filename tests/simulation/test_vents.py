@@ -256,7 +256,7 @@ def test_table_of_a_long_discharge_series() -> None:
     # point by point validation takes seconds
     series = tuple((float(time), float(time % 7)) for time in range(count))
     object.__setattr__(vent, 'discharge', series)
-    ground, accuracy = Terrain(np.zeros((3, 3)), 1.0), Accuracy(spacing=1.0)
+    ground, accuracy = Terrain(np.zeros((3, 3)), 1.0), Accuracy(spacing=1.0, thickness=1.0)
     before = replace(Emission.of_new_vents(1), volume=np.array([4.0]))
     vents = VentSet((vent,), ground, accuracy, 'cpu', since=10.0, before=before)
     volumes = vents.outlets.volumes.numpy()

@@ -86,8 +86,8 @@ class Launches:
     def capture(self, launch: Callable[[], None], extent: int) -> None:
         """Record what a function launches, without launching it, for ``replay``.
 
-        On a GPU this records all its launches, on a CPU those through this object. They process at
-        most ``extent`` particles.
+        On a GPU this records all its launches, on a CPU those through this object: a CPU graph of
+        Warp would also take launches of other threads. They process at most ``extent`` particles.
         """
         self._again, self.extent = None, extent
         if self._device.is_cuda:

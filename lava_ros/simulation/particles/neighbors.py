@@ -287,7 +287,7 @@ class NeighborGrid:
     def bin(self, state: State) -> None:
         """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""
         arguments, (bins, *_) = self.motion_arguments(state), _kernels_of(state)
-        launch_over(state, bins, [arguments], least=MIN_MOVES)
+        launch_over(state, bins, [arguments], min_items=MIN_MOVES)
         self.is_binned = True
 
     def set_constants(self, **constants: Any) -> None:
@@ -316,8 +316,8 @@ class NeighborGrid:
             state.launches(rank, [arguments], dim=state.extent)
         self._scan(state.launches, self.cells.sizes, self.cells.starts)
         if state.is_ranked_again:
-            launch_over(state, members, [arguments], least=MIN_MOVES)
-        launch_over(state, order, [arguments], least=MIN_MOVES)
+            launch_over(state, members, [arguments], min_items=MIN_MOVES)
+        launch_over(state, order, [arguments], min_items=MIN_MOVES)
 
     def refuse_crowds(self) -> None:
         """Check the number of particles per cell: each particle visits all those around it.

@@ -180,9 +180,9 @@ class State(Arrays):
         # each different number is a separate kernel
         return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
 
-    def emitting_threads(self, most: int) -> int:
+    def emitting_threads(self, max_threads: int) -> int:
         """Return the number of emitting threads: one gives the same order in every run."""
-        return most if self.device.is_cuda and not self.is_deterministic else 1
+        return max_threads if self.device.is_cuda and not self.is_deterministic else 1
 
     def read_clock(self) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of ``clock`` and ``counts`` after all earlier launches on this stream."""

@@ -251,6 +251,6 @@ def move_particles(state: State, arguments: Any, choice: StageChoice, motion: An
         state,
         _kernel(state.real, motion, choice.function, choice.bounds),
         [state.flow, choice.pace, choice.outlets, arguments],
-        least=MIN_MOVES,
+        min_items=MIN_MOVES,
         ahead=choice.threads,
     )

@@ -63,13 +63,13 @@ def state_of(count):
     return SimpleNamespace(device=device, extent=count, launches=Launches(device))
 
 
-def visited(count, parts, least=1):
+def visited(count, parts, min_items=1):
     """Visit every item with some threads; return the visits, the found and the true maximum."""
     threads.use_threads(parts)
     values = wp.array(np.random.default_rng(1).random(count), dtype=wp.float32, device='cpu')
     visits = wp.zeros(count, dtype=wp.int32, device='cpu')
     most = wp.zeros(1, dtype=wp.float32, device='cpu')
-    threads.launch_over(state_of(count), count_visits, [values, visits, most], least=least)
+    threads.launch_over(state_of(count), count_visits, [values, visits, most], min_items=min_items)
     return visits.numpy(), most.numpy()[0], values.numpy().max()
 
 
@@ -83,7 +83,7 @@ def test_every_item_is_visited_once(count, parts):
 
 def test_few_items_start_no_helper(monkeypatch):
     monkeypatch.setattr(threads, '_helpers', lambda: pytest.fail('a helper was called'))
-    visits, *_ = visited(1000, 4, least=501)
+    visits, *_ = visited(1000, 4, min_items=501)
     assert (visits == 1).all()
 
 

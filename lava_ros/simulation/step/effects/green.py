@@ -252,7 +252,9 @@ class Part(DevicePart):
         kernel = _velocity_kernel(
             state.real, state.lanes, state.parts, state.is_short, state.is_wide
         )
-        launch_over(state, kernel, [arguments], least=_MIN_PARTICLES_PER_PART, lanes=state.lanes)
+        launch_over(
+            state, kernel, [arguments], min_items=_MIN_PARTICLES_PER_PART, lanes=state.lanes
+        )
 
     def move_particles(self, arguments: Any, choice: StageChoice, motion: Any) -> None:
         """Move the ordered particles over the stage by the Green's function's velocity."""
@@ -263,5 +265,5 @@ class Part(DevicePart):
         )
         launch_over(
             state, kernel, [choice.pace, choice.outlets, arguments],
-            least=_MIN_PARTICLES_PER_PART, lanes=state.lanes, ahead=choice.threads,
+            min_items=_MIN_PARTICLES_PER_PART, lanes=state.lanes, ahead=choice.threads,
         )

@@ -263,10 +263,10 @@ class Part(DevicePart):
             state.real, self.accuracy.kernel, state.lanes, state.parts, state.is_wide,
             state.effects.function('factor', state.real),
         )
-        launch_over(state, start, [arguments], least=MIN_MOVES)
+        launch_over(state, start, [arguments], min_items=MIN_MOVES)
         current, following = (state.of_effects[name] for name in ('solution', 'next_solution'))
         for weights in self._weights:
             pair = [current, following]
             launch_over(state, sweep, [arguments, *weights, *pair], lanes=state.lanes)
             current, following = following, current
-        launch_over(state, finish, [arguments, current], least=MIN_MOVES)
+        launch_over(state, finish, [arguments, current], min_items=MIN_MOVES)

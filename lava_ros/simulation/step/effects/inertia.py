@@ -296,13 +296,13 @@ class Part(DevicePart):
         synchronize, *_ = self._kernels
         # 2 at the limit of stability
         number = self.accuracy.diffusion_number
-        launch_over(self.state, synchronize, [arguments, number], least=MIN_MOVES)
+        launch_over(self.state, synchronize, [arguments, number], min_items=MIN_MOVES)
 
     def accelerate(self, arguments: Any) -> None:
         """Advance the velocities to the middle of the chosen step."""
         _, kick, adopt = self._kernels
         launch_over(self.state, kick, [arguments])
-        launch_over(self.state, adopt, [arguments], least=MIN_MOVES)
+        launch_over(self.state, adopt, [arguments], min_items=MIN_MOVES)
 
     @property
     def _kernels(self) -> tuple[Any, Any, Any]:
