@@ -331,7 +331,7 @@ class Solver:
             self.stage.take(self.scene, self.vents, observe=observe)
 
     def count_particles(self, counts: np.ndarray) -> bool:
-        """Update the numbers of particles from a readback; return True if none is left."""
+        """Update the numbers of particles from a readback; return True when the last has gone."""
         count, was_empty = at.count_in(counts), self.is_empty
         self.most_particles, self.is_empty = max(self.most_particles, count), count == 0
         return self.is_empty and not was_empty
@@ -356,7 +356,7 @@ class Solver:
             self.state.launches.forget()
 
     def bin(self) -> None:
-        """Assign the particles to cells if the motion does so but has not yet."""
+        """Assign the particles to cells in place of the previous motion, if it has not."""
         if self.state.bins_in_motion and not self.neighbors.is_binned:
             self.neighbors.bin(self.state)
 

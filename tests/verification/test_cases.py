@@ -30,7 +30,7 @@ def test_error_is_relative_to_the_exact_value_or_the_scale():
 #: in the spacing are then larger by the square of the ratio.
 COARSE = 0.35
 LONG = (
-    'channel', 'conduction', 'cooling_current', 'cooling_front', 'cooling_plane', 'cooling_sheet',
+    'conduction', 'cooling_current', 'cooling_front', 'cooling_plane', 'cooling_sheet',
     'critical_thickness', 'freezing_lens', 'herschel_bulkley', 'inertial_sheet', 'lister',
     'material_laws', 'pond', 'radiating_sheet', 'silicone_oil', 'smith', 'stoker', 'thacker',
     'viscous_heating',
