@@ -89,6 +89,7 @@ def warming_function(
     modules = effects.having('terms')
     names = drop_superseded(modules)
     needs_age = any(EFFECTS[name].needs_age for name in names)
+    is_straight = is_straight and not needs_age
     if not names:
         return None
     balance, *others = (
@@ -116,7 +117,9 @@ def warming_function(
     ) -> real:
         return relaxation(temperature, rate, source, step)
 
-    relaxed = effects.function('relaxed', wp, real, constants_type, relaxation) or plain
+    relaxed = effects.function(
+        'relaxed', wp, real, constants_type, relaxation, is_straight=is_straight
+    ) or plain
 
     @wp.func
     def straight(
@@ -129,7 +132,7 @@ def warming_function(
         terms = balance(constants, column)
         return relaxed(constants, temperature, terms[0], terms[1], step)
 
-    if is_straight and not needs_age:
+    if is_straight:
         return straight
 
     @wp.func

@@ -35,6 +35,9 @@ MAX_STAGES = 99
 #: Maximum displacement of lava in a step, in cells.
 DISPLACEMENT = 2.0
 
+#: The same for lava that carries heat: it passes on at most the heat of a cell.
+HEATED_DISPLACEMENT = 0.8
+
 #: Maximum ratio of the lengths of consecutive steps.
 GROWTH = 1.5
 
@@ -392,12 +395,13 @@ def face_law(effects: Effects) -> Any:
 
 
 @lru_cache
-def step_kernel(effects: Effects, *, is_uniform: bool) -> Any:
-    """Return the kernel that takes steps on a CPU, until a time or a number of steps.
+def step_function(effects: Effects, *, is_uniform: bool) -> Any:
+    """Return the device function that takes a step on a CPU.
 
     Args:
         effects: The effects that are on.
-        is_uniform: True if all lava has the same viscosity, that of the first cell.
+        is_uniform: True if all lava has the same viscosity, that of the first cell. Otherwise it
+            carries heat, and steps are shorter.
     """
     law = face_law(effects)
     is_steep = effects.function('factor', wp.float32) is not None
@@ -412,7 +416,7 @@ def step_kernel(effects: Effects, *, is_uniform: bool) -> Any:
         'LAG': '0' if law is None else '1',
         'LAW': '' if law is None else law.native_func,
         'MAX_STAGES': MAX_STAGES,
-        'DISPLACEMENT': DISPLACEMENT,
+        'DISPLACEMENT': DISPLACEMENT if is_uniform else HEATED_DISPLACEMENT,
         'GROWTH': GROWTH,
         'STABLE': _STABLE,
     }
@@ -423,6 +427,24 @@ def step_kernel(effects: Effects, *, is_uniform: bool) -> Any:
     @wp.func_native(f'{{{code}}}')
     def take_step(s: Cells): ...
 
+    @wp.func
+    def step(s: Cells):
+        if wp.static(law is not None):  # noqa: SIM102, what is called is compiled before
+            if s.rows < 0:
+                law(s.law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        take_step(s)
+
+    return step
+
+
+@lru_cache
+def step_kernel(effects: Effects) -> Any:
+    """Return the kernel that takes steps of lava of one viscosity on a CPU.
+
+    It ends at ``clock[TARGET]``, or after a number of steps.
+    """
+    step = step_function(effects, is_uniform=True)
+
     @wp.kernel(
         module='unique', enable_backward=False, grid_stride=False,
         module_options={'enable_backward': False},
@@ -431,9 +453,6 @@ def step_kernel(effects: Effects, *, is_uniform: bool) -> Any:
         for _ in range(most):
             if s.clock[TIME] >= s.clock[TARGET]:
                 break
-            if wp.static(law is not None):  # noqa: SIM102, what is called is compiled before
-                if most < 0:
-                    law(s.law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-            take_step(s)
+            step(s)
 
     return take_steps
