@@ -54,6 +54,7 @@ _NEWTONIAN = """
         b = b > film ? b : 0.0f;
         f.sum = a + b;
         f.rate = FLUID * f.sum * (a * a + b * b) FACTOR;
+        f.stiff = stiffened(f.rate, f.fall, a, b);
         f.most = most * a;
         f.least = -most * b;
         return f;
@@ -87,7 +88,7 @@ _BY_LAW = """
         // mean of h^3 over the cube of the mean
         const float mean = per_cell * per_cell * (a * a + b * b) * share;
         f.rate = f.sum > 0.0f ? mean * speed[0] : 0.0f;
-        f.stiff = f.sum > 0.0f ? mean * speed[1] : 0.0f;
+        f.stiff = stiffened(f.sum > 0.0f ? mean * speed[1] : 0.0f, f.fall, a, b);
         f.most = most * a;
         f.least = -most * b;
         return f;
@@ -134,6 +135,12 @@ _STEP = """
         if (any) is_open = 0;
     }
 
+    // a cell may give in a stage what flows down a slope where the ground falls by more than h
+    auto stiffened = [&](float rate, float fall, float a, float b) {
+        const float thick = larger(larger(a, b), film);
+        const float part = larger(fall * a, -fall * b) / (thick * thick);
+        return rate * larger(part, 1.0f);
+    };
     float most = 0.0f;
     FLUX
     // stiffness and largest displacement a second, at the start of the step
@@ -153,7 +160,7 @@ _STEP = """
                 if (turn == 0) {
                     for (long p = from; p <= to; ++p) {
                         const Flux f = flux_of(p, p + next, side, drop[p], factor, beside);
-                        const int one = bits(f.STIFF);
+                        const int one = bits(f.stiff);
                         highest = one > highest ? one : highest;
                     }
                     stiff = highest > stiff ? highest : stiff;
@@ -411,7 +418,6 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
         'FLUID': 'fluid' if is_uniform else own,
         'UNIFORM': '* fluidity[0]' if is_uniform else '',
         'FACTOR': '* factor[p]' if is_steep else '',
-        'STIFF': 'rate' if law is None else 'stiff',
         'SIDE': 'factor' if law is None else 'cross',
         'LAG': '0' if law is None else '1',
         'LAW': '' if law is None else law.native_func,
