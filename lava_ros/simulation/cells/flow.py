@@ -27,13 +27,16 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
-from lava_ros.simulation.cells.state import Cells, FaceLaw
+from lava_ros.simulation.cells.state import Cells, FaceLaw, TARGET, TIME
 
 #: Maximum number of stages of a step.
 MAX_STAGES = 99
 
 #: Maximum displacement of lava in a step, in cells.
 DISPLACEMENT = 2.0
+
+#: The same for lava that carries heat: it passes on at most the heat of a cell.
+HEATED_DISPLACEMENT = 0.8
 
 #: Maximum ratio of the lengths of consecutive steps.
 GROWTH = 1.5
@@ -411,7 +414,8 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
 
     Args:
         effects: The effects that are on.
-        is_uniform: True if all lava has the same viscosity, that of the first cell.
+        is_uniform: True if all lava has the same viscosity, that of the first cell. Otherwise it
+            carries heat, and steps are shorter.
     """
     law = face_law(effects)
     is_steep = effects.function('factor', wp.float32) is not None
@@ -425,7 +429,7 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
         'LAG': '0' if law is None else '1',
         'LAW': '' if law is None else law.native_func,
         'MAX_STAGES': MAX_STAGES,
-        'DISPLACEMENT': DISPLACEMENT,
+        'DISPLACEMENT': DISPLACEMENT if is_uniform else HEATED_DISPLACEMENT,
         'GROWTH': GROWTH,
         'STABLE': _STABLE,
     }
@@ -438,10 +442,30 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
 
     @wp.func
     def step(s: Cells):
-        # what a native function calls has to be compiled before it
-        if wp.static(law is not None):  # noqa: SIM102, the static test decides what is compiled
+        if wp.static(law is not None):  # noqa: SIM102, what is called is compiled before
             if s.rows < 0:
                 law(s.law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         take_step(s)
 
     return step
+
+
+@lru_cache
+def step_kernel(effects: Effects, *, is_uniform: bool = True) -> Any:
+    """Return the kernel that takes steps on a CPU, of lava whose viscosity does not change.
+
+    It ends at ``clock[TARGET]``, or after a number of steps.
+    """
+    step = step_function(effects, is_uniform=is_uniform)
+
+    @wp.kernel(
+        module='unique', enable_backward=False, grid_stride=False,
+        module_options={'enable_backward': False},
+    )
+    def take_steps(s: Cells, most: int):
+        for _ in range(most):
+            if s.clock[TIME] >= s.clock[TARGET]:
+                break
+            step(s)
+
+    return take_steps
