@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         '--places', 'FILE', 'named points, lines and areas: print when lava arrives there; may '
         'be repeated (docs/FORMATS.md)', [], action='append',
     ),
-    '--preset', '--spacing',
+    '--method', '--preset', '--spacing',
     argument(
         '--within', 'TIME', 'choose the preset and the spacing so that the run takes at most this '
         'wall time: 60s, 10min',

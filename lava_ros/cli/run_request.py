@@ -41,18 +41,21 @@ def request_of(args: argparse.Namespace) -> Request:
     within = None if args.within is None else seconds_of('--within', args.within)
     if within is not None and args.spacing is not None:
         raise validation.conflict('--spacing', '--within')
+    if within is not None and args.method == 'cells':
+        raise validation.conflict('--method cells', '--within')
     if args.threshold is not None:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
-    device = device_named(args.device)
+    # cells run on a CPU
+    device = device_named(args.device or ('cpu' if args.method == 'cells' else None))
     scene = scene_from_arguments(args)
 
     def accuracy() -> tuple[str, Accuracy]:
         preset, spacing = args.preset, args.spacing
         if within is not None:
             preset, spacing = _planned(scene, within, until, device)
-        elif spacing is None:
+        elif spacing is None and args.method == 'particles':
             spacing = _spacing_of(preset, scene, forced, until, device)
-        chosen = preset_accuracy(preset, spacing=spacing)
+        chosen = replace(preset_accuracy(preset, spacing=spacing), method=args.method)
         if args.threshold is not None:
             chosen = replace(chosen, threshold=args.threshold)
         log_resolution(scene, chosen, forced, until, args.threshold)
@@ -64,7 +67,7 @@ def request_of(args: argparse.Namespace) -> Request:
         until=until,
         times=_map_times(args, until),
         settings={
-            'preset': args.preset, 'spacing_m': args.spacing, 'within_s': within,
+            'method': args.method, 'preset': args.preset, 'spacing_m': args.spacing, 'within_s': within,
             'threshold_m': args.threshold,
         },
         accuracy=accuracy,

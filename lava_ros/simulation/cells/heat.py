@@ -421,6 +421,18 @@ def heat_functions(effects: Effects) -> HeatFunctions:
 
 
 @lru_cache
+def ground_kernel(effects: Effects) -> Any:
+    """Return the kernel that makes the faces of a row, one per thread, fit the ground."""
+    raise_ground = heat_functions(effects).raise_ground
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def lay_ground(s: Cells, m: Heat):
+        raise_ground(s, m, wp.tid(), 0, s.stride - 1)
+
+    return lay_ground
+
+
+@lru_cache
 def heated_step_function(effects: Effects) -> Any:
     """Return the device function that takes a step of lava that carries heat on a CPU."""
     step = step_function(effects, is_uniform=False)

@@ -16,7 +16,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.cells.grid import grid_of, on_terrain
-from lava_ros.simulation.cells.heat import HeatState
+from lava_ros.simulation.cells.heat import ground_kernel, HeatState
 from lava_ros.simulation.cells.state import (
     CellState,
     EVALUATIONS,
@@ -40,7 +40,6 @@ from lava_ros.simulation.output.snapshot import (
 )
 from lava_ros.simulation.output.window import Window
 from lava_ros.simulation.particles.layout import HOLES, SEA
-from lava_ros.simulation.particles.terrain import ringed_heights
 
 #: Thickness below which lava does not flow, over the expected thickness of the flow up to 1 m.
 FILM = 1e-6
@@ -153,13 +152,11 @@ class CellLava:
         ):
             array.assign(np.pad(values, 1, mode='edge'))
         state.peaks.assign([float(lava.thickness.max(initial=0.0)), 0.0])
-        cosine = self.effects.function('cosine', 0.0)
-        ground = ringed_heights(self.grid) + np.pad(lava.solidified, 1)
-        state.lay_ground(ground, None if cosine is None else self._cosine_squared)
+        wp.launch(
+            ground_kernel(self.effects), dim=len(state.thickness.numpy()),
+            inputs=[state.argument(), heat.argument()], device=self.device,
+        )
         self._write_laws()
-
-    def _cosine_squared(self, slope: np.ndarray) -> np.ndarray:
-        return np.square(self.effects.function('cosine', slope))
 
     def _write_laws(self) -> None:
         """Write viscosity and yield strength of all cells by their temperature and age."""

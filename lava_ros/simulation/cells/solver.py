@@ -47,7 +47,9 @@ from lava_ros.simulation.stop import Stop
 _LAUNCH_TIME, _MAX_STEPS = 0.02, 4096
 
 #: Arrays and times of the flow, and arrays of the heat, in checkpoints.
-_SAVED = ('thickness', 'flux_x', 'flux_y', 'fluidity', 'strength', 'left', 'counts', 'peaks')
+_SAVED = (
+    'thickness', 'flux_x', 'flux_y', 'fluidity', 'strength', 'box', 'left', 'counts', 'peaks',
+)
 _TIMES = [TIME, LENGTH, FULL]
 _SAVED_HEAT = ('temperature', 'emission_time', 'frozen')
 
@@ -179,6 +181,11 @@ class CellSolver(CellLava):
         if wet[1] >= wet[0]:
             last = np.repeat(np.array(ringed.shape, dtype=np.int32) - 1, 2)
             wet = np.clip(wet + np.array([-2, 2, -2, 2], dtype=np.int32), 0, last)
+        box = state.box.numpy()
+        if box[1] > box[0]:
+            # the window never shrinks: the air also cools the cells where lava will be
+            least, most = np.minimum(wet, box), np.maximum(wet, box)
+            wet = np.where([True, False, True, False], least, most).astype(np.int32)
         state.box.assign(wet)
         self._make_arguments()
         self._is_set = True
