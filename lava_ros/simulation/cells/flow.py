@@ -441,24 +441,3 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
         take_step(s)
 
     return step
-
-
-@lru_cache
-def step_kernel(effects: Effects) -> Any:
-    """Return the kernel that takes steps of lava of one viscosity on a CPU.
-
-    It ends at ``clock[TARGET]``, or after a number of steps.
-    """
-    step = step_function(effects, is_uniform=True)
-
-    @wp.kernel(
-        module='unique', enable_backward=False, grid_stride=False,
-        module_options={'enable_backward': False},
-    )
-    def take_steps(s: Cells, most: int):
-        for _ in range(most):
-            if s.clock[TIME] >= s.clock[TARGET]:
-                break
-            step(s)
-
-    return take_steps
