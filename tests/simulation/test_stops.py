@@ -252,7 +252,7 @@ def test_wall_limit_leaves_a_review_to_whatever_comes_next(monkeypatch):
         now[0] += 1.0
         return reached
 
-    monkeypatch.setattr(simulation_module, 'advancing_to', slow)
+    monkeypatch.setattr(advance, 'advancing_to', slow)
     assert simulation.advance(END, wall_limit=0.5) >= due
     assert simulation.review_count == 0
     simulation.snapshot()

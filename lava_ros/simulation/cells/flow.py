@@ -27,7 +27,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
-from lava_ros.simulation.cells.state import Cells, FaceLaw, TARGET, TIME
+from lava_ros.simulation.cells.state import Cells, FaceLaw
 
 #: Maximum number of stages of a step.
 MAX_STAGES = 99
@@ -186,12 +186,14 @@ _STEP = """
         for (long j = vents[2]; j <= vents[3]; ++j)
             poured = source[i * w + j] > poured ? source[i * w + j] : poured;
     const double thickest = s.peaks.data[0];
-    double step = GROWTH * clock[5];
-    if (step <= 0.0) step = poured > 0.0 ? 1000.0 * film / poured : clock[3];
+    double step = clock[5] > 0.0 ? GROWTH * clock[5] : clock[3];
+    // where lava comes out, by half of the thickness at most
+    const double added = 0.5 * thickest + 1000.0 * film;
+    if (poured * step > added) step = added / poured;
     const double fastest = __builtin_bit_cast(float, pace);
     if (fastest * step > DISPLACEMENT) step = DISPLACEMENT / fastest;
     if (step > clock[3]) step = clock[3];
-    clock[5] = step;
+    double full = step;
     if (step > clock[2] - clock[0]) step = clock[2] - clock[0];
     // lava that comes out makes it stiffer within the step
     const double grown = thickest > 0.0 ? 1.0 + poured * step / thickest : 1.0;
@@ -201,8 +203,13 @@ _STEP = """
     while (stages < MAX_STAGES && reach(stages) < step * stiffness) stages += 2;
     if (step > reach(stages) / stiffness) {
         step = reach(stages) / stiffness;
-        clock[5] = step;
+        full = step;
     }
+    if (clock[0] + step > clock[6]) {
+        clock[7] = step;
+        return;
+    }
+    clock[5] = full;
     most = (float)(0.25 * stiffness);
     s.peaks.data[1] = stiffness;
 
@@ -435,7 +442,8 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
 
     @wp.func
     def step(s: Cells):
-        if wp.static(law is not None):  # noqa: SIM102, what is called is compiled before
+        # what a native function calls has to be compiled before it
+        if wp.static(law is not None):  # noqa: SIM102, the static test decides what is compiled
             if s.rows < 0:
                 law(s.law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         take_step(s)

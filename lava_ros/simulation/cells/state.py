@@ -23,8 +23,8 @@ A step (``flow.py``) leaves, for the heat of the same step (``heat.py``):
 
 The flow reads, at the beginning of a step: ``fluidity`` and ``strength`` of all cells of its box,
 dry ones included (only lava-filled cells count), which the heat may rewrite after each step, and
-``drop_x``, ``drop_y``, the ground. Lava that solidifies lowers ``thickness`` and raises the ground:
-``drop_x[i, j] = elevation[i, j] - elevation[i, j + 1]``, rounded once.
+``drop_x``, ``drop_y``, the ground. Lava that solidifies lowers ``thickness`` and raises the
+ground: ``drop_x[i, j] = elevation[i, j] - elevation[i, j + 1]``, rounded once.
 
 Cells with ``kind`` > 0 are outside of the ground: lava that enters leaves the simulation, and its
 volume is added to ``left``.
@@ -42,10 +42,11 @@ from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation.particles.layout import BORDER, HOLES, SEA
 from lava_ros.simulation.particles.terrain import ringed_heights
 
-#: Items of ``clock``: time and length of the latest step [s]; time until which the source is
-#: constant [s]; longest step [s]; time of which no step may begin later [s]; length that the
-#: latest step would have had without a stop [s].
-TIME, LENGTH, UNTIL, LONGEST, TARGET, FULL = range(6)
+#: Items of ``clock``, all in s: time, and length of the latest step; time that no step may pass,
+#: as the source changes there; longest step; time at or after which no step begins; length that
+#: the latest step would have had without a stop; time after which no step ends; length of the step
+#: that has not begun because it would, else 0.
+TIME, LENGTH, UNTIL, LONGEST, TARGET, FULL, MAX_END, WAITING = range(8)
 
 #: Items of ``counts``: steps, evaluations of all fluxes, stages of the latest step, steps after
 #: which fluxes were reduced so that no cell has less than nothing.
@@ -123,7 +124,7 @@ class CellState:
             at the start of the step [m/s], float32, maps of faces.
         kind: 0 for ground, and 1 + ``BORDER``, ``HOLES`` or ``SEA``, uint8, a map.
         box: First and last row, first and last column of the window, int32, shape [4].
-        clock: Times (``TIME`` and following) [s], float64, shape [6].
+        clock: Times (``TIME`` and following) [s], float64, shape [8].
         counts: Counts (``STEPS`` and following), int32, shape [4].
         peaks: ``THICKEST`` [m] and ``RATE``, the stiffness of the latest step [1/s], float64.
         left: Volume over the cell area [m] that has left by ``BORDER``, ``HOLES``, ``SEA``,
@@ -174,12 +175,12 @@ class CellState:
             weight: Density times gravity [N/m3].
             film: Thickness below which lava does not flow [m].
             lava: The material.
-            cosine_squared: Function from slopes of the ground, rise over run, to cos^2 (``steep``);
-                None without.
+            cosine_squared: Function from slopes of the ground, rise over run, to cos^2; None
+                without ``steep``.
         """
         heights = ringed_heights(terrain)
         shape = heights.shape
-        sizes = {'box': 4, 'vent_box': 4, 'clock': 6, 'counts': 4, 'peaks': 2, 'left': 3}
+        sizes = {'box': 4, 'vent_box': 4, 'clock': 8, 'counts': 4, 'peaks': 2, 'left': 3}
         arrays = {
             name: wp.zeros(sizes.get(name, shape), dtype=item.type.dtype, device=device)
             for name, item in Cells.vars.items()
@@ -187,6 +188,7 @@ class CellState:
         }
         law = filled(FaceLaw(), law_values(lava))
         state = cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
+        state.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0])
         state.kind.assign(_kinds(terrain))
         state.lay_ground(heights, cosine_squared)
         return state

@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The solver's grid: cells of 2^k times the size of a terrain's, and maps between both."""
+
+import math
+
+import numpy as np
+
+from lava_ros.scene import Terrain
+from lava_ros.simulation.particles.terrain import averaged
+from lava_ros.simulation.setup.coarse_ground import halve_ground, subdivide_ground
+
+
+def grid_of(terrain: Terrain, spacing: float) -> Terrain:
+    """Return the ground on cells of 2^k times the terrain's size, the nearest to a spacing [m].
+
+    The ground is the B-spline of the terrain, as for particles. Cells are not larger than the
+    terrain allows, which needs two along each side.
+    """
+    grid = terrain
+    doublings = round(math.log2(spacing / terrain.resolution))
+    for _ in range(doublings):
+        if min(grid.shape) < 4:
+            break
+        grid = halve_ground(grid)
+    for _ in range(-doublings):
+        grid = subdivide_ground(grid)
+    return grid
+
+
+def on_terrain(values: np.ndarray, grid: Terrain, terrain: Terrain) -> np.ndarray:
+    """Return a map of the solver's cells on those of the terrain, with the same sum of volume."""
+    if values.shape == terrain.shape:
+        return values
+    return averaged(values, grid, terrain)
+
+
+def deposit(grid: Terrain, places: np.ndarray, amounts: np.ndarray) -> np.ndarray:
+    """Distribute amounts at places over the four cells around each, bilinear.
+
+    What would be on cells outside of the ground goes to the cell of the place.
+
+    Args:
+        grid: The solver's cells.
+        places: Map positions (x, y) [m], shape [count, 2], on cells of ground.
+        amounts: Amounts, shape [count].
+
+    Returns:
+        Sums of the amounts, float64, shape [rows, columns].
+    """
+    rows, columns = grid.shape
+    place = (places - grid.origin) / grid.resolution
+    own = np.floor(place).astype(int)
+    own = np.clip(own[:, 1], 0, rows - 1) * columns + np.clip(own[:, 0], 0, columns - 1)
+    low = np.floor(place - 0.5).astype(int)
+    part = place - 0.5 - low
+    total = np.zeros(rows * columns)
+    is_ground = grid.has_data.ravel()
+    for right in (0, 1):
+        for up in (0, 1):
+            i, j = low[:, 1] + up, low[:, 0] + right
+            share = amounts * np.abs(1 - right - part[:, 0]) * np.abs(1 - up - part[:, 1])
+            inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+            cell = np.where(inside, i * columns + j, own)
+            cell = np.where(is_ground[cell], cell, own)
+            total += np.bincount(cell, weights=share, minlength=total.size)
+    return total.reshape(rows, columns)
