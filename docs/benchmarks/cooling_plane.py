@@ -225,10 +225,11 @@ class Tracers:
         speeds = []
         for axis, flux in ((1, fluxes[0]), (0, fluxes[1])):
             h = np.moveaxis(0.5 * (before + after), axis, 0)
-            both, giving = 0.5 * (h[:-1] + h[1:]), np.where(flux.swapaxes(0, axis) > 0.0, h[:-1], h[1:])
+            passed = np.moveaxis(flux, axis, 0)
+            both, giving = 0.5 * (h[:-1] + h[1:]), np.where(passed > 0.0, h[:-1], h[1:])
             is_even = np.minimum(h[:-1], h[1:]) > 0.3 * np.maximum(h[:-1], h[1:])
             depth = np.maximum(np.where(is_even, both, giving), THIN)
-            speed = np.clip(np.moveaxis(flux, axis, 0) / depth, -1.0, 1.0)
+            speed = np.clip(passed / depth, -1.0, 1.0)
             edge = np.zeros((1, speed.shape[1]))
             speeds.append(np.moveaxis(np.concatenate([edge, speed, edge]), 0, axis))
         start, place = self.place, self.place

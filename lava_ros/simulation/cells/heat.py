@@ -24,7 +24,6 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from lava_ros.effects import Effects
@@ -288,7 +287,8 @@ _PARTS = {
     'SPEED': """
         const float mean = larger(0.5f * (former[p] + h), film);
         const float x = gx[p - 1] + gx[p], y = gy[p - w] + gy[p];
-        column.speed = 0.5f * s.cell * __builtin_sqrtf(x * x + y * y) / (mean * larger(step, 1e-9f));
+        column.speed = 0.5f * s.cell * __builtin_sqrtf(x * x + y * y)
+            / (mean * larger(step, 1e-9f));
     """,
     'DROP': 'column.drop = descent[p] / larger(step, 1e-9f);',
     'AGE': """

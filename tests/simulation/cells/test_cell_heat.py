@@ -117,11 +117,13 @@ def centres(half):
 def slide(lava, effects, turn, *, emits=False):
     """Return a hot and a warm half of a mound on a slope of 6 degrees, far from all borders."""
     x, y = centres(150.0)
-    along, across = x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn)
+    along = x * math.cos(turn) + y * math.sin(turn)
+    across = y * math.cos(turn) - x * math.sin(turn)
     thickness = 2.0 * (np.hypot(along + 60.0, across) < 30.0)
     temperature = np.where(across > 0.0, HOT, WARM)
     rate = (np.hypot(along + 60.0, across) < 15.0) * 1e-3 if emits else None
-    return Flow(lava, effects, -math.tan(math.radians(6.0)) * along, thickness, temperature, rate=rate)
+    ground = -math.tan(math.radians(6.0)) * along
+    return Flow(lava, effects, ground, thickness, temperature, rate=rate)
 
 
 @pytest.mark.parametrize('turn', TURNS)
