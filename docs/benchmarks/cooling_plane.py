@@ -66,7 +66,8 @@ def cooling_flow(
 
     def cooled(hot: np.ndarray, depth: np.ndarray, step: float) -> np.ndarray:
         stored = capacity * np.maximum(depth, 1e-9) * np.maximum(hot - ambient, 1e-9)
-        return ambient + (hot - ambient) * np.exp(-surface_loss(lava, hot, ambient) / stored * step)
+        rate = surface_loss(lava, hot, ambient) / stored
+        return ambient + (hot - ambient) * np.exp(-rate * step)
 
     time = 0.0
     while time < until:

@@ -230,8 +230,10 @@ _DESCENT = """
         return a + b > 0.0f ? g * fall / most(a + b, 1e-9f) : 0.0f;
     };
     for (long p = i * w + first; p <= i * w + last; ++p)
-        descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1]) + fallen(p, p + 1, gx[p], drop_x[p])
-            + fallen(p - w, p, gy[p - w], drop_y[p - w]) + fallen(p, p + w, gy[p], drop_y[p]);
+        descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1])
+            + fallen(p, p + 1, gx[p], drop_x[p])
+            + fallen(p - w, p, gy[p - w], drop_y[p - w])
+            + fallen(p, p + w, gy[p], drop_y[p]);
 """
 
 #: The column of each cell; returns 1 if one is colder than the solidus.
