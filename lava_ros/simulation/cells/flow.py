@@ -27,7 +27,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
-from lava_ros.simulation.cells.state import Cells, FaceLaw
+from lava_ros.simulation.cells.state import Cells, FaceLaw, TARGET, TIME
 
 #: Maximum number of stages of a step.
 MAX_STAGES = 99
@@ -442,10 +442,30 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
 
     @wp.func
     def step(s: Cells):
-        # what a native function calls has to be compiled before it
-        if wp.static(law is not None):  # noqa: SIM102, the static test decides what is compiled
+        if wp.static(law is not None):  # noqa: SIM102, what is called is compiled before
             if s.rows < 0:
                 law(s.law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         take_step(s)
 
     return step
+
+
+@lru_cache
+def step_kernel(effects: Effects, *, is_uniform: bool = True) -> Any:
+    """Return the kernel that takes steps on a CPU, of lava whose viscosity does not change.
+
+    It ends at ``clock[TARGET]``, or after a number of steps.
+    """
+    step = step_function(effects, is_uniform=is_uniform)
+
+    @wp.kernel(
+        module='unique', enable_backward=False, grid_stride=False,
+        module_options={'enable_backward': False},
+    )
+    def take_steps(s: Cells, most: int):
+        for _ in range(most):
+            if s.clock[TIME] >= s.clock[TARGET]:
+                break
+            step(s)
+
+    return take_steps

@@ -32,7 +32,8 @@ from lava_ros.effects.heat import heat_of, heat_type, warming_function
 from lava_ros.effects.laws import law_of, law_type, strength_function, viscosity_function
 from lava_ros.scene import Scene
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
-from lava_ros.simulation.cells.state import Cells, CellState
+from lava_ros.simulation.cells.flow import step_function
+from lava_ros.simulation.cells.state import Cells, CellState, WAITING
 from lava_ros.simulation.particles.terrain import ringed_heights
 
 _REAL = wp.float32
@@ -442,28 +443,30 @@ def heat_functions(effects: Effects) -> HeatFunctions:
 
 
 @lru_cache
-def heat_function(effects: Effects) -> Any:
-    """Return the device function that heats and cools all lava after a step, on a CPU.
-
-    Its arguments: ``Cells``, ``Heat``, and the window of the step.
-    """
+def heated_step_function(effects: Effects) -> Any:
+    """Return the device function that takes a step of lava that carries heat on a CPU."""
+    step = step_function(effects, is_uniform=False)
     functions = heat_functions(effects)
     transport, exchange = functions.transport, functions.exchange
     freeze, raise_ground = functions.freeze, functions.raise_ground
     freezes = effects.any('freezes')
 
     @wp.func
-    def heat(s: Cells, m: Heat, box: wp.vec4i):
-        # the step passes nothing at the edge of its window
-        first, last = box[2] + 1, box[3] - 1
-        for i in range(box[0] + 1, box[1]):
-            transport(s, m, i, first, last)
-        for i in range(box[0] + 1, box[1]):
-            cold = exchange(s, m, i, first, last)
-            if wp.static(freezes):  # noqa: SIM102, the static test decides what is compiled
-                if cold != 0:
-                    freeze(s, m, i, first, last)
+    def heated_step(s: Cells, m: Heat):
+        # within the edge of the window, at which the step passes nothing
+        top, bottom = s.box[0] + 1, s.box[1] - 1
+        left, right = s.box[2] + 1, s.box[3] - 1
+        step(s)
+        if s.clock[WAITING] > wp.float64(0.0):
+            return
+        for i in range(top, bottom + 1):
+            transport(s, m, i, left, right)
+        for i in range(top, bottom + 1):
+            cold = exchange(s, m, i, left, right)
+            if wp.static(freezes):  # noqa: SIM102, the static test decides
+                if cold == 1:
+                    freeze(s, m, i, left, right)
                     for row in range(i - 1, i + 2):
-                        raise_ground(s, m, row, first - 1, last + 1)
+                        raise_ground(s, m, row, left - 1, right + 1)
 
-    return heat
+    return heated_step

@@ -3,7 +3,6 @@
 
 """Vents on cells: the rate at which each cell of the grid receives lava."""
 
-
 import math
 
 import numpy as np
@@ -41,7 +40,6 @@ class CellVents:
         """
         self.vents, self.since = vents, since
         self.weights = [_weights_of(vent, grid, rise) for vent in vents]
-        self._openings = [vent.next_opening(since) for vent in vents]
 
     def rates(self, time: float) -> np.ndarray:
         """Return the discharge of each vent from a time until the next change [m3/s]."""
@@ -55,10 +53,6 @@ class CellVents:
     def emitted(self, time: float) -> float:
         """Return the volume [m3] that the vents have emitted from ``since`` to a time [s]."""
         return sum(vent.volume_between(self.since, time) for vent in self.vents)
-
-    def emits_by(self, time: float) -> bool:
-        """Return True if a vent emits before a time [s]."""
-        return any(vent.next_opening(self.since) < time for vent in self.vents)
 
 
 def _weights_of(vent: Vent, grid: Terrain, rise: float) -> tuple[np.ndarray, np.ndarray]:

@@ -15,8 +15,12 @@ from lava_ros.effects import compatible, EFFECTS, load
 from lava_ros.effects.heat import host_temperature
 from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.cells.flow import step_function
-from lava_ros.simulation.cells.heat import Heat, heat_function, heat_functions, HeatState
+from lava_ros.simulation.cells.heat import (
+    Heat,
+    heat_functions,
+    heated_step_function,
+    HeatState,
+)
 from lava_ros.simulation.cells.state import Cells, CellState, LENGTH, TARGET, TIME
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY
@@ -94,16 +98,14 @@ class Flow:
 
 
 def _kernel(effects):
-    step, heat = step_function(effects, is_uniform=False), heat_function(effects)
+    step = heated_step_function(effects)
 
     @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
     def take_steps(s: Cells, m: Heat, most: int):
         for _ in range(most):
             if s.clock[TIME] >= s.clock[TARGET]:
                 break
-            box = wp.vec4i(s.box[0], s.box[1], s.box[2], s.box[3])
-            step(s)
-            heat(s, m, box)
+            step(s, m)
 
     return take_steps
 

@@ -1,0 +1,325 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The lava of a simulation on cells: its arrays, and what others read of them."""
+
+from dataclasses import dataclass, replace
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.effects.laws import Rheology
+from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.graph import Launches
+from lava_ros.simulation.cells.grid import grid_of, on_terrain
+from lava_ros.simulation.cells.heat import HeatState
+from lava_ros.simulation.cells.state import (
+    CellState,
+    EVALUATIONS,
+    FULL,
+    LENGTH,
+    STAGES,
+    STEPS,
+    THICKEST,
+    TIME,
+)
+from lava_ros.simulation.cells.vents import CellVents
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.covered_maps import CoveredCells, show_covered_cells
+from lava_ros.simulation.output.diagnostics import SHOWN
+from lava_ros.simulation.output.looks import Looks, Seen
+from lava_ros.simulation.output.snapshot import (
+    ParticleSample,
+    PendingSnapshot,
+    Snapshot,
+    StepReport,
+)
+from lava_ros.simulation.output.window import Window
+from lava_ros.simulation.particles.layout import HOLES, SEA
+from lava_ros.simulation.particles.terrain import ringed_heights
+
+#: Thickness below which lava does not flow, over the expected thickness of the flow up to 1 m.
+FILM = 1e-6
+
+
+class _Maps:
+    """Arrays of the terrain's cells (``layout.CELL_MAPS``), and the launches over them."""
+
+    extent = 0
+
+    def __init__(self, device: Any) -> None:
+        self.device, self.launches = device, Launches(device)
+
+
+@dataclass
+class Columns:
+    """Lava on the cells of a grid, float64, shape [rows, columns].
+
+    Attributes:
+        thickness: Thickness of the flowing lava [m].
+        temperature: Its temperature [K].
+        emission_time: Its mean time of emission [s].
+        solidified: Thickness of the solidified lava [m].
+    """
+
+    thickness: np.ndarray
+    temperature: np.ndarray
+    emission_time: np.ndarray
+    solidified: np.ndarray
+
+
+class CellLava:
+    """Lava on cells.
+
+    Attributes:
+        scene: The current scene.
+        effects: The effects that are on.
+        accuracy: The resolution, without automatic values.
+        device: The Warp device, a CPU.
+        grid: The ground on the solver's cells.
+        state: Arrays of the flow, and the clock.
+        heat: Temperature and age of the lava, and the ground that it has become.
+        covered: What lava has covered of each cell of the terrain.
+        vents: The vents on the cells.
+        volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
+        most_particles: Largest number of cells with lava at any count so far.
+    """
+
+    vents: CellVents
+
+    def __init__(
+        self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
+    ) -> None:
+        """Allocate the arrays; arguments as for ``CellSolver``."""
+        self.scene, self.effects, self.accuracy, self.device = scene, effects, accuracy, device
+        assert accuracy.thickness is not None
+        self._film = FILM * min(accuracy.thickness, 1.0)
+        self.volume_before, self.most_particles = 0.0, 0
+        self._maps = _Maps(device)
+        self.covered = CoveredCells(scene.terrain, device)
+        self._place_terrain()
+
+    def _place_terrain(self) -> None:
+        """Make the arrays of the grid for the terrain of the scene."""
+        terrain = self.scene.terrain
+        assert self.accuracy.spacing is not None
+        self.grid = grid_of(terrain, self.accuracy.spacing)
+        lava = self.scene.lava
+        self.state = CellState.on(
+            self.grid, self.device, lava=lava, weight=lava.density * self.scene.gravity,
+            film=self._film,
+        )
+        self.heat = HeatState.on(self.state, self.scene, self.effects)
+        # solidified lava in all, so that the number of maps does not depend on effects
+        self.grids = wp.zeros(
+            (3 + len(SHOWN), *terrain.shape), dtype=wp.float32, device=self.device
+        )
+        self.grids.numpy()[:, ~terrain.has_data] = np.nan
+        # times of cells that lava has not reached
+        self.grids.numpy()[-2:] = np.nan
+        self.window = Window(terrain.shape, 2)
+        self._known = wp.array(
+            terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=self.device
+        )
+
+    def _cover(self) -> None:
+        """Continue to record what lava covers on the cells of the terrain."""
+        terrain = self.scene.terrain
+        solid = on_terrain(_inner(self.heat.frozen), self.grid, terrain)
+        self.covered.move(terrain, solid, self.accuracy.inundation_threshold)
+        self.covered.attach(self._maps)
+
+    def columns(self) -> Columns:
+        """Copy the lava."""
+        heat = self.heat
+        return Columns(self.state.map_of('thickness'), *(
+            _inner(array) for array in (heat.temperature, heat.emission_time, heat.frozen)
+        ))
+
+    def put(self, lava: Columns) -> None:
+        """Replace the lava and the ground that it has become."""
+        state, heat = self.state, self.heat
+        for array, values in (
+            (state.thickness, lava.thickness), (state.stage, lava.thickness),
+            (heat.former, lava.thickness), (heat.frozen, lava.solidified),
+        ):
+            array.assign(np.pad(values, 1).astype(array.numpy().dtype))
+        for array, values in (
+            (heat.temperature, lava.temperature), (heat.emission_time, lava.emission_time),
+        ):
+            array.assign(np.pad(values, 1, mode='edge'))
+        state.peaks.assign([float(lava.thickness.max(initial=0.0)), 0.0])
+        cosine = self.effects.function('cosine', 0.0)
+        ground = ringed_heights(self.grid) + np.pad(lava.solidified, 1)
+        state.lay_ground(ground, None if cosine is None else self._cosine_squared)
+        self._write_laws()
+
+    def _cosine_squared(self, slope: np.ndarray) -> np.ndarray:
+        return np.square(self.effects.function('cosine', slope))
+
+    def _write_laws(self) -> None:
+        """Write viscosity and yield strength of all cells by their temperature and age."""
+        rheology, temperature = Rheology(self.scene.lava, self.effects), self.heat.temperature
+        found, which = np.unique(temperature.numpy().astype(np.float32), return_inverse=True)
+        which = which.reshape(temperature.shape)
+        values = [1.0 / rheology.viscosity_at(float(one)) for one in found]
+        self.state.fluidity.assign(np.array(values, dtype=np.float32)[which])
+        values = [rheology.strength_at(float(one)) for one in found]
+        self.state.strength.assign(np.array(values, dtype=np.float32)[which])
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.state.clock.numpy()[TIME])
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps so far."""
+        return int(self.state.counts.numpy()[STEPS])
+
+    @property
+    def count(self) -> int:
+        """Number of cells with lava that flows."""
+        count = int((self.state.thickness.numpy() > self._film).sum())
+        self.most_particles = max(self.most_particles, count)
+        return count
+
+    @property
+    def capacity(self) -> int:
+        """Number of cells."""
+        return int(self.state.thickness.size)
+
+    @property
+    def particle_volume(self) -> float:
+        """Volume of lava of the expected thickness on a cell [m3]."""
+        assert self.accuracy.thickness is not None
+        return self.grid.resolution**2 * self.accuracy.thickness
+
+    @property
+    def radius(self) -> float:
+        """Distance between cells that exchange lava [m]."""
+        return self.grid.resolution
+
+    @property
+    def column_spacing(self) -> float:
+        """Distance between the columns into which emplaced lava is divided [m]."""
+        return 0.25 * self.grid.resolution
+
+    @property
+    def is_bare(self) -> bool:
+        """True if no cell has lava that flows."""
+        return bool(self.state.peaks.numpy()[THICKEST] <= self._film)
+
+    def emitted_fraction(self, until: float) -> float:
+        """Return the volume of all lava so far over that at a later time [s]."""
+        volume = self.volume_before + self.vents.emitted(self.time)
+        later = sum(vent.volume_between(self.time, until) for vent in self.scene.vents)
+        return float(volume / max(volume + later, 1e-30))
+
+    def draw_maps(self) -> Any:
+        """Map the lava; return all of it, its temperature, the solidified part, and ``SHOWN``."""
+        terrain, maps, lava = self.scene.terrain, self.grids.numpy(), self.columns()
+        flowing, solid, warmth = (
+            on_terrain(values, self.grid, terrain)
+            for values in (lava.thickness, lava.solidified, lava.thickness * lava.temperature)
+        )
+        known = terrain.has_data
+        total = (flowing + solid).astype(np.float32)
+        solidus = self.scene.lava.solidus
+        with np.errstate(invalid='ignore', divide='ignore'):
+            temperature = np.where(flowing > 0.0, warmth / flowing, solidus)
+        maps[0][known], maps[2][known] = total[known], solid[known]
+        maps[1] = np.where(known & (total > 0.0), temperature, np.nan)
+        show_covered_cells(self._maps, self.grids[-len(SHOWN) :], self.window)
+        return self.grids
+
+    def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
+        """Map the flow; a CPU has done so when this returns."""
+        maps, terrain, budget = self.draw_maps().numpy().copy(), self.scene.terrain, self.budget()
+        inundated, half_inundated, arrived = maps[-len(SHOWN) :]
+        thin = np.sum(maps[0], where=np.isnan(arrived) & (maps[0] > 0.0), dtype=np.float64)
+        counts, clock = self.state.counts.numpy(), self.state.clock.numpy()
+        freezes = self.effects.any('freezes') or bool(budget.frozen)
+        snapshot = Snapshot(
+            time=self.time, terrain=terrain, thickness=maps[0], temperature=maps[1],
+            budget=replace(budget, thin=float(thin) * terrain.resolution**2),
+            particle_count=self.count,
+            steps=StepReport(
+                count=int(counts[STEPS]), evaluations=int(counts[EVALUATIONS]),
+                stages=int(counts[STAGES]), length=float(clock[FULL]), limit='diffusion',
+            ),
+            frozen=maps[2] if freezes else None,
+            arrived=arrived, half_inundated=half_inundated, inundated=inundated,
+            threshold=self.accuracy.inundation_threshold,
+        )
+        return PendingSnapshot(lambda: snapshot)
+
+    def budget(self) -> VolumeBudget:
+        """Return the budget of the lava's volume."""
+        area = self.grid.resolution**2
+        left = self.state.left.numpy() * area
+        return VolumeBudget(
+            emitted=self.volume_before + self.vents.emitted(self.time),
+            held=float(self.state.thickness.numpy().sum()) * area, pending=0.0,
+            left=float(left.sum()), frozen=float(self.heat.frozen.numpy().sum()) * area,
+            in_holes=float(left[HOLES]), in_sea=float(left[SEA]),
+        )
+
+    def look(self, looks: Looks) -> None:
+        """Add the current flow to looks."""
+        self.draw_maps()
+        looks.take(self._maps, self._known, self)
+
+    def seen(self, looks: Looks, *, where_wet: bool) -> Seen:
+        """Return the results of looks so far, for all cells or those that lava can reach."""
+        rows, columns = self.scene.terrain.shape
+        part = slice(0, rows), slice(0, columns)
+        return looks.seen(self._maps, self.window.rectangle(self._maps) if where_wet else part)
+
+    def sample(self) -> ParticleSample:
+        """Return the cells with lava as columns at their middles."""
+        grid, lava = self.grid, self.columns()
+        i, j = np.nonzero(lava.thickness > self._film)
+        own = lava.thickness[i, j]
+        per_time = grid.resolution / max(float(self.state.clock.numpy()[LENGTH]), 1e-30)
+        east, north = self.state.flux_x.numpy(), self.state.flux_y.numpy()
+        # faces on both sides of the cell, in maps with a ring
+        passed = np.stack([
+            east[i + 1, j] + east[i + 1, j + 1], north[i, j + 1] + north[i + 1, j + 1],
+        ], axis=1)
+        return ParticleSample(
+            position=np.column_stack([j + 0.5, i + 0.5]) * grid.resolution + grid.origin,
+            volume=own * grid.resolution**2,
+            temperature=lava.temperature[i, j],
+            thickness=own,
+            velocity=0.5 * passed * per_time / own[:, None],
+        )
+
+    read_sample = sample
+
+
+def mixed(columns: Columns, into: Any) -> Columns:
+    """Return lava on other cells: volume and solidified volume are kept, and the heat with them.
+
+    ``into`` converts a map from the former cells to the new ones, and keeps its sum per area.
+    """
+    thickness = into(columns.thickness)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        temperature, emission_time = (
+            np.where(
+                thickness > 0.0, into(columns.thickness * values) / thickness,
+                values.max(initial=-math.inf),
+            )
+            for values in (columns.temperature, columns.emission_time)
+        )
+    return Columns(thickness, temperature, emission_time, into(columns.solidified))
+
+
+def _inner(array: Any) -> np.ndarray:
+    """Copy a map without its ring to the host."""
+    values: np.ndarray = array.numpy()
+    return values[1:-1, 1:-1].copy()
