@@ -24,7 +24,6 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from lava_ros.effects import Effects
@@ -34,7 +33,7 @@ from lava_ros.effects.laws import law_of, law_type, strength_function, viscosity
 from lava_ros.scene import Scene
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells.flow import step_function
-from lava_ros.simulation.cells.state import Cells, CellState, TARGET, TIME, WAITING
+from lava_ros.simulation.cells.state import Cells, CellState, WAITING
 from lava_ros.simulation.particles.terrain import ringed_heights
 
 _REAL = wp.float32
@@ -181,12 +180,11 @@ _TRANSPORT = """
             const float lava = before[p];
             const float fresh = (float)source[p] * step;
             const float own = fresh > 0.0f ? (float)(fresh_value(p) - value[p]) : 0.0f;
-            float total = fresh * own
+            const float total = fresh * own
                 + brought(from_west, lava, west, at(p - 2), east)
                 + brought(from_east, lava, east, at(p + 2), west)
                 + brought(from_below, lava, below, at(p - south), above)
                 + brought(from_above, lava, above, at(p + north), below);
-            CONDUCTION
             // more may pass through a cell in a step than it contains
             const float a = from_west > 0.0f ? west.value : 0.0f;
             const float b = from_east > 0.0f ? east.value : 0.0f;
@@ -195,7 +193,9 @@ _TRANSPORT = """
             const float low = least(least(least(a, b), least(c, d)), least(own, 0.0f));
             const float high = most(most(most(a, b), most(c, d)), most(own, 0.0f));
             const float h = (float)after[p];
-            change[p] = h > 0.0f ? least(most(total / most(h, 1e-9f), low), high) : 0.0f;
+            float moved = least(most(total / most(h, 1e-9f), low), high);
+            CONDUCTION
+            change[p] = h > 0.0f ? moved : 0.0f;
         }
     };
     const float* __restrict given = m.vent_temperature.data;
@@ -216,7 +216,8 @@ _CONDUCTION = """
                 const float both = v.lava + lava;
                 return both > 0.0f ? spread * v.lava * lava / both * v.value : 0.0f;
             };
-            total += conducted(west) + conducted(east) + conducted(below) + conducted(above);
+            moved += (conducted(west) + conducted(east) + conducted(below) + conducted(above))
+                / most(h, 1e-9f);
 """
 
 #: Height by which the lava of a cell falls: that of the potential energy lost at its faces.
@@ -230,8 +231,10 @@ _DESCENT = """
         return a + b > 0.0f ? g * fall / most(a + b, 1e-9f) : 0.0f;
     };
     for (long p = i * w + first; p <= i * w + last; ++p)
-        descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1]) + fallen(p, p + 1, gx[p], drop_x[p])
-            + fallen(p - w, p, gy[p - w], drop_y[p - w]) + fallen(p, p + w, gy[p], drop_y[p]);
+        descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1])
+            + fallen(p, p + 1, gx[p], drop_x[p])
+            + fallen(p - w, p, gy[p - w], drop_y[p - w])
+            + fallen(p, p + w, gy[p], drop_y[p]);
 """
 
 #: The column of each cell; returns 1 if one is colder than the solidus.
@@ -287,7 +290,8 @@ _PARTS = {
     'SPEED': """
         const float mean = larger(0.5f * (former[p] + h), film);
         const float x = gx[p - 1] + gx[p], y = gy[p - w] + gy[p];
-        column.speed = 0.5f * s.cell * __builtin_sqrtf(x * x + y * y) / (mean * larger(step, 1e-9f));
+        column.speed = 0.5f * s.cell * __builtin_sqrtf(x * x + y * y)
+            / (mean * larger(step, 1e-9f));
     """,
     'DROP': 'column.drop = descent[p] / larger(step, 1e-9f);',
     'AGE': """
@@ -317,24 +321,39 @@ _FREEZE = """
 
 #: Faces of a part of a row, by the ground with the solidified lava.
 _RAISE = """
-    const long w = s.stride;
-    const float per_cell = 1.0f / s.cell;
-    auto z = [&](long p) { return m.elevation.data[p] + m.frozen.data[p]; };
-    for (long p = i * w + first; p <= i * w + last; ++p) {
-        const float drop_x = (float)(z(p) - z(p + 1)), drop_y = (float)(z(p) - z(p + w));
-        const float cross_x = 0.25f * per_cell * (float)(
-            z(p + w) - z(p - w) + z(p + w + 1) - z(p - w + 1));
-        const float cross_y = 0.25f * per_cell * (float)(
-            z(p + 1) - z(p - 1) + z(p + w + 1) - z(p + w - 1));
-        s.drop_x.data[p] = drop_x, s.drop_y.data[p] = drop_y;
-        s.cross_x.data[p] = cross_x, s.cross_y.data[p] = cross_y;
-        FACTOR
+    const long w = s.stride, last_row = s.rows - 1;
+    const double per_cell = 1.0 / s.cell;
+    auto z = [&](long row, long j) {
+        return m.elevation.data[row * w + j] + m.frozen.data[row * w + j];
+    };
+    auto eastward = [&](long row, long j) {
+        const long a = j > 0 ? j - 1 : j, b = j < w - 1 ? j + 1 : j;
+        return (z(row, b) - z(row, a)) * per_cell / (b - a);
+    };
+    auto northward = [&](long row, long j) {
+        const long a = row > 0 ? row - 1 : row, b = row < last_row ? row + 1 : row;
+        return (z(b, j) - z(a, j)) * per_cell / (b - a);
+    };
+    for (long j = first; j <= last; ++j) {
+        const long p = i * w + j;
+        if (j < w - 1) {
+            const double drop = z(i, j) - z(i, j + 1);
+            const double cross = 0.5 * (northward(i, j) + northward(i, j + 1));
+            s.drop_x.data[p] = (float)drop, s.cross_x.data[p] = (float)cross;
+            FACTOR_X
+        }
+        if (i < last_row) {
+            const double drop = z(i, j) - z(i + 1, j);
+            const double cross = 0.5 * (eastward(i, j) + eastward(i + 1, j));
+            s.drop_y.data[p] = (float)drop, s.cross_y.data[p] = (float)cross;
+            FACTOR_Y
+        }
     }
 """
 
 _FACTOR = """
-        s.factor_x.data[p] = CALL(wp::vec_t<2, float>(drop_x * per_cell, cross_x));
-        s.factor_y.data[p] = CALL(wp::vec_t<2, float>(drop_y * per_cell, cross_y));
+            s.factor_AXIS.data[p] = CALL(wp::vec_t<2, float>(
+                (float)(drop * per_cell), (float)cross));
 """
 
 
@@ -379,7 +398,10 @@ def heat_functions(effects: Effects) -> HeatFunctions:
         exchanging = exchanging.replace(name, part)
     if not has_age:
         exchanging = exchanging.replace('age + step', '0.0f').replace('age, step', '0.0f, step')
-    raising = _RAISE.replace('FACTOR', _FACTOR if factor else '')
+    raising = _RAISE
+    for axis in 'XY':
+        part = _FACTOR.replace('AXIS', axis.lower()) if factor else ''
+        raising = raising.replace(f'FACTOR_{axis}', part)
     raising = raising.replace('CALL', factor.native_func if factor else '')
 
     @wp.func_native(f'{{{moving}{_DESCENT if falls else ""}}}')
@@ -460,24 +482,3 @@ def heated_step_function(effects: Effects) -> Any:
                         raise_ground(s, m, row, left - 1, right + 1)
 
     return heated_step
-
-
-@lru_cache
-def heated_step_kernel(effects: Effects) -> Any:
-    """Return the kernel that takes steps of lava that carries heat on a CPU.
-
-    It ends at ``clock[TARGET]``, or after a number of steps.
-    """
-    step = heated_step_function(effects)
-
-    @wp.kernel(
-        module='unique', enable_backward=False, grid_stride=False,
-        module_options={'enable_backward': False},
-    )
-    def take_heated_steps(s: Cells, m: Heat, most: int):
-        for _ in range(most):
-            if s.clock[TIME] >= s.clock[TARGET]:
-                break
-            step(s, m)
-
-    return take_heated_steps
