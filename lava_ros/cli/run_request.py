@@ -67,8 +67,8 @@ def request_of(args: argparse.Namespace) -> Request:
         until=until,
         times=_map_times(args, until),
         settings={
-            'method': args.method, 'preset': args.preset, 'spacing_m': args.spacing, 'within_s': within,
-            'threshold_m': args.threshold,
+            'method': args.method, 'preset': args.preset, 'spacing_m': args.spacing,
+            'within_s': within, 'threshold_m': args.threshold,
         },
         accuracy=accuracy,
         forced=forced,

@@ -177,7 +177,7 @@ class CellSolver(CellLava):
             hot[:] = hottest
         self.heat.vent_temperature.assign(np.pad(hot, 1).astype(np.float32))
         state.vent_box.assign(_box_of(ringed > 0.0))
-        wet = _box_of((ringed > 0.0) | (state.thickness.numpy() > 0.0))
+        wet = _box_of((ringed > 0.0) | (state.stage.numpy() > np.float32(state.film)))
         if wet[1] >= wet[0]:
             last = np.repeat(np.array(ringed.shape, dtype=np.int32) - 1, 2)
             wet = np.clip(wet + np.array([-2, 2, -2, 2], dtype=np.int32), 0, last)
@@ -333,7 +333,7 @@ class CellSolver(CellLava):
         self._note()
 
     def save(self) -> dict[str, np.ndarray]:
-        """Copy all arrays that are needed to continue, by name; columns as particles, to look at."""
+        """Copy all arrays that are needed to continue, by name, and the columns as particles."""
         sample = self.sample()
         rows = np.column_stack([
             sample.position - centre_of(self.scene.terrain), sample.volume, sample.temperature
