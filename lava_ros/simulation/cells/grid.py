@@ -45,33 +45,42 @@ def on_terrain(
     return averaged(values, grid, terrain)[part]
 
 
-def deposit(grid: Terrain, places: np.ndarray, amounts: np.ndarray) -> np.ndarray:
-    """Distribute amounts at places over the four cells around each, bilinear.
+def deposit(
+    grid: Terrain, places: np.ndarray, amounts: np.ndarray, side: float
+) -> np.ndarray:
+    """Distribute the amounts of square columns over cells, by their common areas.
 
-    What would be on cells outside of the ground goes to the cell of the place.
+    Columns on a lattice of their side are an even layer on the cells. What would be on cells
+    outside of the ground goes to the cell of the place.
 
     Args:
         grid: The solver's cells.
-        places: Map positions (x, y) [m], shape [count, 2], on cells of ground.
+        places: Map positions (x, y) of the middles [m], shape [count, 2], on cells of ground.
         amounts: Amounts, shape [count].
+        side: Side of a column [m].
 
     Returns:
         Sums of the amounts, float64, shape [rows, columns].
     """
     rows, columns = grid.shape
-    place = (places - grid.origin) / grid.resolution
+    place, width = (places - grid.origin) / grid.resolution, side / grid.resolution
     own = np.floor(place).astype(int)
     own = np.clip(own[:, 1], 0, rows - 1) * columns + np.clip(own[:, 0], 0, columns - 1)
-    low = np.floor(place - 0.5).astype(int)
-    part = place - 0.5 - low
-    total = np.zeros(rows * columns)
-    is_ground = grid.has_data.ravel()
-    for right in (0, 1):
-        for up in (0, 1):
-            i, j = low[:, 1] + up, low[:, 0] + right
-            share = amounts * np.abs(1 - right - part[:, 0]) * np.abs(1 - up - part[:, 1])
+    start, end = place - 0.5 * width, place + 0.5 * width
+    first = np.floor(start).astype(int)
+    total, is_ground = np.zeros(rows * columns), grid.has_data.ravel()
+    across = range(math.ceil(width) + 1)
+    # fractions of a column in a column and in a row of cells
+    parts = [
+        np.maximum(np.minimum(end, first + n + 1) - np.maximum(start, first + n), 0.0) / width
+        for n in across
+    ]
+    for right in across:
+        for up in across:
+            j, i = first[:, 0] + right, first[:, 1] + up
+            part = amounts * parts[right][:, 0] * parts[up][:, 1]
             inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
             cell = np.where(inside, i * columns + j, own)
             cell = np.where(is_ground[cell], cell, own)
-            total += np.bincount(cell, weights=share, minlength=total.size)
+            total += np.bincount(cell, weights=part, minlength=total.size)
     return total.reshape(rows, columns)

@@ -134,7 +134,9 @@ class CellSolver(CellLava):
                 where = tuple(particles.position[index].tolist())
                 raise LavaError(f'particles.position[{index}]', where, 'a place on the terrain')
             volume, hot = np.asarray(particles.volume), np.asarray(particles.temperature)
-            spread = partial(deposit, self.grid, particles.position)
+            spread = partial(
+                deposit, self.grid, particles.position, side=self.accuracy.spacing
+            )
             volumes = spread(volume)
             with np.errstate(invalid='ignore', divide='ignore'):
                 warm = spread(volume * hot) / volumes

@@ -215,9 +215,14 @@ class Trial:
         return self.simulation.sample()
 
     def field(self, window: Window) -> Field:
-        """Return the thickness [m] in a window, as in output grids, on cells of half a spacing."""
+        """Return the thickness [m] in a window, as in output grids, on cells of half a spacing.
+
+        The solver on cells has its own cells, those whose middles are in the window.
+        """
         simulation = self.simulation
         assert simulation.accuracy.spacing is not None
+        if simulation.accuracy.method == 'cells':
+            return _part(simulation, window)
         cell = 0.5 * simulation.accuracy.spacing
         x0, y0, x1, y1 = window
         rows, columns = int(np.ceil((y1 - y0) / cell)), int(np.ceil((x1 - x0) / cell))
@@ -267,6 +272,20 @@ class Trial:
             evaluations=snapshot.steps.evaluations, simulated_time=snapshot.time,
             wall_time=self._wall_time,
         )
+
+
+def _part(simulation: Simulation, window: Window) -> Field:
+    """Return the thickness on the solver's cells in a window."""
+    grid, thickness = simulation.solver.grid, simulation.solver.state.map_of('thickness')
+    part, origin = [], []
+    for low, high, start, count in zip(
+        window[:2], window[2:], grid.origin, thickness.shape[::-1], strict=True
+    ):
+        first, last = (round((edge - start) / grid.resolution) for edge in (low, high))
+        first = min(max(first, 0), count - 1)
+        part.append(slice(first, min(max(last, first + 1), count)))
+        origin.append(start + first * grid.resolution)
+    return Field(thickness[part[1], part[0]], grid.resolution, (origin[0], origin[1]))
 
 
 def _chosen(lava: Particles | ParticleSample, which: slice | np.ndarray) -> Particles:
