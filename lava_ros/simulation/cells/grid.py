@@ -36,8 +36,10 @@ def on_terrain(values: np.ndarray, grid: Terrain, terrain: Terrain) -> np.ndarra
     return averaged(values, grid, terrain)
 
 
-def deposit(grid: Terrain, places: np.ndarray, amounts: np.ndarray) -> np.ndarray:
-    """Distribute amounts at places over the four cells around each, bilinear.
+def deposit(
+    grid: Terrain, places: np.ndarray, amounts: np.ndarray, sides: np.ndarray
+) -> np.ndarray:
+    """Distribute amounts evenly over squares around places: columns of an even lattice are even.
 
     What would be on cells outside of the ground goes to the cell of the place.
 
@@ -45,24 +47,32 @@ def deposit(grid: Terrain, places: np.ndarray, amounts: np.ndarray) -> np.ndarra
         grid: The solver's cells.
         places: Map positions (x, y) [m], shape [count, 2], on cells of ground.
         amounts: Amounts, shape [count].
+        sides: Sides of the squares [m], shape [count].
 
     Returns:
         Sums of the amounts, float64, shape [rows, columns].
     """
     rows, columns = grid.shape
-    place = (places - grid.origin) / grid.resolution
+    place, half = (places - grid.origin) / grid.resolution, 0.5 * sides / grid.resolution
     own = np.floor(place).astype(int)
     own = np.clip(own[:, 1], 0, rows - 1) * columns + np.clip(own[:, 0], 0, columns - 1)
-    low = np.floor(place - 0.5).astype(int)
-    part = place - 0.5 - low
-    total = np.zeros(rows * columns)
-    is_ground = grid.has_data.ravel()
-    for right in (0, 1):
-        for up in (0, 1):
-            i, j = low[:, 1] + up, low[:, 0] + right
-            share = amounts * np.abs(1 - right - part[:, 0]) * np.abs(1 - up - part[:, 1])
+    low, high = place - half[:, None], place + half[:, None]
+    first = np.floor(low).astype(int)
+    count = int((np.floor(high).astype(int) - first).max(initial=0)) + 1
+    total, is_ground = np.zeros(rows * columns), grid.has_data.ravel()
+
+    def part(axis: int, step: int) -> np.ndarray:
+        """Return the fraction of the squares in a row or column of cells."""
+        cell = first[:, axis] + step
+        common = np.minimum(high[:, axis], cell + 1) - np.maximum(low[:, axis], cell)
+        return np.maximum(common, 0.0) / (2.0 * half)
+
+    for up in range(count):
+        for right in range(count):
+            i, j = first[:, 1] + up, first[:, 0] + right
             inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
             cell = np.where(inside, i * columns + j, own)
             cell = np.where(is_ground[cell], cell, own)
+            share = amounts * part(1, up) * part(0, right)
             total += np.bincount(cell, weights=share, minlength=total.size)
     return total.reshape(rows, columns)
