@@ -29,11 +29,20 @@ def grid_of(terrain: Terrain, spacing: float) -> Terrain:
     return grid
 
 
-def on_terrain(values: np.ndarray, grid: Terrain, terrain: Terrain) -> np.ndarray:
-    """Return a map of the solver's cells on those of the terrain, with the same sum of volume."""
-    if values.shape == terrain.shape:
-        return values
-    return averaged(values, grid, terrain)
+def on_terrain(
+    values: np.ndarray, grid: Terrain, terrain: Terrain, part: tuple[slice, slice]
+) -> np.ndarray:
+    """Return a map of the solver's cells on some of the terrain's, with the same sum of volume.
+
+    ``part`` are the rows and columns of the terrain.
+    """
+    ratio = round(terrain.resolution / grid.resolution)
+    if np.array_equal(np.multiply(terrain.shape, ratio), grid.shape):
+        rows, columns = (slice(ratio * one.start, ratio * one.stop) for one in part)
+        shape = [number for one in part for number in (one.stop - one.start, ratio)]
+        means: np.ndarray = values[rows, columns].reshape(shape).mean(axis=(1, 3))
+        return means
+    return averaged(values, grid, terrain)[part]
 
 
 def deposit(

@@ -127,16 +127,17 @@ class CellLava:
     def _cover(self) -> None:
         """Continue to record what lava covers on the cells of the terrain."""
         terrain = self.scene.terrain
-        solid = on_terrain(_inner(self.heat.frozen), self.grid, terrain)
+        rows, columns = terrain.shape
+        whole = slice(0, rows), slice(0, columns)
+        solid = on_terrain(_inner(self.heat.frozen), self.grid, terrain, whole)
         self.covered.move(terrain, solid, self.accuracy.inundation_threshold)
         self.covered.attach(self._maps)
 
     def columns(self) -> Columns:
         """Copy the lava."""
         heat = self.heat
-        return Columns(self.state.map_of('thickness'), *(
-            _inner(array) for array in (heat.temperature, heat.emission_time, heat.frozen)
-        ))
+        arrays = self.state.thickness, heat.temperature, heat.emission_time, heat.frozen
+        return Columns(*(_inner(array).copy() for array in arrays))
 
     def put(self, lava: Columns) -> None:
         """Replace the lava and the ground that it has become."""
@@ -218,18 +219,23 @@ class CellLava:
 
     def draw_maps(self) -> Any:
         """Map the lava; return all of it, its temperature, the solidified part, and ``SHOWN``."""
-        terrain, maps, lava = self.scene.terrain, self.grids.numpy(), self.columns()
-        flowing, solid, warmth = (
-            on_terrain(values, self.grid, terrain)
-            for values in (lava.thickness, lava.solidified, lava.thickness * lava.temperature)
+        # lava is nowhere else
+        part = self.window.rectangle(self._maps)
+        heat, terrain = self.heat, self.scene.terrain
+        thickness, temperature, frozen = (
+            _inner(array) for array in (self.state.thickness, heat.temperature, heat.frozen)
         )
-        known = terrain.has_data
-        total = (flowing + solid).astype(np.float32)
-        solidus = self.scene.lava.solidus
+        flowing, solid, warmth = (
+            on_terrain(values, self.grid, terrain, part)
+            for values in (thickness, frozen, thickness * temperature)
+        )
+        known = terrain.has_data[part]
+        total = np.where(known, (flowing + solid).astype(np.float32), np.nan)
         with np.errstate(invalid='ignore', divide='ignore'):
-            temperature = np.where(flowing > 0.0, warmth / flowing, solidus)
-        maps[0][known], maps[2][known] = total[known], solid[known]
-        maps[1] = np.where(known & (total > 0.0), temperature, np.nan)
+            mean = np.where(flowing > 0.0, warmth / flowing, self.scene.lava.solidus)
+        maps = self.grids.numpy()[(slice(None), *part)]
+        maps[0], maps[1] = total, np.where(total > 0.0, mean, np.nan)
+        maps[2] = np.where(known, solid, np.nan)
         show_covered_cells(self._maps, self.grids[-len(SHOWN) :], self.window)
         return self.grids
 
@@ -278,9 +284,9 @@ class CellLava:
 
     def read_sample(self) -> ParticleSample:
         """Return the cells with lava as columns, by the fluxes of the latest evaluation."""
-        grid, lava = self.grid, self.columns()
-        i, j = np.nonzero(lava.thickness > self._film)
-        own = lava.thickness[i, j]
+        grid, thickness = self.grid, _inner(self.state.thickness)
+        i, j = np.nonzero(thickness > self._film)
+        own = thickness[i, j]
         east, north = self.state.first_x.numpy(), self.state.first_y.numpy()
         # faces on both sides of the cell, in maps with a ring
         passed = np.stack([
@@ -289,7 +295,7 @@ class CellLava:
         return ParticleSample(
             position=np.column_stack([j + 0.5, i + 0.5]) * grid.resolution + grid.origin,
             volume=own * grid.resolution**2,
-            temperature=lava.temperature[i, j],
+            temperature=_inner(self.heat.temperature)[i, j],
             thickness=own,
             velocity=0.5 * passed * grid.resolution / own[:, None],
         )
@@ -313,6 +319,6 @@ def mixed(columns: Columns, into: Any) -> Columns:
 
 
 def _inner(array: Any) -> np.ndarray:
-    """Copy a map without its ring to the host."""
+    """Return a map without its ring, which shares the memory of the array."""
     values: np.ndarray = array.numpy()
-    return values[1:-1, 1:-1].copy()
+    return values[1:-1, 1:-1]
