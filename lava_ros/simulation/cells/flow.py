@@ -210,8 +210,8 @@ _STEP = """
         return;
     }
     clock[5] = full;
-    most = (float)(0.25 * stiffness);
     s.peaks.data[1] = stiffness;
+    most = (float)(0.25 * stiffness);
 
     const double w1 = 4.0 / (stages * stages + stages - 2.0);
     double b = 1.0 / 3.0, former_b = b, poured_1 = 0.0, poured_2 = 0.0;

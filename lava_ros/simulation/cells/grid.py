@@ -46,41 +46,42 @@ def on_terrain(
 
 
 def deposit(
-    grid: Terrain, places: np.ndarray, amounts: np.ndarray, side: float
+    grid: Terrain, places: np.ndarray, amounts: np.ndarray, sides: np.ndarray
 ) -> np.ndarray:
-    """Distribute the amounts of square columns over cells, by their common areas.
+    """Distribute amounts evenly over squares around places: columns of an even lattice are even.
 
-    Columns on a lattice of their side are an even layer on the cells. What would be on cells
-    outside of the ground goes to the cell of the place.
+    What would be on cells outside of the ground goes to the cell of the place.
 
     Args:
         grid: The solver's cells.
-        places: Map positions (x, y) of the middles [m], shape [count, 2], on cells of ground.
+        places: Map positions (x, y) [m], shape [count, 2], on cells of ground.
         amounts: Amounts, shape [count].
-        side: Side of a column [m].
+        sides: Sides of the squares [m], shape [count].
 
     Returns:
         Sums of the amounts, float64, shape [rows, columns].
     """
     rows, columns = grid.shape
-    place, width = (places - grid.origin) / grid.resolution, side / grid.resolution
+    place, half = (places - grid.origin) / grid.resolution, 0.5 * sides / grid.resolution
     own = np.floor(place).astype(int)
     own = np.clip(own[:, 1], 0, rows - 1) * columns + np.clip(own[:, 0], 0, columns - 1)
-    start, end = place - 0.5 * width, place + 0.5 * width
-    first = np.floor(start).astype(int)
+    low, high = place - half[:, None], place + half[:, None]
+    first = np.floor(low).astype(int)
+    count = int((np.floor(high).astype(int) - first).max(initial=0)) + 1
     total, is_ground = np.zeros(rows * columns), grid.has_data.ravel()
-    across = range(math.ceil(width) + 1)
-    # fractions of a column in a column and in a row of cells
-    parts = [
-        np.maximum(np.minimum(end, first + n + 1) - np.maximum(start, first + n), 0.0) / width
-        for n in across
-    ]
-    for right in across:
-        for up in across:
-            j, i = first[:, 0] + right, first[:, 1] + up
-            part = amounts * parts[right][:, 0] * parts[up][:, 1]
+
+    def part(axis: int, step: int) -> np.ndarray:
+        """Return the fraction of the squares in a row or column of cells."""
+        cell = first[:, axis] + step
+        common = np.minimum(high[:, axis], cell + 1) - np.maximum(low[:, axis], cell)
+        return np.maximum(common, 0.0) / (2.0 * half)
+
+    for up in range(count):
+        for right in range(count):
+            i, j = first[:, 1] + up, first[:, 0] + right
             inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
             cell = np.where(inside, i * columns + j, own)
             cell = np.where(is_ground[cell], cell, own)
-            total += np.bincount(cell, weights=part, minlength=total.size)
+            share = amounts * part(1, up) * part(0, right)
+            total += np.bincount(cell, weights=share, minlength=total.size)
     return total.reshape(rows, columns)

@@ -21,7 +21,6 @@ from lava_ros.simulation.cells.state import (
     CellState,
     EVALUATIONS,
     FULL,
-    LENGTH,
     STAGES,
     STEPS,
     THICKEST,
@@ -283,13 +282,12 @@ class CellLava:
         part = slice(0, rows), slice(0, columns)
         return looks.seen(self._maps, self.window.rectangle(self._maps) if where_wet else part)
 
-    def sample(self) -> ParticleSample:
-        """Return the cells with lava as columns at their middles."""
+    def read_sample(self) -> ParticleSample:
+        """Return the cells with lava as columns, by the fluxes of the latest evaluation."""
         grid, thickness = self.grid, _inner(self.state.thickness)
         i, j = np.nonzero(thickness > self._film)
         own = thickness[i, j]
-        per_time = grid.resolution / max(float(self.state.clock.numpy()[LENGTH]), 1e-30)
-        east, north = self.state.flux_x.numpy(), self.state.flux_y.numpy()
+        east, north = self.state.first_x.numpy(), self.state.first_y.numpy()
         # faces on both sides of the cell, in maps with a ring
         passed = np.stack([
             east[i + 1, j] + east[i + 1, j + 1], north[i, j + 1] + north[i + 1, j + 1],
@@ -299,10 +297,8 @@ class CellLava:
             volume=own * grid.resolution**2,
             temperature=_inner(self.heat.temperature)[i, j],
             thickness=own,
-            velocity=0.5 * passed * per_time / own[:, None],
+            velocity=0.5 * passed * grid.resolution / own[:, None],
         )
-
-    read_sample = sample
 
 
 def mixed(columns: Columns, into: Any) -> Columns:

@@ -7,7 +7,7 @@ It runs on a CPU, in one thread.
 """
 
 from collections.abc import Generator, Iterable
-from functools import lru_cache, partial
+from functools import lru_cache
 import math
 import time as wall_clock
 from typing import Any
@@ -38,7 +38,7 @@ from lava_ros.simulation.cells.state import (
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.checkpoint_contents import check_conserved, check_contents
-from lava_ros.simulation.output.snapshot import Particles
+from lava_ros.simulation.output.snapshot import Particles, ParticleSample
 from lava_ros.simulation.particles.layout import BORDER, centre_of, fitting, HOLES, SEA
 from lava_ros.simulation.particles.terrain import averaged
 from lava_ros.simulation.stop import Stop
@@ -134,12 +134,13 @@ class CellSolver(CellLava):
                 where = tuple(particles.position[index].tolist())
                 raise LavaError(f'particles.position[{index}]', where, 'a place on the terrain')
             volume, hot = np.asarray(particles.volume), np.asarray(particles.temperature)
-            spread = partial(
-                deposit, self.grid, particles.position, side=self.accuracy.spacing
+            sides = np.sqrt(volume / self.accuracy.thickness)
+            volumes, warmth = (
+                deposit(self.grid, particles.position, amounts, sides)
+                for amounts in (volume, volume * hot)
             )
-            volumes = spread(volume)
             with np.errstate(invalid='ignore', divide='ignore'):
-                warm = spread(volume * hot) / volumes
+                warm = warmth / volumes
             # not the rounded mean of equal numbers
             warm = np.clip(np.where(volumes > 0.0, warm, hot.max()), hot.min(), hot.max())
             lava = Columns(
@@ -254,6 +255,21 @@ class CellSolver(CellLava):
         )
         spent = (wall_clock.perf_counter() - begun) / max(self.steps - before, 1)
         self._steps_at_once = min(max(int(_LAUNCH_TIME / spent), 1), _MAX_STEPS)
+
+    def sample(self) -> ParticleSample:
+        """Return the cells with lava as columns at their middles."""
+        if not self._is_set:
+            self._set(self.time)
+        # a step that may not end is only begun
+        clock = self.state.clock.numpy()
+        clock[MAX_END], clock[TARGET], clock[UNTIL] = clock[TIME], math.inf, math.inf
+        clock[LONGEST] = self.accuracy.longest_step
+        wp.launch(
+            _kernel(self.effects, self._is_heated), dim=1, inputs=[*self._arguments, 1],
+            device=self.device,
+        )
+        clock[WAITING] = 0.0
+        return self.read_sample()
 
     def _note(self) -> None:
         """Record the ground that lava covers now."""

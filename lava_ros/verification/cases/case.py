@@ -190,9 +190,11 @@ class Trial:
         particles: Particles | None = None, **knobs: Any,
     ) -> None:
         """Compile the kernels, create the simulation; ``knobs`` replace fields of ``accuracy``."""
-        make = partial(
-            Simulation, effects=effects, accuracy=replace(accuracy, **knobs), device=device
-        )
+        chosen = replace(accuracy, **knobs)
+        if chosen.method == 'cells' and chosen.spacing is not None:
+            # of one error with particles of such a spacing, in less time
+            chosen = replace(chosen, spacing=0.5 * chosen.spacing)
+        make = partial(Simulation, effects=effects, accuracy=chosen, device=device)
         # the kernels depend on the effects and the accuracy, not on the scene
         few = particles and _chosen(particles, slice(2))
         drive(make(scene, particles=few), 1e-3)
@@ -215,14 +217,11 @@ class Trial:
         return self.simulation.sample()
 
     def field(self, window: Window) -> Field:
-        """Return the thickness [m] in a window, as in output grids, on cells of half a spacing.
-
-        The solver on cells has its own cells, those whose middles are in the window.
-        """
+        """Return the thickness [m] in a window, as in output grids, on cells of half a spacing."""
         simulation = self.simulation
-        assert simulation.accuracy.spacing is not None
         if simulation.accuracy.method == 'cells':
-            return _part(simulation, window)
+            return _field_of_cells(simulation.solver, window)
+        assert simulation.accuracy.spacing is not None
         cell = 0.5 * simulation.accuracy.spacing
         x0, y0, x1, y1 = window
         rows, columns = int(np.ceil((y1 - y0) / cell)), int(np.ceil((x1 - x0) / cell))
@@ -274,18 +273,17 @@ class Trial:
         )
 
 
-def _part(simulation: Simulation, window: Window) -> Field:
-    """Return the thickness on the solver's cells in a window."""
-    grid, thickness = simulation.solver.grid, simulation.solver.state.map_of('thickness')
-    part, origin = [], []
-    for low, high, start, count in zip(
-        window[:2], window[2:], grid.origin, thickness.shape[::-1], strict=True
-    ):
-        first, last = (round((edge - start) / grid.resolution) for edge in (low, high))
-        first = min(max(first, 0), count - 1)
-        part.append(slice(first, min(max(last, first + 1), count)))
-        origin.append(start + first * grid.resolution)
-    return Field(thickness[part[1], part[0]], grid.resolution, (origin[0], origin[1]))
+def _field_of_cells(solver: Any, window: Window) -> Field:
+    """Return the thickness [m] of the solver's cells in a window."""
+    grid, (x0, y0, x1, y1) = solver.grid, window
+    places = (np.array([[x0, y0], [x1, y1]]) - grid.origin) / grid.resolution
+    rows, columns = grid.shape
+    low, high = np.floor(places).astype(int)
+    bottom, top = np.clip([low[1], high[1] + 1], 0, rows)
+    left, right = np.clip([low[0], high[0] + 1], 0, columns)
+    corner = np.add(grid.origin, grid.resolution * np.array([left, bottom]))
+    thickness = solver.state.map_of('thickness')[bottom:top, left:right]
+    return Field(thickness, grid.resolution, tuple(corner.tolist()))
 
 
 def _chosen(lava: Particles | ParticleSample, which: slice | np.ndarray) -> Particles:
