@@ -22,6 +22,7 @@ compiler vectorises; on a GPU it is the cell of a thread.
 
 from dataclasses import dataclass, fields
 from functools import lru_cache
+import math
 from typing import Any
 
 import warp as wp
@@ -115,6 +116,10 @@ class HeatState:
         state.vent_temperature.fill_(hottest)
         state.elevation.assign(ringed_heights(cells.terrain))
         return state
+
+    def longest_step(self, cell: float) -> float:
+        """Return the longest step in which a cell [m] conducts at most half of its heat [s]."""
+        return math.inf if self.diffusivity == 0.0 else cell**2 / (8.0 * self.diffusivity)
 
     def argument(self) -> Any:
         """Return the argument of functions."""

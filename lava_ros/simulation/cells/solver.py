@@ -41,6 +41,7 @@ from lava_ros.simulation.output.checkpoint_contents import check_conserved, chec
 from lava_ros.simulation.output.snapshot import Particles, ParticleSample
 from lava_ros.simulation.particles.layout import BORDER, centre_of, fitting, HOLES, SEA
 from lava_ros.simulation.particles.terrain import averaged
+from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.stop import Stop
 
 #: Wall time of a launch to aim at [s], and maximum number of steps.
@@ -223,13 +224,18 @@ class CellSolver(CellLava):
         self._end = self._end if end is None else end
         clock = self.state.clock.numpy()
         clock[WAITING] = 0.0
+        cell, limits = self.grid.resolution, device_parts(self.effects, 'step_limit').values()
+        longest = min([
+            self.accuracy.longest_step, self.heat.longest_step(cell),
+            *(one(self.scene, self.accuracy, cell) for one in limits),
+        ])
         while clock[TIME] < until and wall_clock.monotonic() < deadline:
             time = float(clock[TIME])
             if not self._is_set:
                 self._set(time)
             change = self.vents.next_change(time)
             stop = min(self._end, change)
-            clock[LONGEST], clock[MAX_END] = self.accuracy.longest_step, max_end
+            clock[LONGEST], clock[MAX_END] = longest, max_end
             clock[UNTIL], clock[TARGET] = stop, min(until, stop)
             if self.is_bare and not self.vents.rates(time).any():
                 # nothing moves
@@ -307,8 +313,8 @@ class CellSolver(CellLava):
         needed_age, lava = self.effects.any('needs_age'), self.columns()
         self.effects = effects
         if effects.any('needs_age') and not needed_age:
-            # in the mean, without a record
-            lava.emission_time[:] = 0.5 * self.time
+            # ages count from now
+            lava.emission_time[:] = self.time
         constants = type(self.heat).on(self.state, self.scene, effects)
         self.heat.law, self.heat.constants = constants.law, constants.constants
         self.heat.diffusivity = constants.diffusivity
