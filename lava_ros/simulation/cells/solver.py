@@ -46,6 +46,9 @@ from lava_ros.simulation.stop import Stop
 #: Wall time of a launch to aim at [s], and maximum number of steps.
 _LAUNCH_TIME, _MAX_STEPS = 0.02, 4096
 
+#: Longest step over the time in which heat is conducted across a cell: 1/4 is stable.
+_CONDUCTION = 0.2
+
 #: Arrays and times of the flow, and arrays of the heat, in checkpoints.
 _SAVED = (
     'thickness', 'flux_x', 'flux_y', 'fluidity', 'strength', 'box', 'left', 'counts', 'peaks',
@@ -229,7 +232,7 @@ class CellSolver(CellLava):
                 self._set(time)
             change = self.vents.next_change(time)
             stop = min(self._end, change)
-            clock[LONGEST], clock[MAX_END] = self.accuracy.longest_step, max_end
+            clock[LONGEST], clock[MAX_END] = self._longest_step, max_end
             clock[UNTIL], clock[TARGET] = stop, min(until, stop)
             if self.is_bare and not self.vents.rates(time).any():
                 # nothing moves
@@ -245,6 +248,15 @@ class CellSolver(CellLava):
         step = clock[WAITING] if is_waiting else clock[FULL]
         clock[WAITING] = 0.0
         return Stop(float(clock[TIME]), float(step), is_waiting)
+
+    @property
+    def _longest_step(self) -> float:
+        """Longest step, in which conducted heat remains stable [s]."""
+        longest, diffusivity = self.accuracy.longest_step, self.heat.diffusivity
+        assert longest is not None
+        if diffusivity > 0.0:
+            longest = min(longest, _CONDUCTION * self.grid.resolution**2 / diffusivity)
+        return longest
 
     def _take_steps(self) -> None:
         """Take some steps, for about ``_LAUNCH_TIME``."""
@@ -263,7 +275,7 @@ class CellSolver(CellLava):
         # a step that may not end is only begun
         clock = self.state.clock.numpy()
         clock[MAX_END], clock[TARGET], clock[UNTIL] = clock[TIME], math.inf, math.inf
-        clock[LONGEST] = self.accuracy.longest_step
+        clock[LONGEST] = self._longest_step
         wp.launch(
             _kernel(self.effects, self._is_heated), dim=1, inputs=[*self._arguments, 1],
             device=self.device,
