@@ -22,11 +22,13 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells.covered import Covered, note_function
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.grid import deposit
-from lava_ros.simulation.cells.heat import carries_heat, Heat, heated_step_function
+from lava_ros.simulation.cells.heat import carries_heat
+from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
 from lava_ros.simulation.cells.state import (
     Cells,
     FULL,
+    Heat,
     LENGTH,
     LONGEST,
     MAX_END,
@@ -224,18 +226,13 @@ class CellSolver(CellLava):
         self._end = self._end if end is None else end
         clock = self.state.clock.numpy()
         clock[WAITING] = 0.0
-        cell, limits = self.grid.resolution, device_parts(self.effects, 'step_limit').values()
-        longest = min([
-            self.accuracy.longest_step, self.heat.longest_step(cell),
-            *(one(self.scene, self.accuracy, cell) for one in limits),
-        ])
         while clock[TIME] < until and wall_clock.monotonic() < deadline:
             time = float(clock[TIME])
             if not self._is_set:
                 self._set(time)
             change = self.vents.next_change(time)
             stop = min(self._end, change)
-            clock[LONGEST], clock[MAX_END] = longest, max_end
+            clock[LONGEST], clock[MAX_END] = self._longest_step, max_end
             clock[UNTIL], clock[TARGET] = stop, min(until, stop)
             if self.is_bare and not self.vents.rates(time).any():
                 # nothing moves
@@ -251,6 +248,15 @@ class CellSolver(CellLava):
         step = clock[WAITING] if is_waiting else clock[FULL]
         clock[WAITING] = 0.0
         return Stop(float(clock[TIME]), float(step), is_waiting)
+
+    @property
+    def _longest_step(self) -> float:
+        """Length of the longest step that the user, the effects and conduction allow [s]."""
+        cell = self.grid.resolution
+        limits = device_parts(self.effects, 'step_limit').values()
+        assert self.accuracy.longest_step is not None
+        steps: list[float] = [one(self.scene, self.accuracy, cell) for one in limits]
+        return min([self.accuracy.longest_step, self.heat.longest_step(cell), *steps])
 
     def _take_steps(self) -> None:
         """Take some steps, for about ``_LAUNCH_TIME``."""
@@ -269,7 +275,7 @@ class CellSolver(CellLava):
         # a step that may not end is only begun
         clock = self.state.clock.numpy()
         clock[MAX_END], clock[TARGET], clock[UNTIL] = clock[TIME], math.inf, math.inf
-        clock[LONGEST] = self.accuracy.longest_step
+        clock[LONGEST] = self._longest_step
         wp.launch(
             _kernel(self.effects, self._is_heated), dim=1, inputs=[*self._arguments, 1],
             device=self.device,

@@ -15,13 +15,9 @@ from lava_ros.effects import compatible, EFFECTS, load
 from lava_ros.effects.heat import host_temperature
 from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.cells.heat import (
-    Heat,
-    heat_functions,
-    heated_step_function,
-    HeatState,
-)
-from lava_ros.simulation.cells.state import Cells, CellState, LENGTH, TARGET, TIME
+from lava_ros.simulation.cells.heat import HeatState
+from lava_ros.simulation.cells.heated_step import heat_functions, heated_step_function
+from lava_ros.simulation.cells.state import Cells, CellState, Heat, LENGTH, TARGET, TIME
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY
 
