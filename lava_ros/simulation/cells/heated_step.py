@@ -133,7 +133,8 @@ _DESCENT = """
     auto fallen = [&](long p, long q, float g, float drop) {
         const float a = (float)after[p], b = (float)after[q];
         const float fall = drop + 0.5f * (before[p] + a - before[q] - b);
-        return a + b > 0.0f ? g * fall / most(a + b, 1e-9f) : 0.0f;
+        // what has left both cells takes its heat with it
+        return g * fall / most(most(a + b, g > 0.0f ? g : -g), 1e-9f);
     };
     for (long p = i * w + first; p <= i * w + last; ++p)
         descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1])
