@@ -19,6 +19,9 @@ PAGE = HERE.parent / 'accuracy/other_codes.md'
 #: Name in codes.csv of the exact solution as means over the cells.
 EXACT = 'exact solution'
 
+#: Name in codes.csv of the method cells.
+CELLS = 'cells'
+
 #: Names of the schemes of finite_volumes.c, the yardsticks.
 SCHEMES = ('plain scheme', 'RKL2 scheme')
 
@@ -96,6 +99,25 @@ def ratio_table() -> Iterator[Line]:
     ))
 
 
+def cells_table() -> Iterator[Line]:
+    """Yield the CPU time of method cells and of both schemes with the profile of `standard`."""
+    rows = [row for row in lines_of('codes.csv') if row['quantity'] == 'profile']
+    yield ('flow', 'profile', '`standard`', 'cells', *(
+        f'cells over {code}' for code in SCHEMES
+    ))
+    ratios = defaultdict[str, list[float]](list)
+    for row in (row for row in rows if row['code'] == 'standard'):
+        error, case = float(row['value']), row['case']
+        time = same_profile(rows, case, CELLS, error)
+        for code in SCHEMES:
+            ratios[code].append(time / same_profile(rows, case, code, error))
+        yield (
+            case.replace('_', ' '), f'{two_digits(error)} %', seconds(float(row['cpu_s'])),
+            seconds(time), *(two_digits(ratios[code][-1]) for code in SCHEMES),
+        )
+    yield ('median', '', '', '', *(two_digits(median(ratios[code])) for code in SCHEMES))
+
+
 def scheme_table() -> Iterator[Line]:
     """Yield the profile errors and times of both schemes on the same cells, over all flows."""
     rows = [row for row in lines_of('codes.csv') if row['quantity'] == 'profile']
@@ -117,6 +139,7 @@ def scheme_table() -> Iterator[Line]:
 
 TABLES = {
     'ratio': ratio_table,
+    'cells': cells_table,
     'schemes': scheme_table,
     'flux': lambda: grid_table('constant_flux', 'radius', 'R'),
     'valley': lambda: grid_table('valley', 'front', 'front'),
