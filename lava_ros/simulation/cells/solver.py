@@ -194,6 +194,7 @@ class CellSolver(CellLava):
             wet = np.where([True, False, True, False], least, most).astype(np.int32)
         state.box.assign(wet)
         self._make_arguments()
+        self._longest_step = self._find_longest_step()
         self._is_set = True
 
     def _make_arguments(self) -> None:
@@ -249,9 +250,8 @@ class CellSolver(CellLava):
         clock[WAITING] = 0.0
         return Stop(float(clock[TIME]), float(step), is_waiting)
 
-    @property
-    def _longest_step(self) -> float:
-        """Length of the longest step that the user, the effects and conduction allow [s]."""
+    def _find_longest_step(self) -> float:
+        """Return the longest step that the user, the effects and conduction allow [s]."""
         cell = self.grid.resolution
         limits = device_parts(self.effects, 'step_limit').values()
         assert self.accuracy.longest_step is not None
