@@ -8,7 +8,7 @@ Between two cells of thickness a and b, whose surfaces differ by S, the flux per
     rho g / (3 mu) cos^4 (a + b) (a^2 + b^2) / 4 * S / cell^2,
 
 h^3 in its mean over the thicknesses from a to b. It is central, of second order, and steps are
-short enough for it (``_PACE``). Lava whose speed is not proportional to the slope has the speed of
+short enough for it. Lava whose speed is not proportional to the slope has the speed of
 its law (effects/laws.py) at the mean thickness, times the same mean of h^3 over the cube of it.
 
 A step has several stages (RKL2: Meyer, Balsara & Aslam 2014, doi:10.1016/j.jcp.2013.08.021), in
@@ -40,6 +40,10 @@ HEATED_DISPLACEMENT = 0.8
 
 #: Maximum ratio of the lengths of consecutive steps.
 GROWTH = 1.5
+
+#: Fall of the surface between two cells over the mean thickness above which steps are no shorter:
+#: down walls lava is limited by what the upper cell has.
+_STEEPEST = 10.0
 
 #: Fraction of the largest stable step that a step of a number of stages has.
 _STABLE = 0.9
@@ -174,7 +178,8 @@ _STEP = """
                     const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
                     first[p] = amount;
                     const float part = 2.0f / (f.sum + 1000.0f * film);
-                    const float faster = 1.0f + part * (f.fall < 0.0f ? -f.fall : f.fall);
+                    const float steep = part * (f.fall < 0.0f ? -f.fall : f.fall);
+                    const float faster = 1.0f + smaller(steep, STEEPEST);
                     const int one = bits((amount < 0.0f ? -amount : amount) * part * faster);
                     highest = one > highest ? one : highest;
                 }
@@ -441,6 +446,7 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
         'GROWTH': GROWTH,
         'STABLE': _STABLE,
         'LIMITS': _LIMITS,
+        'STEEPEST': f'{_STEEPEST}f',
     }
     code = _STEP
     for name, text in parts.items():
