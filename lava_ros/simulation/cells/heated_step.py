@@ -49,6 +49,10 @@ _TRANSPORT = """
     const double* __restrict source = s.source.data;
     auto least = [](float a, float b) { return a < b ? a : b; };
     auto most = [](float a, float b) { return a > b ? a : b; };
+    // only cells with lava
+    long from = i * w + first, to = i * w + last;
+    while (from <= to && after[from] == 0.0) ++from;
+    while (from <= to && after[to] == 0.0) --to;
     // 0 where the differences behind and ahead differ in sign
     auto limited = [&](float behind, float ahead) {
         const float third = (behind + 2.0f * ahead) * (1.0f / 3.0f);
@@ -73,7 +77,7 @@ _TRANSPORT = """
     auto transport = [&](const double* __restrict value, auto fresh_value,
                          float* __restrict change) {
         _Pragma("clang loop vectorize_width(8)")
-        for (long p = i * w + first; p <= i * w + last; ++p) {
+        for (long p = from; p <= to; ++p) {
             auto at = [&](long q) {
                 Value v;
                 v.lava = before[q], v.value = (float)(value[q] - value[p]);
@@ -136,7 +140,7 @@ _DESCENT = """
         // what has left both cells takes its heat with it
         return g * fall / most(most(a + b, g > 0.0f ? g : -g), 1e-9f);
     };
-    for (long p = i * w + first; p <= i * w + last; ++p)
+    for (long p = from; p <= to; ++p)
         descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1])
             + fallen(p, p + 1, gx[p], drop_x[p])
             + fallen(p - w, p, gy[p - w], drop_y[p - w])
@@ -162,9 +166,13 @@ _EXCHANGE = """
     float* __restrict fluidity = s.fluidity.data;
     float* __restrict strength = s.strength.data;
     auto larger = [](float a, float b) { return a > b ? a : b; };
+    // only cells with lava, now or before the step
+    long from = i * w + first, to = i * w + last;
+    while (from <= to && thickness[from] == 0.0 && former[from] == 0.0f) ++from;
+    while (from <= to && thickness[to] == 0.0 && former[to] == 0.0f) --to;
     int cold = 0;
     _Pragma("clang loop vectorize_width(8)")
-    for (long p = i * w + first; p <= i * w + last; ++p) {
+    for (long p = from; p <= to; ++p) {
         const float h = (float)thickness[p];
         auto column = empty;
         column.thickness = larger(h, film);
