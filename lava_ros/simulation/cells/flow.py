@@ -48,6 +48,9 @@ _STEEPEST = 10.0
 #: Fraction of the largest stable step that a step of a number of stages has.
 _STABLE = 0.9
 
+#: Maximum number of passes that limit what cells give.
+_LIMITS = 4
+
 #: Flux between two cells by the mean of h^3, and its coefficient: flux over fall [1/s].
 _NEWTONIAN = """
     auto flux_of = [&](long p, long q, long, float drop, const float* factor, const float*) {
@@ -289,16 +292,21 @@ _STEP = """
     auto after = [&](long p) {
         return h[p] + ((double)gx[p - 1] - (double)gx[p]) + ((double)gy[p - w] - (double)gy[p]);
     };
-    int is_overdrawn = 0;
-    for (long i = row_0; i <= row_1; ++i)
-        for (long p = i * w + column_0; p <= i * w + column_1; ++p)
-            is_overdrawn |= after(p) < 0.0;
-    if (is_overdrawn) {
-        ++counts[3];
+    for (int turn = 0; turn < LIMITS; ++turn) {
+        int is_overdrawn = 0;
+        for (long i = row_0; i <= row_1; ++i)
+            for (long p = i * w + column_0; p <= i * w + column_1; ++p)
+                is_overdrawn |= after(p) < 0.0;
+        if (!is_overdrawn) break;
+        if (turn == 0) ++counts[3];
+        // at last no cell gives more than it had at the start, whatever comes in
+        const int is_last = turn == LIMITS - 1;
         for (long i = row_0; i <= row_1; ++i)
             for (long p = i * w + column_0; p <= i * w + column_1; ++p) {
-                const float out = out_of(p), has = (float)h[p];
-                y[p] = after(p) < 0.0 ? 0.999999f * has / out : 1.0f;
+                const float out = out_of(p) + 1e-30f, lacks = (float)after(p);
+                const float has = is_last ? (float)h[p] : out + lacks;
+                const float part = larger(0.999999f * has / out, 0.0f);
+                y[p] = lacks < 0.0f || is_last ? smaller(part, 1.0f) : 1.0f;
             }
         for (long i = top; i <= bottom; ++i) {
             if (i >= row_0 && i <= row_1)
@@ -437,6 +445,7 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
         'DISPLACEMENT': DISPLACEMENT if is_uniform else HEATED_DISPLACEMENT,
         'GROWTH': GROWTH,
         'STABLE': _STABLE,
+        'LIMITS': _LIMITS,
         'STEEPEST': f'{_STEEPEST}f',
     }
     code = _STEP

@@ -16,7 +16,8 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.cells.grid import grid_of, on_terrain
-from lava_ros.simulation.cells.heat import ground_kernel, HeatState
+from lava_ros.simulation.cells.ground import ground_kernel
+from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.state import (
     CellState,
     EVALUATIONS,
@@ -233,7 +234,7 @@ class CellLava:
         total = np.where(known, (flowing + solid).astype(np.float32), np.nan)
         with np.errstate(invalid='ignore', divide='ignore'):
             mean = np.where(flowing > 0.0, warmth / flowing, self.scene.lava.solidus)
-        maps = self.grids.numpy()[(slice(None), *part)]
+        maps = self.grids.numpy()[:, part[0], part[1]]
         maps[0], maps[1] = total, np.where(total > 0.0, mean, np.nan)
         maps[2] = np.where(known, solid, np.nan)
         show_covered_cells(self._maps, self.grids[-len(SHOWN) :], self.window)

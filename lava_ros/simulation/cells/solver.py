@@ -22,11 +22,13 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells.covered import Covered, note_function
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.grid import deposit
-from lava_ros.simulation.cells.heat import carries_heat, Heat, heated_step_function
+from lava_ros.simulation.cells.heat import carries_heat
+from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
 from lava_ros.simulation.cells.state import (
     Cells,
     FULL,
+    Heat,
     LENGTH,
     LONGEST,
     MAX_END,
@@ -41,13 +43,11 @@ from lava_ros.simulation.output.checkpoint_contents import check_conserved, chec
 from lava_ros.simulation.output.snapshot import Particles, ParticleSample
 from lava_ros.simulation.particles.layout import BORDER, centre_of, fitting, HOLES, SEA
 from lava_ros.simulation.particles.terrain import averaged
+from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.stop import Stop
 
 #: Wall time of a launch to aim at [s], and maximum number of steps.
 _LAUNCH_TIME, _MAX_STEPS = 0.02, 4096
-
-#: Longest step over the time in which heat is conducted across a cell: 1/4 is stable.
-_CONDUCTION = 0.2
 
 #: Arrays and times of the flow, and arrays of the heat, in checkpoints.
 _SAVED = (
@@ -194,6 +194,7 @@ class CellSolver(CellLava):
             wet = np.where([True, False, True, False], least, most).astype(np.int32)
         state.box.assign(wet)
         self._make_arguments()
+        self._longest_step = self._find_longest_step()
         self._is_set = True
 
     def _make_arguments(self) -> None:
@@ -249,14 +250,13 @@ class CellSolver(CellLava):
         clock[WAITING] = 0.0
         return Stop(float(clock[TIME]), float(step), is_waiting)
 
-    @property
-    def _longest_step(self) -> float:
-        """Longest step, in which conducted heat remains stable [s]."""
-        longest, diffusivity = self.accuracy.longest_step, self.heat.diffusivity
-        assert longest is not None
-        if diffusivity > 0.0:
-            longest = min(longest, _CONDUCTION * self.grid.resolution**2 / diffusivity)
-        return longest
+    def _find_longest_step(self) -> float:
+        """Return the longest step that the user, the effects and conduction allow [s]."""
+        cell = self.grid.resolution
+        limits = device_parts(self.effects, 'step_limit').values()
+        assert self.accuracy.longest_step is not None
+        steps: list[float] = [one(self.scene, self.accuracy, cell) for one in limits]
+        return min([self.accuracy.longest_step, self.heat.longest_step(cell), *steps])
 
     def _take_steps(self) -> None:
         """Take some steps, for about ``_LAUNCH_TIME``."""
@@ -319,8 +319,8 @@ class CellSolver(CellLava):
         needed_age, lava = self.effects.any('needs_age'), self.columns()
         self.effects = effects
         if effects.any('needs_age') and not needed_age:
-            # in the mean, without a record
-            lava.emission_time[:] = 0.5 * self.time
+            # ages count from now
+            lava.emission_time[:] = self.time
         constants = type(self.heat).on(self.state, self.scene, effects)
         self.heat.law, self.heat.constants = constants.law, constants.constants
         self.heat.diffusivity = constants.diffusivity

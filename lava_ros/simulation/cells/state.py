@@ -8,7 +8,7 @@ The grid is that of the terrain, with a ring of one cell around it. Every map ha
 has the index i * stride + j. Item (i, j) of a map of faces belongs to the face between the cell
 (i, j) and the next one along its row (``_x``, eastward) or its column (``_y``, northward).
 
-A step (``flow.py``) leaves, for the heat of the same step (``heat.py``):
+A step (``flow.py``) leaves, for the heat of the same step (``heated_step.py``):
 
 * ``flux_x``, ``flux_y``: thickness that has passed the face during the step, positive eastward and
   northward [m]. Times ``cell ** 2`` it is a volume, and over ``clock[LENGTH]`` a volume per time.
@@ -37,6 +37,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.effects.column import structure
+from lava_ros.effects.heat import heat_type
 from lava_ros.effects.laws import filled, law_type, law_values
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation.particles.layout import BORDER, HOLES, SEA
@@ -93,6 +94,24 @@ class Cells:
     counts: wp.array(dtype=wp.int32)
     peaks: wp.array(dtype=wp.float64)
     left: wp.array(dtype=wp.float64)
+
+
+@wp.struct
+class Heat:
+    """Argument of the functions of the heat; arrays as in ``heat.HeatState``."""
+
+    law: law_type(wp.float32)
+    constants: heat_type(wp.float32)
+    diffusivity: wp.float32
+    temperature: wp.array2d(dtype=wp.float64)
+    emission_time: wp.array2d(dtype=wp.float64)
+    vent_temperature: wp.array2d(dtype=wp.float32)
+    former: wp.array2d(dtype=wp.float32)
+    warming: wp.array2d(dtype=wp.float32)
+    renewal: wp.array2d(dtype=wp.float32)
+    descent: wp.array2d(dtype=wp.float32)
+    elevation: wp.array2d(dtype=wp.float64)
+    frozen: wp.array2d(dtype=wp.float64)
 
 
 @dataclass(eq=False)

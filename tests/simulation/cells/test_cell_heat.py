@@ -15,13 +15,12 @@ from lava_ros.effects import compatible, EFFECTS, load
 from lava_ros.effects.heat import host_temperature
 from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.cells.heat import (
-    Heat,
-    heat_functions,
-    heated_step_function,
-    HeatState,
-)
-from lava_ros.simulation.cells.state import Cells, CellState, LENGTH, TARGET, TIME
+from lava_ros.scene.scene import read_scene, scene_from_dict
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.cells.heat import HeatState
+from lava_ros.simulation.cells.heated_step import heat_functions, heated_step_function
+from lava_ros.simulation.cells.state import Cells, CellState, Heat, LENGTH, TARGET, TIME
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY
 
@@ -272,3 +271,19 @@ def test_every_effect_of_a_column_has_a_part_on_cells():
     for name, effect in EFFECTS.items():
         if hasattr(load(name), 'terms') or effect.freezes or hasattr(load(name), 'strength'):
             heat_functions(compatible([name]))
+
+
+def test_volume_of_lava_that_cools_on_a_volcano_is_exact():
+    scene = scene_from_dict(*read_scene('etna.yaml'))
+    accuracy = Accuracy(method='cells', spacing=30.0)
+    simulation = Simulation(scene, accuracy=accuracy, device='cpu', horizon=43200.0)
+    simulation.advance(43200.0)
+    snapshot, columns = simulation.snapshot(), simulation.solver.columns()
+    assert snapshot.budget.frozen > 0.0
+    assert snapshot.budget.error < 1e-12
+    assert columns.thickness.min() >= 0.0
+    wet = columns.thickness > 1e-6
+    assert columns.temperature[wet].min() >= scene.lava.solidus
+    # viscous heating, from a fall of less than 1500 m
+    hottest = scene.vents[0].temperature + scene.gravity * 1500.0 / scene.lava.specific_heat
+    assert columns.temperature[wet].max() <= hottest
