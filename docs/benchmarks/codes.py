@@ -4,7 +4,8 @@
 """Compare codes on the same flow, the same map and one core.
 
 The codes are the presets, the method cells on several cell sizes, both schemes of finite_volumes.c
-(plain, and RKL2 steps in stages), and Lava2d from a folder (github.com/davemhyman/lava2d; it needs numexpr, pandas, netCDF4 and scipy).
+(plain, and RKL2 steps in stages), and Lava2d from a folder (github.com/davemhyman/lava2d; it needs
+numexpr, pandas, netCDF4 and scipy).
 All are scored on cells of 5 m, by linear interpolation between larger cells and means over
 smaller ones. The exact solution, averaged over the cells, is scored like a code: this is the error
 of the map. All codes solve the equation for small slopes, without cos^4 of the slope, the only one

@@ -12,6 +12,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.effects import compatible, EFFECTS, Effects
+from lava_ros.errors import LavaError
 from lava_ros.forecast.member_scenes import end_scenes, median_scene, member_scene
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import (

@@ -65,8 +65,8 @@ LONG_ON_CELLS = {
     'bingham_dome', 'conduction', 'cooling_sheet', 'ridge', 'slope_flux', 'steep_sheet', *LONG,
 }
 
-#: Quantities that cells do not have within the bounds of particles, with their own bound: 1.5 times
-#: the error measured, of heat that moves from cell to cell.
+#: Quantities that cells do not have within the bounds of particles, with their own bound: 1.5
+#: times the error measured, of heat that moves from cell to cell.
 WIDER_ON_CELLS = {
     'silicone_oil': {
         f'power at {number} thermal radii': limit
