@@ -87,7 +87,7 @@ _NOTE = """{
                     const long q = clamped((long)along, 1, w - 2);
                     if (y[r * w + q] < least) {
                         // all squares are in this cell
-                        if (scale == 1.0f) a = b = PARTS;
+                        if (scale <= 1.0f) a = b = PARTS;
                         continue;
                     }
                     is_touched = true;
