@@ -118,6 +118,27 @@ def cells_table() -> Iterator[Line]:
     yield ('median', '', '', '', *(two_digits(median(ratios[code])) for code in SCHEMES))
 
 
+def same_cells_table() -> Iterator[Line]:
+    """Yield the CPU time of method cells over that of both schemes on the same cells."""
+    rows = [
+        row for row in lines_of('codes.csv')
+        if row['quantity'] == 'profile' and row['code'] in (CELLS, *SCHEMES)
+    ]
+    found = {(row['case'], row['code'], row['cell_m']): float(row['cpu_s']) for row in rows}
+    yield ('cells', *(word for code in SCHEMES for word in (f'over {code}', 'median')))
+    for cell in dict.fromkeys(row['cell_m'] for row in rows if row['code'] == CELLS):
+        line = [f'{cell} m']
+        for code in SCHEMES:
+            times = sorted(
+                time / found[case, code, cell] for (case, name, side), time in found.items()
+                if (name, side) == (CELLS, cell)
+            )
+            line += [
+                f'{two_digits(times[0])} to {two_digits(times[-1])}', two_digits(median(times))
+            ]
+        yield tuple(line)
+
+
 def scheme_table() -> Iterator[Line]:
     """Yield the profile errors and times of both schemes on the same cells, over all flows."""
     rows = [row for row in lines_of('codes.csv') if row['quantity'] == 'profile']
@@ -140,6 +161,7 @@ def scheme_table() -> Iterator[Line]:
 TABLES = {
     'ratio': ratio_table,
     'cells': cells_table,
+    'same': same_cells_table,
     'schemes': scheme_table,
     'flux': lambda: grid_table('constant_flux', 'radius', 'R'),
     'valley': lambda: grid_table('valley', 'front', 'front'),
