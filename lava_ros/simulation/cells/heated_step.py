@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.effects.laws import strength_function, viscosity_function
@@ -35,6 +35,9 @@ from lava_ros.simulation.cells.ground import ground_function
 from lava_ros.simulation.cells.state import Cells, Heat, WAITING
 
 _REAL = wp.float32
+
+#: Instruction to the compiler; float64 in a loop would halve the number of its lanes.
+_VECTORISED = '_Pragma("clang loop vectorize_width(8)")'
 
 #: Changes of temperature and time of emission by transport.
 _TRANSPORT = """
@@ -76,7 +79,7 @@ _TRANSPORT = """
     };
     auto transport = [&](const double* __restrict value, auto fresh_value,
                          float* __restrict change) {
-        _Pragma("clang loop vectorize_width(8)")
+        VECTORISED
         for (long p = from; p <= to; ++p) {
             auto at = [&](long q) {
                 Value v;
@@ -171,7 +174,7 @@ _EXCHANGE = """
     while (from <= to && thickness[from] == 0.0 && former[from] == 0.0f) ++from;
     while (from <= to && thickness[to] == 0.0 && former[to] == 0.0f) --to;
     int cold = 0;
-    _Pragma("clang loop vectorize_width(8)")
+    VECTORISED
     for (long p = from; p <= to; ++p) {
         const float h = (float)thickness[p];
         auto column = empty;
@@ -257,7 +260,8 @@ def heat_functions(effects: Effects) -> HeatFunctions:
     has_age, falls = effects.any('needs_age'), effects.any('needs_drop')
     vec2 = wp.types.vector(2, _REAL)
 
-    moving = _TRANSPORT.replace('RENEWAL', _RENEWAL if has_age else '')
+    moving = _TRANSPORT.replace('VECTORISED', _VECTORISED)
+    moving = moving.replace('RENEWAL', _RENEWAL if has_age else '')
     moving = moving.replace('CONDUCTION', _CONDUCTION if 'conduction' in effects else '')
     exchanging = _EXCHANGE
     for name, needed in (
@@ -269,6 +273,10 @@ def heat_functions(effects: Effects) -> HeatFunctions:
         if hasattr(needed, 'native_func'):
             part = part.replace('CALL', needed.native_func)
         exchanging = exchanging.replace(name, part)
+    if any(EFFECTS[name].needs_age for name in effects.having('terms')):
+        # a loop within the loop, which no compiler vectorises
+        exchanging = exchanging.replace('VECTORISED', '')
+    exchanging = exchanging.replace('VECTORISED', _VECTORISED)
     if not has_age:
         exchanging = exchanging.replace('age + step', '0.0f').replace('age, step', '0.0f, step')
 
