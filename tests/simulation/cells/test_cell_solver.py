@@ -10,6 +10,7 @@ import pytest
 
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
+from lava_ros.forecast.members import make_plan
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Particles, Simulation
@@ -161,6 +162,12 @@ def test_terrain_events_change_the_ground_at_their_times():
 def test_effects_of_particles_only_are_refused_by_name(name):
     with pytest.raises(LavaError, match=f'effects.{name} .* method particles'):
         simulated(slope(), effects=only(name))
+
+
+def test_ensembles_refuse_cells():
+    scene = Scene(slope(), (Vent((-60.0, 0.0), 10.0),), LAVA)
+    with pytest.raises(LavaError, match='accuracy.method is .*cells.* for an ensemble'):
+        make_plan(scene, horizon=600.0, accuracy=Accuracy(method='cells'))
 
 
 def test_wall_limit_stops_between_steps():
