@@ -3,8 +3,9 @@
 
 """Compare codes on the same flow, the same map and one core.
 
-The codes are the presets, both schemes of finite_volumes.c (plain, and RKL2 steps in stages), and
-Lava2d from a folder (github.com/davemhyman/lava2d; it needs numexpr, pandas, netCDF4 and scipy).
+The codes are the presets, the method cells on several cell sizes, both schemes of finite_volumes.c
+(plain, and RKL2 steps in stages), and Lava2d from a folder (github.com/davemhyman/lava2d; it needs
+numexpr, pandas, netCDF4 and scipy).
 All are scored on cells of 5 m, by linear interpolation between larger cells and means over
 smaller ones. The exact solution, averaged over the cells, is scored like a code: this is the error
 of the map. All codes solve the equation for small slopes, without cos^4 of the slope, the only one
@@ -12,7 +13,7 @@ in Lava2d.
 
 The script updates the rows of the named codes in codes.csv; the second command, the tables:
 
-    python docs/benchmarks/codes.py presets volumes
+    python docs/benchmarks/codes.py presets cells volumes
     python docs/benchmarks/other_codes.py
 """
 
@@ -21,7 +22,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 import math
 from multiprocessing import get_context
@@ -276,10 +277,11 @@ def timed(repetitions, run):
     return Result(result, seconds)
 
 
-def preset(name):
-    """Return a function that runs a preset with compiled kernels."""
+def preset(name, method='particles'):
+    """Return a function that runs a preset, with compiled kernels; cells have the size given."""
 
     def run(flow, cell, repetitions):
+        accuracy = replace(preset_accuracy(name), method=method)
         x0, y0, _, _ = flow.window
         terrain = Terrain(flow.ground(*flow.centres(cell)), cell, origin=(x0, y0))
         vent = Vent((0.0, 0.0), DISCHARGE, radius=VENT_RADIUS)
@@ -289,7 +291,7 @@ def preset(name):
             simulation = Simulation(
                 scene,
                 effects=FLAT,
-                accuracy=preset_accuracy(name),
+                accuracy=accuracy,
                 device='cpu',
                 horizon=flow.end,
             )
@@ -359,6 +361,8 @@ def codes(folder):
                 yield 'volumes', name, 'exact solution', cell, exact_means
             yield 'volumes', name, 'plain scheme', cell, volumes(finite_volumes.plain)
             yield 'volumes', name, 'RKL2 scheme', cell, volumes(staged)
+        for cell in () if half else CELLS:
+            yield 'cells', name, 'cells', cell, preset('standard', 'cells')
         for item in () if half else PRESETS:
             yield 'presets', name, item, MAP, preset(item)
         for cell in () if half or folder is None else (10.0, MAP):
@@ -386,7 +390,7 @@ def rows_of(number, repetitions, folder):
 def main():
     """Run codes and update their rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('group', nargs='+', choices=('presets', 'volumes', 'lava2d'))
+    parser.add_argument('group', nargs='+', choices=('presets', 'cells', 'volumes', 'lava2d'))
     parser.add_argument('--lava2d', metavar='FOLDER', help='a checkout of Lava2d')
     parser.add_argument('--flow', action='append', choices=FLOWS, help='a flow (default: all)')
     parser.add_argument('--repetitions', type=int, default=3)

@@ -4,21 +4,29 @@
 """Compute the references of the cases `cooling_plane` and `cooling_front` with finite volumes.
 
     python docs/benchmarks/cooling_plane.py 5 2.5 1.25 0.625
+    python docs/benchmarks/cooling_plane.py carriers
 
 writes a row for each cell size [m] to cooling_plane.csv: the front [m] and, for each column of the
 map by its distance from the vent [m], the number of cells of 5 m on one side of the axis with a
 mean thickness above 0.1 m. The flow is symmetric, so half of it is computed. The
 reference of `cooling_front` is the result of `front_profile`.
+
+`carriers` compares three carriers of heat on the same cells, in cell_heat.csv: van Leer's limited
+slope, a limited slope of third order (Koren 1993), and about four tracers a cell that carry the
+temperature with the velocity of the lava. Errors are over the references of the cases.
 """
 
+from collections.abc import Callable
 import csv
 from pathlib import Path
 import sys
+import time as wall_clock
 
 import numpy as np
 
 from lava_ros.scene import Lava
-from lava_ros.verification.cases import cooling
+from lava_ros.verification import exact
+from lava_ros.verification.cases import case, cooling
 from lava_ros.verification.cases.case import FRONT, GRAVITY
 from lava_ros.verification.exact import surface_loss
 
@@ -28,7 +36,7 @@ WEST, EAST, NORTH, MAP = -20.0, 290.0, 40.0, 5.0
 
 def cooling_flow(
     lava: Lava, source: np.ndarray, cell: float, slope: float, until: float, *, initial: float,
-    ambient: float, gravity: float,
+    ambient: float, gravity: float, carrier: str = 'van Leer',
 ) -> tuple[np.ndarray, np.ndarray]:
     """Thickness [m] and temperature [K] of a cooling flow by finite volumes, from no lava.
 
@@ -47,11 +55,20 @@ def cooling_flow(
         initial: Temperature of emitted lava [K].
         ambient: Temperature of the air [K].
         gravity: g [m/s2].
+        carrier: Carrier of the temperature, one of ``CARRIERS``.
     """
     shape = source.shape
     thickness, temperature = np.zeros(shape), np.full(shape, initial)
     capacity = lava.density * lava.specific_heat
     weight = lava.density * gravity / (3.0 * lava.viscosity)
+    tracers = Tracers(source, initial) if carrier == 'tracers' else None
+    limited = CARRIERS[carrier]
+
+    def cooled(hot: np.ndarray, depth: np.ndarray, step: float) -> np.ndarray:
+        stored = capacity * np.maximum(depth, 1e-9) * np.maximum(hot - ambient, 1e-9)
+        rate = surface_loss(lava, hot, ambient) / stored
+        return ambient + (hot - ambient) * np.exp(-rate * step)
+
     time = 0.0
     while time < until:
         cooler = lava.reference_temperature - temperature
@@ -63,70 +80,214 @@ def cooling_flow(
         )
         volume = thickness + step * source
         heat = thickness * temperature + step * source * initial
+        fluxes = []
         for axis, fall in ((1, slope), (0, 0.0)):
             fields = [
                 np.moveaxis(field, axis, 0)
                 for field in (thickness, temperature, mobility, volume, heat)
             ]
-            _exchange(fields, fall, step / cell, cell)
+            flux = _exchange(fields, fall, step / cell, cell, limited)
+            fluxes.append(np.moveaxis(flux, 0, axis))
         is_wet = volume > 1e-12
-        thickness = np.where(is_wet, volume, 0.0)
+        before, thickness = thickness, np.where(is_wet, volume, 0.0)
         mixed = np.where(is_wet, heat / np.maximum(volume, 1e-12), initial)
-        stored = capacity * np.maximum(thickness, 1e-9) * np.maximum(mixed - ambient, 1e-9)
-        rate = surface_loss(lava, mixed, ambient) / stored
-        cooled = ambient + (mixed - ambient) * np.exp(-rate * step)
-        temperature = np.where(is_wet, cooled, initial)
+        if tracers is None:
+            temperature = np.where(is_wet, cooled(mixed, thickness, step), initial)
+        else:
+            tracers.move(before, thickness, fluxes, step, mixed)
+            depth = np.maximum(tracers.at(thickness), THIN)
+            tracers.temperature = cooled(tracers.temperature, depth, step)
+            temperature = np.where(is_wet, tracers.mean(temperature), initial)
         time += step
     return thickness, temperature
 
 
-def _exchange(fields: list[np.ndarray], fall: float, ratio: float, cell: float) -> None:
+def _exchange(
+    fields: list[np.ndarray], fall: float, ratio: float, cell: float,
+    limited: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+) -> np.ndarray:
     """Move volume and heat, the last fields, between neighbours along the first axis.
 
     The others are thickness, temperature and mobility before the step, which is ``ratio`` times as
-    long [s] as the cell [m].
+    long [s] as the cell [m]. Returns the thickness that passes each face [m].
     """
     h, t, mobility, volume, heat = fields
     if len(h) == 1:
-        return
+        return np.zeros((0, *h.shape[1:]))
     wet = h > 0.0
     a, b = h[:-1], h[1:]
     both = 0.5 * (mobility[:-1] + mobility[1:])
     both = np.where(wet[:-1] & wet[1:], both, np.where(wet[:-1], mobility[:-1], mobility[1:]))
     spread = 0.25 * (a + b) * (a * a + b * b) * (b - a) / cell
-    upper = np.maximum((h + 0.5 * _limited(h))[:-1], 0.0)
+    upper = np.maximum((h + 0.5 * van_leer(h)[0])[:-1], 0.0)
     flux = np.clip(both * (upper**3 * fall - spread) * ratio, -0.25 * b, 0.25 * a)
     # dry neighbours have no temperature
-    rise = 0.5 * _limited(t)
-    rise[1:-1] *= wet[:-2] & wet[2:]
-    carried = flux * np.where(flux > 0.0, (t + rise)[:-1], (t - rise)[1:])
+    slopes = limited(t)
+    for slope in slopes:
+        slope[1:-1] *= 0.5 * (wet[:-2] & wet[2:])
+    carried = flux * np.where(flux > 0.0, (t + slopes[0])[:-1], (t - slopes[1])[1:])
     for total, moved in ((volume, flux), (heat, carried)):
         total[:-1] -= moved
         total[1:] += moved
+    return flux
 
 
-def _limited(field: np.ndarray) -> np.ndarray:
-    """Return the difference across a cell along axis 0 by van Leer's limiter; 0 at borders."""
+def _differences(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return field[1:-1] - field[:-2], field[2:] - field[1:-1]
+
+
+def van_leer(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return van Leer's limited difference across a cell along axis 0, for flow up and down it.
+
+    It is 0 at borders, and the same for both.
+    """
     found = np.zeros_like(field)
-    before, after = field[1:-1] - field[:-2], field[2:] - field[1:-1]
+    before, after = _differences(field)
     product, total = before * after, before + after
     is_smooth = product > 0.0
     found[1:-1][is_smooth] = 2.0 * product[is_smooth] / total[is_smooth]
-    return found
+    return found, found.copy()
 
 
-def front_profile(cell: float = cooling.CELL) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def koren(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same by a limiter of third order (Koren 1993)."""
+    found = np.zeros((2, *field.shape))
+    before, after = _differences(field)
+    for slope, behind, ahead in ((found[0], before, after), (found[1], after, before)):
+        sizes = np.abs([2.0 * behind, 2.0 * ahead, (behind + 2.0 * ahead) / 3.0])
+        slope[1:-1] = np.where(behind * ahead > 0.0, np.sign(ahead) * sizes.min(axis=0), 0.0)
+    return found[0], found[1]
+
+
+#: Limited differences by carrier of heat; tracers do not use that of the cells.
+CARRIERS = {'van Leer': van_leer, 'third order': koren, 'tracers': van_leer}
+
+#: Tracers of a cell that come out of a vent, and maximum number in any cell.
+TRACERS, MAX_TRACERS = 4, 8
+
+#: Thickness without tracers [m], and over that of the thickest neighbour below which lava mixes.
+THIN, MIXED = 1e-3, 0.5
+
+
+class Tracers:
+    """Points that carry a temperature with the velocity of the lava.
+
+    Attributes:
+        place: Column and row of each, shape [count, 2]; cell (0, 0) is between 0 and 1.
+        temperature: Temperature of each [K], shape [count].
+    """
+
+    def __init__(self, source: np.ndarray, initial: float) -> None:
+        """Start without tracers; the arguments are those of ``cooling_flow``."""
+        self.place, self.temperature = np.empty((0, 2)), np.empty(0)
+        self._source, self._initial, self._made = source, initial, 0
+        self._due = np.zeros(source.shape)
+
+    def at(self, field: np.ndarray) -> np.ndarray:
+        """Return the values of a field in the cells of the tracers."""
+        column, row = self.place.astype(int).T
+        return field[row, column]
+
+    def mean(self, otherwise: np.ndarray) -> np.ndarray:
+        """Return the mean temperature around the centre of each cell, weighted bilinearly."""
+        rows, columns = otherwise.shape
+        total, weights = np.zeros((2, rows * columns))
+        corner = np.floor(self.place - 0.5)
+        for step in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            cell = corner + step
+            weight = np.prod(1.0 - np.abs(self.place - 0.5 - cell), axis=1)
+            j, i = np.clip(cell, 0, (columns - 1, rows - 1)).astype(int).T
+            index = i * columns + j
+            total += np.bincount(index, weight * self.temperature, rows * columns)
+            weights += np.bincount(index, weight, rows * columns)
+        found = np.where(weights > 1e-6, total / np.maximum(weights, 1e-6), otherwise.ravel())
+        return found.reshape(rows, columns)
+
+    def move(
+        self, before: np.ndarray, after: np.ndarray, fluxes: list[np.ndarray], step: float,
+        mixed: np.ndarray,
+    ) -> None:
+        """Move the tracers over a step, mix those of thin lava, and add new ones.
+
+        Args:
+            before: Thickness before the step [m].
+            after: Thickness after it [m].
+            fluxes: Thickness that passed the faces along rows and columns [m].
+            step: Length of the step [s].
+            mixed: Temperature of each cell by the heat that came in [K].
+        """
+        rows, columns = after.shape
+        padded = np.pad(before, 1)
+        thickest = np.max(
+            [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]], axis=0
+        )
+        thin = before < MIXED * thickest
+        self.temperature = np.where(self.at(thin), self.at(mixed), self.temperature)
+        speeds = []
+        for axis, flux in ((1, fluxes[0]), (0, fluxes[1])):
+            h = np.moveaxis(0.5 * (before + after), axis, 0)
+            passed = np.moveaxis(flux, axis, 0)
+            both, giving = 0.5 * (h[:-1] + h[1:]), np.where(passed > 0.0, h[:-1], h[1:])
+            is_even = np.minimum(h[:-1], h[1:]) > 0.3 * np.maximum(h[:-1], h[1:])
+            depth = np.maximum(np.where(is_even, both, giving), THIN)
+            speed = np.clip(passed / depth, -1.0, 1.0)
+            edge = np.zeros((1, speed.shape[1]))
+            speeds.append(np.moveaxis(np.concatenate([edge, speed, edge]), 0, axis))
+        start, place = self.place, self.place
+        for part in (0.5, 1.0):
+            j, i = place.astype(int).T
+            x, y = (place - np.floor(place)).T
+            moved = np.column_stack([
+                (1.0 - x) * speeds[0][i, j] + x * speeds[0][i, j + 1],
+                (1.0 - y) * speeds[1][i, j] + y * speeds[1][i + 1, j],
+            ])
+            place = np.clip(start + part * moved, 0.01, (columns - 0.01, rows - 0.01))
+        self.place = place
+        stays = self.at(after) < THIN
+        self.place[stays] = start[stays]
+        self._thin_out(columns)
+        # what comes out, and cells that no tracer has reached
+        self._due += TRACERS * self._source * step / np.maximum(after, 0.05)
+        new = self._due >= 1.0
+        self._due[new] -= 1.0
+        self._add(new, np.full(after.shape, self._initial))
+        count = np.zeros(after.shape)
+        np.add.at(count, tuple(self.place.astype(int).T[::-1]), 1.0)
+        self._add((count == 0.0) & (after > THIN), mixed)
+
+    def _thin_out(self, columns: int) -> None:
+        """Drop the tracers of a cell above the maximum number."""
+        cell = self.place[:, 1].astype(int) * columns + self.place[:, 0].astype(int)
+        order = np.argsort(cell, kind='stable')
+        ranked = cell[order]
+        rank = np.arange(len(ranked)) - np.searchsorted(ranked, ranked)
+        kept = np.sort(order[rank < MAX_TRACERS])
+        self.place, self.temperature = self.place[kept], self.temperature[kept]
+
+    def _add(self, where: np.ndarray, temperature: np.ndarray) -> None:
+        """Add a tracer to each of some cells, at places that fill a cell evenly (R2 sequence)."""
+        i, j = np.nonzero(where)
+        number = self._made + np.arange(len(i)) + 1
+        self._made += len(i)
+        inside = np.column_stack([number * 0.7548776662466927, number * 0.5698402909980532]) % 1.0
+        self.place = np.concatenate([self.place, np.column_stack([j, i]) + inside])
+        self.temperature = np.concatenate([self.temperature, temperature[where]])
+
+
+def front_profile(
+    cell: float = cooling.CELL, carrier: str = 'van Leer'
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return places x, thickness [m] and temperature [K] of the sheet, [cells]."""
     x = np.arange(-cooling.REACH, 220.0, cell) + 0.5 * cell
     source = np.where(x < cooling.REACH, 0.5 * cooling.FLUX / cooling.REACH, 0.0)[None]
     thickness, temperature = cooling_flow(
         cooling.STIFFENING, source, cell, np.tan(cooling.SLOPE), cooling.FRONT_TIME,
-        initial=cooling.HOT, ambient=cooling.COLD, gravity=GRAVITY,
+        initial=cooling.HOT, ambient=cooling.COLD, gravity=GRAVITY, carrier=carrier,
     )
     return x, thickness[0], temperature[0]
 
 
-def flow_on(cell: float) -> tuple[float, np.ndarray]:
+def flow_on(cell: float, carrier: str = 'van Leer') -> tuple[float, np.ndarray]:
     """Return the front [m] and the wet cells of each column of the map, for a cell size [m]."""
     x = np.arange(WEST, EAST, cell) + 0.5 * cell
     y = np.arange(0.0, NORTH, cell) + 0.5 * cell
@@ -134,7 +295,7 @@ def flow_on(cell: float) -> tuple[float, np.ndarray]:
     source *= 0.5 * cooling.DISCHARGE / (source.sum() * cell**2)
     thickness, _ = cooling_flow(
         cooling.STIFFENING, source, cell, np.tan(cooling.SLOPE), cooling.END,
-        initial=cooling.HOT, ambient=cooling.COLD, gravity=GRAVITY,
+        initial=cooling.HOT, ambient=cooling.COLD, gravity=GRAVITY, carrier=carrier,
     )
     front = float(x[(thickness > FRONT).any(axis=0)].max() + 0.5 * cell)
     many = round(MAP / cell)
@@ -142,7 +303,37 @@ def flow_on(cell: float) -> tuple[float, np.ndarray]:
     return front, (mean > FRONT).sum(axis=0)
 
 
-if __name__ == '__main__':
+def errors_of(carrier: str, cell: float) -> list[str]:
+    """Return the errors of a carrier's fronts and area, and its time [s] over both flows."""
+    start = wall_clock.process_time()
+    front, wet = flow_on(cell, carrier)
+    x, thickness, _ = front_profile(cell, carrier)
+    spent = wall_clock.process_time() - start
+    expected = np.zeros(len(wet))
+    first = round((exact.PLANE_FIRST - WEST) / MAP - 0.5)
+    expected[first : first + len(exact.PLANE_CELLS)] = exact.PLANE_CELLS
+    apart = 1.0 - np.minimum(wet, expected).sum() / np.maximum(wet, expected).sum()
+    places = -cooling.REACH + (np.arange(len(exact.FRONT_PROFILE)) + 0.5) * cooling.CELL
+    reference = case.front(places, np.array(exact.FRONT_PROFILE), FRONT)
+    sheet = case.front(x, thickness, FRONT)
+    errors = (front / exact.PLANE_FRONT - 1.0, apart, sheet / reference - 1.0)
+    return [carrier, f'{cell:g}', *(f'{error:.4f}' for error in errors), f'{spent:.1f}']
+
+
+def compare_carriers() -> None:
+    """Write the errors of all carriers to cell_heat.csv."""
+    with Path(__file__).with_name('cell_heat.csv').open('w', encoding='utf-8', newline='') as file:
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(['carrier', 'cell', 'plane front', 'plane area', 'sheet front', 'cpu'])
+        for cell in (5.0, 2.5):
+            for carrier in CARRIERS:
+                writer.writerow(errors_of(carrier, cell))
+                file.flush()
+
+
+if __name__ == '__main__' and sys.argv[1:] == ['carriers']:
+    compare_carriers()
+elif __name__ == '__main__':
     with Path(__file__).with_suffix('.csv').open('w', encoding='utf-8', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         places = np.arange(WEST, EAST, MAP) + 0.5 * MAP

@@ -19,6 +19,9 @@ PAGE = HERE.parent / 'accuracy/other_codes.md'
 #: Name in codes.csv of the exact solution as means over the cells.
 EXACT = 'exact solution'
 
+#: Name in codes.csv of the method cells.
+CELLS = 'cells'
+
 #: Names of the schemes of finite_volumes.c, the yardsticks.
 SCHEMES = ('plain scheme', 'RKL2 scheme')
 
@@ -96,6 +99,46 @@ def ratio_table() -> Iterator[Line]:
     ))
 
 
+def cells_table() -> Iterator[Line]:
+    """Yield the CPU time of method cells and of both schemes with the profile of `standard`."""
+    rows = [row for row in lines_of('codes.csv') if row['quantity'] == 'profile']
+    yield ('flow', 'profile', '`standard`', 'cells', *(
+        f'cells over {code}' for code in SCHEMES
+    ))
+    ratios = defaultdict[str, list[float]](list)
+    for row in (row for row in rows if row['code'] == 'standard'):
+        error, case = float(row['value']), row['case']
+        time = same_profile(rows, case, CELLS, error)
+        for code in SCHEMES:
+            ratios[code].append(time / same_profile(rows, case, code, error))
+        yield (
+            case.replace('_', ' '), f'{two_digits(error)} %', seconds(float(row['cpu_s'])),
+            seconds(time), *(two_digits(ratios[code][-1]) for code in SCHEMES),
+        )
+    yield ('median', '', '', '', *(two_digits(median(ratios[code])) for code in SCHEMES))
+
+
+def same_cells_table() -> Iterator[Line]:
+    """Yield the CPU time of method cells over that of both schemes on the same cells."""
+    rows = [
+        row for row in lines_of('codes.csv')
+        if row['quantity'] == 'profile' and row['code'] in (CELLS, *SCHEMES)
+    ]
+    found = {(row['case'], row['code'], row['cell_m']): float(row['cpu_s']) for row in rows}
+    yield ('cells', *(word for code in SCHEMES for word in (f'over {code}', 'median')))
+    for cell in dict.fromkeys(row['cell_m'] for row in rows if row['code'] == CELLS):
+        line = [f'{cell} m']
+        for code in SCHEMES:
+            times = sorted(
+                time / found[case, code, cell] for (case, name, side), time in found.items()
+                if (name, side) == (CELLS, cell)
+            )
+            line += [
+                f'{two_digits(times[0])} to {two_digits(times[-1])}', two_digits(median(times))
+            ]
+        yield tuple(line)
+
+
 def scheme_table() -> Iterator[Line]:
     """Yield the profile errors and times of both schemes on the same cells, over all flows."""
     rows = [row for row in lines_of('codes.csv') if row['quantity'] == 'profile']
@@ -117,6 +160,8 @@ def scheme_table() -> Iterator[Line]:
 
 TABLES = {
     'ratio': ratio_table,
+    'cells': cells_table,
+    'same': same_cells_table,
     'schemes': scheme_table,
     'flux': lambda: grid_table('constant_flux', 'radius', 'R'),
     'valley': lambda: grid_table('valley', 'front', 'front'),

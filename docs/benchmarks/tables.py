@@ -422,6 +422,21 @@ def grounds() -> Iterator[Line]:
         yield (label, *(f'{float(row[column]):.2g}' for column in columns))
 
 
+def carriers() -> Iterator[Line]:
+    """Yield the errors of carriers of heat on the same cells."""
+    yield ('carrier', 'cells', 'front of `cooling_plane`', 'its area', 'front of `cooling_front`',
+           'CPU time over that of van Leer')
+    rows = lines_of('cell_heat.csv')
+    times = {row['cell']: float(row['cpu']) for row in rows if row['carrier'] == 'van Leer'}
+    for row in rows:
+        yield (
+            row['carrier'], f'{row["cell"]} m', *(
+                f'{100.0 * float(row[name]):+.1f} %'
+                for name in ('plane front', 'plane area', 'sheet front')
+            ), f'{float(row["cpu"]) / times[row["cell"]]:.1f}',
+        )
+
+
 def twins() -> Iterator[Line]:
     """Yield how often truths arrive before the forecast times, and the reliability."""
     yield (
@@ -538,7 +553,8 @@ PAGES: Mapping[str, Tables] = {
         'outlines': outlines,
     },
     'MODEL.md': {
-        'grounds': grounds, 'kernel_radii': kernel_radii, 'kernel_ratios': kernel_ratios,
+        'carriers': carriers, 'grounds': grounds, 'kernel_radii': kernel_radii,
+        'kernel_ratios': kernel_ratios,
     },
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'presets.md': {

@@ -17,6 +17,9 @@ from lava_ros.errors import LavaError
 PRESETS = ('draft', 'standard', 'fine', 'reference', 'as-published')
 DEFAULT_PRESET = 'standard'
 
+#: Solvers (``accuracy.METHODS``).
+METHODS = ('particles', 'cells')
+
 #: Default simulated time of a run, as in ``lava_ros.simulation.resolution``.
 HORIZON = '24h'
 
@@ -188,6 +191,10 @@ _SHARED = {item[0][0]: item for item in (
         float,
     ),
     argument('--material', 'NAME', 'lava by name; replaces the lava of the case'),
+    argument(
+        '--method', None, 'carriers of the lava: particles, or cells, which take less time and '
+        'lack some effects', 'particles', choices=METHODS,
+    ),
     argument(
         '--node', 'NAME', 'node whose simulation to read, in a bag with several: its full name, '
         'such as /etna/lava, or its namespace (default: the only one)',

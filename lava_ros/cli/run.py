@@ -97,7 +97,7 @@ ENSEMBLE_PRESET = 'draft'
         '--at', 'those of --maps; further times, may be repeated', action='append', default=[],
         dest='at',
     ),
-    '--places',
+    '--places', '--method',
     shared('--preset', f'{DEFAULT_PRESET}; of an ensemble, {ENSEMBLE_PRESET}', default=None),
     '--spacing', '--within', '--error', '--on', '--off', '--threshold', '--device', '--json',
     argument(
@@ -130,21 +130,21 @@ def run(args: argparse.Namespace) -> int:
     is_ensemble = args.members is not None
     refuse = partial(refuse_options, args, run.arguments)
     if is_ensemble:
-        refuse((*_MAPS, '--maps'), lambda name: validation.conflict(name, '--members'))
+        refuse((*_MAPS, '--maps', '--method'), partial(validation.conflict, '--members'))
     else:
         refuse(_names(_ENSEMBLE), lambda name: validation.dependence(name, '--members'))
     if is_case:
         unused = _VENTS if is_ensemble else ('--threshold',)
         refuse(
-            (*_INPUTS, *_MAPS, '--within', '--error', *unused),
+            (*_INPUTS, *_MAPS, '--within', '--error', '--method', *unused),
             lambda name: validation.surplus(name, f'to {args.scene}, a mapped eruption'),
         )
     if not is_case or is_ensemble:
         other = 'the folder of a mapped eruption' + ' without --members' * is_ensemble
         refuse(_names(_CASE), lambda name: validation.dependence(name, other))
     for chosen, others in (
-        ('spacing', ('--within', '--error')), ('within', ('--error', '--preset')),
-        ('error', ('--preset',)),
+        ('spacing', ('--within', '--error')), ('within', ('--error', '--preset', '--method')),
+        ('error', ('--preset', '--method')),
     ):
         if getattr(args, chosen) is not None:
             refuse(others, partial(validation.conflict, f'--{chosen}'))

@@ -39,7 +39,8 @@ def request_of(args: argparse.Namespace) -> Request:
     target = target_of(args)
     if args.threshold is not None:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
-    device = device_named(args.device)
+    # cells run on a CPU
+    device = device_named(args.device or ('cpu' if args.method == 'cells' else None))
     sourced = sourced_scene(args)
     scene = sourced.scene
 
@@ -48,9 +49,9 @@ def request_of(args: argparse.Namespace) -> Request:
         if target:
             found = planned(scene, target, until, forced, device)
             preset, spacing = found.preset, found.spacing
-        elif spacing is None:
+        elif spacing is None and args.method == 'particles':
             spacing = _spacing_of(preset, scene, forced, until, device)
-        chosen = preset_accuracy(preset, spacing=spacing)
+        chosen = replace(preset_accuracy(preset, spacing=spacing), method=args.method)
         if args.threshold is not None:
             chosen = replace(chosen, threshold=args.threshold)
         log_resolution(scene, chosen, forced, until, args.threshold)
@@ -62,7 +63,7 @@ def request_of(args: argparse.Namespace) -> Request:
         until=until,
         times=_map_times(args, until),
         settings={
-            'preset': args.preset, 'spacing_m': args.spacing,
+            'method': args.method, 'preset': args.preset, 'spacing_m': args.spacing,
             'within_s': target.get('within'), 'error': target.get('error'),
             'threshold_m': args.threshold,
         },

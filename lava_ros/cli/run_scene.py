@@ -96,7 +96,10 @@ def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> 
         ('simulated time', duration(record['simulated_time_s'])),
         ('start of the eruption', record['onset'] or 'unknown'),
         ('lava', EruptingLava.of(scene).text()),
-        ('particles', f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart'),
+        (
+            'particles' if record['settings'].get('method') != 'cells' else 'cells with lava',
+            f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart',
+        ),
         ('particles across the flow', 'unknown' if across is None else f'{across:.2g}'),
         # absent from folders of older versions
         *([('kind of flow', record['flow_kind'])] if record.get('flow_kind') else []),

@@ -76,16 +76,20 @@ def heat_of(scene: Scene, effects: Effects, real: Any) -> Any:
 
 
 @lru_cache
-def warming_function(wp: Any, real: Any, effects: Effects) -> Any:
+def warming_function(
+    wp: Any, real: Any, effects: Effects, *, is_straight: bool = False
+) -> Any:
     """Return the function for the change of temperature in a step [K], None if there is none.
 
     Its arguments: the constants, the column with its drop and speed during the step, its
-    temperature [K] and age [s] at the start of the step, and the step [s].
+    temperature [K] and age [s] at the start of the step, and the step [s]. If ``is_straight``, it
+    has no loop, unless a loss depends on age: a CPU then vectorises loops over columns.
     """
     constants_type, column_struct = heat_type(real), column_type(real)
     modules = effects.having('terms')
     names = drop_superseded(modules)
     needs_age = any(EFFECTS[name].needs_age for name in names)
+    is_straight = is_straight and not needs_age
     if not names:
         return None
     balance, *others = (
@@ -113,7 +117,23 @@ def warming_function(wp: Any, real: Any, effects: Effects) -> Any:
     ) -> real:
         return relaxation(temperature, rate, source, step)
 
-    relaxed = effects.function('relaxed', wp, real, constants_type, relaxation) or plain
+    relaxed = effects.function(
+        'relaxed', wp, real, constants_type, relaxation, is_straight=is_straight
+    ) or plain
+
+    @wp.func
+    def straight(
+        constants: constants_type, column: column_struct, temperature: real, age: real, step: real
+    ) -> real:
+        column.temperature = temperature
+        terms = balance(constants, column)
+        half = real(0.5) * step
+        column.temperature += relaxed(constants, temperature, terms[0], terms[1], half)
+        terms = balance(constants, column)
+        return relaxed(constants, temperature, terms[0], terms[1], step)
+
+    if is_straight:
+        return straight
 
     @wp.func
     def mean_age(age: real, span: real) -> real:

@@ -61,63 +61,87 @@ EFFECT = Effect(
 )
 
 
+#: Pieces of the heat content: above the liquidus, between liquidus and solidus, below.
+_PIECES = 3
+
+
 @lru_cache
-def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
+def relaxed(
+    wp: Any, real: Any, constants_type: Any, relaxation: Any, *, is_straight: bool = False
+) -> Any:
     """Return the device function for the change of temperature in a step at constant s and f.
 
-    ``relaxation`` is that of lava without latent heat.
+    ``relaxation`` is that of lava without latent heat. If ``is_straight``, all pieces are
+    computed, without a loop.
     """
+    vec3 = wp.types.vector(3, real)
+
+    @wp.func
+    def piece(
+        constants: constants_type, temperature: real, rate: real, source: real, so_far: vec3
+    ) -> vec3:
+        """Return the change so far, the temperature and the time that remains after a piece."""
+        total, result, remaining = so_far[0], so_far[1], so_far[2]
+        solidus = real(constants.solidus)
+        liquidus = real(constants.liquidus)
+        slower = real(1.0) + real(constants.latent) / (liquidus - solidus)
+        falls = source < rate * temperature
+        end = real(0.0)
+        factor = real(1.0)
+        if falls:
+            if result > liquidus:
+                end = liquidus
+            elif result > solidus:
+                end = solidus
+                factor = slower
+        else:
+            end = real(1.0e9)
+            if result < solidus:
+                end = solidus
+            elif result < liquidus:
+                end = liquidus
+                factor = slower
+        change = relaxation(result, rate / factor, source / factor, remaining)
+        room = end - result
+        passed = change > room
+        if falls:
+            passed = change < room
+        if passed:
+            # fraction of the time until the end of the piece
+            share = room / change
+            x = rate * remaining / factor
+            if x > real(1.0e-6):
+                equilibrium = source / rate
+                share = wp.log((result - equilibrium) / (end - equilibrium)) / x
+            remaining *= wp.clamp(real(1.0) - share, real(0.0), real(1.0))
+            result = end
+            total = end - temperature
+        else:
+            total += change
+            remaining = real(0.0)
+        return vec3(total, result, remaining)
+
+    @wp.func
+    def straight(
+        constants: constants_type, temperature: real, rate: real, source: real, step: real
+    ) -> real:
+        state = vec3(real(0.0), temperature, step)
+        for _ in range(_PIECES):
+            state = piece(constants, temperature, rate, source, state)
+        return state[0]
 
     @wp.func
     def relaxed(
         constants: constants_type, temperature: real, rate: real, source: real, step: real
     ) -> real:
-        solidus = real(constants.solidus)
-        liquidus = real(constants.liquidus)
-        slower = real(1.0) + real(constants.latent) / (liquidus - solidus)
-        falls = source < rate * temperature
-        result = temperature
-        total = real(0.0)
-        remaining = step
+        state = vec3(real(0.0), temperature, step)
         pieces = wp.int32(0)
-        while remaining > real(0.0) and pieces < 3:
+        while state[2] > real(0.0) and pieces < _PIECES:
             pieces += 1
-            end = real(0.0)
-            factor = real(1.0)
-            if falls:
-                if result > liquidus:
-                    end = liquidus
-                elif result > solidus:
-                    end = solidus
-                    factor = slower
-            else:
-                end = real(1.0e9)
-                if result < solidus:
-                    end = solidus
-                elif result < liquidus:
-                    end = liquidus
-                    factor = slower
-            change = relaxation(result, rate / factor, source / factor, remaining)
-            room = end - result
-            passed = change > room
-            if falls:
-                passed = change < room
-            if passed:
-                # fraction of the time until the end of the piece
-                share = room / change
-                x = rate * remaining / factor
-                if x > real(1.0e-6):
-                    equilibrium = source / rate
-                    share = wp.log((result - equilibrium) / (end - equilibrium)) / x
-                remaining *= wp.clamp(real(1.0) - share, real(0.0), real(1.0))
-                result = end
-                total = end - temperature
-            else:
-                total += change
-                remaining = real(0.0)
-        return total
+            state = piece(constants, temperature, rate, source, state)
+        return state[0]
 
-    return relaxed
+    return straight if is_straight else relaxed
 
 
 @lru_cache

@@ -12,6 +12,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.effects import compatible, EFFECTS, Effects
+from lava_ros.errors import LavaError
 from lava_ros.forecast.member_scenes import end_scenes, median_scene, member_scene
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import (
@@ -175,7 +176,11 @@ def make_plan(
     samples = _sampling(samples, horizon)
     # one spacing for all members, chosen for the values of the scene
     median, scene = median_scene(scene), with_ranges(scene)
-    accuracy = resolved_accuracy(accuracy or Accuracy(), median, effects, horizon=horizon)
+    accuracy = accuracy or Accuracy()
+    if accuracy.method != 'particles':
+        # pairs of runs with other distances of particles measure the error of an ensemble
+        raise LavaError('accuracy.method', accuracy.method, 'particles for an ensemble')
+    accuracy = resolved_accuracy(accuracy, median, effects, horizon=horizon)
     if threshold is not None:
         threshold = validation.number('threshold', threshold, above=0.0, unit='m')
         accuracy = replace(accuracy, threshold=threshold)

@@ -62,7 +62,9 @@ def measuring(
     """
     begun = clock()
     assert accuracy.spacing is not None
-    coarser = replace(accuracy, spacing=COARSER * accuracy.spacing)
+    # the solver's cells double
+    ratio = 2.0 if accuracy.method == 'cells' else COARSER
+    coarser = replace(accuracy, spacing=ratio * accuracy.spacing)
     pairs: dict[str, Pair] = {}
     others: list[Areas] = []
     for part, ground in (('particles', scene), ('ground', on_coarser_ground(scene))):
@@ -74,7 +76,7 @@ def measuring(
         yield from driving(simulation, time)
         others.append(areas(simulation.snapshot()))
         if part == 'particles':
-            pairs[part] = Pair(run, others[0], richardson(COARSER, PARTICLE_ORDER))
+            pairs[part] = Pair(run, others[0], richardson(ratio, PARTICLE_ORDER))
         else:
             pairs[part] = Pair(others[0], others[1], richardson(2.0, GROUND_ORDER))
     return error_of(

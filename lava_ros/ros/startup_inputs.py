@@ -193,6 +193,9 @@ def _resumed(node: Node, given: StartupInputs, bag: str) -> StartupInputs:
     for error in found.refused:
         node.get_logger().warning(f'a newer checkpoint cannot be used: {error}')
     checkpoint = found.checkpoint
+    if checkpoint.accuracy.method != 'particles':
+        method = checkpoint.accuracy.method
+        raise LavaError('checkpoint.accuracy.method', method, 'particles: a node has no other')
     node.get_logger().info(
         f'resuming at {checkpoint.time:.3f} s simulated with {checkpoint.particle_count} '
         f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'

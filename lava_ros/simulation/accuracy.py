@@ -35,6 +35,9 @@ FORMULATIONS: dict[str, dict[str, bool]] = {
     'as-published': {'green': True, 'steep': False},
 }
 
+#: Solvers by name.
+METHODS = ('particles', 'cells')
+
 INTEGRATORS = ('rkl2', 'rkl1', 'euler')
 
 PRECISIONS = ('float32', 'float64')
@@ -46,6 +49,9 @@ GRADIENTS = ('energy', 'difference', 'balanced')
 class Accuracy:
     """Resolution of a simulation in space and time; each field has its own description."""
 
+    method: str = choice(
+        'particles', 'Carriers of the lava; cells are cheaper, and lack some effects', METHODS
+    )
     spacing: float | None = number(
         None, 'Distance between neighbouring particles where the flow has its expected thickness; '
         'None: from the width of the flow (resolution.py)', 1e-6, 1e7, 'm',

@@ -1,20 +1,38 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loop that advances a solver to a time, alone or as a member of a batch."""
+"""The solver of particles behind a simulation.
+
+It adds the methods that it shares with the solver of cells, and the loop that advances it to a
+time, alone or as a member of a batch.
+"""
 
 from collections import deque
 from collections.abc import Generator
 from functools import partial
 import math
 import time as wall_clock
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import Vent
 from lava_ros.simulation.batch import Batch, current_batch
+from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint_contents import (
+    capacity_for,
+    check_conserved,
+    check_contents,
+)
+from lava_ros.simulation.output.peaks import PeakMaps, Peaks
+from lava_ros.simulation.output.snapshot import ParticleSample
 from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import fitting
 from lava_ros.simulation.solver import Solver
+from lava_ros.simulation.step.vents import check_rates, Emission
+from lava_ros.simulation.stop import Stop
 
 #: Launches in flight, by whether the device is a GPU, while the target is far enough away.
 _IN_FLIGHT = {True: 2, False: 1}
@@ -24,21 +42,6 @@ _ROUNDING = 1e-3
 
 #: Copies of the clock and the counts of a ``State``.
 _Readback = tuple[np.ndarray, np.ndarray]
-
-
-class Stop(NamedTuple):
-    """Where a solver has stopped.
-
-    Attributes:
-        time: Simulated time reached [s].
-        step: Length of the next step if ``is_step_pending``, otherwise of the latest step, as it
-            would be without stops and without particles that are due within it [s].
-        is_step_pending: True if the next step has not begun because it would end too late.
-    """
-
-    time: float
-    step: float
-    is_step_pending: bool
 
 
 def advancing_to(
@@ -142,3 +145,127 @@ def _advance_in_batch(
             # the clock includes stages launched since that readback
             return solver.state.read_clock()
         solver.make_room(counts)
+
+
+class ParticleSolver(Solver):
+    """The lava of a simulation as particles."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.state.time
+
+    @property
+    def effects(self) -> Effects:
+        """The effects that are on."""
+        return self.state.effects
+
+    @property
+    def count(self) -> int:
+        """Number of particles."""
+        return self.state.count
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps so far."""
+        return int(self.state.read_clock()[1][at.STEPS])
+
+    @property
+    def capacity(self) -> int:
+        """Number of particles for which there is memory."""
+        return self.state.capacity
+
+    @property
+    def column_spacing(self) -> float:
+        """Distance between the columns into which emplaced lava is divided [m]."""
+        assert self.accuracy.spacing is not None
+        return self.accuracy.spacing
+
+    def advancing_to(
+        self, until: float, end: float | None, deadline: float, max_end: float = math.inf
+    ) -> Generator[None, None, Stop]:
+        """Advance to a time; yield between launches (``advance.advancing_to``)."""
+        return advancing_to(self, until, end, deadline, max_end)
+
+    def observe_now(self, peaks: Peaks) -> None:
+        """Raise peaks to the values of the current flow.
+
+        Raises:
+            LavaError: If too many particles are in one place.
+        """
+        self.bin()
+        self.observe(peaks)
+        self.neighbors.refuse_crowds()
+
+    def read_peaks(self, peaks: Peaks, *, where_wet: bool) -> PeakMaps:
+        """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
+        rows, columns = self.scene.terrain.shape
+        part = slice(0, rows), slice(0, columns)
+        if where_wet:
+            part = self.raster.window.rectangle(self.state)
+        return peaks.read(self.state, part)
+
+    def sample(self) -> ParticleSample:
+        """Read the sorted particles back, with their current thickness and velocity."""
+        self.stage.compute_flow()
+        return self.read_sample()
+
+    def check_rates(self, vents: tuple[Vent, ...]) -> None:
+        """Raise LavaError if a discharge produces more particles than can be computed."""
+        check_rates(vents, self.accuracy.particle_volume)
+
+    def forget(self) -> None:
+        """Record the launches again."""
+        self.state.launches.forget()
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy all arrays from which the solver can be resumed, between two steps, by name.
+
+        A GPU then captures the next stages again, as it does for a resumed simulation: both idle
+        for the same number of stages past the next target.
+        """
+        self.state.launches.forget()
+        arrays = {f'state.{name}': array for name, array in self.state.save().items()}
+        arrays |= {f'vents.{name}': array for name, array in self.vents.save().items()}
+        arrays |= {f'arrived.{name}': item for name, item in self.covered.save().items()}
+        if self.raised is not None:
+            arrays |= {f'solidified.{name}': item for name, item in self.raised.save().items()}
+        return arrays
+
+    def load(self, checkpoint: Checkpoint) -> None:
+        """Restore the arrays of a checkpoint of the same scene, effects and accuracy.
+
+        Raises:
+            LavaError: If an array is missing, does not belong to the scene and the effects, or has
+                numbers that no simulation has.
+        """
+        check_contents(checkpoint)
+        parts: dict[str, dict[str, np.ndarray]] = {}
+        for name, array in checkpoint.arrays.items():
+            owner, _, own_name = name.partition('.')
+            parts.setdefault(owner, {})[own_name] = array
+        # lava may have solidified before the effect was switched off
+        if self.raised is not None or 'solidified' in parts:
+            self.own_terrain().load(parts.pop('solidified', {}))
+        self.state.load(parts.pop('state', {}), capacity_for(checkpoint))
+        vents = parts.pop('vents', {})
+        emission = Emission.from_arrays(vents, len(checkpoint.scene.vents))
+        self.open_vents(checkpoint.since, emission)
+        # the state has the vents' heights; lava solidified since then may have raised the ground
+        shape = (len(checkpoint.scene.vents),)
+        is_counted = fitting('vents.counted', vents.get('counted'), shape, np.int32)
+        self.vents.counted = set(np.flatnonzero(is_counted).tolist())
+        arrived = parts.pop('arrived', None)
+        if arrived is not None:
+            self.covered.load(arrived)
+        if parts:
+            raise LavaError('checkpoint.arrays', sorted(parts), 'those of a simulation')
+        if self.time != checkpoint.time:
+            right = f'that of the clock, {self.time:g} s'
+            raise LavaError('checkpoint.time', checkpoint.time, right)
+        self.volume_before = checkpoint.emitted
+        # the neighbour grid was created without the particles
+        self.cover()
+        if arrived is None:
+            self.record_covered_ground()
+        check_conserved(self.budget())

@@ -81,7 +81,8 @@ class Resolution:
         limit: Origin of the spacing: ``flow``, the width; ``edges``, the thickness; ``particles``,
             their maximum number or rate; ``stress``, which smooths the flow over
             most of its thickness; ``given``, the user; ``cells``, those of the
-            terrain, without a discharge; or ``measured``, a running simulation.
+            terrain, with method cells or without a discharge; or ``measured``, a running
+            simulation.
         kind: Kind of the flow (flow_kind.py); None without a discharge.
         extent: Longer side of the terrain [m]; infinite if measured.
         finest: Minimum spacing [m], by the number of particles and by lateral stress; 0 if
@@ -213,6 +214,9 @@ def resolution_of(
 
     if accuracy.spacing is not None:
         return known(accuracy.spacing, 'given')
+    if accuracy.method == 'cells':
+        # the cells of the terrain, halved or doubled
+        return known(cell * 2.0 ** -round(math.log2(accuracy.refinement)), 'cells')
     if math.isnan(width) and not flows:
         return known(cell / accuracy.refinement, 'cells')
     # emplaced lava has a known thickness but no known width

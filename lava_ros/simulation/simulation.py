@@ -9,6 +9,7 @@ from functools import partial
 import math
 import threading
 import time as wall_clock
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.effects import Effects, excluded_by
@@ -17,9 +18,10 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.terrain import is_same_ground
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.advance import advancing_to
+from lava_ros.simulation.advance import ParticleSolver
 from lava_ros.simulation.backend.memory import within_memory
 from lava_ros.simulation.batch import current_batch
+from lava_ros.simulation.cells.solver import CellSolver
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.measurement import measured_scales
@@ -31,7 +33,6 @@ from lava_ros.simulation.output.snapshot import (
     PendingSnapshot,
     Snapshot,
 )
-from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.resolution import (
     estimated_effects,
     naming_the_cause,
@@ -39,7 +40,6 @@ from lava_ros.simulation.resolution import (
     resolution_of,
     resolved_accuracy,
 )
-from lava_ros.simulation.restart import arrays_of, restore_arrays
 from lava_ros.simulation.selection import (
     decide,
     decide_by,
@@ -50,8 +50,9 @@ from lava_ros.simulation.selection import (
 )
 from lava_ros.simulation.setup.defaults import device_of, formulated
 from lava_ros.simulation.setup.review import next_review, Review, watched_effects
-from lava_ros.simulation.solver import Solver
-from lava_ros.simulation.step.vents import check_rates
+
+#: Solvers by method (``Accuracy.method``).
+SOLVERS: dict[str, Any] = {'particles': ParticleSolver, 'cells': CellSolver}
 
 
 class Simulation:
@@ -95,7 +96,7 @@ class Simulation:
         """
         self._prepare(scene, effects, accuracy or Accuracy(), device, horizon)
         if particles is None:
-            particles = particles_of(scene, self.accuracy.spacing)
+            particles = particles_of(scene, self.solver.column_spacing)
         self.solver.start_with(particles)
         self._watch(is_due=particles is not None)
 
@@ -118,11 +119,11 @@ class Simulation:
         chosen = effects if isinstance(effects, Effects) else self._choose_effects(scene)
         chosen = formulated(chosen, self.accuracy)
         with naming_the_cause(scene, given):
-            self._solver = Solver(scene, chosen, self.accuracy, used)
+            self._solver: Any = SOLVERS[self.accuracy.method](scene, chosen, self.accuracy, used)
 
     @property
-    def solver(self) -> Solver:
-        """The particles, grids and kernels on the device.
+    def solver(self) -> Any:
+        """The lava, grids and kernels on the device: a ``ParticleSolver`` or a ``CellSolver``.
 
         Raises:
             RuntimeError: If the current thread did not create the simulation.
@@ -137,12 +138,14 @@ class Simulation:
     @property
     def scene(self) -> Scene:
         """The current scene."""
-        return self.solver.scene
+        scene: Scene = self.solver.scene
+        return scene
 
     @property
     def effects(self) -> Effects:
         """The effects that are on."""
-        return self.solver.state.effects
+        effects: Effects = self.solver.effects
+        return effects
 
     @property
     def device(self) -> str:
@@ -152,22 +155,22 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self.solver.state.time
+        return float(self.solver.time)
 
     @property
     def particle_count(self) -> int:
         """Number of particles."""
-        return self.solver.state.count
+        return int(self.solver.count)
 
     @property
     def most_particles(self) -> int:
         """Maximum number of particles at any readback so far, known without device access."""
-        return self.solver.most_particles
+        return int(self.solver.most_particles)
 
     @property
     def steps(self) -> int:
         """Number of time steps so far."""
-        return int(self.solver.state.read_clock()[1][at.STEPS])
+        return int(self.solver.steps)
 
     def advance(
         self,
@@ -246,8 +249,8 @@ class Simulation:
                     self.solver.skip_to(stop, last)
                 # reviews follow the ends of natural steps, and change none
                 due = min(stop, self._review_due)
-                reached, self.step, self._is_step_pending = yield from advancing_to(
-                    self.solver, due, last, deadline, max_end
+                reached, self.step, self._is_step_pending = yield from self.solver.advancing_to(
+                    due, last, deadline, max_end
                 )
                 if self._is_step_pending:
                     self._requested_time = until
@@ -266,7 +269,7 @@ class Simulation:
         """Complete the step and the review that the wall limit of ``advance`` interrupted."""
         if self._is_interrupted:
             self._is_interrupted = False
-            for _ in advancing_to(self.solver, self.time, None, math.inf):
+            for _ in self.solver.advancing_to(self.time, None, math.inf):
                 pass
             if self.time >= self._review_due:
                 self.review()
@@ -311,9 +314,7 @@ class Simulation:
             LavaError: If too many particles are in one place.
         """
         self._complete()
-        self.solver.bin()
-        self.solver.observe(peaks)
-        self.solver.neighbors.refuse_crowds()
+        self.solver.observe_now(peaks)
 
     def observing(self, peaks: Peaks) -> Iterator[None]:
         """Generator form of ``observe``, which yields to the other members of a batch."""
@@ -329,11 +330,8 @@ class Simulation:
 
     def read_peaks(self, peaks: Peaks, *, where_wet: bool = False) -> PeakMaps:
         """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
-        solver, (rows, columns) = self.solver, self.scene.terrain.shape
-        part = slice(0, rows), slice(0, columns)
-        if where_wet:
-            part = solver.raster.window.rectangle(solver.state)
-        return peaks.read(solver.state, part)
+        found: PeakMaps = self.solver.read_peaks(peaks, where_wet=where_wet)
+        return found
 
     @within_memory()
     def budget(self) -> VolumeBudget:
@@ -346,8 +344,7 @@ class Simulation:
         """Read the particles back, with their current thickness and velocity."""
         self._complete()
         self.solver.sort()
-        self.solver.stage.compute_flow()
-        return self.solver.read_sample()
+        return self.solver.sample()
 
     @within_memory()
     def evaluate(self) -> None:
@@ -374,12 +371,12 @@ class Simulation:
         """
         vents = check_vents(vents, self.scene.terrain, self.scene.lava)
         if vents != self.solver.vents.vents:
-            check_rates(vents, self.accuracy.particle_volume)
+            self.solver.check_rates(vents)
             self._catch_up()
             last_particles = self.solver.replace_vents(replace(self.scene, vents=vents))
             self._update_effects()
             self.solver.add_particles(last_particles)
-            self.solver.state.launches.forget()
+            self.solver.forget()
 
     @within_memory()
     def set_terrain(self, terrain: Terrain) -> None:
@@ -460,8 +457,8 @@ class Simulation:
             accuracy=self.accuracy,
             emitted=self.solver.volume_before,
             since=self.solver.vents.since,
-            capacity=self.solver.state.capacity,
-            arrays=arrays_of(self.solver),
+            capacity=self.solver.capacity,
+            arrays=self.solver.save(),
         )
 
     @classmethod
@@ -475,7 +472,7 @@ class Simulation:
         scene, effects, accuracy = checkpoint.scene, checkpoint.effects, checkpoint.accuracy
         simulation = cls.__new__(cls)
         simulation._prepare(scene, effects, accuracy, device, checkpoint.horizon)
-        restore_arrays(simulation.solver, checkpoint)
+        simulation.solver.load(checkpoint)
         simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
         simulation._review.since.update(checkpoint.switched_on)
         simulation._review.largest.update(checkpoint.measured)

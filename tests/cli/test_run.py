@@ -124,6 +124,8 @@ def test_finished_run_is_never_changed(folder, tmp_path, monkeypatch):
     (('--at', '2h'), "--at is '2h', expected a time at or before --until, 1h"),
     (('--maps', '0'), '--maps is 0'),
     (('--within', '1min', '--spacing', '5'), '--spacing and --within exclude each other'),
+    (('--method', 'cells', '--within', '1min'), '--within and --method exclude each other'),
+    (('--method', 'cells', '--on', 'inertia'), 'effects.inertia is True, expected false with'),
     (('--on', 'crust', '--off', 'crust'), '--on crust and --off crust exclude each other'),
     (('--start', 'yesterday'), "start is 'yesterday'"),
     (('--threshold', '0'), '--threshold is 0'),
@@ -147,10 +149,13 @@ def test_start_dates_a_run_with_a_constant_rate(tmp_path):
     assert json.loads((tmp_path / 'run/run.json').read_text())['onset'] == '2021-03-01T04:30:00Z'
 
 
-def test_run_without_vents_has_no_flow(tmp_path):
+@pytest.mark.parametrize('method', ['particles', 'cells'])
+def test_run_without_vents_has_no_flow(method, tmp_path):
     write_scene(tmp_path, SLOPE, 10.0, {'vents': []})
     run = tmp_path / 'run'
-    done('run', tmp_path / 'scene.yaml', '--until', '1min', *SETTINGS, '-o', run)
+    done(
+        'run', tmp_path / 'scene.yaml', '--until', '1min', *SETTINGS, '--method', method, '-o', run
+    )
     record = json.loads((run / 'run.json').read_text(), parse_constant=pytest.fail)
     assert record['inundated_area_m2'] == record['volume_emitted_m3'] == 0.0
     assert record['resolution']['particles_across'] is None

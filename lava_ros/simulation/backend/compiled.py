@@ -263,7 +263,8 @@ def write_function(
     return found[origin.__name__]
 
 
-def _on_cuda(snippet: str, otherwise: str) -> str:
+def on_cuda(snippet: str, otherwise: str) -> str:
+    """Return C++ of a device function: a snippet for CUDA, and another one for the CPU."""
     return f'#if defined(__CUDA_ARCH__)\n{snippet}\n#else\n    {otherwise}\n#endif\n'
 
 
@@ -295,10 +296,10 @@ def access(real: Any, length: int) -> tuple[Any, Any]:
     {wide}* to = reinterpret_cast<{wide}*>(values.data) + {count} * i;
     {' '.join(stores)}"""
 
-    @wp.func_native(_on_cuda(read, 'return values.data[i];'))
+    @wp.func_native(on_cuda(read, 'return values.data[i];'))
     def load(values: wp.array(dtype=vector), i: int) -> vector: ...
 
-    @wp.func_native(_on_cuda(write, 'values.data[i] = v;'))
+    @wp.func_native(on_cuda(write, 'values.data[i] = v;'))
     def store(values: wp.array(dtype=vector), i: int, v: vector): ...
 
     return load, store
@@ -308,7 +309,7 @@ def access(real: Any, length: int) -> tuple[Any, Any]:
 def load1(kind: Any) -> Any:
     """Return the device function that reads item i >= 0 of a read-only array."""
 
-    @wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
+    @wp.func_native(on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
     def load(values: wp.array(dtype=kind), i: int) -> kind: ...
 
     return load
@@ -318,7 +319,7 @@ def load1(kind: Any) -> Any:
 load_int = load1(wp.int32)
 
 
-@wp.func_native(_on_cuda(_PAST_THE_CACHE, 'return values.data[i];'))
+@wp.func_native(on_cuda(_PAST_THE_CACHE, 'return values.data[i];'))
 def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
     """Read item i >= 0 of an array that other threads may change; a device function.
 
@@ -327,7 +328,7 @@ def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
 
 
 @wp.func_native(
-    _on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;')
+    on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;')
 )
 def counted_from(first: int, i: int) -> int:
     """Return the number of thread i, which on the CPU counts from ``first`` (threads.py).
@@ -336,27 +337,27 @@ def counted_from(first: int, i: int) -> int:
     """
 
 
-@wp.func_native(_on_cuda('return blockIdx.x;', 'return i / size;'))
+@wp.func_native(on_cuda('return blockIdx.x;', 'return i / size;'))
 def block_number(size: int, i: int) -> int:
     """Return the number of the block that contains thread i, for blocks of a size."""
 
 
-@wp.func_native(_on_cuda('return threadIdx.x;', 'return i % size;'))
+@wp.func_native(on_cuda('return threadIdx.x;', 'return i % size;'))
 def number_in_block(size: int, i: int) -> int:
     """Return the number of thread i within its block."""
 
 
-@wp.func_native(_on_cuda('return blockDim.y;', 'return 1;'))
+@wp.func_native(on_cuda('return blockDim.y;', 'return 1;'))
 def unseen_one() -> int:
     """Return 1 in a way that the compiler cannot see, to prevent unrolling a loop twice."""
 
 
-@wp.func_native(_on_cuda('return true;', 'return false;'))
+@wp.func_native(on_cuda('return true;', 'return false;'))
 def can_count() -> bool:
     """Return True if many threads may count together: on the CPU Warp's atomics are not atomic."""
 
 
-@wp.func_native(_on_cuda('return __syncthreads_or(value);', 'return value;'))
+@wp.func_native(on_cuda('return __syncthreads_or(value);', 'return value;'))
 def any_in_block(value: bool) -> bool:
     """Wait for all threads of a block; return True if a value is true in any; a device function.
 
@@ -392,12 +393,12 @@ def wait_for(flag: wp.array(dtype=wp.int32)):
     """
 
 
-@wp.func_native(_on_cuda('return cospi(x);', 'return wp::cos(3.141592653589793 * x);'))
+@wp.func_native(on_cuda('return cospi(x);', 'return wp::cos(3.141592653589793 * x);'))
 def cos_pi(x: wp.float64) -> wp.float64:
     """Return cos(pi x); a device function."""
 
 
-@wp.func_native(_on_cuda('return sinpi(x);', 'return wp::sin(3.141592653589793 * x);'))
+@wp.func_native(on_cuda('return sinpi(x);', 'return wp::sin(3.141592653589793 * x);'))
 def sin_pi(x: wp.float64) -> wp.float64:
     """Return sin(pi x); a device function."""
 
@@ -407,7 +408,7 @@ def one_less(real: Any) -> Any:
     """Return the device function max(1 - a b, 0), a and b >= 0: one instruction in float32."""
     plain = 'return a * b < 1 ? 1 - a * b : 0;'
 
-    @wp.func_native(_on_cuda(_ONE_LESS, plain) if real is wp.float32 else plain)
+    @wp.func_native(on_cuda(_ONE_LESS, plain) if real is wp.float32 else plain)
     def left(a: real, b: real) -> real: ...
 
     return left
@@ -419,7 +420,7 @@ def exp2(real: Any) -> Any:
     cuda = 'return exp2f(x);' if real is wp.float32 else 'return exp2(x);'
     log2 = f'wp::{real.__name__}(0.6931471805599453)'
 
-    @wp.func_native(_on_cuda(cuda, f'return wp::exp({log2} * x);'))
+    @wp.func_native(on_cuda(cuda, f'return wp::exp({log2} * x);'))
     def power(x: real) -> real: ...
 
     return power

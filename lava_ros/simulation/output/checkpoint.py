@@ -3,7 +3,8 @@
 
 """Checkpoint of a simulation between two steps, as plain data and as bytes.
 
-``restart.py`` copies a simulation to it, and continues one from it as if it had never stopped.
+``advance.py`` and ``cells/solver.py`` copy a simulation to it, and continue one from it as
+if it had never stopped.
 
 The bytes are a prefix, a JSON header and a body: the arrays, compressed with zstd. The prefix has
 the version of the format, the lengths of header and body, and a checksum of everything, so that

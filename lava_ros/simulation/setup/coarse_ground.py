@@ -32,14 +32,14 @@ def coarsen_ground(terrain: Terrain, doublings: int = 1) -> Terrain | None:
     for _ in range(doublings):
         if min(coarse.shape) < 4:
             return None
-        coarse = _halved(coarse)
+        coarse = halve_ground(coarse)
     for _ in range(doublings):
         coarse = subdivide_ground(coarse)
     fine = coarse.elevation[: terrain.shape[0], : terrain.shape[1]]
     return replace(terrain, elevation=np.where(terrain.has_data, fine, np.float32(np.nan)))
 
 
-def _halved(terrain: Terrain) -> Terrain:
+def halve_ground(terrain: Terrain) -> Terrain:
     """Return the mean elevations of cells twice as large; with data if a cell in them has data."""
     height = ringed_heights(terrain)
     # the ground continues beyond cells with data; an odd side gets another row

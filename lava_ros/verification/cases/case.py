@@ -189,10 +189,12 @@ class Trial:
         self, scene: Scene, accuracy: Accuracy, device: str, *, effects: Effects = FLAT,
         particles: Particles | None = None, **knobs: Any,
     ) -> None:
-        """Compile the kernels and create the simulation; ``knobs`` replace ``accuracy`` fields."""
-        make = partial(
-            Simulation, effects=effects, accuracy=replace(accuracy, **knobs), device=device
-        )
+        """Compile the kernels, create the simulation; ``knobs`` replace fields of ``accuracy``."""
+        chosen = replace(accuracy, **knobs)
+        if chosen.method == 'cells' and chosen.spacing is not None:
+            # of one error with particles of such a spacing, in less time
+            chosen = replace(chosen, spacing=0.5 * chosen.spacing)
+        make = partial(Simulation, effects=effects, accuracy=chosen, device=device)
         # the kernels depend on the effects and the accuracy, not on the scene
         few = particles and _chosen(particles, slice(2))
         drive(make(scene, particles=few), 1e-3)
@@ -217,6 +219,8 @@ class Trial:
     def field(self, window: Window) -> Field:
         """Return the thickness [m] in a window, as in output grids, on cells of half a spacing."""
         simulation = self.simulation
+        if simulation.accuracy.method == 'cells':
+            return _field_of_cells(simulation.solver, window)
         assert simulation.accuracy.spacing is not None
         cell = 0.5 * simulation.accuracy.spacing
         x0, y0, x1, y1 = window
@@ -267,6 +271,19 @@ class Trial:
             evaluations=snapshot.steps.evaluations, simulated_time=snapshot.time,
             wall_time=self._wall_time,
         )
+
+
+def _field_of_cells(solver: Any, window: Window) -> Field:
+    """Return the thickness [m] of the solver's cells in a window."""
+    grid, (x0, y0, x1, y1) = solver.grid, window
+    places = (np.array([[x0, y0], [x1, y1]]) - grid.origin) / grid.resolution
+    rows, columns = grid.shape
+    low, high = np.floor(places).astype(int)
+    bottom, top = np.clip([low[1], high[1] + 1], 0, rows)
+    left, right = np.clip([low[0], high[0] + 1], 0, columns)
+    corner = np.add(grid.origin, grid.resolution * np.array([left, bottom]))
+    thickness = solver.state.map_of('thickness')[bottom:top, left:right]
+    return Field(thickness, grid.resolution, tuple(corner.tolist()))
 
 
 def _chosen(lava: Particles | ParticleSample, which: slice | np.ndarray) -> Particles:

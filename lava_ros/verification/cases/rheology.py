@@ -115,7 +115,7 @@ def _run_dome(accuracy: Accuracy, device: str) -> case.Run:
     trial.advance(SLUMP * lava.viscosity / strength)
     sample = trial.sample()
     distance = np.hypot(*sample.position.T)
-    found = math.sqrt(float((distance**2).mean()))
+    found = math.sqrt(float(np.average(distance**2, weights=sample.volume)))
     trial.compare('radius', found, solution.rms_radius, 'm')
     trial.compare_mean(sample.thickness, solution.thickness(distance))
     thin = 0.1 * volume / area

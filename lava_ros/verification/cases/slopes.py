@@ -206,11 +206,13 @@ def _run_smith(accuracy: Accuracy, device: str) -> case.Run:
         across = grid.thickness[:, band].mean(axis=1) * cosine
         halves.append(case.half_width(grid.y, across, threshold))
         axes.append(across[np.abs(grid.y) < 0.5 * unit].mean())
-        position = trial.sample().position
-        here = position[np.abs(position[:, 0] / cosine - x) < 2.0 * unit]
-        # relative to the width at their distance, because the flow is wider further down
-        shares = [y / solution.half_width(down / cosine) for down, y in here]
-        squares.append(np.mean(np.square(shares)))
+        sample = trial.sample()
+        is_near = np.abs(sample.position[:, 0] / cosine - x) < 2.0 * unit
+        # over the width at their own distance: the band is wider further down
+        shares = [
+            y / solution.half_width(down / cosine) for down, y in sample.position[is_near]
+        ]
+        squares.append(np.average(np.square(shares), weights=sample.volume[is_near]))
     trial.compare('half-width', np.mean(halves), solution.half_width(x, threshold), 'm')
     width = solution.half_width(x)
     # the profile 1 - s^2 has a mean square of s of 1/5

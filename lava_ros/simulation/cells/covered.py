@@ -1,0 +1,126 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Covered fraction of the terrain's cells, and times of arrival, of lava on cells.
+
+Lava has reached a cell of the solver that is as thick as the threshold at the end of a step. If
+the cell is ``FULL`` times as thick as the thickest of its four neighbours, or thicker, it is
+covered wholly. Otherwise it is the edge of a front that has come from that neighbour: the part
+next to it is covered, thickness over ``FULL`` times that of the neighbour. This fraction makes the
+area of fronts and of lava that thins out equally accurate (docs/MODEL.md). A square of a cell of
+the terrain (``output/covered_cells.py``) is covered if its middle is.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.scene.terrain import HALF, PARTS
+from lava_ros.simulation.cells.state import Cells
+from lava_ros.simulation.output.covered_cells import WHOLE
+
+#: Thickness of a cell that lava covers wholly, over that of its thickest neighbour.
+FULL = 0.25
+
+
+@wp.struct
+class Covered:
+    """What lava has covered of the terrain's cells (``layout.CELL_MAPS``).
+
+    ``scale`` is the number of the solver's cells along a side of a terrain's cell, a power of two.
+    """
+
+    rows: int
+    columns: int
+    scale: wp.float32
+    threshold: wp.float32
+    known: wp.array2d(dtype=wp.uint8)
+    arrived: wp.array2d(dtype=wp.float32)
+    half_inundated: wp.array2d(dtype=wp.float32)
+    covered: wp.array2d(dtype=wp.int32)
+    bounds: wp.array(dtype=wp.int32)
+
+
+_NOTE = """{
+    const long w = s.stride, rows = c.rows, columns = c.columns;
+    const float scale = c.scale, least = c.threshold;
+    const float* __restrict y = s.stage.data;
+    const double* source = s.source.data;
+    const float time = (float)s.clock.data[0];
+    auto clamped = [](long value, long low, long high) {
+        return value < low ? low : value > high ? high : value;
+    };
+    // rows and columns of the terrain within the window of the solver
+    auto of = [&](long place) { return (long)__builtin_floorf((place - 1) / scale); };
+    const long top = clamped(of(s.box.data[0]), 0, rows - 1);
+    const long bottom = clamped(of(s.box.data[1]), 0, rows - 1);
+    const long left = clamped(of(s.box.data[2]), 0, columns - 1);
+    const long right = clamped(of(s.box.data[3]), 0, columns - 1);
+    auto raise = [&](int place, long value) {
+        if (value > c.bounds.data[place]) c.bounds.data[place] = (int)value;
+    };
+    raise(0, rows - top), raise(1, bottom + 1), raise(2, columns - left), raise(3, right + 1);
+    auto reaches = [&](long r, long q, float up, float along) {
+        const float* at = y + r * w + q;
+        const float own = at[0];
+        const float south = at[-w], north = at[w], west = at[-1], east = at[1];
+        const float beside = west > east ? west : east, across = south > north ? south : north;
+        const float thickest = beside > across ? beside : across;
+        if (own >= FULL * thickest) return true;
+        // distance from the neighbour that is thickest, in cells
+        const float from = beside > across ? (west > east ? along : 1.0f - along)
+                                           : (south > north ? up : 1.0f - up);
+        return from * (FULL * thickest) <= own;
+    };
+    for (long i = top; i <= bottom; ++i)
+        for (long j = left; j <= right; ++j) {
+            const long cell = i * columns + j;
+            int bits = c.covered.data[cell];
+            if (bits == WHOLE || !c.known.data[cell]) continue;
+            bool is_touched = false;
+            for (int a = 0; a < PARTS; ++a) {
+                const float up = (i + (a + 0.5f) / PARTS) * scale + 1.0f;
+                const long r = clamped((long)up, 1, s.rows - 2);
+                for (int b = 0; b < PARTS; ++b) {
+                    const float along = (j + (b + 0.5f) / PARTS) * scale + 1.0f;
+                    const long q = clamped((long)along, 1, w - 2);
+                    if (y[r * w + q] < least) {
+                        // all squares are in this cell
+                        if (scale <= 1.0f) a = b = PARTS;
+                        continue;
+                    }
+                    is_touched = true;
+                    if (reaches(r, q, up - r, along - q)) bits |= 1 << (a * PARTS + b);
+                }
+            }
+            if (!is_touched) continue;
+            c.covered.data[cell] = bits;
+            if (c.arrived.data[cell] < 0.0f) c.arrived.data[cell] = time;
+            if (__builtin_popcount(bits) >= HALF && c.half_inundated.data[cell] < 0.0f)
+                c.half_inundated.data[cell] = time;
+        }
+    for (long i = s.vent_box.data[0]; i <= s.vent_box.data[1]; ++i)
+        for (long j = s.vent_box.data[2]; j <= s.vent_box.data[3]; ++j) {
+            const long row = of(i), column = of(j);
+            if (source[i * w + j] <= 0.0 || row < 0 || row >= rows || column < 0
+                || column >= columns) continue;
+            const long cell = row * columns + column;
+            if (c.known.data[cell] && c.arrived.data[cell] < 0.0f) c.arrived.data[cell] = time;
+        }
+}"""
+
+
+@lru_cache
+def note_function() -> Any:
+    """Return the device function that records the ground covered at the end of a step."""
+    code = _NOTE
+    for name, value in (
+        ('WHOLE', WHOLE), ('PARTS', PARTS), ('HALF', HALF), ('FULL', f'{FULL}f')
+    ):
+        code = code.replace(name, str(value))
+
+    @wp.func_native(code)
+    def note(s: Cells, c: Covered): ...
+
+    return note

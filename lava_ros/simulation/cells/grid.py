@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The solver's grid: cells of 2^k times the size of a terrain's, and maps between both."""
+
+import math
+
+import numpy as np
+
+from lava_ros.scene import Terrain
+from lava_ros.simulation.particles.terrain import averaged
+from lava_ros.simulation.setup.coarse_ground import halve_ground, subdivide_ground
+
+
+def grid_of(terrain: Terrain, spacing: float) -> Terrain:
+    """Return the ground on cells of 2^k times the terrain's size, the nearest to a spacing [m].
+
+    The ground is the B-spline of the terrain, as for particles. Cells are not larger than the
+    terrain allows, which needs two along each side.
+    """
+    grid = terrain
+    doublings = round(math.log2(spacing / terrain.resolution))
+    for _ in range(doublings):
+        if min(grid.shape) < 4:
+            break
+        grid = halve_ground(grid)
+    for _ in range(-doublings):
+        grid = subdivide_ground(grid)
+    return grid
+
+
+def on_terrain(
+    values: np.ndarray, grid: Terrain, terrain: Terrain, part: tuple[slice, slice]
+) -> np.ndarray:
+    """Return a map of the solver's cells on some of the terrain's, with the same sum of volume.
+
+    ``part`` are the rows and columns of the terrain.
+    """
+    ratio = round(terrain.resolution / grid.resolution)
+    if np.array_equal(np.multiply(terrain.shape, ratio), grid.shape):
+        rows, columns = (slice(ratio * one.start, ratio * one.stop) for one in part)
+        shape = [number for one in part for number in (one.stop - one.start, ratio)]
+        means: np.ndarray = values[rows, columns].reshape(shape).mean(axis=(1, 3))
+        return means
+    return averaged(values, grid, terrain)[part]
+
+
+def deposit(
+    grid: Terrain, places: np.ndarray, amounts: np.ndarray, sides: np.ndarray
+) -> np.ndarray:
+    """Distribute amounts evenly over squares around places: columns of an even lattice are even.
+
+    What would be on cells outside of the ground goes to the cell of the place.
+
+    Args:
+        grid: The solver's cells.
+        places: Map positions (x, y) [m], shape [count, 2], on cells of ground.
+        amounts: Amounts, shape [count].
+        sides: Sides of the squares [m], shape [count].
+
+    Returns:
+        Sums of the amounts, float64, shape [rows, columns].
+    """
+    rows, columns = grid.shape
+    place, half = (places - grid.origin) / grid.resolution, 0.5 * sides / grid.resolution
+    own = np.floor(place).astype(int)
+    own = np.clip(own[:, 1], 0, rows - 1) * columns + np.clip(own[:, 0], 0, columns - 1)
+    low, high = place - half[:, None], place + half[:, None]
+    first = np.floor(low).astype(int)
+    count = int((np.floor(high).astype(int) - first).max(initial=0)) + 1
+    total, is_ground = np.zeros(rows * columns), grid.has_data.ravel()
+
+    def part(axis: int, step: int) -> np.ndarray:
+        """Return the fraction of the squares in a row or column of cells."""
+        cell = first[:, axis] + step
+        common = np.minimum(high[:, axis], cell + 1) - np.maximum(low[:, axis], cell)
+        return np.maximum(common, 0.0) / (2.0 * half)
+
+    for up in range(count):
+        for right in range(count):
+            i, j = first[:, 1] + up, first[:, 0] + right
+            inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+            cell = np.where(inside, i * columns + j, own)
+            cell = np.where(is_ground[cell], cell, own)
+            share = amounts * part(1, up) * part(0, right)
+            total += np.bincount(cell, weights=share, minlength=total.size)
+    return total.reshape(rows, columns)

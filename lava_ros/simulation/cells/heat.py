@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Temperature and age of the lava on cells, and the ground that it has become."""
+
+from dataclasses import dataclass, fields
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.effects.heat import heat_of, warming_function
+from lava_ros.effects.laws import law_of
+from lava_ros.scene import Scene
+from lava_ros.simulation.cells.state import CellState, Heat
+from lava_ros.simulation.particles.terrain import ringed_heights
+
+_REAL = wp.float32
+
+
+@dataclass(eq=False)
+class HeatState:
+    """Temperature and age of the lava on cells, and the ground that it has become.
+
+    Attributes:
+        law: Constants of the laws of flow.
+        constants: Constants of the heat balance.
+        diffusivity: Thermal diffusivity of lava [m2/s], with ``conduction``.
+        temperature: Temperature [K], float64, a map.
+        emission_time: Mean time of emission [s], float64, a map.
+        vent_temperature: Temperature of the lava that comes out [K], float32, a map.
+        former: Thickness at the end of the latest step [m], float32, a map.
+        warming, renewal: Changes of temperature [K] and time of emission [s] by the flow of the
+            latest step, float32, maps.
+        descent: Height that lava has fallen in that step [m], float32, a map.
+        elevation: Elevation of the bare ground [m], float64, a map.
+        frozen: Thickness of solidified lava [m], float64, a map.
+    """
+
+    law: Any
+    constants: Any
+    diffusivity: float
+    temperature: Any
+    emission_time: Any
+    vent_temperature: Any
+    former: Any
+    warming: Any
+    renewal: Any
+    descent: Any
+    elevation: Any
+    frozen: Any
+
+    @classmethod
+    def on(cls, cells: CellState, scene: Scene, effects: Effects) -> 'HeatState':
+        """Return the state of lava that has the temperature of the hottest vent everywhere.
+
+        Args:
+            cells: State of the flow.
+            scene: The scene.
+            effects: The effects that are on.
+        """
+        shape, lava = cells.thickness.shape, scene.lava
+        arrays = {
+            name: wp.zeros(shape, dtype=item.type.dtype, device=cells.device)
+            for name, item in Heat.vars.items()
+            if isinstance(item.type, wp.array)
+        }
+        diffusivity = 0.0
+        if 'conduction' in effects:
+            diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
+        state = cls(
+            law_of(lava, _REAL), heat_of(scene, effects, _REAL), diffusivity, **arrays
+        )
+        hottest = max((vent.temperature for vent in scene.vents), default=lava.liquidus)
+        state.temperature.fill_(hottest)
+        state.vent_temperature.fill_(hottest)
+        state.elevation.assign(ringed_heights(cells.terrain))
+        return state
+
+    def longest_step(self, cell: float) -> float:
+        """Return the longest step in which a cell [m] conducts at most half of its heat [s]."""
+        return math.inf if self.diffusivity == 0.0 else cell**2 / (8.0 * self.diffusivity)
+
+    def argument(self) -> Any:
+        """Return the argument of functions."""
+        heat = Heat()
+        for item in fields(self):
+            setattr(heat, item.name, getattr(self, item.name))
+        return heat
+
+
+def carries_heat(scene: Scene, effects: Effects) -> bool:
+    """Return True if the lava of a scene differs in temperature or age from place to place."""
+    temperatures = {vent.temperature for vent in scene.vents}
+    is_warmed = warming_function(wp, _REAL, effects) is not None
+    return is_warmed or len(temperatures) > 1 or effects.any('needs_age') or effects.any('freezes')

@@ -1,0 +1,338 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Heat of the lava on cells: it moves with the flow, is lost, stiffens the lava, and freezes it.
+
+At the end of a step that has passed the thicknesses g through the faces of a cell (``state.py``),
+the lava of the cell has the temperature
+
+    T' = T + sum of g (T_f - T) / h',   g > 0 for what comes in,
+
+h' the thickness after the step. So the heat of all cells changes only by what comes out of vents.
+T_f is the temperature of the cell that the lava leaves, plus its difference at the face: half of
+the limited slope of third order (Koren 1993), times 1 - C with C the fraction of the cell that
+leaves. A cell next to dry ground has no slope. The time of emission moves in the same way.
+
+Then every cell is a column of lava (effects/column.py), with the laws of all other columns. Lava
+colder than the solidus becomes ground.
+
+The functions work on a part of a row, in loops that a CPU vectorises.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import EFFECTS, Effects
+from lava_ros.effects.column import column_type
+from lava_ros.effects.heat import warming_function
+from lava_ros.effects.laws import strength_function, viscosity_function
+from lava_ros.simulation.backend.vector_math import VECTOR_MATH
+from lava_ros.simulation.cells.flow import step_function
+from lava_ros.simulation.cells.ground import ground_function
+from lava_ros.simulation.cells.state import Cells, Heat, WAITING
+
+_REAL = wp.float32
+
+#: Instruction to the compiler; float64 in a loop would halve the number of its lanes.
+_VECTORISED = '_Pragma("clang loop vectorize_width(8)")'
+
+#: Changes of temperature and time of emission by transport.
+_TRANSPORT = """
+    const long w = s.stride;
+    // the ring is dry, so lava beyond it has no effect
+    const long south = i > 1 ? 2 * w : w, north = i < s.rows - 2 ? 2 * w : w;
+    const float step = (float)s.clock.data[1], film = s.film;
+    const float* __restrict before = m.former.data;
+    const double* __restrict after = s.thickness.data;
+    const float* __restrict gx = s.flux_x.data;
+    const float* __restrict gy = s.flux_y.data;
+    const double* __restrict source = s.source.data;
+    auto least = [](float a, float b) { return a < b ? a : b; };
+    auto most = [](float a, float b) { return a > b ? a : b; };
+    // only cells with lava
+    long from = i * w + first, to = i * w + last;
+    while (from <= to && after[from] == 0.0) ++from;
+    while (from <= to && after[to] == 0.0) --to;
+    // 0 where the differences behind and ahead differ in sign
+    auto limited = [&](float behind, float ahead) {
+        const float third = (behind + 2.0f * ahead) * (1.0f / 3.0f);
+        return most(0.0f, least(third, 2.0f * least(behind, ahead)))
+            + least(0.0f, most(third, 2.0f * most(behind, ahead)));
+    };
+    struct Value { float lava, value; };
+    // what g brings into a cell, from a neighbour or by leaving it: behind the neighbour is
+    // ``beyond``, and ``opposite`` is the one on the other side
+    auto brought = [&](float g, float lava, Value next, Value beyond, Value opposite) {
+        const bool comes = g > 0.0f;
+        const float given = comes ? next.value : 0.0f;
+        const float back = comes ? beyond.value : opposite.value;
+        const float ahead = comes ? 0.0f : next.value;
+        const float has = comes ? next.lava : lava;
+        const float has_back = comes ? beyond.lava : opposite.lava;
+        const float has_ahead = comes ? lava : next.lava;
+        const float stays = 1.0f - least(1.0f, (comes ? g : -g) / most(has, 1e-9f));
+        const float slope = 0.5f * stays * limited(given - back, ahead - given);
+        return g * (given + (has_back > film && has_ahead > film ? slope : 0.0f));
+    };
+    auto transport = [&](const double* __restrict value, auto fresh_value,
+                         float* __restrict change) {
+        VECTORISED
+        for (long p = from; p <= to; ++p) {
+            auto at = [&](long q) {
+                Value v;
+                v.lava = before[q], v.value = (float)(value[q] - value[p]);
+                return v;
+            };
+            const Value west = at(p - 1), east = at(p + 1), below = at(p - w), above = at(p + w);
+            const float from_west = gx[p - 1], from_east = -gx[p];
+            const float from_below = gy[p - w], from_above = -gy[p];
+            const float lava = before[p];
+            const float fresh = (float)source[p] * step;
+            const float own = fresh > 0.0f ? (float)(fresh_value(p) - value[p]) : 0.0f;
+            const float total = fresh * own
+                + brought(from_west, lava, west, at(p - 2), east)
+                + brought(from_east, lava, east, at(p + 2), west)
+                + brought(from_below, lava, below, at(p - south), above)
+                + brought(from_above, lava, above, at(p + north), below);
+            // more may pass through a cell in a step than it contains
+            const float a = from_west > 0.0f ? west.value : 0.0f;
+            const float b = from_east > 0.0f ? east.value : 0.0f;
+            const float c = from_below > 0.0f ? below.value : 0.0f;
+            const float d = from_above > 0.0f ? above.value : 0.0f;
+            const float low = least(least(least(a, b), least(c, d)), least(own, 0.0f));
+            const float high = most(most(most(a, b), most(c, d)), most(own, 0.0f));
+            const float h = (float)after[p];
+            float moved = least(most(total / most(h, 1e-9f), low), high);
+            CONDUCTION
+            change[p] = h > 0.0f ? moved : 0.0f;
+        }
+    };
+    const float* __restrict given = m.vent_temperature.data;
+    transport(m.temperature.data, [&](long p) { return given[p]; }, m.warming.data);
+    RENEWAL
+"""
+
+#: The same for the time of emission, that of the middle of the step for lava that comes out.
+_RENEWAL = """
+    const double middle = s.clock.data[0] - 0.5 * s.clock.data[1];
+    transport(m.emission_time.data, [&](long) { return middle; }, m.renewal.data);
+"""
+
+#: Heat that lava conducts from one cell to another, over the area of a cell.
+_CONDUCTION = """
+            const float spread = 2.0f * m.diffusivity * step / (s.cell * s.cell);
+            auto conducted = [&](Value v) {
+                const float both = v.lava + lava;
+                return both > 0.0f ? spread * v.lava * lava / both * v.value : 0.0f;
+            };
+            moved += (conducted(west) + conducted(east) + conducted(below) + conducted(above))
+                / most(h, 1e-9f);
+"""
+
+#: Height by which the lava of a cell falls: that of the potential energy lost at its faces.
+_DESCENT = """
+    const float* __restrict drop_x = s.drop_x.data;
+    const float* __restrict drop_y = s.drop_y.data;
+    float* __restrict descent = m.descent.data;
+    auto fallen = [&](long p, long q, float g, float drop) {
+        const float a = (float)after[p], b = (float)after[q];
+        const float fall = drop + 0.5f * (before[p] + a - before[q] - b);
+        // what has left both cells takes its heat with it
+        return g * fall / most(most(a + b, g > 0.0f ? g : -g), 1e-9f);
+    };
+    for (long p = from; p <= to; ++p)
+        descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1])
+            + fallen(p, p + 1, gx[p], drop_x[p])
+            + fallen(p - w, p, gy[p - w], drop_y[p - w])
+            + fallen(p, p + w, gy[p], drop_y[p]);
+"""
+
+#: The column of each cell; returns 1 if one is colder than the solidus.
+_EXCHANGE = """
+    const long w = s.stride;
+    const float step = (float)s.clock.data[1], film = s.film, per_cell = 1.0f / s.cell;
+    const double begun = s.clock.data[0] - s.clock.data[1];
+    const float* __restrict gx = s.flux_x.data;
+    const float* __restrict gy = s.flux_y.data;
+    const float* __restrict drop_x = s.drop_x.data;
+    const float* __restrict drop_y = s.drop_y.data;
+    const double* __restrict thickness = s.thickness.data;
+    const float* __restrict warming = m.warming.data;
+    const float* __restrict renewal = m.renewal.data;
+    const float* __restrict descent = m.descent.data;
+    float* __restrict former = m.former.data;
+    double* __restrict temperature = m.temperature.data;
+    double* __restrict emission_time = m.emission_time.data;
+    float* __restrict fluidity = s.fluidity.data;
+    float* __restrict strength = s.strength.data;
+    auto larger = [](float a, float b) { return a > b ? a : b; };
+    // only cells with lava, now or before the step
+    long from = i * w + first, to = i * w + last;
+    while (from <= to && thickness[from] == 0.0 && former[from] == 0.0f) ++from;
+    while (from <= to && thickness[to] == 0.0 && former[to] == 0.0f) --to;
+    int cold = 0;
+    VECTORISED
+    for (long p = from; p <= to; ++p) {
+        const float h = (float)thickness[p];
+        auto column = empty;
+        column.thickness = larger(h, film);
+        column.normal_thickness = column.thickness;
+        column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
+        COSINE
+        SPEED
+        DROP
+        AGE
+        double now = temperature[p] + warming[p];
+        WARM
+        temperature[p] = now;
+        column.temperature = (float)now;
+        VISCOSITY
+        STRENGTH
+        former[p] = h;
+        COLD
+    }
+    return cold;
+"""
+
+#: What a column needs by the effects that are on; ``CALL`` is the device function of each.
+_PARTS = {
+    'COSINE': """
+        const float down_x = -0.5f * per_cell * (drop_x[p - 1] + drop_x[p]);
+        const float down_y = -0.5f * per_cell * (drop_y[p - w] + drop_y[p]);
+        column.normal_thickness *= __builtin_sqrtf(CALL(wp::vec_t<2, float>(down_x, down_y)));
+    """,
+    'SPEED': """
+        const float mean = larger(0.5f * (former[p] + h), film);
+        const float x = gx[p - 1] + gx[p], y = gy[p - w] + gy[p];
+        column.speed = 0.5f * s.cell * __builtin_sqrtf(x * x + y * y)
+            / (mean * larger(step, 1e-9f));
+    """,
+    'DROP': 'column.drop = descent[p] / larger(step, 1e-9f);',
+    'AGE': """
+        const double time = emission_time[p] + renewal[p];
+        emission_time[p] = time;
+        const float age = larger((float)(begun - time), 0.0f);
+    """,
+    'WARM': 'now += CALL(m.constants, column, (float)now, age, step);',
+    'VISCOSITY': 'fluidity[p] = 1.0f / CALL(m.law, column.temperature);',
+    'STRENGTH': 'column.age = age + step; strength[p] = CALL(m.law, column);',
+    'COLD': 'cold |= h > 0.0f && column.temperature < m.constants.solidus;',
+}
+
+#: Lava colder than the solidus in a part of a row becomes ground.
+_FREEZE = """
+    const long w = s.stride;
+    for (long p = i * w + first; p <= i * w + last; ++p) {
+        const double h = s.thickness.data[p];
+        if (h > 0.0 && (float)m.temperature.data[p] < m.constants.solidus) {
+            m.frozen.data[p] += h;
+            s.thickness.data[p] = 0.0;
+            s.stage.data[p] = 0.0f;
+            m.former.data[p] = 0.0f;
+        }
+    }
+"""
+
+@dataclass(frozen=True)
+class HeatFunctions:
+    """Device functions of a part of a row, from the first to the last column.
+
+    Their arguments: ``Cells``, ``Heat``, row, first and last column. ``exchange`` returns 1 if the
+    lava of a cell is colder than the solidus; ``freeze`` is called only then.
+    """
+
+    transport: Any
+    exchange: Any
+    freeze: Any
+
+
+@lru_cache
+def heat_functions(effects: Effects) -> HeatFunctions:
+    """Return the device functions of the heat with some effects on."""
+    column_struct = column_type(_REAL)
+    warming = warming_function(VECTOR_MATH, _REAL, effects, is_straight=True)
+    viscosity = viscosity_function(VECTOR_MATH, _REAL, effects)
+    strength = strength_function(VECTOR_MATH, _REAL, effects)
+    cosine_squared = effects.function('cosine_squared', _REAL)
+    has_age, falls = effects.any('needs_age'), effects.any('needs_drop')
+    vec2 = wp.types.vector(2, _REAL)
+
+    moving = _TRANSPORT.replace('VECTORISED', _VECTORISED)
+    moving = moving.replace('RENEWAL', _RENEWAL if has_age else '')
+    moving = moving.replace('CONDUCTION', _CONDUCTION if 'conduction' in effects else '')
+    exchanging = _EXCHANGE
+    for name, needed in (
+        ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
+        ('AGE', has_age), ('WARM', warming), ('VISCOSITY', viscosity), ('STRENGTH', strength),
+        ('COLD', effects.any('freezes')),
+    ):
+        part = _PARTS[name] if needed else ''
+        if hasattr(needed, 'native_func'):
+            part = part.replace('CALL', needed.native_func)
+        exchanging = exchanging.replace(name, part)
+    if any(EFFECTS[name].needs_age for name in effects.having('terms')):
+        # a loop within the loop, which no compiler vectorises
+        exchanging = exchanging.replace('VECTORISED', '')
+    exchanging = exchanging.replace('VECTORISED', _VECTORISED)
+    if not has_age:
+        exchanging = exchanging.replace('age + step', '0.0f').replace('age, step', '0.0f, step')
+
+    @wp.func_native(f'{{{moving}{_DESCENT if falls else ""}}}')
+    def transport(s: Cells, m: Heat, i: int, first: int, last: int): ...
+
+    @wp.func_native(f'{{{exchanging}}}')
+    def exchange_native(
+        s: Cells, m: Heat, i: int, first: int, last: int, empty: column_struct
+    ) -> int: ...
+
+    @wp.func
+    def exchange(s: Cells, m: Heat, i: int, first: int, last: int) -> int:
+        empty = column_struct()
+        # never: what the native function calls is compiled before it
+        if i < 0:
+            if wp.static(warming is not None):
+                empty.drop += warming(m.constants, empty, 0.0, 0.0, 0.0)
+            if wp.static(strength is not None):
+                empty.drop += strength(m.law, empty)
+            if wp.static(cosine_squared is not None):
+                empty.drop += cosine_squared(vec2())
+            empty.drop += viscosity(m.law, 0.0)
+        return exchange_native(s, m, i, first, last, empty)
+
+    @wp.func_native(f'{{{_FREEZE}}}')
+    def freeze(s: Cells, m: Heat, i: int, first: int, last: int): ...
+
+    return HeatFunctions(transport, exchange, freeze)
+
+
+@lru_cache
+def heated_step_function(effects: Effects) -> Any:
+    """Return the device function that takes a step of lava that carries heat on a CPU."""
+    step = step_function(effects, is_uniform=False)
+    functions = heat_functions(effects)
+    transport, exchange = functions.transport, functions.exchange
+    freeze, raise_ground = functions.freeze, ground_function(effects)
+    freezes = effects.any('freezes')
+
+    @wp.func
+    def heated_step(s: Cells, m: Heat):
+        # within the edge of the window, at which the step passes nothing
+        top, bottom = s.box[0] + 1, s.box[1] - 1
+        left, right = s.box[2] + 1, s.box[3] - 1
+        step(s)
+        if s.clock[WAITING] > wp.float64(0.0):
+            return
+        for i in range(top, bottom + 1):
+            transport(s, m, i, left, right)
+        for i in range(top, bottom + 1):
+            cold = exchange(s, m, i, left, right)
+            if wp.static(freezes):  # noqa: SIM102, the static test decides
+                if cold == 1:
+                    freeze(s, m, i, left, right)
+                    for row in range(i - 1, i + 2):
+                        raise_ground(s, m, row, left - 1, right + 1)
+
+    return heated_step

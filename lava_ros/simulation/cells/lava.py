@@ -1,0 +1,314 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The lava of a simulation on cells: its arrays, and what others read of them."""
+
+from dataclasses import dataclass, replace
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.effects.laws import Rheology
+from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.graph import Launches
+from lava_ros.simulation.cells.grid import grid_of, on_terrain
+from lava_ros.simulation.cells.ground import ground_kernel
+from lava_ros.simulation.cells.heat import HeatState
+from lava_ros.simulation.cells.state import (
+    CellState,
+    EVALUATIONS,
+    FULL,
+    STAGES,
+    STEPS,
+    THICKEST,
+    TIME,
+)
+from lava_ros.simulation.cells.vents import CellVents
+from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.covered_maps import CoveredCells, show_covered_cells
+from lava_ros.simulation.output.diagnostics import SHOWN
+from lava_ros.simulation.output.peaks import PeakMaps, Peaks
+from lava_ros.simulation.output.snapshot import (
+    ParticleSample,
+    PendingSnapshot,
+    Snapshot,
+    StepReport,
+)
+from lava_ros.simulation.output.window import Window
+from lava_ros.simulation.particles.layout import HOLES, SEA
+
+#: Thickness below which lava does not flow, over the expected thickness of the flow up to 1 m.
+FILM = 1e-6
+
+
+class _Maps:
+    """Arrays of the terrain's cells (``layout.CELL_MAPS``), and the launches over them."""
+
+    extent = 0
+
+    def __init__(self, device: Any) -> None:
+        self.device, self.launches = device, Launches(device)
+
+
+@dataclass
+class Columns:
+    """Lava on the cells of a grid, float64, shape [rows, columns].
+
+    Attributes:
+        thickness: Thickness of the flowing lava [m].
+        temperature: Its temperature [K].
+        emission_time: Its mean time of emission [s].
+        solidified: Thickness of the solidified lava [m].
+    """
+
+    thickness: np.ndarray
+    temperature: np.ndarray
+    emission_time: np.ndarray
+    solidified: np.ndarray
+
+
+class CellLava:
+    """Lava on cells.
+
+    Attributes:
+        scene: The current scene.
+        effects: The effects that are on.
+        accuracy: The resolution, without automatic values.
+        device: The Warp device, a CPU.
+        grid: The ground on the solver's cells.
+        state: Arrays of the flow, and the clock.
+        heat: Temperature and age of the lava, and the ground that it has become.
+        covered: What lava has covered of each cell of the terrain.
+        vents: The vents on the cells.
+        volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
+        most_particles: Largest number of cells with lava at any count so far.
+    """
+
+    vents: CellVents
+
+    def __init__(
+        self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
+    ) -> None:
+        """Allocate the arrays; arguments as for ``CellSolver``."""
+        self.scene, self.effects, self.accuracy, self.device = scene, effects, accuracy, device
+        assert accuracy.thickness is not None
+        self._film = FILM * min(accuracy.thickness, 1.0)
+        self.volume_before, self.most_particles = 0.0, 0
+        self._maps = _Maps(device)
+        self.covered = CoveredCells(scene.terrain, device)
+        self._place_terrain()
+
+    def _place_terrain(self) -> None:
+        """Make the arrays of the grid for the terrain of the scene."""
+        terrain = self.scene.terrain
+        assert self.accuracy.spacing is not None
+        self.grid = grid_of(terrain, self.accuracy.spacing)
+        lava = self.scene.lava
+        self.state = CellState.on(
+            self.grid, self.device, lava=lava, weight=lava.density * self.scene.gravity,
+            film=self._film,
+        )
+        self.heat = HeatState.on(self.state, self.scene, self.effects)
+        # solidified lava in all, so that the number of maps does not depend on effects
+        self.grids = wp.zeros(
+            (3 + len(SHOWN), *terrain.shape), dtype=wp.float32, device=self.device
+        )
+        self.grids.numpy()[:, ~terrain.has_data] = np.nan
+        # times of cells that lava has not reached
+        self.grids.numpy()[-2:] = np.nan
+        self.window = Window(terrain.shape, 2)
+        self._known = wp.array(
+            terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=self.device
+        )
+
+    def _cover(self) -> None:
+        """Continue to record what lava covers on the cells of the terrain."""
+        terrain = self.scene.terrain
+        rows, columns = terrain.shape
+        whole = slice(0, rows), slice(0, columns)
+        solid = on_terrain(_inner(self.heat.frozen), self.grid, terrain, whole)
+        self.covered.move(terrain, solid, self.accuracy.inundation_threshold)
+        self.covered.attach(self._maps)
+
+    def columns(self) -> Columns:
+        """Copy the lava."""
+        heat = self.heat
+        arrays = self.state.thickness, heat.temperature, heat.emission_time, heat.frozen
+        return Columns(*(_inner(array).copy() for array in arrays))
+
+    def put(self, lava: Columns) -> None:
+        """Replace the lava and the ground that it has become."""
+        state, heat = self.state, self.heat
+        for array, values in (
+            (state.thickness, lava.thickness), (state.stage, lava.thickness),
+            (heat.former, lava.thickness), (heat.frozen, lava.solidified),
+        ):
+            array.assign(np.pad(values, 1).astype(array.numpy().dtype))
+        for array, values in (
+            (heat.temperature, lava.temperature), (heat.emission_time, lava.emission_time),
+        ):
+            array.assign(np.pad(values, 1, mode='edge'))
+        state.peaks.assign([float(lava.thickness.max(initial=0.0)), 0.0])
+        wp.launch(
+            ground_kernel(self.effects), dim=len(state.thickness.numpy()),
+            inputs=[state.argument(), heat.argument()], device=self.device,
+        )
+        self._write_laws()
+
+    def _write_laws(self) -> None:
+        """Write viscosity and yield strength of all cells by their temperature and age."""
+        rheology, temperature = Rheology(self.scene.lava, self.effects), self.heat.temperature
+        found, which = np.unique(temperature.numpy().astype(np.float32), return_inverse=True)
+        which = which.reshape(temperature.shape)
+        values = [1.0 / rheology.viscosity_at(float(one)) for one in found]
+        self.state.fluidity.assign(np.array(values, dtype=np.float32)[which])
+        values = [rheology.strength_at(float(one)) for one in found]
+        self.state.strength.assign(np.array(values, dtype=np.float32)[which])
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.state.clock.numpy()[TIME])
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps so far."""
+        return int(self.state.counts.numpy()[STEPS])
+
+    @property
+    def count(self) -> int:
+        """Number of cells with lava that flows."""
+        count = int((self.state.thickness.numpy() > self._film).sum())
+        self.most_particles = max(self.most_particles, count)
+        return count
+
+    @property
+    def capacity(self) -> int:
+        """Number of cells."""
+        return int(self.state.thickness.size)
+
+    @property
+    def column_spacing(self) -> float:
+        """Distance between the columns into which emplaced lava is divided [m]."""
+        return 0.25 * self.grid.resolution
+
+    @property
+    def is_empty(self) -> bool:
+        """True if no cell has lava that flows."""
+        return bool(self.state.peaks.numpy()[THICKEST] <= self._film)
+
+    def emitted_fraction(self, until: float) -> float:
+        """Return the volume of all lava so far over that at a later time [s]."""
+        volume = self.volume_before + self.vents.emitted(self.time)
+        later = sum(vent.volume_between(self.time, until) for vent in self.scene.vents)
+        return float(volume / max(volume + later, 1e-30))
+
+    def draw_maps(self) -> Any:
+        """Map the lava; return all of it, its temperature, the solidified part, and ``SHOWN``."""
+        # lava is nowhere else
+        part = self.window.rectangle(self._maps)
+        heat, terrain = self.heat, self.scene.terrain
+        thickness, temperature, frozen = (
+            _inner(array) for array in (self.state.thickness, heat.temperature, heat.frozen)
+        )
+        flowing, solid, warmth = (
+            on_terrain(values, self.grid, terrain, part)
+            for values in (thickness, frozen, thickness * temperature)
+        )
+        known = terrain.has_data[part]
+        total = np.where(known, (flowing + solid).astype(np.float32), np.nan)
+        with np.errstate(invalid='ignore', divide='ignore'):
+            mean = np.where(flowing > 0.0, warmth / flowing, self.scene.lava.solidus)
+        maps = self.grids.numpy()[:, part[0], part[1]]
+        maps[0], maps[1] = total, np.where(total > 0.0, mean, np.nan)
+        maps[2] = np.where(known, solid, np.nan)
+        show_covered_cells(self._maps, self.grids[-len(SHOWN) :], self.window)
+        return self.grids
+
+    def begin_snapshot(self, *, overlaps: bool) -> PendingSnapshot:
+        """Map the flow; a CPU has done so when this returns."""
+        maps, terrain, budget = self.draw_maps().numpy().copy(), self.scene.terrain, self.budget()
+        inundated, half_inundated, arrived = maps[-len(SHOWN) :]
+        thin = np.sum(maps[0], where=np.isnan(arrived) & (maps[0] > 0.0), dtype=np.float64)
+        counts, clock = self.state.counts.numpy(), self.state.clock.numpy()
+        freezes = self.effects.any('freezes') or bool(budget.frozen)
+        snapshot = Snapshot(
+            time=self.time, terrain=terrain, thickness=maps[0], temperature=maps[1],
+            budget=replace(budget, thin=float(thin) * terrain.resolution**2),
+            particle_count=self.count,
+            steps=StepReport(
+                count=int(counts[STEPS]), evaluations=int(counts[EVALUATIONS]),
+                stages=int(counts[STAGES]), length=float(clock[FULL]), limit='diffusion',
+            ),
+            frozen=maps[2] if freezes else None,
+            arrived=arrived, half_inundated=half_inundated, inundated=inundated,
+            threshold=self.accuracy.inundation_threshold,
+        )
+        return PendingSnapshot(lambda: snapshot)
+
+    def budget(self) -> VolumeBudget:
+        """Return the budget of the lava's volume."""
+        area = self.grid.resolution**2
+        left = self.state.left.numpy() * area
+        return VolumeBudget(
+            emitted=self.volume_before + self.vents.emitted(self.time),
+            held=float(self.state.thickness.numpy().sum()) * area, pending=0.0,
+            left=float(left.sum()), frozen=float(self.heat.frozen.numpy().sum()) * area,
+            in_holes=float(left[HOLES]), in_sea=float(left[SEA]),
+        )
+
+    def observe_now(self, peaks: Peaks) -> None:
+        """Raise peaks to the values of the current flow."""
+        self.draw_maps()
+        peaks.observe(self._maps, self._known, self)
+
+    def read_peaks(self, peaks: Peaks, *, where_wet: bool) -> PeakMaps:
+        """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
+        rows, columns = self.scene.terrain.shape
+        part = slice(0, rows), slice(0, columns)
+        return peaks.read(self._maps, self.window.rectangle(self._maps) if where_wet else part)
+
+    def read_sample(self) -> ParticleSample:
+        """Return the cells with lava as columns, by the fluxes of the latest evaluation."""
+        grid, thickness = self.grid, _inner(self.state.thickness)
+        i, j = np.nonzero(thickness > self._film)
+        own = thickness[i, j]
+        east, north = self.state.first_x.numpy(), self.state.first_y.numpy()
+        # faces on both sides of the cell, in maps with a ring
+        passed = np.stack([
+            east[i + 1, j] + east[i + 1, j + 1], north[i, j + 1] + north[i + 1, j + 1],
+        ], axis=1)
+        return ParticleSample(
+            position=np.column_stack([j + 0.5, i + 0.5]) * grid.resolution + grid.origin,
+            volume=own * grid.resolution**2,
+            temperature=_inner(self.heat.temperature)[i, j],
+            thickness=own,
+            velocity=0.5 * passed * grid.resolution / own[:, None],
+        )
+
+
+def mixed(columns: Columns, into: Any) -> Columns:
+    """Return lava on other cells: volume and solidified volume are kept, and the heat with them.
+
+    ``into`` converts a map from the former cells to the new ones, and keeps its sum per area.
+    """
+    thickness = into(columns.thickness)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        temperature, emission_time = (
+            np.where(
+                thickness > 0.0, into(columns.thickness * values) / thickness,
+                values.max(initial=-math.inf),
+            )
+            for values in (columns.temperature, columns.emission_time)
+        )
+    return Columns(thickness, temperature, emission_time, into(columns.solidified))
+
+
+def _inner(array: Any) -> np.ndarray:
+    """Return a map without its ring, which shares the memory of the array."""
+    values: np.ndarray = array.numpy()
+    return values[1:-1, 1:-1]

@@ -1,0 +1,256 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Arrays of the solver on cells, and the interface between the flow and the heat of a step.
+
+The grid is that of the terrain, with a ring of one cell around it. Every map has the shape
+[rows + 2, columns + 2], row 0 southernmost, column 0 westernmost, and is contiguous: cell (i, j)
+has the index i * stride + j. Item (i, j) of a map of faces belongs to the face between the cell
+(i, j) and the next one along its row (``_x``, eastward) or its column (``_y``, northward).
+
+A step (``flow.py``) leaves, for the heat of the same step (``heated_step.py``):
+
+* ``flux_x``, ``flux_y``: thickness that has passed the face during the step, positive eastward and
+  northward [m]. Times ``cell ** 2`` it is a volume, and over ``clock[LENGTH]`` a volume per time.
+  Only faces within ``box`` are valid; those on its edge are 0. The thickness at the end of the
+  step is exactly that at its start, plus what came in through the four faces, minus what went out,
+  plus ``source * clock[LENGTH]``.
+* ``clock[TIME]``: time at the end of the step [s], and ``clock[LENGTH]``: length of the step [s].
+* ``thickness``: thickness at the end of the step [m]; never negative.
+* ``box``: first and last row, first and last column of the window in which the step has moved
+  lava. Lava moves by less than two cells in a step, and the window has a margin of two.
+* ``source``: rate of emission [m/s], constant during a step.
+
+The flow reads, at the beginning of a step: ``fluidity`` and ``strength`` of all cells of its box,
+dry ones included (only lava-filled cells count), which the heat may rewrite after each step, and
+``drop_x``, ``drop_y``, the ground. Lava that solidifies lowers ``thickness`` and raises the
+ground: ``drop_x[i, j] = elevation[i, j] - elevation[i, j + 1]``, rounded once.
+
+Cells with ``kind`` > 0 are outside of the ground: lava that enters leaves the simulation, and its
+volume is added to ``left``.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.effects.column import structure
+from lava_ros.effects.heat import heat_type
+from lava_ros.effects.laws import filled, law_type, law_values
+from lava_ros.scene import Lava, Terrain
+from lava_ros.simulation.particles.layout import BORDER, HOLES, SEA
+from lava_ros.simulation.particles.terrain import ringed_heights
+
+#: Items of ``clock``, all in s: time, and length of the latest step; time that no step may pass,
+#: as the source changes there; longest step; time at or after which no step begins; length that
+#: the latest step would have had without a stop; time after which no step ends; length of the step
+#: that has not begun because it would, else 0.
+TIME, LENGTH, UNTIL, LONGEST, TARGET, FULL, MAX_END, WAITING = range(8)
+
+#: Items of ``counts``: steps, evaluations of all fluxes, stages of the latest step, steps after
+#: which fluxes were reduced so that no cell has less than nothing.
+STEPS, EVALUATIONS, STAGES, LIMITED = range(4)
+
+#: Item of ``peaks``: largest thickness at the end of the latest step [m].
+THICKEST, RATE = range(2)
+
+#: Constants of the laws of flow, with viscosity and yield strength of one face.
+FaceLaw = structure('FaceLaw', (*law_type(wp.float32).vars, 'strength'), wp.float32)
+
+
+@wp.struct
+class Cells:
+    """Argument of all kernels of a step; arrays as in ``CellState``."""
+
+    rows: int
+    stride: int
+    cell: wp.float32
+    weight: wp.float32
+    film: wp.float32
+    law: FaceLaw
+    thickness: wp.array2d(dtype=wp.float64)
+    stage: wp.array2d(dtype=wp.float32)
+    drop_x: wp.array2d(dtype=wp.float32)
+    drop_y: wp.array2d(dtype=wp.float32)
+    factor_x: wp.array2d(dtype=wp.float32)
+    factor_y: wp.array2d(dtype=wp.float32)
+    cross_x: wp.array2d(dtype=wp.float32)
+    cross_y: wp.array2d(dtype=wp.float32)
+    fluidity: wp.array2d(dtype=wp.float32)
+    strength: wp.array2d(dtype=wp.float32)
+    source: wp.array2d(dtype=wp.float64)
+    flux_x: wp.array2d(dtype=wp.float32)
+    flux_y: wp.array2d(dtype=wp.float32)
+    former_x: wp.array2d(dtype=wp.float32)
+    former_y: wp.array2d(dtype=wp.float32)
+    first_x: wp.array2d(dtype=wp.float32)
+    first_y: wp.array2d(dtype=wp.float32)
+    kind: wp.array2d(dtype=wp.uint8)
+    box: wp.array(dtype=wp.int32)
+    vent_box: wp.array(dtype=wp.int32)
+    clock: wp.array(dtype=wp.float64)
+    counts: wp.array(dtype=wp.int32)
+    peaks: wp.array(dtype=wp.float64)
+    left: wp.array(dtype=wp.float64)
+
+
+@wp.struct
+class Heat:
+    """Argument of the functions of the heat; arrays as in ``heat.HeatState``."""
+
+    law: law_type(wp.float32)
+    constants: heat_type(wp.float32)
+    diffusivity: wp.float32
+    temperature: wp.array2d(dtype=wp.float64)
+    emission_time: wp.array2d(dtype=wp.float64)
+    vent_temperature: wp.array2d(dtype=wp.float32)
+    former: wp.array2d(dtype=wp.float32)
+    warming: wp.array2d(dtype=wp.float32)
+    renewal: wp.array2d(dtype=wp.float32)
+    descent: wp.array2d(dtype=wp.float32)
+    elevation: wp.array2d(dtype=wp.float64)
+    frozen: wp.array2d(dtype=wp.float64)
+
+
+@dataclass(eq=False)
+class CellState:
+    """Lava on the cells of a terrain, on a device.
+
+    Attributes:
+        terrain: The ground without lava.
+        cell: Side of a cell [m].
+        weight: Density times gravity [N/m3].
+        film: Thickness below which lava does not flow [m].
+        law: Constants of the laws of flow.
+        device: The Warp device.
+        thickness: Vertical thickness [m], float64, a map.
+        stage: Thickness at a stage of a step [m], float32, a map; may be negative there.
+        drop_x, drop_y: Elevation of the ground of a cell minus that of the next one [m], float32,
+            maps of faces.
+        factor_x, factor_y: cos^4 of the ground's slope with ``steep``, else 1, float32, maps of
+            faces.
+        cross_x, cross_y: Gradient of the ground along the face, that is northward at faces between
+            cells of a row and eastward between cells of a column, float32, maps of faces.
+        fluidity: 1 / viscosity [1/(Pa s)], float32, a map.
+        strength: Yield strength [Pa], float32, a map.
+        source: Rate of emission [m/s], float64, a map; 0 outside of ``vent_box``.
+        vent_box: First and last row, first and last column with a source, int32, shape [4].
+        flux_x, flux_y: Thickness that has passed a face during the latest step [m], float32, maps
+            of faces.
+        former_x, former_y, first_x, first_y: Thickness passed until the stage before, and per time
+            at the start of the step [m/s], float32, maps of faces.
+        kind: 0 for ground, and 1 + ``BORDER``, ``HOLES`` or ``SEA``, uint8, a map.
+        box: First and last row, first and last column of the window, int32, shape [4].
+        clock: Times (``TIME`` and following) [s], float64, shape [8].
+        counts: Counts (``STEPS`` and following), int32, shape [4].
+        peaks: ``THICKEST`` [m] and ``RATE``, the stiffness of the latest step [1/s], float64.
+        left: Volume over the cell area [m] that has left by ``BORDER``, ``HOLES``, ``SEA``,
+            float64, shape [3].
+    """
+
+    terrain: Terrain
+    cell: float
+    weight: float
+    film: float
+    law: Any
+    device: Any
+    thickness: Any
+    stage: Any
+    drop_x: Any
+    drop_y: Any
+    factor_x: Any
+    factor_y: Any
+    cross_x: Any
+    cross_y: Any
+    fluidity: Any
+    strength: Any
+    source: Any
+    flux_x: Any
+    flux_y: Any
+    former_x: Any
+    former_y: Any
+    first_x: Any
+    first_y: Any
+    kind: Any
+    box: Any
+    vent_box: Any
+    clock: Any
+    counts: Any
+    peaks: Any
+    left: Any
+
+    @classmethod
+    def on(
+        cls, terrain: Terrain, device: Any, *, lava: Lava, weight: float, film: float,
+        cosine_squared: Any = None,
+    ) -> 'CellState':
+        """Return the state of a terrain without lava, at time 0.
+
+        Args:
+            terrain: The ground.
+            device: The Warp device.
+            weight: Density times gravity [N/m3].
+            film: Thickness below which lava does not flow [m].
+            lava: The material.
+            cosine_squared: Function from slopes of the ground, rise over run, to cos^2; None
+                without ``steep``.
+        """
+        heights = ringed_heights(terrain)
+        shape = heights.shape
+        sizes = {'box': 4, 'vent_box': 4, 'clock': 8, 'counts': 4, 'peaks': 2, 'left': 3}
+        arrays = {
+            name: wp.zeros(sizes.get(name, shape), dtype=item.type.dtype, device=device)
+            for name, item in Cells.vars.items()
+            if isinstance(item.type, wp.array)
+        }
+        law = filled(FaceLaw(), law_values(lava))
+        state = cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
+        state.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0])
+        state.kind.assign(_kinds(terrain))
+        state.lay_ground(heights, cosine_squared)
+        return state
+
+    def lay_ground(self, heights: np.ndarray, cosine_squared: Any) -> None:
+        """Write the arrays of the ground.
+
+        Args:
+            heights: Elevation of the cells and the ring [m], float64, a map.
+            cosine_squared: As for ``on``.
+        """
+        slope = np.gradient(heights, self.cell)
+        for axis, name in ((1, 'x'), (0, 'y')):
+            ahead, here = [slice(None)] * 2, [slice(None)] * 2
+            ahead[axis], here[axis] = slice(1, None), slice(None, -1)
+            after, before = tuple(ahead), tuple(here)
+            drop, cross, factor = np.zeros((3, *heights.shape))
+            drop[before] = heights[before] - heights[after]
+            cross[before] = 0.5 * (slope[1 - axis][before] + slope[1 - axis][after])
+            factor[:] = 1.0
+            if cosine_squared is not None:
+                factor = cosine_squared(np.hypot(drop / self.cell, cross)) ** 2
+            for item, values in (('drop', drop), ('cross', cross), ('factor', factor)):
+                getattr(self, f'{item}_{name}').assign(values.astype(np.float32))
+
+    def argument(self) -> Any:
+        """Return the argument of kernels."""
+        cells = Cells()
+        cells.rows, cells.stride = self.thickness.shape
+        for item in fields(self):
+            if item.name in Cells.vars and item.name not in ('rows', 'stride'):
+                setattr(cells, item.name, getattr(self, item.name))
+        return cells
+
+    def map_of(self, name: str) -> np.ndarray:
+        """Copy a map without the ring to the host, shape [rows, columns]."""
+        values: np.ndarray = getattr(self, name).numpy()
+        return values[1:-1, 1:-1].copy()
+
+
+def _kinds(terrain: Terrain) -> np.ndarray:
+    """Return ``CellState.kind`` of a terrain."""
+    kind = np.full(np.add(terrain.shape, 2), 1 + BORDER, dtype=np.uint8)
+    inner = np.where(np.isnan(terrain.elevation), 1 + HOLES, 0)
+    kind[1:-1, 1:-1] = np.where(terrain.is_sea, 1 + SEA, inner)
+    return kind

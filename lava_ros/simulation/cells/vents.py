@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Vents on cells: the rate at which each cell of the grid receives lava."""
+
+import math
+
+import numpy as np
+
+from lava_ros.scene import Terrain, Vent
+from lava_ros.simulation.step.vent_ground import permitted_places
+
+#: Places along the diameter of a vent, and minimum number along a cell.
+_ACROSS, _PER_CELL = 32, 4
+
+#: Maximum number of places along a fissure.
+_MAX_ALONG = 4096
+
+
+class CellVents:
+    """The vents of one span of time, on the cells of a grid.
+
+    Attributes:
+        vents: The vents.
+        since: Time from which they emit [s].
+        weights: Fraction of the lava of each vent that comes out in a cell, as the indices of
+            cells and their fractions, for each vent.
+    """
+
+    def __init__(
+        self, vents: tuple[Vent, ...], grid: Terrain, since: float, rise: float
+    ) -> None:
+        """Distribute the vents over the cells.
+
+        Args:
+            vents: The vents.
+            grid: The ground on the solver's cells.
+            since: Time from which the vents emit [s].
+            rise: Maximum rise of the ground outside a vent's own radius [m].
+        """
+        self.vents, self.since = vents, since
+        self.weights = [_weights_of(vent, grid, rise) for vent in vents]
+
+    def rates(self, time: float) -> np.ndarray:
+        """Return the discharge of each vent from a time until the next change [m3/s]."""
+        return np.array([vent.discharge_at(time) for vent in self.vents])
+
+    def next_change(self, time: float) -> float:
+        """Return the time after ``time`` at which a discharge changes next [s], or infinity."""
+        later = (at for vent in self.vents for at, _ in vent.series if at > time)
+        return min(later, default=math.inf)
+
+    def emitted(self, time: float) -> float:
+        """Return the volume [m3] that the vents have emitted from ``since`` to a time [s]."""
+        return sum(vent.volume_between(self.since, time) for vent in self.vents)
+
+
+def _weights_of(vent: Vent, grid: Terrain, rise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cells in which the lava of a vent comes out, and the fraction in each."""
+    places = _places_in(vent, grid.resolution)
+    allowed = permitted_places(vent, places, grid, rise)
+    place = np.floor((allowed - grid.origin) / grid.resolution).astype(int)
+    rows, columns = grid.shape
+    index = np.clip(place[:, 1], 0, rows - 1) * columns + np.clip(place[:, 0], 0, columns - 1)
+    cells, counts = np.unique(index, return_counts=True)
+    return cells, counts / counts.sum()
+
+
+def _places_in(vent: Vent, cell: float) -> np.ndarray:
+    """Return places evenly spread over a vent, at least as wide as a cell, [count, 2]."""
+    radius = max(vent.radius, 0.5 * cell)
+    across = max(_ACROSS, math.ceil(2.0 * radius / cell) * _PER_CELL)
+    ticks = radius * ((np.arange(across) + 0.5) / across * 2.0 - 1.0)
+    start = np.asarray(vent.position)
+    if vent.end is None:
+        x, y = np.meshgrid(ticks, ticks)
+        inside = np.hypot(x, y) <= radius
+        return start + np.column_stack([x[inside], y[inside]])
+    way = np.subtract(vent.end, start)
+    length = math.hypot(*way)
+    along = min(max(_ACROSS, math.ceil(length / cell) * _PER_CELL), _MAX_ALONG)
+    fractions, aside = np.meshgrid((np.arange(along) + 0.5) / along, ticks)
+    normal = np.array([-way[1], way[0]]) / max(length, 1e-300)
+    return start + fractions.ravel()[:, None] * way + aside.ravel()[:, None] * normal
+
+

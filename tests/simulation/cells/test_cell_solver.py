@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Simulations with the method cells: vents, maps, budget, changes and refusals."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import EFFECTS
+from lava_ros.errors import LavaError
+from lava_ros.forecast.members import make_plan
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.events import TerrainEvent
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from solver import flat, only
+
+LAVA = Lava.paper(viscosity=1e4, density=2600.0)
+
+
+def simulated(terrain, *vents, effects=None, lava=LAVA, particles=None, events=(), **knobs):
+    """Return a simulation on cells of isothermal lava."""
+    effects = only('steep') if effects is None else effects
+    return Simulation(
+        Scene(terrain, vents, lava, events=events), effects=effects, particles=particles,
+        accuracy=Accuracy(method='cells', **knobs), device='cpu', horizon=3600.0,
+    )
+
+
+def slope(turn=0.0, cells=60, cell=5.0):
+    """Return a plane that falls by 0.1, around (0, 0)."""
+    half = 0.5 * cells * cell
+    line = np.arange(-half + 0.5 * cell, half, cell)
+    x, y = np.meshgrid(line, line)
+    return Terrain(-0.1 * (x * math.cos(turn) + y * math.sin(turn)), cell, origin=(-half, -half))
+
+
+def test_vents_emit_the_integral_of_their_rates():
+    rates = ((0.0, 3.0), (40.0, 0.0), (100.0, 8.0), (130.0, 1.0))
+    vents = Vent((-60.0, 3.0), rates, radius=7.0), Vent((-40.0, 30.0), 2.0, end=(-20.0, 50.0))
+    simulation = simulated(slope(), *vents)
+    for until in (10.0, 70.0, 100.0, 101.0, 200.0):
+        simulation.advance(until)
+        budget = simulation.budget()
+        expected = sum(vent.volume_between(0.0, until) for vent in vents)
+        assert budget.emitted == pytest.approx(expected, rel=1e-12)
+        assert budget.error < 1e-12
+    snapshot = simulation.snapshot()
+    volume = np.nansum(snapshot.thickness, dtype=float) * 25.0
+    assert volume == pytest.approx(budget.held, rel=1e-6)
+
+
+def test_narrow_vent_is_as_wide_as_a_cell():
+    simulation = simulated(flat(41, 5.0), Vent((0.0, 0.0), 1.0, radius=0.1))
+    simulation.advance(1.0)
+    wet = simulation.solver.state.map_of('source') > 0.0
+    assert wet.sum() == 1
+    assert wet[20, 20]
+
+
+@pytest.mark.parametrize('turn', [0.0, 30.0, 45.0])
+def test_area_and_front_do_not_depend_on_the_direction_of_the_grid(turn):
+    reference = reached(0.0)
+    assert reached(turn) == pytest.approx(reference, rel=0.02)
+
+
+def reached(turn):
+    """Return the inundated area [m2], and the distance of the front down the slope [m]."""
+    turn = math.radians(turn)
+    terrain = slope(turn, cells=120)
+    place = -200.0 * math.cos(turn), -200.0 * math.sin(turn)
+    simulation = simulated(terrain, Vent(place, 10.0))
+    simulation.advance(1800.0)
+    snapshot = simulation.snapshot()
+    row, column = np.nonzero(snapshot.footprint)
+    x, y = (np.array([column, row]) + 0.5) * 5.0 + np.array(terrain.origin)[:, None]
+    along = x * math.cos(turn) + y * math.sin(turn)
+    return snapshot.area(snapshot.inundated), np.sort(along)[-5:].mean() + 200.0
+
+
+@pytest.mark.parametrize('spacing', [2.5, 5.0, 10.0])
+def test_error_of_the_area_is_less_than_a_fraction_of_the_spacing(spacing):
+    assert area_by(spacing) == pytest.approx(area_by(1.25), rel=0.01 * spacing)
+
+
+def area_by(spacing):
+    """Return the inundated area [m2] by cells of a size [m], on a terrain with cells of 5 m."""
+    simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0), spacing=spacing)
+    simulation.advance(600.0)
+    assert simulation.solver.grid.resolution == spacing
+    snapshot = simulation.snapshot()
+    assert np.nansum(snapshot.thickness, dtype=float) * 25.0 == pytest.approx(6000.0, rel=1e-5)
+    assert simulation.budget().error < 1e-12
+    return snapshot.area(snapshot.inundated)
+
+
+def test_covered_area_is_that_of_a_constant_flux():
+    simulation = simulated(flat(80, 5.0), Vent((0.0, 0.0), 10.0), effects=only())
+    simulation.advance(3600.0)
+    snapshot = simulation.snapshot()
+    # R = 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2), Huppert 1982
+    radius = 0.71502 * (9.81 * 10.0**3 * 2600.0 / 3e4) ** 0.125 * 60.0
+    assert snapshot.area(snapshot.inundated) == pytest.approx(math.pi * radius**2, rel=0.03)
+    times = snapshot.arrived[40, 40:]
+    reached = np.isfinite(times)
+    assert (np.diff(times[reached]) >= 0.0).all()
+    assert snapshot.standing_area == snapshot.area(snapshot.inundated)
+
+
+def test_lava_at_the_start_keeps_its_volume_and_temperature():
+    places = np.random.default_rng(3).uniform(-50.0, 50.0, (500, 2))
+    simulation = simulated(
+        slope(), particles=Particles(places, 7.0, 1250.0), thickness=1.0, spacing=5.0
+    )
+    assert simulation.budget().held == pytest.approx(3500.0, rel=1e-12)
+    simulation.advance(100.0)
+    assert set(simulation.sample().temperature) == {1250.0}
+    assert simulation.budget().error < 1e-12
+
+
+def test_changes_of_vents_and_terrain_conserve_volume():
+    simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0))
+    simulation.advance(200.0)
+    simulation.set_vents([Vent((20.0, 40.0), 5.0)])
+    simulation.advance(300.0)
+    smaller = Terrain(
+        slope().elevation[10:50, 4:] + 1.0, 5.0, origin=(-130.0, -100.0)
+    )
+    arrived = np.isfinite(simulation.snapshot().arrived).sum()
+    simulation.set_terrain(smaller)
+    simulation.advance(400.0)
+    budget = simulation.budget()
+    assert budget.emitted == pytest.approx(3000.0, rel=1e-12)
+    assert budget.error < 1e-12
+    assert np.isfinite(simulation.snapshot().arrived).sum() >= arrived
+
+
+def test_terrain_events_change_the_ground_at_their_times():
+    wall = slope().elevation.astype(float)
+    wall[:, 30:32] += 30.0
+    raised = Terrain(wall, 5.0, origin=slope().origin)
+    event = TerrainEvent(0.0, 'a wall', terrain=raised)
+    free, held = (
+        simulated(slope(), Vent((-60.0, 0.0), 10.0), events=events) for events in ((), (event,))
+    )
+    for simulation in (free, held):
+        simulation.advance(1200.0)
+    assert np.isfinite(free.snapshot().arrived[:, 33:]).any()
+    assert not np.isfinite(held.snapshot().arrived[:, 33:]).any()
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        name for name, effect in EFFECTS.items()
+        if effect.needs_velocity or effect.is_lateral
+        or (effect.removes_particles and not effect.freezes)
+    ],
+)
+def test_effects_of_particles_only_are_refused_by_name(name):
+    with pytest.raises(LavaError, match=f'effects.{name} .* method particles'):
+        simulated(slope(), effects=only(name))
+
+
+def test_ensembles_refuse_cells():
+    scene = Scene(slope(), (Vent((-60.0, 0.0), 10.0),), LAVA)
+    with pytest.raises(LavaError, match='accuracy.method is .*cells.* for an ensemble'):
+        make_plan(scene, horizon=600.0, accuracy=Accuracy(method='cells'))
+
+
+def test_wall_limit_stops_between_steps():
+    simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0))
+    assert simulation.advance(1e5, wall_limit=1e-3) < 1e5
+    assert simulation.budget().error < 1e-12
