@@ -14,8 +14,7 @@ from effects.test_heat import BALANCES
 from lava_ros.effects import compatible, EFFECTS, load
 from lava_ros.effects.heat import host_temperature
 from lava_ros.effects.laws import Rheology
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.scene.scene import read_scene, scene_from_dict
+from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells.heat import HeatState
@@ -274,7 +273,7 @@ def test_every_effect_of_a_column_has_a_part_on_cells():
 
 
 def test_volume_of_lava_that_cools_on_a_volcano_is_exact():
-    scene = scene_from_dict(*read_scene('etna.yaml'))
+    scene = scene_from_yaml('etna.yaml')
     accuracy = Accuracy(method='cells', spacing=30.0)
     simulation = Simulation(scene, accuracy=accuracy, device='cpu', horizon=43200.0)
     simulation.advance(43200.0)
