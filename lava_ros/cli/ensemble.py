@@ -84,7 +84,7 @@ WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
     ),
     argument(
         '--scheduler', 'ADDRESS', 'address of a Dask scheduler that runs the members: '
-        'tcp://host:8786',
+        'tls://host:8786',
     ),
     formats('areas of 10, 50 and 90 %% probability, isochrones', None),
     argument(
@@ -154,8 +154,6 @@ def ensemble(args: argparse.Namespace) -> int:
             raise validation.dependence('--posterior', '--observed')
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
-    if case is not None and case.outlines:
-        require('matplotlib.figure', 'reliability', str(args.output))
     barriers = _barriers(args, plan)
     scene, output = plan.scene, Path(args.output)
     crs = coordinate_system(scene.terrain.epsg, scene.terrain.wkt)

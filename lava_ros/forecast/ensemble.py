@@ -219,7 +219,7 @@ def run_on_cluster(
     Workers store nothing: a member is sent as a few numbers and returned as its footprint. The
     members of a worker that dies run again on another one.
 
-    ``scheduler`` is an address such as ``tcp://host:8786``, and ``device`` the Warp device of
+    ``scheduler`` is an address such as ``tls://host:8786``, and ``device`` the Warp device of
     every worker; None for its first GPU, or the CPU without one.
 
     Raises:
@@ -258,7 +258,10 @@ def _client(scheduler: str) -> Iterator[Any]:
     with config.set(settings), warnings.catch_warnings():
         # a terrain is larger than Dask expects for a task
         warnings.filterwarnings('ignore', message='Sending large graph')
-        expected = 'the address of a Dask scheduler, such as tcp://host:8786'
+        expected = (
+            'the address of a Dask scheduler, such as tls://host:8786, with its certificates in '
+            'DASK_CONFIG: docs/how_to/cluster.md'
+        )
         with refusing('--scheduler', scheduler, expected, OSError, ValueError, TypeError):
             client = Client(scheduler, timeout=PATIENCE)
         with client:

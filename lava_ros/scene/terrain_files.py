@@ -18,7 +18,6 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import check_exists
 from lava_ros.files.npz import read_arrays
-from lava_ros.files.optional import is_installed, require
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE
 from lava_ros.scene.on_terrain import read_band
@@ -115,8 +114,7 @@ def load_terrain(
         resolution = RESOLUTION_CHECK('terrain.resolution', resolution)
     if offset is not None:
         offset = validation.pair('terrain.offset', offset)
-    if validation.flag('terrain.fill_holes', fill_holes):
-        require('scipy', 'terrain.fill_holes', True)
+    validation.flag('terrain.fill_holes', fill_holes)
     if nodata is not None and nodata != 'none':
         nodata = validation.number('terrain.nodata', nodata)
     if sea_level is not None:
@@ -304,9 +302,9 @@ def _log_summary(
 
 
 def _holes_and_pits(terrain: Terrain) -> np.ndarray:
-    """Mark enclosed cells without data, if scipy is installed, and pits two cells deep: bool."""
+    """Mark enclosed cells without data, and pits two cells deep: bool."""
     holes, known = np.zeros(terrain.shape, dtype=bool), np.isfinite(terrain.elevation)
-    if not known.all() and is_installed('scipy'):
+    if not known.all():
         from scipy.ndimage import binary_fill_holes
 
         holes = binary_fill_holes(known) & ~known
