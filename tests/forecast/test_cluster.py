@@ -10,6 +10,7 @@ import os
 from pathlib import Path
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -23,8 +24,6 @@ import pytest
 import rasterio
 
 from command_line import done
-from lava_ros.errors import LavaError
-from lava_ros.forecast import ensemble as ensembles
 from lava_ros.forecast.store import Store
 
 pytestmark = pytest.mark.nightly
@@ -148,18 +147,22 @@ def test_killed_worker_of_a_cluster_with_tls_changes_nothing(
 
 
 def test_programs_without_the_certificate_are_refused(
-    cluster: tuple[str, list[subprocess.Popen[str]]], monkeypatch: pytest.MonkeyPatch
+    cluster: tuple[str, list[subprocess.Popen[str]]]
 ) -> None:
     address, _ = cluster
-    monkeypatch.setattr(ensembles, 'PATIENCE', 5.0)
-
-    def assert_refused(address: str) -> None:
-        with pytest.raises(LavaError, match='--scheduler is .* DASK_CONFIG'):
-            list(ensembles.run_on_cluster(None, [], scheduler=address))  # type: ignore[arg-type]
-
-    assert_refused(address)
-    # the keys of another cluster
-    subprocess.run(shlex.split(BLOCKS[0]), check=True, capture_output=True)
-    with configured():
-        assert_refused(address)
-    assert_refused(address.replace('tls://', 'tcp://'))
+    line = BLOCKS[4].replace('tls://HOST:8786', address)
+    without = line.replace('DASK_CONFIG=cluster.yaml', '')
+    Path('others').mkdir()
+    shutil.copy('cluster.yaml', 'others')
+    subprocess.run(shlex.split(BLOCKS[0]), check=True, capture_output=True, cwd='others')
+    for command in (
+        f'cd others; {line}', without, without.replace('tls://', 'tcp://'),
+    ):
+        command = command.replace('lava', f'{sys.executable} -m lava_ros.cli.main')
+        command = command.replace('uncertain.yaml', f'{Path("uncertain.yaml").resolve()}')
+        ended = subprocess.run(
+            ['bash', '-c', command], capture_output=True, text=True, check=False,
+            env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        )
+        assert ended.returncode == 2 and '--scheduler is' in ended.stderr, ended
+        assert 'with its certificates in DASK_CONFIG' in ended.stderr, ended
