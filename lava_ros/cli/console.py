@@ -10,10 +10,13 @@ import os
 from pathlib import Path
 import sys
 import time
-from typing import Any, TextIO
+from typing import Any, TextIO, TYPE_CHECKING
 
 from lava_ros.errors import LavaError, printable, refusing
 from lava_ros.files import file_to_write, write_output
+
+if TYPE_CHECKING:
+    from lava_ros.layers.place_arrivals import ArrivalTable
 
 #: Arguments that name output files.
 OUTPUTS = ('json', 'output', 'picture')
@@ -106,6 +109,13 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
         ).rstrip()
         for row in rows
     ]
+
+
+def print_arrivals(table: 'ArrivalTable') -> None:
+    """Print the table of the arrival of lava at places."""
+    texts = table.as_texts()
+    sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
+    print('\n'.join([table.summary, *table_lines(texts, sides)]))
 
 
 def made_folder(name: str | Path) -> Path:

@@ -16,7 +16,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import made_folder, Progress, write_json
+from lava_ros.cli.console import made_folder, print_arrivals, Progress, write_json
 from lava_ros.cli.ensemble_report import (
     describe_agreement,
     print_report,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from lava_ros.forecast.store import Store
     from lava_ros.hindcast.case import Case
     from lava_ros.layers.forecast import HazardMaps
-    from lava_ros.scene import Scene
+    from lava_ros.scene import Scene, Terrain
     from lava_ros.scene.reshaping import Barrier
     from lava_ros.simulation.numerical_error import NumericalError
 
@@ -94,8 +94,8 @@ WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
     ),
     argument('--barriers-at', 'TIME', 'time at which the barriers are built (default: the start)'),
     argument(
-        '--places', 'FILE', 'places of which --barriers compares the arrival of lava; may be '
-        'repeated', action='append',
+        '--places', 'FILE', 'named points, lines and areas: print when lava arrives there, and '
+        'with which probability; may be repeated', action='append', default=[],
     ),
     preset='draft',
 )
@@ -132,6 +132,7 @@ def ensemble(args: argparse.Namespace) -> int:
         Susceptibility,
     )
     from lava_ros.forecast.store import Store
+    from lava_ros.products.arrivals import TABLE, write_table
     from lava_ros.products.comparison import compare_ensembles
     from lava_ros.products.ensemble_files import write_atlas
     from lava_ros.products.gis import Provenance, require_formats, usual_formats
@@ -154,6 +155,9 @@ def ensemble(args: argparse.Namespace) -> int:
             raise validation.dependence('--posterior', '--observed')
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
+    if args.places:
+        # raises for an invalid file before the runs
+        _check_places(args.places, plan.scene.terrain)
     barriers = _barriers(args, plan)
     scene, output = plan.scene, Path(args.output)
     crs = coordinate_system(scene.terrain.epsg, scene.terrain.wkt)
@@ -296,7 +300,7 @@ def ensemble(args: argparse.Namespace) -> int:
         result = summarize(args, other.plan, again.maps, again, wall, where)
         files += _write_bag(folder / BAG, other.plan, again.maps, result)
         compared = compare_ensembles(
-            output, folder, made_folder(output / COMPARISON), places=args.places or (),
+            output, folder, made_folder(output / COMPARISON), places=args.places,
             lines=[args.barriers] if built else (), built=built,
             origin=Provenance(name, tuple(other.plan.effects), args.preset, onset=onset),
         )
@@ -313,30 +317,38 @@ def ensemble(args: argparse.Namespace) -> int:
             'effects': list(other.plan.effects),
             **compared,
         }
+    if args.places:
+        folder = output / WEIGHTED if done.weighted is not None else output
+        table = write_table(folder, args.places)
+        files.append(str(folder / TABLE))
+        report['places'] = table.as_dict()['places']
     report['files'] = files
     write_json(report, args.json)
     print_report(report, plan, error)
+    if args.places:
+        print_arrivals(table)
     return 0
 
 
-def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
+def _check_places(files: Sequence[str], terrain: Terrain) -> None:
     from lava_ros.layers.places import places_on
     from lava_ros.scene.features import read_features
+
+    for file in files:
+        places_on(read_features('--places', file, terrain), terrain)
+
+
+def _barriers(args: argparse.Namespace, plan: Plan) -> list[Barrier]:
     from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
 
-    for name in ('barriers_at', 'places'):
-        if getattr(args, name) and not args.barriers:
-            option = f'--{name.replace("_", "-")}'
-            raise validation.dependence(option, '--barriers')
+    if args.barriers_at and not args.barriers:
+        raise validation.dependence('--barriers-at', '--barriers')
     if not args.barriers:
         return []
     if args.observed:
         raise validation.conflict('--barriers', '--observed')
     usual = {'height': None, 'width': None, 'slope': Barrier.slope}
     barriers = read_barriers('--barriers', args.barriers, plan.scene.terrain, usual)
-    for file in args.places or ():
-        # raises for an invalid file before the runs
-        places_on(read_features('--places', file, plan.scene.terrain), plan.scene.terrain)
     # raises for an invalid time, or a barrier off the terrain, before the runs
     _barriers_at(args)
     with_barriers(plan.scene.terrain, barriers)

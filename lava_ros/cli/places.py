@@ -5,7 +5,7 @@
 
 import argparse
 
-from lava_ros.cli.console import table_lines, write_json
+from lava_ros.cli.console import print_arrivals, write_json
 from lava_ros.cli.options import argument, command, seconds_of
 from lava_ros.cli.pages import DATES, dates_of
 from lava_ros.files import file_to_write, write_output
@@ -42,8 +42,5 @@ def places(args: argparse.Namespace) -> int:
     if args.output is not None:
         write_output('--output', args.output, table.as_csv())
     write_json(table.as_dict(), args.json)
-    texts = table.as_texts()
-    print(table.summary)
-    sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
-    print('\n'.join(table_lines(texts, sides)))
+    print_arrivals(table)
     return 0

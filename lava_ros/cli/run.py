@@ -10,7 +10,7 @@ from dataclasses import replace
 import sys
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.cli.console import Progress, table_lines, write_json
+from lava_ros.cli.console import print_arrivals, Progress, write_json
 from lava_ros.cli.options import argument, command, HORIZON
 from lava_ros.cli.scene_options import SCENE
 from lava_ros.errors import LavaError
@@ -135,8 +135,6 @@ def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> 
     ):
         print(f'{name:32} {value}')
     if table is not None:
-        texts = table.as_texts()
-        sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
-        print('\n'.join([table.summary, *table_lines(texts, sides)]))
+        print_arrivals(table)
     for item in record['warnings']:
         print(f'lava run: {item}', file=sys.stderr)

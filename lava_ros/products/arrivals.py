@@ -14,12 +14,16 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files import write_output
 from lava_ros.forecast.store import maps_at
 from lava_ros.layers.place_arrivals import arrivals, ArrivalTable, flow_table
 from lava_ros.layers.places import Places, places_on
 from lava_ros.products.run_page import dated, Members, read_run, Run
 from lava_ros.scene.features import read_features
 from lava_ros.scene.onset import Onset
+
+#: File of the table in the folder of an ensemble.
+TABLE = 'places.csv'
 
 
 def table_of(
@@ -50,6 +54,17 @@ def table_of(
     else:
         table = _table_of_bag(path, run, places, time, node)
     return replace(table, onset=dated(onset, zone, [run]))
+
+
+def write_table(folder: Path, files: Sequence[str | Path]) -> ArrivalTable:
+    """Write the arrival of lava at the places of files into the folder of an ensemble.
+
+    Raises:
+        LavaError: If a file or the ensemble cannot be read, or the table cannot be written.
+    """
+    table = table_of(folder, files, field='--places')
+    write_output('--output', folder / TABLE, table.as_csv())
+    return table
 
 
 def _table_of_bag(

@@ -110,7 +110,7 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
 
 @pytest.mark.parametrize(('words', 'named'), [
     (('--barriers-at', '1h'), '--barriers-at'),
-    (('--places', 'hut.csv'), '--places'),
+    (('--places', 'none.csv'), '--places'),
     (('--barriers', 'hut.csv'), 'a line'),
     (('--emplaced-as', 'ground'), '--emplaced-as'),
     (('--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'), 'at least one area'),
