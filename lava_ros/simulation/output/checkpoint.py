@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 import hashlib
 import json
+import logging
 import math
 import struct
 from typing import Any, NamedTuple
@@ -32,6 +33,11 @@ from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.scene import onset_from
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
+
+_LOG = logging.getLogger(__name__)
+
+#: Number of the model, which is raised when the same scene and settings have another result.
+MODEL = 2
 
 #: Version of the format; a reader also supports earlier versions.
 VERSION = 1
@@ -78,6 +84,7 @@ class Checkpoint:
         capacity: Maximum number of particles in the arrays.
         arrays: Arrays of the solver by name; ``state.particle`` has a row for each particle.
         written_by: Version of the package that wrote the checkpoint.
+        model: Number of its model; 1 if the checkpoint does not state it.
     """
 
     time: float
@@ -93,6 +100,7 @@ class Checkpoint:
     written_by: str = lava_ros.__version__
     switched_on: Mapping[str, float] = field(default_factory=dict)
     measured: Mapping[str, float] = field(default_factory=dict)
+    model: int = MODEL
 
     def __post_init__(self) -> None:
         """Validate the numbers and arrays.
@@ -147,6 +155,7 @@ class Checkpoint:
         header = json.dumps(
             {
                 'written_by': self.written_by,
+                'model': self.model,
                 'scene': scene_to_dict(self.scene),
                 'effects': asdict(self.effects),
                 'forced': None if self.forced is None else dict(self.forced),
@@ -205,7 +214,7 @@ def summary_of(data: bytes) -> Summary:
 
 
 def from_bytes(data: bytes) -> Checkpoint:
-    """Read a checkpoint from all of its bytes.
+    """Read a checkpoint from all of its bytes, with a warning if it is of another model.
 
     Raises:
         LavaError: If they are damaged, truncated, of another format or a later version, or not
@@ -223,12 +232,18 @@ def from_bytes(data: bytes) -> Checkpoint:
         expected = f'{stored.hex()}: the checkpoint is damaged'
         raise LavaError('checkpoint.checksum', found.hex(), expected)
     try:
-        return _checkpoint(parse_json('checkpoint.header', header), body, summary.time)
+        result = _checkpoint(parse_json('checkpoint.header', header), body, summary.time)
     except (KeyError, TypeError, AttributeError, UnicodeDecodeError, ValueError) as error:
         if isinstance(error, LavaError):
             raise
         reason = f'{type(error).__name__}: {error}'
         raise LavaError('checkpoint.header', reason, 'a header written by lava_ros') from error
+    if result.model != MODEL:
+        _LOG.warning(
+            f'the run began with model {result.model} of lava_ros {result.written_by}, and '
+            f'continues with model {MODEL}: its result matches neither model'
+        )
+    return result
 
 
 def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkpoint:
@@ -279,6 +294,9 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
         written_by=str(header['written_by']),
         switched_on=_by_effect('switched_on', header.get('switched_on', {})),
         measured=_by_effect('measured', header.get('measured', {})),
+        model=validation.whole(
+            'checkpoint.model', header.get('model', 1), at_least=1, at_most=2**31
+        ),
     )
 
 
