@@ -21,7 +21,7 @@ from lava_ros.simulation.advance import advancing_to
 from lava_ros.simulation.backend.memory import within_memory
 from lava_ros.simulation.batch import at_work
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint, warn_of_other_model
 from lava_ros.simulation.output.looks import Looks, Seen
 from lava_ros.simulation.output.measurement import measured_scales
 from lava_ros.simulation.output.snapshot import (
@@ -491,6 +491,7 @@ class Simulation:
         simulation._review.since.update(checkpoint.switched_on)
         simulation._review.largest.update(checkpoint.measured)
         simulation._watch()
+        warn_of_other_model(checkpoint)
         return simulation
 
     @property

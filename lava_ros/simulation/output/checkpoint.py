@@ -182,6 +182,15 @@ class Checkpoint:
         return b''.join((prefix, _digest(prefix, header, body), header, body))
 
 
+def warn_of_other_model(checkpoint: Checkpoint) -> None:
+    """Log a warning if a run continues that another model began."""
+    if checkpoint.model != MODEL:
+        _LOG.warning(
+            f'the run began with model {checkpoint.model} of lava_ros {checkpoint.written_by}, '
+            f'and continues with model {MODEL}: its result matches neither model'
+        )
+
+
 class Summary(NamedTuple):
     """Contents of the prefix of a checkpoint.
 
@@ -214,7 +223,7 @@ def summary_of(data: bytes) -> Summary:
 
 
 def from_bytes(data: bytes) -> Checkpoint:
-    """Read a checkpoint from all of its bytes, with a warning if it is of another model.
+    """Read a checkpoint from all of its bytes.
 
     Raises:
         LavaError: If they are damaged, truncated, of another format or a later version, or not
@@ -232,18 +241,12 @@ def from_bytes(data: bytes) -> Checkpoint:
         expected = f'{stored.hex()}: the checkpoint is damaged'
         raise LavaError('checkpoint.checksum', found.hex(), expected)
     try:
-        result = _checkpoint(parse_json('checkpoint.header', header), body, summary.time)
+        return _checkpoint(parse_json('checkpoint.header', header), body, summary.time)
     except (KeyError, TypeError, AttributeError, UnicodeDecodeError, ValueError) as error:
         if isinstance(error, LavaError):
             raise
         reason = f'{type(error).__name__}: {error}'
         raise LavaError('checkpoint.header', reason, 'a header written by lava_ros') from error
-    if result.model != MODEL:
-        _LOG.warning(
-            f'the run began with model {result.model} of lava_ros {result.written_by}, and '
-            f'continues with model {MODEL}: its result matches neither model'
-        )
-    return result
 
 
 def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkpoint:
