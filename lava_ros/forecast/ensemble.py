@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
+import gc
 import pickle
 from typing import Any
 import warnings
@@ -254,6 +255,8 @@ def _client(scheduler: str) -> Iterator[Any]:
     from dask import config
     from distributed import Client
 
+    # a client that failed to connect must not be collected while the next one holds Dask's lock
+    gc.collect()
     settings = {'distributed.scheduler.allowed-failures': DEATHS}
     with config.set(settings), warnings.catch_warnings():
         # a terrain is larger than Dask expects for a task
