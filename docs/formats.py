@@ -4,12 +4,21 @@
 """Write the tables of file formats into docs/FORMATS.md: `python docs/formats.py`."""
 
 from collections.abc import Iterator
+from functools import partial
 import json
 from pathlib import Path
 
 from lava_ros.files import raster_formats, vectors
 from lava_ros.files.columns import COLUMNS
+from lava_ros.files.keys import DATE, Keys, Schema
+from lava_ros.layers.layer_files import LAYER_KEYS
 from lava_ros.scene import effusion_rates, features, measurements, reshaping, vent_files
+from lava_ros.scene.emplaced import FLOW_KEYS
+from lava_ros.scene.events import SCENE_EVENT_KEYS
+from lava_ros.scene.file_keys import CASE_KEYS, SCENE_KEYS
+from lava_ros.scene.terrain_files import TERRAIN_KEYS
+from lava_ros.scene.uncertainty import UNCERTAINTY_KEYS
+from lava_ros.scene.vent_keys import VENT_KEYS
 
 PAGE = Path(__file__).with_name('FORMATS.md')
 
@@ -115,10 +124,57 @@ def run_rows() -> Iterator[tuple[str, ...]]:
         yield (f'`{name}`', item['description'])
 
 
+#: Signs of the limits of a number.
+LIMITS = {'exclusiveMinimum': '>', 'minimum': '≥', 'exclusiveMaximum': '<', 'maximum': '≤'}
+
+#: Maximum number of words that a table lists.
+MAX_WORDS = 4
+
+
+def key_rows(keys: Keys) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each key of a mapping in a file."""
+    yield ('key', 'values', 'content')
+    for name, key in keys.keys.items():
+        known = values_of(key.as_schema()) + (', required' if key.is_required else '')
+        yield (f'`{name}`', known, key.text)
+
+
+def values_of(schema: Schema) -> str:
+    """Describe the values of a schema in a few words."""
+    for word in ('anyOf', 'allOf'):
+        if word in schema:
+            return ' or '.join(dict.fromkeys(map(values_of, schema[word])))
+    if '$ref' in schema:
+        return schema['$ref'].rpartition('/')[2]
+    words = schema.get('enum', [schema['const']] if 'const' in schema else [])
+    if words:
+        return ', '.join(f'`{word}`' for word in words) if len(words) <= MAX_WORDS else 'a name'
+    kind = schema.get('type')
+    if isinstance(kind, list):
+        return ' or '.join(values_of({'type': item}) for item in kind)
+    if kind in ('number', 'integer'):
+        word = 'whole number' if kind == 'integer' else 'number'
+        known = {sign: schema[name] for name, sign in LIMITS.items() if name in schema}
+        limits = [f'{sign} {limit:,.10g}' for sign, limit in known.items()]
+        return f'{word} {" and ".join(limits)}'.strip()
+    if kind == 'array':
+        least, most = schema.get('minItems', 0), schema.get('maxItems')
+        return f'{least} numbers' if least == most else 'list'
+    if schema.get('pattern') == DATE['pattern']:
+        return 'date'
+    return {'boolean': '`true`, `false`', 'object': 'mapping'}.get(kind or '', 'text')
+
+
 #: Rows of tables, by the name of their section.
 TABLES = {
     'rasters': raster_rows, 'vectors': vector_rows, 'columns': column_rows, 'run': run_rows,
     'surveys': survey_rows,
+} | {
+    f'keys of {name}': partial(key_rows, keys) for name, keys in {
+        'scene': SCENE_KEYS, 'terrain': TERRAIN_KEYS, 'vent': VENT_KEYS, 'flow': FLOW_KEYS,
+        'event': SCENE_EVENT_KEYS, 'barrier': reshaping.BARRIER_KEYS,
+        'uncertainty': UNCERTAINTY_KEYS, 'case': CASE_KEYS, 'layer': LAYER_KEYS,
+    }.items()
 }
 
 

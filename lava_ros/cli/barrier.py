@@ -35,15 +35,22 @@ def barrier(args: argparse.Namespace) -> int:
     GeoTIFF. Where barriers overlap, the highest counts. Maps of runs on this elevation show the
     barriers. --low-pass smooths the elevation before that.
     """
-    from lava_ros.cli.scenes import place_as_typed, terrain_options
+    from lava_ros.cli.scenes import WORDS
     from lava_ros.products.gis import Provenance, write_grid
     from lava_ros.scene.reshaping import Barrier, low_pass, read_barriers, with_barriers
-    from lava_ros.scene.terrain_files import barrier_tags, load_terrain
+    from lava_ros.scene.source import SceneSource
+    from lava_ros.scene.terrain_files import barrier_tags
+    from lava_ros.scene.typed_places import place_as_typed
 
     if not args.line and not args.lines and not args.low_pass:
         raise LavaError('--line', None, 'the places of a barrier, --lines, or --low-pass')
     output = file_to_write('--output', args.output, ('.tif', '.tiff'))
-    terrain = load_terrain(args.terrain, **terrain_options(args))
+    words = WORDS | {'terrain': 'terrain'}
+    source = SceneSource(
+        terrain=args.terrain, epsg=args.epsg, nodata=args.nodata, words=words
+    )
+    terrain = source.load_terrain()
+    assert terrain is not None
     before = low_pass(terrain, args.low_pass)
     barriers = []
     if args.line:

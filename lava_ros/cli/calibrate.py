@@ -95,7 +95,7 @@ def calibrate(args: argparse.Namespace) -> int:
     )
     seed = validation.whole('--seed', args.seed, at_least=0, at_most=2**32 - 1)
     cases = [
-        load_case(folder, material=args.material, low_pass_width=args.low_pass)
+        load_case(folder, material=args.material, low_pass=args.low_pass)
         for folder in args.case
     ]
     names = _names(cases)

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from lava_ros.hindcast.case import Case
     from lava_ros.hindcast.run import Result, Settings
     from lava_ros.hindcast.score import Score
-    from lava_ros.scene import Terrain
-    from lava_ros.scene.vent_files import VentRow
     from lava_ros.simulation.numerical_error import NumericalError
 
 #: Files and folders of a hindcast in its folder.
@@ -53,6 +51,7 @@ def hindcast(args: argparse.Namespace) -> int:
     needed, case.yaml (docs/VALIDATION.md). The command compares the area that the simulated lava
     covers with the footprint. The same command continues an interrupted run.
     """
+    from lava_ros.cli.scenes import WORDS
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
@@ -65,11 +64,17 @@ def hindcast(args: argparse.Namespace) -> int:
 
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
+    if isinstance(args.discharge, str):
+        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', args.discharge, expected)
     case = load_case(
         args.case,
         material=args.material,
-        low_pass_width=args.low_pass,
-        vents=lambda rows, ground: _vents(args, rows, ground),
+        low_pass=args.low_pass,
+        vent=args.vent or (),
+        vents=args.vents,
+        effusion_rate=args.discharge,
+        words=WORDS,
     )
     settings = Settings(
         args.preset, args.spacing, args.device, forced_effects(args), args.maps
@@ -154,27 +159,6 @@ def _dated(
         f'{references[item.outline].words})'
         for item in scores
     }
-
-
-def _vents(
-    args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
-) -> tuple[VentRow, ...]:
-    from lava_ros.cli.scenes import vents_as_given
-
-    if isinstance(args.discharge, str):
-        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
-        raise LavaError('--effusion-rate', args.discharge, expected)
-    given = vents_as_given(args, ground)
-    if not given:
-        rate = args.discharge
-        return rows if rate is None else tuple(
-            replace(row, discharge=rate * row.part) for row in rows
-        )
-    is_own = [vent.discharge is not None for vent in given]
-    if any(is_own) and not all(is_own):
-        expected = 'one for every vent, or for none'
-        raise LavaError(f'effusion rate of {given[is_own.index(False)].name!r}', None, expected)
-    return tuple(given)
 
 
 def _prepare(output: Path) -> None:

@@ -6,18 +6,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import device_named, forced_effects, seconds_of
-from lava_ros.cli.scenes import log_resolution, scene_from_arguments
+from lava_ros.cli.scenes import log_resolution, sourced_scene
 from lava_ros.errors import LavaError
-from lava_ros.files.resources import find_file
-from lava_ros.files.yaml import read_yaml
-from lava_ros.runs.provenance import digests, files_in
 from lava_ros.runs.scene_run import Request
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
@@ -44,7 +41,8 @@ def request_of(args: argparse.Namespace) -> Request:
     if args.threshold is not None:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
     device = device_named(args.device)
-    scene = scene_from_arguments(args)
+    sourced = sourced_scene(args)
+    scene = sourced.scene
 
     def accuracy() -> tuple[str, Accuracy]:
         preset, spacing = args.preset, args.spacing
@@ -70,7 +68,8 @@ def request_of(args: argparse.Namespace) -> Request:
         accuracy=accuracy,
         forced=forced,
         device=device,
-        inputs=digests(_files(args)),
+        inputs=sourced.digests(),
+        remarks=sourced.remarks,
         output=None if args.output is None else Path(args.output),
     )
 
@@ -109,17 +108,3 @@ def _map_times(args: argparse.Namespace, until: float) -> list[float]:
             raise LavaError('--at', text, f'a time at or before --until, {args.until}')
         times.add(time)
     return sorted(times)
-
-
-def _files(args: argparse.Namespace) -> Iterator[tuple[str, Path]]:
-    """Yield the input files of a scene, as given and as paths."""
-    given = [args.terrain, args.vents, *(args.emplaced_flow or ())]
-    given += [args.discharge] if isinstance(args.discharge, str) else []
-    given += [file for _, file in args.terrain_at or ()]
-    for name in given:
-        if name is not None and (path := Path(name)).is_file():
-            yield name, path
-    if args.scene is not None:
-        path = find_file(args.scene, 'examples', field='scene', expected='a readable YAML file')
-        yield args.scene, path
-        yield from files_in(read_yaml('scene', path), path.parent)

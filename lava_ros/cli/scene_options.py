@@ -78,7 +78,7 @@ _TABLE = (
     ),
 )
 
-_FILE = 'scene file (YAML): terrain, vents and lava'
+_FILE = 'scene file (YAML), folder of a case, or elevation'
 
 _PARTS: tuple[str | Argument, ...] = (
     argument(

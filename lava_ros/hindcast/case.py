@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cases: mapped eruptions, each a folder of files, which docs/VALIDATION.md describes.
+"""Cases: scenes of mapped eruptions with their observations, which docs/VALIDATION.md describes.
 
-Coordinates are those of the elevation. Times are in seconds since time 0 of ``effusion_rate.csv``.
+Coordinates are those of the elevation. Times of the clock of a case are in seconds since time 0 of
+``effusion_rate.csv``; those of its scene are simulated times.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from datetime import timedelta
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,79 +16,29 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, refusing
-from lava_ros.files import similar_file
-from lava_ros.files.yaml import read_yaml
+from lava_ros.errors import LavaError
 from lava_ros.hindcast.outlines import Outline, read_outlines
-from lava_ros.hindcast.tables import (
-    check_discharge,
-    check_elevation,
-    check_places,
-    Series,
-    series_of,
-)
-from lava_ros.scene import check_plausible, ENVIRONMENT, Scene, Terrain, uncertainty_of, Vent
-from lava_ros.scene.effusion_rates import (
-    error_of_rates,
-    Options,
-    read_effusion_rates,
-)
-from lava_ros.scene.events import read_events
-from lava_ros.scene.features import ENDINGS, TABLES
-from lava_ros.scene.materials import lava_from_dict, Material, with_material_in_lava
+from lava_ros.hindcast.tables import check_discharge, check_elevation, check_outline
+from lava_ros.scene import Scene, SceneSource, Terrain
+from lava_ros.scene.case_files import find_case_files
+from lava_ros.scene.features import ENDINGS
+from lava_ros.scene.materials import Material
 from lava_ros.scene.on_terrain import read_cover_on, read_polygons_on, read_raster_on
 from lava_ros.scene.onset import Onset
-from lava_ros.scene.reshaping import low_pass
-from lava_ros.scene.terrain_files import load_terrain
-from lava_ros.scene.vent_files import read_vents, VentRow
-
-
-def _vector_files(stem: str) -> tuple[str, ...]:
-    return tuple(f'{stem}{ending}' for ending in ENDINGS if ending not in TABLES)
-
-
-#: Possible names of the footprint; the first that exists is used, and none with ``outlines``.
-FOOTPRINTS = ('footprint.asc', 'footprint.tif', *_vector_files('footprint'))
-
-#: Possible names of each file; the first that exists is used.
-FILES = (
-    ('elevation.asc', 'elevation.tif'),
-    FOOTPRINTS,
-    ('vent.csv', *_vector_files('vent')),
-    ('effusion_rate.csv',),
-)
-
-#: Radius of a vent without its own, in cells.
-VENT_RADIUS = 1.5
-
-#: Keys of ``case.yaml``.
-KEYS = (
-    *('title', 'source', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
-    *('start', 'end', 'epsg', 'nodata', 'fill_holes', 'sea_level', 'low_pass', 'events'),
-    'uncertainty', 'effusion_rate', 'outlines', 'insist',
-)
-
-
-@dataclass(frozen=True)
-class Event:
-    """A change of the terrain at a time [s], with a short description."""
-
-    time: float
-    terrain: Terrain
-    text: str
+from lava_ros.scene.vent_files import VentRow
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """An eruption and its mapped flow field; ``name`` is that of the folder.
+    """The scene of an eruption, and its mapped flow field; ``name`` is that of the folder.
 
     Attributes:
         source: Source of the data; may be empty.
-        scene: Terrain, vents and lava. The map frame's origin is the grid's lower-left corner.
+        scene: The scene. The map frame's origin is the grid's lower-left corner.
         material: Material of the lava, with the composition that the case gives.
         footprint: Mapped flow field at the end, bool, shape [rows, columns], row 0 in the south.
-        start: Start of the simulation [s].
-        end: End of the simulation [s].
+        start: Start of the simulation on the clock of the case [s].
+        end: End of the simulation on this clock [s].
         volume: Volume erupted during the simulation [m3].
         low_pass: Width of the filter applied to the terrain [m]; 0: none.
         outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
@@ -106,7 +56,6 @@ class Case:
     start: float
     end: float
     volume: float
-    events: tuple[Event, ...] = ()
     low_pass: float = 0.0
     outlines: tuple[Outline, ...] = ()
     stated: frozenset[str] = frozenset()
@@ -156,71 +105,31 @@ class Case:
         return replace(self, scene=scene, volume=self.volume * discharge)
 
 
-def load_case(
-    directory: str | Path,
-    *,
-    material: str | None = None,
-    low_pass_width: float | None = None,
-    vents: Callable[[tuple[VentRow, ...], Terrain], tuple[VentRow, ...]] | None = None,
-) -> Case:
+def load_case(directory: str | Path, **changes: Any) -> Case:
     """Read a case from its folder.
 
     Args:
         directory: The folder.
-        material: Name of a material in place of the case's lava, also of its constants.
-        low_pass_width: Width of the filter of the terrain [m] in place of the case's.
-        vents: Returns the vents to use for those of the case and its terrain.
+        changes: Fields of ``SceneSource`` that replace parts of the scene, such as ``material``.
 
     Raises:
         LavaError: If a file is missing or not valid, or the files are not consistent.
     """
     folder = Path(directory)
     if not folder.is_dir():
-        raise LavaError('case', str(folder), f'a folder that exists{similar_file(folder)}')
-    options = _options(folder)
-    found = [next(filter(Path.is_file, map(folder.joinpath, names)), None) for names in FILES]
-    missing = [
-        ' or '.join(names[:3])
-        for names, path in zip(FILES, found, strict=True)
-        if not path and not (names is FOOTPRINTS and 'outlines' in options)
-    ]
-    if missing:
-        raise LavaError('case', str(folder), f'a folder that also holds {", ".join(missing)}')
-    elevation, outline, vent_table, rate_table = found
-    assert elevation and vent_table and rate_table
-    if low_pass_width is not None:
-        options['low_pass'] = low_pass_width
-    if material is not None:
-        options['lava'] = {'material': material}
-    read = partial(
-        load_terrain,
-        epsg=options.get('epsg'),
-        nodata=options.get('nodata'),
-        fill_holes=options.get('fill_holes', False),
-        sea_level=options.get('sea_level'),
-    )
-    ground = read(elevation)
+        # raises LavaError
+        find_case_files(folder)
+    source = SceneSource(path=folder, **changes)
+    found = source.load()
+    assert found.case is not None
+    read, scene = found.case, found.scene
+    options, ground, start, last = read.files.options, read.ground, read.start, read.last
     check_elevation(ground)
-    choices = validation.build(Options, 'case.effusion_rate', options.get('effusion_rate', {}))
-    rates, origin = read_effusion_rates('case', rate_table, choices)
-    rows = read_vents('case', vent_table, ground)
-    if vents is not None:
-        rows = vents(rows, ground)
-    series = series_of(rows, rates)
-    lava, used = lava_from_dict('case.lava', options.get('lava', {}))
-    width = validation.number('case.low_pass', options.get('low_pass', 0.0), at_least=0.0)
-    first, last = rates[0].start, rates[-1].end
-    start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')
-    onset = None
-    if origin is not None:
-        expected = 'a time [s] at which the year is from 1 to 9999'
-        with refusing('case.start', start, expected, OverflowError):
-            onset = Onset(origin + timedelta(seconds=start))
     outlines: tuple[Outline, ...] = ()
     footprints = partial(_footprint, ground=ground)
     if 'outlines' in options:
         outlines = read_outlines(
-            options['outlines'], folder, footprints, start=start, onset=onset
+            options['outlines'], folder, footprints, start=start, onset=Onset.of(scene)
         )
         last = start + outlines[-1].time
     end = validation.number('case.end', options.get('end', last), above=start, unit='s')
@@ -230,58 +139,28 @@ def load_case(
     if outlines:
         footprint = outlines[-1].footprint
     else:
-        assert outline is not None
-        footprint = footprints(outline)
-    check_places(rows, ground, footprint)
-    hot = lava.reference_temperature
-    scene = Scene(
-        low_pass(ground, width),
-        tuple(
-            Vent(
-                position=ground.to_map(*row.place),
-                discharge=_from(start, fluxes),
-                temperature=row.temperature or options.get('vent_temperature', hot),
-                radius=row.radius or options.get('vent_radius', VENT_RADIUS * ground.resolution),
-                end=None if row.other_end is None else ground.to_map(*row.other_end),
-                name=row.name,
-            )
-            for row, fluxes in zip(rows, series, strict=True)
-        ),
-        lava,
-        uncertainty=uncertainty_of(
-            options.get('uncertainty', {}), used, error_of_rates(rates, choices.measured)
-        ),
-        onset=None if onset is None else onset.start,
-        **{key: options[key] for key in ENVIRONMENT if key in options},
-    )
-    insist = validation.flag('case.insist', options.get('insist', False))
-    check_plausible(scene, insist=insist)
-    volume = sum(vent.volume_between(0.0, end - start) for vent in scene.vents)
-    check_discharge(volume, float(footprint.sum()) * ground.resolution**2)
+        assert read.files.footprint is not None
+        footprint = footprints(read.files.footprint)
     name = folder.resolve().name
-    return Case(
+    # a material that replaces the lava replaces all of its constants
+    stated = options if source.material is None else {**options, 'lava': {}}
+    case = Case(
         name=name,
         title=str(options.get('title', name)),
         source=str(options.get('source', '')),
         scene=scene,
-        material=used,
+        material=found.material,
         footprint=footprint,
         start=start,
         end=end,
-        volume=volume,
-        events=_events(folder, options.get('events', []), ground, width, read),
-        low_pass=width,
+        volume=sum(vent.volume_between(0.0, end - start) for vent in scene.vents),
+        low_pass=read.width,
         outlines=outlines,
-        stated=_stated(options, rows),
+        stated=_stated(stated, read.vents),
     )
-
-
-def _options(folder: Path) -> dict[str, Any]:
-    path = folder / 'case.yaml'
-    data = read_yaml('case', path) if path.exists() else None
-    known = [*KEYS, 'material']
-    given = validation.keys('case', {} if data is None else data, allowed=known)
-    return with_material_in_lava('case', given)
+    check_outline(case.vent_cells, ground, footprint)
+    check_discharge(case.volume, case.area)
+    return case
 
 
 def _stated(options: Mapping[str, Any], vents: Iterable[VentRow]) -> frozenset[str]:
@@ -311,21 +190,3 @@ def _footprint(path: Path, *, ground: Terrain) -> np.ndarray:
         expected = 'at least one cell of the elevation that was covered'
         raise LavaError('the footprint', f'{path.name} without one', expected)
     return covered
-
-
-def _from(start: float, series: Series) -> list[tuple[float, float]]:
-    """Return a discharge after a time ``start`` [s], which becomes 0."""
-    before = [flux for time, flux in series if time <= start]
-    later = [(time - start, flux) for time, flux in series if time > start]
-    return [(0.0, before[-1] if before else 0.0), *later]
-
-
-def _events(
-    folder: Path, items: Any, ground: Terrain, width: float, read: Callable[[Path], Terrain]
-) -> tuple[Event, ...]:
-    """Read the changes of the terrain; each applies to the terrain after the previous one."""
-    events = []
-    for item in read_events('case.events', items, folder, ground, read):
-        ground = item.ground(ground)
-        events.append(Event(item.time, low_pass(ground, width), item.text))
-    return tuple(events)

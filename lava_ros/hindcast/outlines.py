@@ -11,6 +11,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.scene.file_keys import OUTLINE_KEYS
 from lava_ros.scene.onset import Onset
 
 
@@ -49,13 +50,13 @@ def read_outlines(
     outlines: list[Outline] = []
     expected = 'a list of outlines, at least one'
     for where, item in validation.items('case.outlines', items, expected, least=1):
-        data = validation.keys(where, item, required=['time', 'file'], allowed=['time', 'file'])
+        data = OUTLINE_KEYS(where, item)
         time = time_of_outline(f'{where}.time', data['time'], start, onset)
         least = outlines[-1].time if outlines else 0.0
         if time <= least:
             expected = f'a time after {"the outline before" if outlines else "the start"}'
             raise LavaError(f'{where}.time', data['time'], expected)
-        path = folder / validation.text(f'{where}.file', data['file'], 'the name of a file')
+        path = folder / data['file']
         if not path.is_file():
             raise LavaError(f'{where}.file', data['file'], f'a file in {folder}')
         text = f'{start + time:.10g} s' if onset is None else onset.utc(time)

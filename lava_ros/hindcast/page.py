@@ -153,7 +153,7 @@ def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], l
 def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
     steps, terrain, accuracy = result.snapshot.steps, case.scene.terrain, result.accuracy
     cell = terrain.resolution * settings.coarseness(case)
-    events = '; '.join(f'{item.time / _DAY:.2f} d: {item.text}' for item in case.events)
+    events = '; '.join(f'{item.time / _DAY:.2f} d: {item.text}' for item in case.scene.events)
     return {
         'simulated': f'{case.duration / _DAY:.2f} days, {case.volume / 1e6:.2f} million m³',
         'elevation': f'{terrain.shape[0]} x {terrain.shape[1]} cells of {terrain.resolution:g} m'
@@ -254,8 +254,7 @@ def draw_comparison(
     if case.source:
         facts['source'] = case.source
     # including barriers built during the eruption
-    ground = case.events[-1].terrain if case.events else case.scene.terrain
-    frame = frame_of(replace(case.scene, terrain=ground))
+    frame = frame_of(case.scene.at(case.duration))
     draw_sheet(
         [Panel(frame, 'comparison', codes)],
         output,

@@ -33,9 +33,9 @@ def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -
     Raises:
         LavaError: If the case has events, or an argument is not valid.
     """
-    if case.events:
+    if case.scene.events:
         expected = 'none in an ensemble: all members run on the ground before the first event'
-        raise LavaError('case.events', len(case.events), expected)
+        raise LavaError('case.events', len(case.scene.events), expected)
     scene = with_ranges(case.scene)
     typical = replace(case, scene=median_scene(scene))
     return make_plan(

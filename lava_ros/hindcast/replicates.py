@@ -197,13 +197,11 @@ def _changed(
     def terrain(ground: Terrain) -> Terrain:
         return replace(ground, elevation=grid(ground.elevation))
 
-    events = tuple(replace(event, terrain=terrain(event.terrain)) for event in case.events)
-    ground = terrain(case.scene.terrain)
-    scene = replace(case.scene, terrain=ground, vents=_vents_at(case, place))
+    # vents and grids change together: a vent may be off the ground between the two
+    bare = replace(case.scene, vents=()).on(terrain)
+    scene = replace(bare, vents=_vents_at(case, place))
     outlines = tuple(replace(item, footprint=grid(item.footprint)) for item in case.outlines)
-    return replace(
-        case, scene=scene, footprint=grid(case.footprint), outlines=outlines, events=events
-    )
+    return replace(case, scene=scene, footprint=grid(case.footprint), outlines=outlines)
 
 
 def _vents_at(case: Case, place: Callable[[Place], Place]) -> tuple[Vent, ...]:

@@ -30,7 +30,6 @@ from lava_ros.runs.run_folder import RunFolder
 from lava_ros.runs.sinks import SnapshotSink, valid_snapshot
 from lava_ros.runs.store import KeepSink, RunStore
 from lava_ros.scene import Scene
-from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import Areas, NumericalError
@@ -175,7 +174,7 @@ class Run:
         if not self._has_maps:
             return RunStore(folder, record, expected)
         data = {'case': case.name, 'parameters': json.dumps({'preset': settings.preset})}
-        return RunFolder(folder, self._scene_at(0.0), record, data, expected)
+        return RunFolder(folder, self.case.scene.at(0.0), record, data, expected)
 
     @property
     def is_resumed(self) -> bool:
@@ -285,18 +284,11 @@ class Run:
         self._latest = snapshot
         if isinstance(self._store, RunFolder):
             with self._writing():
-                scene = self._scene_at(snapshot.time)
+                scene = self.case.scene.at(snapshot.time)
                 values = resolution_values(current_resolution(
                     snapshot, simulation.accuracy, simulation.resolution
                 ))
                 self._store.bag.put_snapshot(scene, snapshot, values)
-
-    def _scene_at(self, time: float) -> Scene:
-        """Return the scene with the ground at a simulated time [s], on the cells of the case."""
-        grounds = [event.terrain for event in self.case.events
-                   if event.time - self.case.start <= time]
-        terrain = grounds[-1] if grounds else self.case.scene.terrain
-        return replace(self.case.scene, terrain=terrain)
 
     def _refined(self, snapshot: Snapshot) -> Snapshot:
         return refined(snapshot, self.case.scene.terrain, self._coarseness)
@@ -322,11 +314,9 @@ class Run:
 def identity_of(case: Case, settings: Settings) -> str:
     """Return a hash that differs for every other case and other settings."""
     grids = [case.footprint, *(outline.footprint for outline in case.outlines)]
-    grids += [event.terrain.elevation for event in case.events]
     return run_identity(case.scene, {
         'grids': [hashlib.sha256(grid.tobytes()).hexdigest() for grid in grids],
         'span': [case.start, case.end],
-        'events': [(event.time, event.text) for event in case.events],
         'accuracy': asdict(settings.accuracy(case)),
         'forced': dict(settings.forced),
         'maps': settings.maps,
@@ -364,10 +354,4 @@ def measure_run_error(case: Case, settings: Settings, result: Result) -> Numeric
 
 def simulated_scene(case: Case, coarseness: int) -> Scene:
     """Return the scene of a case, with its events, on cells larger by ``coarseness``."""
-    # an event before the start is applied at the start
-    events = tuple(
-        TerrainEvent(max(event.time - case.start, 0.0), event.text, event.terrain)
-        for event in case.events
-    )
-    scene = replace(case.scene, events=events)
-    return scene.on(lambda terrain: coarsened(terrain, coarseness))
+    return case.scene.on(lambda terrain: coarsened(terrain, coarseness))

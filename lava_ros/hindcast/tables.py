@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Consistency checks of the files of a case, and division of effusion rates among vents.
+"""Consistency checks of the files of a case.
 
 Physically impossible values are treated as mistakes in a file.
 """
@@ -13,13 +13,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
-from lava_ros.scene.effusion_rates import Interval
-from lava_ros.scene.likely_places import likely_place
 from lava_ros.scene.terrain_files import HIGHEST
-from lava_ros.scene.vent_files import VentRow
-
-#: A discharge as (time [s], flux [m3/s]) pairs of increasing time; each holds until the next.
-Series = tuple[tuple[float, float], ...]
 
 #: Maximum median slope of a terrain (rise over run) with elevations in metres.
 STEEPEST = 3.0
@@ -41,45 +35,6 @@ _NEARER = 3.0
 _CLIMB = 10.0
 
 
-def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[Series]:
-    """Divide the discharge among the open vents.
-
-    Raises:
-        LavaError: If lava is emitted while no vent is open.
-    """
-    spans = [(item.start, item.end) for item in rates]
-    spans += [(vent.start, vent.end) for vent in vents]
-    for vent in vents:
-        if vent.discharge is not None and not isinstance(vent.discharge, float):
-            expected = 'one number: the effusion rates of a case are those of its table'
-            raise LavaError(f'effusion rate of {vent.name}', 'a series', expected)
-    result: list[list[tuple[float, float]]] = [[] for _ in vents]
-    row = 0
-    has_shares = any(vent.discharge is None for vent in vents)
-    for time in sorted({time for span in spans for time in span if math.isfinite(time)}):
-        # rows end at different times
-        while row < len(rates) and rates[row].end <= time:
-            row += 1
-        is_on = row < len(rates) and rates[row].start <= time
-        discharge = rates[row].discharge if is_on else 0.0
-        is_erupting = rates[0].start <= time < rates[-1].end
-        is_open = [is_erupting and vent.start <= time < vent.end for vent in vents]
-        shares = [
-            vent.share if vent.discharge is None and now else 0.0
-            for vent, now in zip(vents, is_open, strict=True)
-        ]
-        if discharge > 0.0 and has_shares and not any(shares):
-            expected = 'at least one row of vent.csv with start_s <= t < end_s: lava erupts then'
-            raise LavaError(f'vents open at {time:g} s', 0, expected)
-        for series, share, vent, now in zip(result, shares, vents, is_open, strict=True):
-            flux = discharge * share / sum(shares) if share else 0.0
-            if isinstance(vent.discharge, float):
-                flux = vent.discharge if now else 0.0
-            if not series or flux != series[-1][1]:
-                series.append((time, flux))
-    return [tuple(series) for series in result]
-
-
 def check_elevation(ground: Terrain) -> None:
     """Refuse elevations that do not exist on Earth, or are not in metres."""
     high = float(np.nanmax(ground.elevation))
@@ -94,23 +49,20 @@ def check_elevation(ground: Terrain) -> None:
         raise LavaError("the elevation's median slope", round(slope, 2), expected)
 
 
-def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarray) -> None:
-    """Refuse vents outside the terrain, grids with reversed rows, and outlines of other eruptions.
+def check_outline(
+    cells: Sequence[tuple[int, int]], ground: Terrain, footprint: np.ndarray
+) -> None:
+    """Refuse grids with reversed rows, and outlines of other eruptions.
 
     Lava starts at its vents and flows down. An outline that does so only when flipped is upside
     down; so is an elevation on which the whole outline is above its vents.
+
+    Args:
+        cells: Rows and columns of the ends of the vents.
+        ground: The terrain.
+        footprint: Mapped cells, bool, shape [rows, columns].
     """
-    found = []
-    for name, place in ((vent.name, place) for vent in vents for place in vent.places):
-        cell = ground.cell_at(*ground.to_map(*place))
-        if cell is None:
-            expected = f'a place {ground.bounds(projected=True)}{likely_place(ground, *place)}'
-            raise LavaError(f'{name!r} of vent.csv', place, expected)
-        if not ground.has_data[cell]:
-            expected = 'a place where the elevation has data: this cell has none'
-            raise LavaError(f'{name!r} of vent.csv', place, expected)
-        found.append(cell)
-    distance, turned = _distance(found, footprint), _distance(found, footprint[::-1])
+    distance, turned = _distance(cells, footprint), _distance(cells, footprint[::-1])
     shown = f'{distance * ground.resolution:.0f} m from the nearest vent'
     if distance > NEAR and turned < distance / _NEARER:
         expected = f'near it; with its rows in the opposite order it is {turned:.0f} cells away: '
@@ -119,7 +71,7 @@ def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarra
     if distance > max(NEAR, FAR * size):
         expected = 'near it: vents and footprint are not of the same eruption'
         raise LavaError('the footprint', shown, expected)
-    top = max(ground.elevation[cell] for cell in found)
+    top = max(ground.elevation[cell] for cell in cells)
     heights = ground.elevation[footprint & ground.has_data]
     if not heights.size:
         raise LavaError('the elevation', 'no data under the footprint', 'data there')

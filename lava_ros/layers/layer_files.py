@@ -3,8 +3,8 @@
 
 """Layer configurations: the files of msg_configs/."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 import re
@@ -12,6 +12,8 @@ from typing import Any
 
 from lava_ros.bag.qos import LATCHED
 from lava_ros.errors import LavaError
+from lava_ros.files import keys
+from lava_ros.files.keys import Key, Keys, list_of, schema_of
 from lava_ros.files.resources import find_file
 from lava_ros.files.yaml import read_yaml
 from lava_ros.layers.layer import (
@@ -33,7 +35,7 @@ from lava_ros.layers.layer import (
     ZERO_CELSIUS,
 )
 from lava_ros.scene import MAX_SIDE_CELLS
-from lava_ros.validation import choice, conflict, flag, items, keys, number, surplus, whole
+from lava_ros.validation import choice, conflict, flag, items, number, surplus, whole
 
 #: Full names of message types, by the names in a file.
 MESSAGES = {
@@ -67,35 +69,85 @@ MAX_CLASSES = 20
 TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 
 
-#: Checks of the keys of a layer, its ``qos`` and its ``hazard`` that depend on no other key.
-CHECKS: Mapping[str, Callable[[str, object], Any]] = {
-    'message': partial(choice, allowed=tuple(MESSAGES)),
-    'source': partial(
-        choice, allowed=(
-            *SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES, ARRIVED, INUNDATED, LAVA,
-        )
-    ),
-    'threshold': partial(number, at_least=0.0, unit='m'),
-    'enabled': flag,
-    'rate': partial(number, at_least=0.001, at_most=50.0, unit='Hz'),
-    'record': flag,
-    'margin': partial(number, at_least=0.0, at_most=MAX_MARGIN, unit='m'),
-    'outside': partial(whole, at_least=-1, at_most=100),
-    'min_cells': partial(whole, at_least=0, at_most=MAX_SIDE_CELLS),
-    'reliability': partial(choice, allowed=('reliable', 'best_effort')),
-    'durability': partial(choice, allowed=('transient_local', 'volatile')),
-    'depth': partial(whole, at_least=1, at_most=1000),
-    'safe_temperature': partial(number, at_least=-ZERO_CELSIUS, unit='Celsius'),
-    'lethal_temperature': partial(number, above=-ZERO_CELSIUS, unit='Celsius'),
-    'lethal_thickness': partial(number, above=0.0, unit='m'),
-}
-
-#: Keys of ``qos``.
-QOS_KEYS = ('reliability', 'durability', 'depth')
-
 #: Checks of the end of a range, and of the grid value at it.
 RANGE_CHECK = partial(number, at_least=-MAX_RANGE_END, at_most=MAX_RANGE_END)
 SCALE_CHECK = partial(whole, at_least=0, at_most=100)
+
+QOS_KEYS = Keys({
+    'reliability': Key(partial(choice, allowed=('reliable', 'best_effort'))),
+    'durability': Key(partial(choice, allowed=('transient_local', 'volatile'))),
+    'depth': Key(partial(whole, at_least=1, at_most=1000)),
+})
+
+HAZARD_KEYS = Keys({
+    'lethal_thickness': Key(partial(number, above=0.0, unit='m')),
+    'safe_temperature': Key(partial(number, at_least=-ZERO_CELSIUS, unit='Celsius')),
+    'lethal_temperature': Key(partial(number, above=-ZERO_CELSIUS, unit='Celsius')),
+})
+
+_SOURCES = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES, ARRIVED, INUNDATED, LAVA)
+
+#: Keys of a layer; msg_configs/default.yaml describes them in full. Checks of the others depend
+#: on the source and the message.
+LAYER_KEYS = Keys({
+    'topic': Key(
+        {'type': 'string', 'pattern': f'^{TOPIC.pattern}$'},
+        'Relative topic name; the name of the layer if left out',
+    ),
+    'source': Key(partial(choice, allowed=_SOURCES), 'Quantity that the layer shows', True),
+    'message': Key(partial(choice, allowed=tuple(MESSAGES)), 'Type of the messages', True),
+    'range': Key(
+        list_of(schema_of(RANGE_CHECK), 2, 2),
+        'Values [low, high] that map to the ends of scale, in the unit of the source',
+    ),
+    'scale': Key(
+        list_of(schema_of(SCALE_CHECK), 2, 2),
+        'Grid values [first, last] at the ends of range; [0, 100] if left out',
+    ),
+    'step': Key(keys.number(), 'Value of the source at or above which a cell is 100; below it, 0'),
+    'classes': Key(
+        list_of(keys.number(above=0.0), 1, MAX_CLASSES - 1),
+        'Values of the source at which one class ends and the next begins',
+    ),
+    'margin': Key(
+        partial(number, at_least=0.0, at_most=MAX_MARGIN, unit='m'),
+        'Clearance around cells with lava [m]; 0 if left out',
+    ),
+    'threshold': Key(
+        partial(number, at_least=0.0, unit='m'),
+        'Thickness below which a cell is dry [m]; 0.1 if left out',
+    ),
+    'outside': Key(
+        partial(whole, at_least=-1, at_most=100),
+        'Grid value of cells without terrain; -1 if left out',
+    ),
+    'min_cells': Key(
+        partial(whole, at_least=0, at_most=MAX_SIDE_CELLS),
+        'Minimum number of columns and of rows; 0 if left out',
+    ),
+    'heartbeat': Key(
+        keys.any_of({'const': 0}, keys.number(at_least=MIN_HEARTBEAT, at_most=MAX_HEARTBEAT)),
+        'Wall time after which an unchanged map is sent again [s]; 0: never',
+    ),
+    'enabled': Key(flag, 'Publish the layer; true if left out'),
+    'rate': Key(
+        partial(number, at_least=0.001, at_most=50.0, unit='Hz'),
+        'Maximum rate of the messages [Hz]; 1 if left out',
+    ),
+    'record': Key(flag, 'Write the layer to the bag; true if left out'),
+    'qos': Key(QOS_KEYS, 'Quality of service of the publisher'),
+    'hazard': Key(
+        HAZARD_KEYS.as_schema(),
+        'Limits between which heat and burial grow from harmless to lethal',
+    ),
+})
+
+#: Keys of a layer configuration.
+FILE_KEYS = Keys({
+    'layers': Key({
+        'type': 'object', 'minProperties': 1, 'additionalProperties': LAYER_KEYS.as_schema(),
+    }, is_required=True),
+})
 
 
 def find_config(name: str, *, field: str) -> Path:
@@ -122,8 +174,7 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
     Raises:
         LavaError: If the data are not valid; the error names the key.
     """
-    top = keys('msg_config', data, allowed=['layers'], required=['layers'])
-    entries = top['layers']
+    entries = FILE_KEYS.names('msg_config', data)['layers']
     if not isinstance(entries, Mapping) or not entries:
         raise LavaError('layers', entries, 'a mapping of layer names to layers')
     layers = tuple(_layer(str(name), entry) for name, entry in entries.items())
@@ -157,9 +208,8 @@ def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) 
 
 def _layer(name: str, value: object) -> Layer:
     where = f'layers.{name}'
-    allowed = [item.name for item in fields(Layer) if item.name != 'name']
-    data = keys(where, value, allowed=allowed, required=['source', 'message'])
-    result = {'topic': name, **data, **_checked(where, data), 'name': name}
+    data = LAYER_KEYS(where, value)
+    result: dict[str, Any] = {'topic': name, **data, 'name': name}
     message = result['message'] = MESSAGES[result['message']]
     known = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES)
     known += (ARRIVED, INUNDATED) if message == IMAGE else ()
@@ -172,8 +222,7 @@ def _layer(name: str, value: object) -> Layer:
     if 'heartbeat' in data:
         result['heartbeat'] = _heartbeat(f'{where}.heartbeat', data['heartbeat'])
     if 'qos' in data:
-        qos = keys(f'{where}.qos', data['qos'], allowed=QOS_KEYS)
-        result['qos'] = replace(LATCHED, **_checked(f'{where}.qos', qos))
+        result['qos'] = replace(LATCHED, **data['qos'])
     if source in (*FORECAST_SOURCES, *ENSEMBLE_SOURCES):
         _refuse(where, data, ['heartbeat'], 'to forecasts, which are withdrawn, never repeated')
     if message == OCCUPANCY_GRID:
@@ -187,11 +236,6 @@ def _layer(name: str, value: object) -> Layer:
         reason = 'unless source is hazard or the message a GridMap'
         _refuse(where, data, ['hazard'], reason)
     return Layer(**result)
-
-
-def _checked(where: str, data: Mapping[str, object]) -> dict[str, Any]:
-    """Return the values that ``CHECKS`` checks."""
-    return {key: CHECKS[key](f'{where}.{key}', data[key]) for key in data if key in CHECKS}
 
 
 def _refuse(where: str, data: Mapping[str, object], names: Iterable[str], reason: str) -> None:
@@ -247,8 +291,7 @@ def _heartbeat(where: str, value: object) -> float:
 
 def _hazard_limits(where: str, value: object) -> HazardLimits:
     usual, zero = HazardLimits(), ZERO_CELSIUS
-    data = keys(where, value, allowed=[item.name for item in fields(HazardLimits)])
-    known = _checked(where, data)
+    known = HAZARD_KEYS(where, value)
     safe = known.get('safe_temperature', usual.safe_temperature - zero)
     lethal = known.get('lethal_temperature', usual.lethal_temperature - zero)
     lethal = number(f'{where}.lethal_temperature', lethal, above=safe, unit='Celsius')

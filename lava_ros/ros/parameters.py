@@ -135,7 +135,8 @@ SOURCES = (
     _FixedSpec(
         'scene',
         '',
-        'Scene file (YAML) to start with: a path, or the name of a file in examples/; empty: none',
+        'Scene to start with: a YAML file or its name in examples/, the folder of a case, or an '
+        'elevation; empty: none',
     ),
     _FixedSpec(
         'terrain_file',

@@ -25,15 +25,13 @@ from lava_ros.ros.parameters import constant_values, Settings
 from lava_ros.scene import (
     constants_of,
     date_text,
-    read_scene,
     Scene,
-    scene_from_dict,
+    SceneSource,
     Terrain,
     Vent,
     vents_from_list,
 )
 from lava_ros.scene.onset import recorded_onset
-from lava_ros.scene.terrain_files import load_terrain, terrain_path
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.resolution import resolved_accuracy
@@ -122,14 +120,16 @@ def _given(node: Node, values: Mapping[str, Any]) -> StartupInputs:
         for name in ('scene', 'terrain_file'):
             if values[name]:
                 raise validation.surplus(name, 'with resume: the checkpoint contains it')
-    name = values['terrain_file']
-    level = values['sea_level'] if values['sea_level'] > parameters.NO_SEA else None
-    terrain = load_terrain(terrain_path(name), sea_level=level) if name else None
-    scene = None
-    if values['scene']:
-        options = {} if level is None else {'sea_level': level}
-        data, ground = read_scene(values['scene'], terrain=terrain, options=options)
-        scene = scene_from_dict(data, ground)
+    source = SceneSource(
+        path=values['scene'] or None,
+        terrain=values['terrain_file'] or None,
+        sea_level=values['sea_level'] if values['sea_level'] > parameters.NO_SEA else None,
+        # an elevation alone has no vents: they come from topics
+        has_vents=False,
+        words={'path': 'scene', 'terrain': 'terrain_file'},
+    )
+    scene = source.load().scene if source.path else None
+    terrain = scene.terrain if scene else source.load_terrain()
     others = {'frame_id': values['frame_id'], 'resume': values['resume']}
     given = digests(scene, terrain, **others)
     onset = '' if scene is None or scene.onset is None else date_text(scene.onset)

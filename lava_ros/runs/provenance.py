@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Provenance of a run: program, input files, and a digest of all that decides its result."""
+"""Provenance of a run: program, and a digest of all that decides its result."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 import hashlib
 import json
 from pathlib import Path
@@ -11,8 +11,6 @@ import subprocess
 from typing import Any
 
 import lava_ros
-from lava_ros.errors import refusing
-from lava_ros.files import open_input
 from lava_ros.scene import Scene, scene_to_dict
 from lava_ros.simulation import MODEL
 
@@ -39,43 +37,6 @@ def _commit() -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip() or None
-
-
-def files_in(data: Any, folder: Path) -> Iterator[tuple[str, Path]]:
-    """Yield the files that a scene file names, as written there and as paths.
-
-    Args:
-        data: Content of the scene file.
-        folder: Folder to which its names are relative.
-    """
-    items: Iterable[Any] = ()
-    if isinstance(data, Mapping):
-        for key in ('file', 'terrain'):
-            if isinstance(name := data.get(key), str) and (folder / name).is_file():
-                yield name, folder / name
-        items = data.values()
-    elif isinstance(data, list):
-        items = data
-    for item in items:
-        yield from files_in(item, folder)
-
-
-def digests(files: Iterable[tuple[str, Path]]) -> list[dict[str, Any]]:
-    """Return the path as given, the size and the SHA-256 digest of each file, each file once.
-
-    Raises:
-        LavaError: If a file cannot be read.
-    """
-    found: dict[Path, dict[str, Any]] = {}
-    for name, path in files:
-        if path not in found:
-            digest, size = hashlib.sha256(), 0
-            with refusing('file', name, 'a readable file', OSError), open_input(path) as stream:
-                while block := stream.read(2**20):
-                    digest.update(block)
-                    size += len(block)
-            found[path] = {'path': name, 'bytes': size, 'sha256': digest.hexdigest()}
-    return list(found.values())
 
 
 def identity_of(scene: Scene, settings: Mapping[str, Any]) -> str:

@@ -44,7 +44,8 @@ class Request:
         accuracy: Returns the name of the preset and the accuracy; called for a new run only.
         forced: Effects forced on or off, by name.
         device: Warp device; None for the first GPU, or the CPU without one.
-        inputs: Path, size and digest of each input file (``provenance.digests``).
+        inputs: Path, size and digest of each input file (``SourcedScene.digests``).
+        remarks: Warnings about the inputs.
         output: The folder; None for an unused one in ``RUNS``.
     """
 
@@ -57,6 +58,7 @@ class Request:
     forced: Mapping[str, bool] = field(default_factory=dict)
     device: str | None = None
     inputs: Sequence[Mapping[str, Any]] = ()
+    remarks: Sequence[str] = ()
     output: Path | None = None
 
 
@@ -192,7 +194,9 @@ class SceneRun:
             'particles': snapshot.particle_count,
             'steps': snapshot.steps.count,
             'wall_time_s': round(self.wall_time, 3),
-            'warnings': [*budget.warnings(), *resolution.warnings()],
+            'warnings': [
+                *self.request.remarks, *budget.warnings(), *resolution.warnings(),
+            ],
         })
         return self.folder.record
 

@@ -11,15 +11,12 @@ from lava_ros.scene.scene import (
     date_text,
     ENVIRONMENT,
     MAX_VENT_VISCOSITY,
-    read_scene,
     Scene,
     scene_from_dict,
-    scene_from_yaml,
     scene_to_dict,
     suspicious_temperatures,
-    uncertainty_of,
-    with_changes,
 )
+from lava_ros.scene.source import scene_from_yaml, SceneSource, SourcedScene
 from lava_ros.scene.terrain import (
     Georeference,
     MAX_COORDINATE,
@@ -28,13 +25,8 @@ from lava_ros.scene.terrain import (
     RESOLUTION_RANGE,
     Terrain,
 )
-from lava_ros.scene.vents import (
-    check_vents,
-    MAX_DISCHARGE,
-    Vent,
-    VENT_TEMPERATURE_RANGE,
-    vents_from_list,
-)
+from lava_ros.scene.vent_keys import MAX_DISCHARGE, VENT_TEMPERATURE_RANGE
+from lava_ros.scene.vents import check_vents, Vent, vents_from_list
 
 __all__ = [
     'ENVIRONMENT',
@@ -49,18 +41,17 @@ __all__ = [
     'Georeference',
     'Lava',
     'Scene',
+    'SceneSource',
+    'SourcedScene',
     'Terrain',
     'Vent',
     'check_plausible',
     'check_vents',
     'constants_of',
     'date_text',
-    'read_scene',
     'scene_from_dict',
     'scene_from_yaml',
     'scene_to_dict',
     'suspicious_temperatures',
-    'uncertainty_of',
     'vents_from_list',
-    'with_changes',
 ]

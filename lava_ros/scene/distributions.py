@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 import math
 from statistics import NormalDist
@@ -14,6 +14,7 @@ from statistics import NormalDist
 from lava_ros import validation
 from lava_ros.effects.effect import check_fields, number
 from lava_ros.errors import LavaError
+from lava_ros.files.keys import any_of, Key, Keys, same_keys, Schema
 
 #: Parameters of each kind of distribution.
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -45,6 +46,27 @@ def check_of(kind: str, name: str) -> partial[float]:
     # a factor of 1 or a deviation of 0 leaves no spread
     above = {'deviation': 0.0, 'factor': 1.0}.get(name, 0.0 if is_log else None)
     return partial(validation.number, above=above, at_most=1e9)
+
+
+#: Reference of a distribution in a file.
+SOURCE = Key(validation.text, 'Reference, for people')
+
+
+def keys_of(kind: str) -> Keys:
+    """Return the keys of a kind of distribution in a file."""
+    limits = Key(partial(validation.pair, unit='', most=1e9), 'Ends at which it is truncated')
+    return Keys({
+        'distribution': Key(None, is_required=True, schema={'const': kind}),
+        **{name: Key(check_of(kind, name), is_required=True) for name in KINDS[kind]},
+        **({'limits': limits} if kind in WITH_LIMITS else {}),
+        'source': SOURCE,
+        'follows': Key(validation.text, schema={'$ref': '#/definitions/leader'}),
+    })
+
+
+def distribution_schema() -> Schema:
+    """Return the schema of a distribution of any kind."""
+    return any_of(*(keys_of(kind).as_schema() for kind in KINDS))
 
 
 @dataclass(frozen=True)
@@ -202,11 +224,20 @@ class Roughness:
 
     def __post_init__(self) -> None:
         """Validate every field; LavaError names one that is not usable."""
-        for name in ('deviation', 'correlation'):
-            value = ROUGHNESS_CHECK(f'roughness.{name}', getattr(self, name))
+        for name, value in ROUGHNESS_KEYS.values('roughness', vars(self)).items():
             object.__setattr__(self, name, value)
-        validation.text('roughness.source', self.source)
 
     def text(self) -> str:
         """Describe the errors for people."""
         return f'+- {self.deviation:.3g} m, correlated over {self.correlation:.3g} m'
+
+
+#: Keys of the displacement of vents, and of the errors of a terrain, in a file.
+DISPLACEMENT_KEYS = Keys({
+    **{item.name: Key.of_field(item) for item in fields(Displacement) if item.metadata},
+    'source': SOURCE,
+})
+ROUGHNESS_KEYS = Keys({
+    **same_keys(('deviation', 'correlation'), ROUGHNESS_CHECK, is_required=True),
+    'source': SOURCE,
+})

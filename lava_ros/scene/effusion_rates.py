@@ -6,6 +6,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from functools import partial
 from itertools import pairwise
 import logging
 import math
@@ -17,10 +18,11 @@ from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import Column, understood
 from lava_ros.files.csv import read_table
+from lava_ros.files.keys import DATE, Key, Keys, TEXT
 from lava_ros.scene.distributions import Distribution
-from lava_ros.scene.measurements import error_of_rate, RATE_ERRORS
+from lava_ros.scene.measurements import RATE_ERRORS
 from lava_ros.scene.plausibility import check_date
-from lava_ros.scene.vents import MAX_DISCHARGE
+from lava_ros.scene.vent_keys import MAX_DISCHARGE
 
 _LOG = logging.getLogger(__name__)
 
@@ -60,6 +62,45 @@ class RateTable(NamedTuple):
     origin: datetime | None = None
 
 
+def date_in_utc(label: str, text: object, other: str = '') -> datetime:
+    """Parse a date in ISO 8601, in UTC unless it has a time zone.
+
+    Raises:
+        LavaError: If it is not a date. The error names ``label``, and expects ``other`` or a date.
+    """
+    date = validation.date(label, text, f'{other}a date such as 2021-09-19T14:10:00Z')
+    return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
+
+
+def _porosity(label: str, value: object) -> float:
+    fraction = validation.number(label, value, at_least=0.0)
+    if fraction >= 1.0:
+        raise LavaError(label, value, 'at least 0 and below 1')
+    return fraction
+
+
+#: Keys of the choices for reading a table, in a file, and checks of ``Options``.
+RATE_KEYS = Keys({
+    'start': Key(date_in_utc, 'Start of the eruption (ISO 8601), which is time 0', schema=DATE),
+    'gaps': Key(
+        partial(validation.choice, allowed=GAPS), 'Effusion rate in a time without data'
+    ),
+    'measured': Key(
+        partial(validation.choice, allowed=tuple(RATE_ERRORS)),
+        'Method of measurement, for the error of rates without errors',
+    ),
+    'porosity': Key(
+        _porosity, 'Fraction of bubbles: rates are dense-rock equivalents',
+        schema={'type': 'number', 'minimum': 0.0, 'exclusiveMaximum': 1.0},
+    ),
+})
+
+#: Keys of a table and of the choices for reading it.
+TABLE_KEYS = Keys({
+    'file': Key(TEXT, 'File, relative to this one', True), **RATE_KEYS.keys,
+})
+
+
 @dataclass(frozen=True)
 class Options:
     """Choices for reading a table of effusion rates.
@@ -82,32 +123,15 @@ class Options:
 
     def __post_init__(self) -> None:
         """Validate all fields; raise LavaError for an invalid one."""
-        if self.start is not None:
-            date_in_utc('effusion_rate.start', self.start)
-        if self.gaps is not None:
-            validation.choice('effusion_rate.gaps', self.gaps, GAPS)
-        if self.measured is not None:
-            validation.choice('effusion_rate.measured', self.measured, RATE_ERRORS)
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        valid = RATE_KEYS.values('effusion_rate', given)
         if self.porosity is not None:
-            value = validation.number('effusion_rate.porosity', self.porosity, at_least=0.0)
-            if value >= 1.0:
-                raise LavaError('effusion_rate.porosity', self.porosity, 'at least 0 and below 1')
-            object.__setattr__(self, 'porosity', value)
+            object.__setattr__(self, 'porosity', valid['porosity'])
 
     @property
     def origin(self) -> datetime | None:
         """Date of time 0, in UTC unless it has a time zone; None if it is not given."""
         return None if self.start is None else date_in_utc('effusion_rate.start', self.start)
-
-
-def date_in_utc(label: str, text: object, other: str = '') -> datetime:
-    """Parse a date in ISO 8601, in UTC unless it has a time zone.
-
-    Raises:
-        LavaError: If it is not a date. The error names ``label``, and expects ``other`` or a date.
-    """
-    date = validation.date(label, text, f'{other}a date such as 2021-09-19T14:10:00Z')
-    return date if date.tzinfo else date.replace(tzinfo=timezone.utc)
 
 
 def read_effusion_rates(
@@ -216,7 +240,7 @@ def error_of_rates(
     volume = sum(item.volume for item in known)
     error = sum((item.error or 0.0) * (item.end - item.start) for item in known)
     if not volume or not error:
-        return None if measured is None else error_of_rate('effusion_rate.measured', measured)
+        return None if measured is None else RATE_ERRORS[measured]
     factor = math.exp(math.sqrt(math.log1p((error / volume) ** 2)))
     return Distribution('lognormal', (1.0, factor), source='errors in the table of effusion rates')
 

@@ -16,11 +16,12 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
+from lava_ros.files.keys import FILE_NAME, Key, Keys
 from lava_ros.scene.on_terrain import mark_cells, read_band, read_polygons, resampled
 from lava_ros.scene.projection import coordinate_system, horizontal, metres_per_unit, on_terrain
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
-from lava_ros.scene.vents import TEMPERATURE_CHECK
+from lava_ros.scene.vent_keys import TEMPERATURE_CHECK
 
 _LOG = logging.getLogger(__name__)
 
@@ -34,10 +35,20 @@ MAX_CELLS = 4_000_000
 KINDS = ('lava', 'ground')
 
 #: Keys of a flow in a scene file.
-FLOW_KEYS = ('file', 'as', 'thickness', 'temperature')
-
-#: Check of a thickness within outlines.
-THICKNESS_CHECK = partial(validation.number, above=0.0, at_most=MAX_THICKNESS, unit='m')
+FLOW_KEYS = Keys({
+    'file': Key(FILE_NAME, 'Raster of thickness [m], or outlines; relative to this file', True),
+    'as': Key(
+        partial(validation.choice, allowed=KINDS),
+        'Lava that can flow, or part of the ground; lava if left out',
+    ),
+    'thickness': Key(
+        partial(validation.number, above=0.0, at_most=MAX_THICKNESS, unit='m'),
+        'Thickness of outlines [m]',
+    ),
+    'temperature': Key(
+        TEMPERATURE_CHECK, 'Temperature of the lava [K]; the eruption temperature if left out'
+    ),
+})
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,17 +155,16 @@ def read_flows(
     Raises:
         LavaError: If a file or a number cannot be used.
     """
-    flows, expected = [], f'a list of mappings with keys {", ".join(FLOW_KEYS)}'
+    flows, expected = [], f'a list of mappings with keys {", ".join(FLOW_KEYS.keys)}'
     for name, item in validation.items(label, items, expected):
-        data: dict[str, Any] = validation.keys(name, item, allowed=FLOW_KEYS, required=['file'])
-        path = folder / validation.text(f'{name}.file', data['file'], 'the name of a file')
-        kind = validation.choice(f'{name}.as', data.get('as', 'lava'), KINDS)
-        given, temperature = data.get('thickness'), None
-        if 'temperature' in data:
-            if kind == 'ground':
-                raise validation.surplus(f'{name}.temperature', 'to ground')
-            temperature = TEMPERATURE_CHECK(f'{name}.temperature', data['temperature'])
-        thickness = _thickness_on(name, path, terrain, given, is_ground=kind == 'ground')
+        data = FLOW_KEYS(name, item)
+        path, kind = folder / data['file'], data.get('as', 'lava')
+        temperature = data.get('temperature')
+        if temperature is not None and kind == 'ground':
+            raise validation.surplus(f'{name}.temperature', 'to ground')
+        thickness = _thickness_on(
+            name, path, terrain, data.get('thickness'), is_ground=kind == 'ground'
+        )
         cell = terrain.resolution * terrain.shape[0] / len(thickness)
         flow = EmplacedFlow(thickness, cell, terrain.origin, temperature, path.name)
         told = f'{flow.volume:,.0f} m3 over {flow.area:,.0f} m2, '
@@ -169,7 +179,7 @@ def read_flows(
 
 
 def _thickness_on(
-    label: str, path: Path, terrain: Terrain, given: object, *, is_ground: bool
+    label: str, path: Path, terrain: Terrain, given: float | None, *, is_ground: bool
 ) -> np.ndarray:
     """Return the thickness on the cells of a terrain, or on finer cells [m], 0 without lava.
 
@@ -178,9 +188,8 @@ def _thickness_on(
     """
     name, suffix = f'{label}.file', path.suffix.lower()
     if given is not None:
-        height = THICKNESS_CHECK(f'{label}.thickness', given)
         areas = read_polygons(name, path, terrain)
-        result = np.where(mark_cells(terrain, areas) & terrain.has_data, height, 0.0)
+        result = np.where(mark_cells(terrain, areas) & terrain.has_data, given, 0.0)
         places = np.concatenate([item.rings[0] for item in areas])
         _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)
     elif suffix in vectors.ENDINGS and suffix != '.gpkg':

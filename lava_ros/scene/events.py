@@ -5,6 +5,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 import hashlib
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,28 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.keys import Check, either, FILE_NAME, Key, Keys
 from lava_ros.scene.projection import system_name
-from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
+from lava_ros.scene.reshaping import Barrier, BARRIER_KEYS, read_barriers, with_barriers
 from lava_ros.scene.terrain import Terrain
 
 #: Keys of a change in an event; an event in a file has one of them.
 CHANGES = ('terrain', 'barrier', 'barriers')
+
+
+def event_keys(time: Check) -> Keys:
+    """Return the keys of an event in a file, with a check of its time."""
+    return Keys({
+        'time': Key(time, 'Time of the change [s]', True),
+        'terrain': Key(FILE_NAME, 'File of the new elevation; relative to this file'),
+        'barrier': Key(BARRIER_KEYS.as_schema(), 'A barrier that is built'),
+        'barriers': Key(FILE_NAME, 'Vector file of lines with height and width [m]'),
+    }, (either(*CHANGES),))
+
+
+#: Keys of an event of a scene, and of a case, whose clock may begin before the simulation.
+SCENE_EVENT_KEYS = event_keys(partial(validation.number, at_least=0.0, unit='s'))
+CASE_EVENT_KEYS = event_keys(partial(validation.number, unit='s'))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +93,8 @@ def read_events(
     """
     events: list[TerrainEvent] = []
     for where, item in validation.items(label, items, 'a list of changes of the ground'):
-        data = validation.keys(where, item, allowed=['time', *CHANGES], required=['time'])
-        time = validation.number(f'{where}.time', data.pop('time'), unit='s')
+        data = CASE_EVENT_KEYS(where, item)
+        time = data.pop('time')
         if events and time <= events[-1].time:
             expected = f'a time after the event before, {events[-1].time:g} s'
             raise LavaError(f'{where}.time', time, expected)
@@ -89,7 +106,7 @@ def read_events(
             text = f'a barrier {barrier.height:g} m high'
             event = TerrainEvent(time, text, barriers=(barrier,))
         else:
-            path = folder / validation.text(f'{where}.{kind}', change, 'the name of a file')
+            path = folder / change
             if kind == 'barriers':
                 usual = {'height': None, 'width': None, 'slope': Barrier.slope}
                 built = tuple(read_barriers(f'{where}.barriers', path, ground, usual))

@@ -6,7 +6,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lava_ros import validation
 from lava_ros.scene.distributions import Distribution, Roughness
 
 _HARRIS = (
@@ -107,24 +106,6 @@ SURVEYS: Mapping[str, Survey] = {
         ('usgs', 'united states geological survey', 'u.s. geological survey', '3dep'),
     ),
 }
-
-
-def error_of_rate(field: str, method: object) -> Distribution:
-    """Return the factor on effusion rates that a method has measured.
-
-    Raises:
-        LavaError: If the method is not one of ``RATE_ERRORS``. The error names ``field``.
-    """
-    return RATE_ERRORS[validation.choice(field, method, RATE_ERRORS)]
-
-
-def error_of_survey(field: str, name: object) -> Roughness:
-    """Return the errors of a terrain by its survey.
-
-    Raises:
-        LavaError: If the survey is not one of ``SURVEYS``. The error names ``field``.
-    """
-    return SURVEYS[validation.choice(field, name, SURVEYS)].roughness
 
 
 def usual_survey(description: str, cell: float) -> tuple[str, str]:

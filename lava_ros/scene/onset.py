@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo
 
 from lava_ros import validation
 from lava_ros.errors import LavaError, refusing
-from lava_ros.scene import date_text, Scene
+from lava_ros.scene.scene import date_text, Scene
 
 _LOG = logging.getLogger(__name__)
 

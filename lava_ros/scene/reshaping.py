@@ -5,6 +5,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 import logging
 import math
@@ -18,6 +19,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
+from lava_ros.files.keys import Key, Keys, list_of, schema_of
 from lava_ros.scene.features import read_features
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
@@ -25,6 +27,28 @@ _LOG = logging.getLogger(__name__)
 
 #: Limits and units of the numbers of a barrier; that of 1983 on Etna was 18 m high.
 LIMITS = {'height': (0.1, 200.0, 'm'), 'width': (0.1, 1000.0, 'm'), 'slope': (0.05, 100.0, '')}
+
+#: Check of a place on the crest of a barrier.
+PLACE_CHECK = partial(validation.pair, most=MAX_COORDINATE)
+
+#: Keys of a barrier in a file.
+BARRIER_KEYS = Keys({
+    'line': Key(
+        list_of(schema_of(PLACE_CHECK), 2),
+        'Two or more places [easting, northing] along the crest [m]', True,
+    ),
+    **{
+        name: Key(
+            partial(validation.number, at_least=least, at_most=most, unit=unit), text,
+            name != 'slope',
+        )
+        for (name, (least, most, unit)), text in zip(LIMITS.items(), (
+            'Height above the ground [m]', 'Width of the crest [m]',
+            'Slope of the sides, rise over run; 1 if left out',
+        ), strict=True)
+    },
+    'name': Key(validation.text, 'Name in logs, messages and tables'),
+})
 
 #: Minimum distance between two successive places of a line [m].
 APART = 1e-3
@@ -48,18 +72,14 @@ class Barrier:
         """Validate and normalise all fields; raise LavaError for an invalid one."""
         expected = 'two or more places [x, y] m'
         places = tuple(
-            validation.pair(*place, most=MAX_COORDINATE)
+            PLACE_CHECK(*place)
             for place in validation.items('barrier.line', self.line, expected, least=2)
         )
         if any(dist(a, b) < APART for a, b in pairwise(places)):
             raise LavaError('barrier.line', places, 'two or more places that differ')
         object.__setattr__(self, 'line', places)
-        for name, (least, most, unit) in LIMITS.items():
-            value = validation.number(
-                f'barrier.{name}', getattr(self, name), at_least=least, at_most=most, unit=unit
-            )
+        for name, value in BARRIER_KEYS.values('barrier', vars(self)).items():
             object.__setattr__(self, name, value)
-        validation.text('barrier.name', self.name)
 
     @property
     def length(self) -> float:

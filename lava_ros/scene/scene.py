@@ -1,45 +1,32 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes and scene files: terrain, vents, lava, surroundings and uncertainty."""
+"""Scenes: terrain, vents, lava, surroundings and uncertainty."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import datetime
 from functools import partial
 import logging
-from pathlib import Path
 from typing import Any
 
 from lava_ros import validation
 from lava_ros.effects import EFFECTS, possible
 from lava_ros.effects.effect import check_fields, join_names, number, with_fields
 from lava_ros.errors import LavaError
-from lava_ros.files.resources import find_file
-from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.distributions import Distribution
-from lava_ros.scene.effusion_rates import (
-    check_start,
-    date_in_utc,
-    error_of_rates,
-    Interval,
-    Options,
-    read_effusion_rates,
-    series_of_rates,
-)
-from lava_ros.scene.emplaced import EmplacedFlow, flow_to_dict, read_flows
-from lava_ros.scene.events import check_same_grid, event_to_dict, read_events, TerrainEvent
+from lava_ros.scene.effusion_rates import date_in_utc
+from lava_ros.scene.emplaced import EmplacedFlow, flow_to_dict
+from lava_ros.scene.events import check_same_grid, event_to_dict, TerrainEvent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import (
     default_lava,
     lava_from_dict,
     Material,
     material_named,
-    with_material_in_lava,
 )
 from lava_ros.scene.plausibility import doubts_of_scene, KELVIN, report
 from lava_ros.scene.terrain import Terrain
-from lava_ros.scene.terrain_files import load_terrain, TERRAIN_OPTIONS, terrain_path
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict, uncertainty_to_dict
 from lava_ros.scene.vents import check_vents, Vent, vents_from_list
 
@@ -146,15 +133,18 @@ class Scene:
             ),
         )
 
+    def at(self, time: float) -> 'Scene':
+        """Return the scene with the ground at a simulated time [s], and the events after it."""
+        ground = self.terrain
+        for event in self.events:
+            if event.time <= time:
+                ground = event.ground(ground)
+        later = tuple(event for event in self.events if event.time > time)
+        return replace(self, terrain=ground, events=later)
+
 
 #: Fields of ``Scene`` that are numbers of the surroundings.
 ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.metadata)
-
-#: Keys of a scene in a file.
-SCENE_KEYS = (
-    'terrain', 'vents', 'lava', 'uncertainty', 'emplaced_flows', 'events', 'onset', 'insist',
-    *ENVIRONMENT,
-)
 
 
 def suspicious_temperatures(scene: Scene, *, is_celsius: bool = False) -> list[str]:
@@ -233,157 +223,33 @@ def onset_from(label: str, known: Mapping[str, Any]) -> datetime | None:
     return None if text is None else date_in_utc(f'{label}.onset', text)
 
 
-def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scene:
-    """Read a scene file; ``terrain`` replaces that of the file. Errors are those of both steps."""
-    return scene_from_dict(*read_scene(path, terrain=terrain))
-
-
-def read_scene(
-    path: str | Path, *, terrain: Terrain | None = None, options: Mapping[str, Any] | None = None
-) -> tuple[dict[str, Any], Terrain]:
-    """Read a scene file, and return the arguments of ``scene_from_dict``.
-
-    The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
-    the scene file or ``st_helens.npz`` of the package, and the options of
-    ``terrain_files.load_terrain``. The ``effusion_rate`` of a vent may be a mapping: ``file``, a
-    table relative to the scene file, and the fields of ``effusion_rates.Options``. The errors in
-    such tables are the uncertainty of the effusion rate unless the file has one. The date of their
-    time 0 is the ``onset`` of the scene.
-
-    Args:
-        path: Path of the file, or its name in the package's ``examples/``.
-        terrain: Terrain that replaces that of the file. It gets the ``offset`` in the file, so
-            that positions in the map frame remain; without one a warning states that they do not.
-        options: Options of ``load_terrain`` that replace those of the file.
-
-    Returns:
-        Plain data with the contents of all files, and the terrain raised by flows that are ground.
-
-    Raises:
-        LavaError: If the file cannot be read or has unknown keys, or a value cannot be used.
-    """
-    name, path = path, find_file(path, 'examples', field='scene', expected='a readable YAML file')
-    if path != Path(name):
-        _LOG.info(f'{name}: no such file here, so that of the package, {path}')
-    known_keys = [*SCENE_KEYS, 'material']
-    data = validation.keys('scene', read_yaml('scene', path), allowed=known_keys)
-    data = with_material_in_lava('scene', data)
-    ground = data.pop('terrain', None)
-    insist = validation.flag('scene.insist', data.get('insist', False))
-    if terrain is None:
-        known: dict[str, Any] = validation.keys(
-            'scene.terrain',
-            ground,
-            allowed=['file', *TERRAIN_OPTIONS],
-            required=['file'],
-        )
-        name = validation.text('scene.terrain.file', known.pop('file'), 'the name of a file')
-        options = {'insist': insist} | known | dict(options or {})
-        terrain = load_terrain(terrain_path(name, path.parent), **options)
-    elif isinstance(ground, Mapping) and 'offset' in ground:
-        # positions remain those of the map frame of the scene
-        offset = validation.pair('scene.terrain.offset', ground['offset'])
-        corner = terrain.corner
-        origin = (corner[0] - offset[0], corner[1] - offset[1])
-        terrain = replace(terrain, origin=origin, offset=offset)
-    elif isinstance(vents := data.get('vents'), list) and any(
-        isinstance(vent, Mapping) and 'position' in vent for vent in vents
-    ):
-        _LOG.warning(
-            f'{path}: positions of vents are now counted from the lower-left corner of '
-            f'{terrain.source}; projected places do not depend on the terrain'
-        )
-    if isinstance(ground, Mapping) and 'sea_level' in ground and terrain.sea_level is None:
-        terrain = replace(terrain, sea_level=ground['sea_level'])
-    data, terrain = with_changes(data, path.parent, terrain, options or {})
-    return _with_rates(data, path.parent), terrain
-
-
-def with_changes(
-    data: dict[str, Any], folder: Path, terrain: Terrain, options: Mapping[str, Any],
-    *, prefix: str = 'scene.',
-) -> tuple[dict[str, Any], Terrain]:
-    """Replace emplaced flows and events by the contents of their files.
-
-    Args:
-        data: Plain data of a scene.
-        folder: Folder to which file names are relative.
-        terrain: Terrain before the flows.
-        options: Options of ``load_terrain`` for the files of events.
-        prefix: Prefix of the keys in errors.
-
-    Returns:
-        Data for ``scene_from_dict``, and the terrain raised by flows that are ground.
-
-    Raises:
-        LavaError: If a file or a value cannot be used.
-    """
-    data = dict(data)
-    if 'emplaced_flows' in data:
-        terrain, data['emplaced_flows'] = read_flows(
-            f'{prefix}emplaced_flows', data['emplaced_flows'], folder, terrain
-        )
-    if 'events' in data:
-        # the grid of an event has to be that of the terrain
-        read = partial(load_terrain, **{**options, 'offset': terrain.offset})
-        data['events'] = read_events(f'{prefix}events', data['events'], folder, terrain, read)
-    return data, terrain
-
-
-def _with_rates(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Replace the names of effusion-rate tables by their series, and add error and onset.
-
-    Raises:
-        LavaError: If a table cannot be read, or its time 0 is not that of the scene.
-    """
-    vents, onset, source = data.get('vents'), onset_from('scene', data), 'scene.onset'
-    read: list[Interval] = []
-    measured: str | None = None
-    if not isinstance(vents, list):
-        return data
-    vents = list(vents)
-    for index, vent in enumerate(vents):
-        rate = vent.get('effusion_rate') if isinstance(vent, Mapping) else None
-        if not isinstance(rate, Mapping):
-            continue
-        label = f'vents[{index}].effusion_rate'
-        name = validation.text(f'{label}.file', rate.get('file'), 'the name of a table')
-        rest = {key: value for key, value in rate.items() if key != 'file'}
-        options = validation.build(Options, label, rest)
-        if options.start is None and onset is not None:
-            options = replace(options, start=date_text(onset))
-        rates, origin = read_effusion_rates(label, folder / name, options)
-        if origin is not None and onset not in (None, origin):
-            assert onset is not None
-            expected = f'{date_text(onset)}, the time 0 of {source}'
-            raise LavaError(f'{label}.start', date_text(origin), expected)
-        if onset is None:
-            onset, source = origin, label
-        check_start(label, rates)
-        read += rates
-        measured = measured or options.measured
-        vents[index] = {**vent, 'effusion_rate': series_of_rates(rates)}
-    error = error_of_rates(read, measured)
-    dated = {} if onset is None else {'onset': date_text(onset)}
-    return {**data, 'vents': vents, 'rate_error': error, **dated}
-
-
 def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
+    """Build a scene from plain data, as ``scene_and_material`` does; return only the scene."""
+    return scene_and_material(data, terrain)[0]
+
+
+def scene_and_material(
+    data: Mapping[str, Any], terrain: Terrain, *, label: str = 'scene'
+) -> tuple[Scene, Material]:
     """Build a scene from the plain data of a YAML file.
 
     Args:
         data: Mapping with any of ``vents``, ``lava`` (as for ``materials.lava_from_dict``),
             ``ambient_temperature``, ``gravity``, ``uncertainty``, and ``emplaced_flows`` and
-            ``events`` as returned by ``with_changes``, ``insist``, True to accept numbers that
-            cannot be, and ``rate_error``, the distribution of a
-            factor on all effusion rates unless ``uncertainty`` has one or takes them as exact.
+            ``events`` as returned by ``read_flows`` and ``read_events``, ``insist``, True to
+            accept numbers that cannot be, and ``rate_error``, the distribution of a factor on all
+            effusion rates unless ``uncertainty`` has one or takes them as exact.
             The material of the lava is that of the uncertainty, unless this names another.
         terrain: Terrain of the scene.
+        label: Name of the data in errors.
+
+    Returns:
+        The scene, and the material of its lava with the composition that the data give.
 
     Raises:
         LavaError: If a field is not valid, or a number cannot be.
     """
-    lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
+    lava, material = lava_from_dict(f'{label}.lava', data.get('lava', {}))
     uncertain = uncertainty_of(data.get('uncertainty', {}), material, data.get('rate_error'))
     scene = Scene(
         terrain=terrain,
@@ -392,11 +258,11 @@ def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
         uncertainty=uncertain,
         emplaced_flows=tuple(data.get('emplaced_flows', ())),
         events=tuple(data.get('events', ())),
-        onset=onset_from('scene', data),
+        onset=onset_from(label, data),
         **{name: data[name] for name in ENVIRONMENT if name in data},
     )
-    check_plausible(scene, insist=validation.flag('scene.insist', data.get('insist', False)))
-    return scene
+    check_plausible(scene, insist=validation.flag(f'{label}.insist', data.get('insist', False)))
+    return scene, material
 
 
 def uncertainty_of(

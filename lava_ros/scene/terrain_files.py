@@ -17,6 +17,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import check_exists
+from lava_ros.files.keys import any_of, Key, Keys, list_of, number, TEXT
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE
@@ -32,7 +33,13 @@ from lava_ros.scene.projection import (
     to_square_metric_cells,
     with_epsg,
 )
-from lava_ros.scene.terrain import check_epsg, crest_lines, SEA_LEVEL_CHECK, Terrain
+from lava_ros.scene.terrain import (
+    check_epsg,
+    crest_lines,
+    MIN_EPSG,
+    SEA_LEVEL_CHECK,
+    Terrain,
+)
 
 _LOG = logging.getLogger(__name__)
 
@@ -46,13 +53,35 @@ NPZ_KEYS = (
     'elevation', 'resolution', 'origin', 'epsg', 'wkt', 'offset', 'source', 'sea_level', _BARRIERS,
 )
 
-#: Options of ``load_terrain`` that a scene file may give.
-TERRAIN_OPTIONS = (
-    'epsg', 'resolution', 'offset', 'window', 'fill_holes', 'nodata', 'sea_level',
-)
+#: Options of ``load_terrain`` that a scene file may give; the function checks their values.
+TERRAIN_OPTIONS: dict[str, Key] = {
+    'epsg': Key(
+        {'type': 'integer', 'minimum': MIN_EPSG},
+        'EPSG code of the coordinates; replaces the one in the file',
+    ),
+    'resolution': Key(
+        partial(validation.number, above=0.0, unit='m'), 'Side of the cells to make [m]'
+    ),
+    'offset': Key(validation.pair, 'Easting and northing of the origin of the map frame [m]'),
+    'window': Key(
+        list_of(number(), 4, 4),
+        'Part to keep: smallest easting and northing, largest easting and northing [m]',
+    ),
+    'fill_holes': Key(validation.flag, 'Fill cells without data that data surround'),
+    'nodata': Key(
+        any_of(number(), {'const': 'none'}),
+        'Value of cells without data that the file does not declare; none: all have data',
+    ),
+    'sea_level': Key(
+        SEA_LEVEL_CHECK,
+        'Elevation at or below which the ground is sea [m], where lava leaves the map',
+    ),
+}
 
-#: Check of the side of a cell.
-RESOLUTION_CHECK = partial(validation.number, above=0.0, unit='m')
+#: Keys of the terrain in a scene file.
+TERRAIN_KEYS = Keys({
+    'file': Key(TEXT, 'File, relative to this one', True), **TERRAIN_OPTIONS,
+})
 
 #: Minimum elevation, and maximum elevation on Earth [m].
 LOWEST, HIGHEST = -12_000.0, 9_000.0
@@ -110,15 +139,14 @@ def load_terrain(
     path = Path(path)
     check_exists('terrain file', path)
     check_epsg('terrain.epsg', epsg)
-    if resolution is not None:
-        resolution = RESOLUTION_CHECK('terrain.resolution', resolution)
-    if offset is not None:
-        offset = validation.pair('terrain.offset', offset)
-    validation.flag('terrain.fill_holes', fill_holes)
+    given = {
+        'resolution': resolution, 'offset': offset, 'fill_holes': fill_holes,
+        'sea_level': sea_level,
+    }
+    valid = TERRAIN_KEYS.values('terrain', {k: v for k, v in given.items() if v is not None})
+    resolution, offset, sea_level = map(valid.get, ('resolution', 'offset', 'sea_level'))
     if nodata is not None and nodata != 'none':
         nodata = validation.number('terrain.nodata', nodata)
-    if sea_level is not None:
-        sea_level = SEA_LEVEL_CHECK('terrain.sea_level', sea_level)
     is_npz = path.suffix.lower() == '.npz'
     read = _read_npz if is_npz else partial(_read_gdal, epsg=epsg)
     raster = read(path, nodata, sea_level)

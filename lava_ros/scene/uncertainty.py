@@ -9,23 +9,28 @@ the usual distributions of the quantities that a scene does not mention.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.keys import any_of, either, Key, Keys, list_of, same_keys, Schema
 from lava_ros.scene.distributions import (
     Displacement,
+    DISPLACEMENT_KEYS,
     Distribution,
+    distribution_schema,
+    keys_of,
     KINDS,
     Roughness,
-    WITH_LIMITS,
+    ROUGHNESS_KEYS,
     WORDS,
 )
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.measurements import error_of_rate, error_of_survey
+from lava_ros.scene.materials import materials
+from lava_ros.scene.measurements import RATE_ERRORS, SURVEYS
 
 #: Quantities that are factors, above 0.
 FACTORS = ('discharge', 'viscosity', 'yield_strength')
@@ -176,16 +181,120 @@ class Uncertainty:
         return name in self.exact or (ALL in self.exact and self.distribution_of(name) is None)
 
 
+def _distribution(where: str, data: object) -> Distribution:
+    if not isinstance(data, Mapping) or 'distribution' not in data:
+        raise LavaError(where, data, f'a mapping with distribution: {", ".join(KINDS)}')
+    kind = validation.choice(f'{where}.distribution', data['distribution'], KINDS)
+    values = keys_of(kind).names(where, data)
+    numbers = [values[name] for name in KINDS[kind]]
+    parts = {'kind': kind, 'numbers': numbers, 'limits': values.get('limits')}
+    return validation.build(Distribution, where, parts | _words(values))
+
+
+def _rate(where: str, data: object) -> Distribution:
+    if isinstance(data, Mapping) and 'measured' in data:
+        return RATE_ERRORS[MEASURED_KEYS(where, data)['measured']]
+    return _distribution(where, data)
+
+
+def _terrain(where: str, data: object) -> Roughness:
+    if isinstance(data, Mapping) and 'survey' in data:
+        return SURVEYS[SURVEY_KEYS(where, data)['survey']].roughness
+    return validation.build(Roughness, where, data)
+
+
+def _words(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: values[name] for name in WORDS if name in values}
+
+
+def _exact(where: str, data: object) -> tuple[str, ...]:
+    if data == ALL:
+        return (ALL,)
+    expected = f'{ALL}, or a list of quantities, such as [viscosity]'
+    return tuple(item for _, item in validation.items(where, data, expected))
+
+
+def _eruption_classes(where: str, data: object) -> tuple[EruptionClass, ...]:
+    items = validation.items(where, data, 'a list of classes of eruptions')
+    return tuple(
+        validation.build(EruptionClass, label, CLASS_KEYS(label, item)) for label, item in items
+    )
+
+
+#: Reference to the schema of a distribution.
+_ONE: Schema = {'$ref': '#/definitions/distribution'}
+
+#: Keys of a class of eruptions, of an error by method or by survey, and of constants, in a file.
+CLASS_KEYS = Keys({
+    'probability': Key(PROBABILITY_CHECK, 'Relative to those of the other classes', True),
+    'duration': Key(_distribution, 'Duration [s]', True, {'allOf': [_ONE]}),
+    'volume': Key(_distribution, 'Volume of all vents together [m3]', True, {'allOf': [_ONE]}),
+    'name': Key(validation.text, 'Name in logs, messages and tables'),
+})
+MEASURED_KEYS = Keys({
+    'measured': Key(partial(validation.choice, allowed=RATE_ERRORS), is_required=True)
+})
+SURVEY_KEYS = Keys({'survey': Key(partial(validation.choice, allowed=SURVEYS), is_required=True)})
+CONSTANT_KEYS = Keys(same_keys(CONSTANTS, _distribution, schema=_ONE))
+
+_RATE_KEY = Key(
+    _rate, 'Factor on all effusion rates',
+    schema={'allOf': [any_of(_ONE, MEASURED_KEYS.as_schema())]},
+)
+
+#: Keys of uncertain quantities in a file.
+UNCERTAINTY_KEYS = Keys({
+    'discharge': _RATE_KEY,
+    **{
+        name: Key(_distribution, text, schema={'allOf': [_ONE]}) for name, text in {
+            'temperature': 'Offset of the temperature of all vents [K]',
+            'viscosity': 'Factor on the viscosity',
+            'yield_strength': 'Factor on the yield strength',
+        }.items()
+    },
+    'position': Key(
+        partial(validation.build, Displacement), 'Displacement of all vents',
+        schema=DISPLACEMENT_KEYS.as_schema,
+    ),
+    'terrain': Key(
+        _terrain, 'Errors of the terrain',
+        schema=any_of(ROUGHNESS_KEYS.as_schema(), SURVEY_KEYS.as_schema()),
+    ),
+    'constants': Key(CONSTANT_KEYS, 'Values of other constants of the lava'),
+    'eruption': Key(
+        _eruption_classes, 'Classes of eruptions, of which each member draws one',
+        schema=list_of(CLASS_KEYS.as_schema()),
+    ),
+    'exact': Key(
+        _exact, 'Quantities that are not drawn',
+        schema=any_of({'const': ALL}, list_of({'enum': list(QUANTITIES)})),
+    ),
+    'material': Key(
+        validation.text,
+        'Material whose published ranges are drawn; that of the lava if left out',
+        schema=lambda: {'enum': list(materials())},
+    ),
+    'effusion_rate': _RATE_KEY,
+}, (either('discharge', 'effusion_rate', optional=True),))
+
+
+def definitions() -> Schema:
+    """Return the schemas to which those of uncertain quantities refer."""
+    names = [sign + name for sign in ('', '-') for name in QUANTITIES]
+    meaning = 'Quantity with the same, or after a minus sign the opposite, rank'
+    return {
+        'distribution': distribution_schema(),
+        'leader': {'description': meaning, 'enum': ['', *names]},
+    }
+
+
 def uncertainty_from_dict(data: object) -> Uncertainty:
     """Build an uncertainty from the plain data of a scene file; raise LavaError for bad data."""
-    where = 'uncertainty'
-    names = [item.name for item in fields(Uncertainty)]
-    values: dict[str, Any] = {}
-    for key, item in validation.keys(where, data, allowed=[*names, 'effusion_rate']).items():
-        name = 'discharge' if key == 'effusion_rate' else key
-        if name in values:
-            raise LavaError(f'{where}.{key}', item, 'either effusion_rate or discharge')
-        values[name] = _READERS.get(name, _distribution)(f'{where}.{key}', item)
+    values = UNCERTAINTY_KEYS('uncertainty', data)
+    if 'effusion_rate' in values:
+        if 'discharge' in values:
+            raise validation.conflict('uncertainty.effusion_rate', 'discharge')
+        values['discharge'] = values.pop('effusion_rate')
     return Uncertainty(**values)
 
 
@@ -208,70 +317,3 @@ def _as_plain(value: Any) -> Any:
     if isinstance(value, EruptionClass):
         value = vars(value)
     return {key: _as_plain(value[key]) for key in value} if isinstance(value, Mapping) else value
-
-
-def _distribution(where: str, data: object) -> Distribution:
-    if not isinstance(data, Mapping) or 'distribution' not in data:
-        raise LavaError(where, data, f'a mapping with distribution: {", ".join(KINDS)}')
-    kind = validation.choice(f'{where}.distribution', data['distribution'], KINDS)
-    names = KINDS[kind]
-    limits = ['limits'] if kind in WITH_LIMITS else []
-    values = validation.keys(
-        where, data, allowed=['distribution', *names, *limits, *WORDS], required=names
-    )
-    numbers = [values[name] for name in names]
-    parts = {'kind': kind, 'numbers': numbers, 'limits': values.get('limits')}
-    return validation.build(Distribution, where, parts | _words(values))
-
-
-def _rate(where: str, data: object) -> Distribution:
-    if isinstance(data, Mapping) and 'measured' in data:
-        known = validation.keys(where, data, allowed=['measured'])
-        return error_of_rate(f'{where}.measured', known['measured'])
-    return _distribution(where, data)
-
-
-def _terrain(where: str, data: object) -> Roughness:
-    if isinstance(data, Mapping) and 'survey' in data:
-        known = validation.keys(where, data, allowed=['survey'])
-        return error_of_survey(f'{where}.survey', known['survey'])
-    return validation.build(Roughness, where, data)
-
-
-def _words(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: values[name] for name in WORDS if name in values}
-
-
-def _exact(where: str, data: object) -> tuple[str, ...]:
-    if data == ALL:
-        return (ALL,)
-    expected = f'{ALL}, or a list of quantities, such as [viscosity]'
-    return tuple(item for _, item in validation.items(where, data, expected))
-
-
-def _constants(where: str, data: object) -> dict[str, Distribution]:
-    known = validation.keys(where, data, allowed=CONSTANTS)
-    return {name: _distribution(f'{where}.{name}', item) for name, item in known.items()}
-
-
-def _eruption_classes(where: str, data: object) -> tuple[EruptionClass, ...]:
-    names = [item.name for item in fields(EruptionClass)]
-    result = []
-    for label, item in validation.items(where, data, 'a list of classes of eruptions'):
-        values = validation.keys(label, item, allowed=names, required=names[:-1])
-        for name in ('duration', 'volume'):
-            values[name] = _distribution(f'{label}.{name}', values[name])
-        result.append(validation.build(EruptionClass, label, values))
-    return tuple(result)
-
-
-#: Readers of the fields of ``Uncertainty`` that are not only distributions.
-_READERS: Mapping[str, Callable[[str, object], Any]] = {
-    'position': partial(validation.build, Displacement),
-    'terrain': _terrain,
-    'discharge': _rate,
-    'constants': _constants,
-    'eruption': _eruption_classes,
-    'exact': _exact,
-    'material': validation.text,
-}

@@ -16,12 +16,16 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
-from lava_ros.scene.effusion_rates import instants_to_series
+from lava_ros.scene.effusion_rates import instants_to_series, Interval
 from lava_ros.scene.features import Feature, load_features
+from lava_ros.scene.likely_places import likely_place
 from lava_ros.scene.terrain import Terrain
-from lava_ros.scene.vents import Discharge
+from lava_ros.scene.vent_keys import Discharge
 
 _LOG = logging.getLogger(__name__)
+
+#: A discharge as (time [s], flux [m3/s]) pairs of increasing time; each holds until the next.
+Series = tuple[tuple[float, float], ...]
 
 #: Attributes of a vent.
 COLUMNS = (
@@ -161,3 +165,57 @@ def _divide(vent: VentRow, segments: Sequence[tuple[Any, Any, float]]) -> list[V
         )
         for start, end, weight in segments
     ]
+
+
+def series_of(vents: Sequence[VentRow], rates: Sequence[Interval]) -> list[Series]:
+    """Divide a total effusion rate among the open vents.
+
+    A vent with an effusion rate of its own emits this, in addition to the total, while it is open.
+
+    Raises:
+        LavaError: If lava is emitted while no vent is open.
+    """
+    spans = [(item.start, item.end) for item in rates]
+    spans += [(vent.start, vent.end) for vent in vents]
+    for vent in vents:
+        if vent.discharge is not None and not isinstance(vent.discharge, float):
+            expected = 'one number: the table of effusion rates has the changes'
+            raise LavaError(f'effusion rate of {vent.name}', 'a series', expected)
+    result: list[list[tuple[float, float]]] = [[] for _ in vents]
+    row = 0
+    has_shares = any(vent.discharge is None for vent in vents)
+    for time in sorted({time for span in spans for time in span if math.isfinite(time)}):
+        # rows end at different times
+        while row < len(rates) and rates[row].end <= time:
+            row += 1
+        is_on = row < len(rates) and rates[row].start <= time
+        discharge = rates[row].discharge if is_on else 0.0
+        is_erupting = rates[0].start <= time < rates[-1].end
+        is_open = [is_erupting and vent.start <= time < vent.end for vent in vents]
+        shares = [
+            vent.share if vent.discharge is None and now else 0.0
+            for vent, now in zip(vents, is_open, strict=True)
+        ]
+        if discharge > 0.0 and has_shares and not any(shares):
+            expected = 'at least one vent with start <= t < end: lava erupts then'
+            raise LavaError(f'vents open at {time:g} s', 0, expected)
+        for series, share, vent, now in zip(result, shares, vents, is_open, strict=True):
+            flux = discharge * share / sum(shares) if share else 0.0
+            if isinstance(vent.discharge, float):
+                flux = vent.discharge if now else 0.0
+            if not series or flux != series[-1][1]:
+                series.append((time, flux))
+    return [tuple(series) for series in result]
+
+
+def check_places(vents: Sequence[VentRow], terrain: Terrain, source: str) -> None:
+    """Raise LavaError, which names the file ``source``, for a vent that is not on the ground."""
+    for name, place in ((vent.name, place) for vent in vents for place in vent.places):
+        there = terrain.to_map(*place)
+        if terrain.covers(*there):
+            continue
+        expected = f'a place {terrain.bounds(projected=True)}{likely_place(terrain, *place)}'
+        cell = terrain.cell_at(*there)
+        if cell is not None and math.isnan(terrain.elevation[cell]):
+            expected = 'a place where the elevation has data: this cell has none'
+        raise LavaError(f'{name!r} of {source}', place, expected)

@@ -5,9 +5,8 @@
 
 from bisect import bisect
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import count
 import math
 
@@ -17,33 +16,8 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.likely_places import likely_place
-from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
-
-#: Maximum discharge of a vent [m3/s]: a hundred times that of the largest flood basalts.
-MAX_DISCHARGE = 1e8
-
-#: Minimum and maximum eruption temperature [K]: from carbonatite to komatiite.
-VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
-
-#: Check of the temperature of erupting lava.
-TEMPERATURE_CHECK = partial(
-    validation.number,
-    at_least=VENT_TEMPERATURE_RANGE[0], at_most=VENT_TEMPERATURE_RANGE[1], unit='K',
-)
-
-#: Check of each field of ``Vent`` that is a number or a pair of numbers, by name.
-VENT_CHECKS: Mapping[str, Callable[[str, object], object]] = {
-    'position': partial(validation.pair, most=MAX_COORDINATE),
-    'end': partial(validation.pair, most=MAX_COORDINATE),
-    'velocity': partial(validation.pair, unit='m/s', most=1e3),
-    'radius': partial(validation.number, above=0.0, at_most=1e5, unit='m'),
-    'temperature': TEMPERATURE_CHECK,
-}
-
-#: Check of an effusion rate.
-RATE_CHECK = partial(validation.number, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s')
-
-Discharge = float | Sequence[tuple[float, float]]
+from lava_ros.scene.terrain import Terrain
+from lava_ros.scene.vent_keys import Discharge, VENT_KEYS
 
 
 @dataclass(frozen=True)
@@ -75,11 +49,13 @@ class Vent:
     def __post_init__(self) -> None:
         """Validate and normalise all fields; raise LavaError for an invalid one."""
         validation.text('vent.name', self.name)
-        label = f'vent {self.name!r}.' if self.name else 'vent.'
-        for name, check in {**VENT_CHECKS, 'discharge': _discharge}.items():
-            value = getattr(self, name)
-            if value is not None or name not in ('end', 'temperature'):
-                object.__setattr__(self, name, check(label + name, value))
+        label = f'vent {self.name!r}' if self.name else 'vent'
+        given = {
+            name: value for name, value in vars(self).items()
+            if value is not None or name not in ('end', 'temperature')
+        }
+        for name, value in VENT_KEYS.values(label, given).items():
+            object.__setattr__(self, name, value)
 
     @property
     def series(self) -> tuple[tuple[float, float], ...]:
@@ -123,21 +99,6 @@ class Vent:
             time, flux = series[index]
             volumes.append(before + flux * max(0.0, end - max(since, time)))
         return volumes
-
-
-def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], ...]:
-    if not isinstance(value, (list, tuple, np.ndarray)):
-        return RATE_CHECK(label, value)
-    pairs: list[tuple[float, float]] = []
-    for index, item in enumerate(value):
-        time, flux = validation.pair(f'{label}[{index}]', item, unit='(s, m3/s)')
-        RATE_CHECK(f'{label}[{index}][1]', flux)
-        if pairs and time <= pairs[-1][0]:
-            raise LavaError(f'{label}[{index}][0]', time, f'a time after {pairs[-1][0]:g} s')
-        pairs.append((time, flux))
-    if not pairs:
-        raise LavaError(label, value, 'an effusion rate [m3/s] or at least one (s, m3/s) pair')
-    return tuple(pairs)
 
 
 def check_vents(
@@ -209,23 +170,21 @@ def vents_from_list(items: object, terrain: Terrain) -> tuple[Vent, ...]:
     Raises:
         LavaError: If the data are not such a list.
     """
-    names = [item.name for item in fields(Vent)]
     vents: list[Vent] = []
     for where, item in validation.items('vents', items, 'a list of vents'):
-        allowed = [*names, 'projected', 'projected_end', 'effusion_rate']
-        data = validation.keys(where, item, allowed=allowed)
+        data = VENT_KEYS(where, item)
         if ('effusion_rate' in data) == ('discharge' in data):
             if 'discharge' in data:
                 raise validation.conflict(f'{where}.effusion_rate', 'discharge')
             expected = 'a value: this key is required'
             raise LavaError(f'{where}.effusion_rate', None, expected)
         if 'effusion_rate' in data:
-            data['discharge'] = _discharge(f'{where}.effusion_rate', data.pop('effusion_rate'))
+            data['discharge'] = data.pop('effusion_rate')
         for source, target in (('projected', 'position'), ('projected_end', 'end')):
             if source in data:
                 if target in data:
                     raise validation.conflict(f'{where}.{source}', target)
-                place = validation.pair(f'{where}.{source}', data.pop(source))
+                place = data.pop(source)
                 data[target] = terrain.to_map(*place)
                 if not terrain.covers(*terrain.to_map(*place)):
                     expected = f'a place {terrain.bounds(projected=True)}'
@@ -234,7 +193,7 @@ def vents_from_list(items: object, terrain: Terrain) -> tuple[Vent, ...]:
         if 'position' not in data:
             raise LavaError(f'{where}.position', None, 'a value: this key is required')
         data.setdefault('name', f'vent {len(vents)}')
-        vents.append(Vent(**data))  # type: ignore[arg-type]
+        vents.append(Vent(**data))
     return check_vents(vents, terrain)
 
 

@@ -15,8 +15,6 @@ from command_line import done, lava, refused
 from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case, write_case_in_degrees
 from lava_ros.bag import BagReader
 from lava_ros.bag.recorded_node import described_node, RecordedNode
-from lava_ros.cli.hindcast import _vents
-from lava_ros.cli.parser import parse_command_line
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import _constants, FALSE_ALARM, HIT, MISS
 from lava_ros.layers.recording import Recording
@@ -124,11 +122,10 @@ def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
     refused(*valley, '--vent', '1,2')
 
 
-@pytest.mark.parametrize(('words', 'rates'), [
-    ('', [(0.0, 12.0), (1800.0, 0.0)]),
-    ('--effusion-rate 6', [(0.0, 6.0), (1800.0, 0.0)]),
+@pytest.mark.parametrize(('rate', 'rates'), [
+    (None, [(0.0, 12.0), (1800.0, 0.0)]), (6.0, [(0.0, 6.0), (1800.0, 0.0)]),
 ])
-def test_vents_of_a_case_keep_their_rates_unless_an_option_replaces_them(words, rates, tmp_path):
+def test_vents_of_a_case_keep_their_rates_unless_another_is_given(rate, rates, tmp_path):
     folder = write_case(tmp_path / 'valley', hours=0.5, yaml='epsg: 32633')
     (folder / 'vent.csv').unlink()
     crest = [[VENT[0] + away, VENT[1]] for away in (-60, 0, 60)]
@@ -136,8 +133,7 @@ def test_vents_of_a_case_keep_their_rates_unless_an_option_replaces_them(words, 
                'crs': {'type': 'name', 'properties': {'name': 'EPSG:32633'}},
                'geometry': {'type': 'LineString', 'coordinates': crest}}
     (folder / 'vent.geojson').write_text(json.dumps(feature))
-    args = parse_command_line(['hindcast', str(folder), *words.split()])
-    case = load_case(folder, vents=lambda rows, ground: _vents(args, rows, ground))
+    case = load_case(folder, effusion_rate=rate)
     assert [vent.series for vent in case.scene.vents] == [
         tuple((time, 0.5 * rate) for time, rate in rates)
     ] * 2

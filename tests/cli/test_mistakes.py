@@ -97,8 +97,11 @@ LINES = {
     'mistyped file': ('effects scene.yaml --vents vent.csv', "'vent.csv'", 'mean vents.csv?'),
     'other suffix': ('effects scene.yml', "scene is 'scene.yml'", 'did you mean scene.yaml?'),
     'folder as a file': ('effects --terrain full', "is 'full'", 'a file; this is a folder'),
-    'elevation as the scene': (
-        'effects ground.npz', "scene is 'ground.npz'", 'YAML file; this is not text'),
+    'folder that is not a case': (
+        'effects full', "case is 'full'", 'a folder that also holds elevation.asc'),
+    'elevation twice': (
+        'effects ground.npz --terrain ground.npz', 'elevation ground.npz and --terrain exclude',
+        'Leave out one of them.'),
     'mistyped material': (
         'effects scene.yaml --material Etna-Basalt', "--material is 'Etna-Basalt'",
         'did you mean etna_basalt?'),

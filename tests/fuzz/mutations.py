@@ -7,7 +7,6 @@ A document is a tree of mappings and lists, with functions that write and read i
 documents get the same kinds of changes.
 """
 
-from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 import copy
@@ -26,13 +25,13 @@ import yaml
 from eruption import LAVA, write_case
 from files.test_rasters import FILES, write_format
 from fuzz.bags import FLOATS, INTEGERS, TEXTS
-from lava_ros.cli.scenes import vents_as_given
 from lava_ros.files.columns import COLUMNS
 from lava_ros.files.yaml import dump_yaml
 from lava_ros.hindcast.case import load_case
 from lava_ros.layers.layer_files import load_layers
 from lava_ros.scene import scene_from_yaml
 from lava_ros.scene.effusion_rates import read_effusion_rates
+from lava_ros.scene.given_vents import GivenVents
 from lava_ros.scene.reshaping import read_barriers
 from lava_ros.scene.scene import scene_to_dict
 from lava_ros.scene.terrain_files import load_terrain, NPZ_KEYS
@@ -115,7 +114,7 @@ def _table(separator: str) -> Callable[[Path, Any], Path]:
 
 
 def _vents(path: Path) -> Any:
-    return vents_as_given(Namespace(vents=str(path), vent=[], discharge=None), TERRAIN)
+    return GivenVents((), path, None, {}, str).rows(TERRAIN)
 
 
 def _barriers(path: Path) -> Any:
@@ -136,7 +135,7 @@ def _yaml(path: Path, tree: Any) -> Path:
 def _known_case(path: Path) -> Any:
     case = load_case(path.parent)
     known = (case.title, case.source, case.start, case.end, case.volume, case.low_pass)
-    return *known, [event.text for event in case.events], _of_scene(case.scene)
+    return *known, [event.text for event in case.scene.events], _of_scene(case.scene)
 
 
 def _of_scene(scene: Any) -> Any:

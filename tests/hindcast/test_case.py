@@ -26,11 +26,10 @@ from eruption import (
 from geodata import feature
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.tables import series_of
 from lava_ros.scene import Lava, scene_from_yaml
 from lava_ros.scene.effusion_rates import Interval
 from lava_ros.scene.materials import material_named
-from lava_ros.scene.vent_files import VentRow
+from lava_ros.scene.vent_files import series_of, VentRow
 
 
 def test_reads_a_case_without_case_yaml(tmp_path):
@@ -47,7 +46,7 @@ def test_reads_a_case_without_case_yaml(tmp_path):
     etna = material_named('etna_basalt')
     assert case.scene.lava == etna.lava
     assert vent.temperature == etna.vent_temperature.value
-    assert case.events == ()
+    assert case.scene.events == ()
 
 
 def test_case_yaml_replaces_the_defaults(tmp_path):
@@ -68,7 +67,7 @@ def test_case_yaml_replaces_the_defaults(tmp_path):
     assert case.scene.ambient_temperature == 280.0
     assert case.scene.terrain.epsg == 32633
     assert case.low_pass == 40.0
-    rough = load_case(tmp_path / 'valley', low_pass_width=0.0)
+    rough = load_case(tmp_path / 'valley', low_pass=0.0)
     assert not np.array_equal(rough.scene.terrain.elevation, case.scene.terrain.elevation)
     kilauea = load_case(tmp_path / 'valley', material='kilauea_tholeiite')
     assert kilauea.scene.lava == material_named('kilauea_tholeiite').lava
@@ -147,7 +146,7 @@ def test_reads_events(tmp_path):
     )
     folder = write_case(tmp_path / 'valley', yaml=text)
     write_grid(folder / 'later.asc', elevation() + 1.0)
-    barrier, later = load_case(folder).events
+    barrier, later = load_case(folder).scene.events
     assert (barrier.time, later.time) == (3600.0, 7200.0)
     added = barrier.terrain.elevation - elevation()
     assert added.max() == pytest.approx(10.0, abs=1e-3)
@@ -280,7 +279,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     'no vent open': (
         {'vent.csv': f'x,y,start_s\n{X},{Y},3600\n'},
-        'vents open at 0 s ... at least one row of vent.csv',
+        'vents open at 0 s ... at least one vent with start',
     ),
     'unknown constant': ({'case.yaml': 'lava: {colour: 3}'}, 'case.lava.colour: unknown key'),
     'end before start': ({'case.yaml': 'end: -5'}, 'case.end ... -5 ... above 0 s'),

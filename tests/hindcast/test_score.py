@@ -15,11 +15,12 @@ from eruption import footprint, SHAPE, write_case
 from lava_ros.errors import LavaError
 from lava_ros.forecast.member_scenes import member_scene
 from lava_ros.forecast.sampling import draw_members
-from lava_ros.hindcast.case import Case, Event, load_case
+from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.probabilistic_score import mapped_on, plan_of, score_probability
 from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import distances, Score, score_case, STEPS
 from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.materials import material_named
 from lava_ros.simulation.output.inundation import standing_cells
 from scripts import load_script
@@ -165,7 +166,8 @@ def test_members_run_on_the_cells_of_the_hindcast(etna):
     assert area == pytest.approx(etna.area, rel=0.3)
     assert fine.horizon == etna.duration and not fine.effects.inertia
     # all members run on one terrain, so a case with events is refused
-    changing = replace(etna, events=(Event(60.0, etna.scene.terrain, 'a wall'),))
+    event = TerrainEvent(60.0, 'a wall', etna.scene.terrain)
+    changing = replace(etna, scene=replace(etna.scene, events=(event,)))
     with pytest.raises(LavaError, match=r'case.events'):
         plan_of(changing, SETTINGS)
 

@@ -247,8 +247,8 @@ def _parse(kind, data, folder):
     if kind == 'layers':
         layers_from_dict(data)
         return
-    module = 'lava_ros.hindcast.case' if kind == 'case' else 'lava_ros.scene.scene'
-    with patch(f'{module}.read_yaml', return_value=deepcopy(data)):
+    module = 'case_files' if kind == 'case' else 'scene_files'
+    with patch(f'lava_ros.scene.{module}.read_yaml', return_value=deepcopy(data)):
         load_case(folder) if kind == 'case' else scene_from_yaml(folder / 'scene.yaml')
 
 

@@ -20,11 +20,12 @@ from lava_ros.files.resources import share_path
 from lava_ros.layers.recording import Recording
 from lava_ros.runs import scene_run, store
 from lava_ros.runs.drive import Sink
-from lava_ros.runs.provenance import digests, files_in, identity_of
+from lava_ros.runs.provenance import identity_of
 from lava_ros.runs.scene_run import Request, SceneRun
 from lava_ros.runs.store import CHECKPOINT, known_record
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
+from lava_ros.scene.input_files import digests, files_in
 from lava_ros.scene.onset import recorded_onset
 from lava_ros.simulation import MODEL
 from lava_ros.simulation.accuracy import Accuracy

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from geodata import feature, write_raster
-from lava_ros.cli.scenes import place_as_typed
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
 from lava_ros.products.pictures import _window
@@ -19,6 +18,7 @@ from lava_ros.scene.features import read_features
 from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.scene.projection import projected, transformed
 from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.scene.typed_places import place_as_typed
 from lava_ros.scene.vent_files import read_vents
 
 #: A terrain of 20 km in UTM zone 1 south, across the antimeridian.

@@ -88,7 +88,7 @@ def test_options_of_a_scene_give_its_onset(words, rates, tmp_path):
 def test_start_that_contradicts_the_rates_of_the_file_is_refused(tmp_path):
     path = write(tmp_path, [{'file': 'rates.csv'}])
     error = refused('effects', path, '--start', '2026-11-27T00:00Z')
-    assert '--eruption-start is ' in error
+    assert '--start is ' in error
     assert 'expected 2026-11-27T05:30:00Z, the time 0 of the effusion rates of' in error
 
 

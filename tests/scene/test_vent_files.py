@@ -3,7 +3,6 @@
 
 """Vector files and tables: one file of each format for each use."""
 
-from argparse import Namespace
 import json
 from pathlib import Path
 from typing import Any
@@ -16,13 +15,13 @@ import pytest
 from rasterio.warp import transform
 
 from geodata import feature
-from lava_ros.cli.scenes import vents_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files import vectors
 from lava_ros.files.columns import angle, COLUMNS, understood
 from lava_ros.forecast.observations import observed_in_file
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import read_features
+from lava_ros.scene.given_vents import GivenVents
 from lava_ros.scene.reshaping import read_barriers
 from lava_ros.scene.vent_files import read_vents
 
@@ -77,8 +76,7 @@ def write(path: Path, kind: str, places: Any, known: dict[str, Any]) -> Path:
 
 def vents_of(path: Path, discharge: Any = None) -> list[Any]:
     """Return the vents that a command reads from a file."""
-    given = Namespace(vents=str(path), vent=[], discharge=discharge)
-    return vents_as_given(given, TERRAIN)
+    return list(GivenVents((), path, discharge, {}, str).rows(TERRAIN))
 
 
 def test_each_format_has_a_driver():
@@ -206,7 +204,7 @@ def test_reads_a_vent_table_of_lava2d(tmp_path):
     ('x,y,rate_dre\n500100,4180100,5\n', 'rate_dre is 5.0, expected a bulk effusion rate'),
     ('x,y,time\n500100,4180100,5\n', 'an effusion rate, and a point'),
     ('x,y,start_date\n500100,4180100,44458\n', 'is .44458., expected a header without the word'),
-    ('x,y\n510100,4180100\n', 'a vent of .*a place on the terrain, which covers'),
+    ('x,y\n510100,4180100\n', 'a.csv is .*a place on the terrain, which covers'),
     ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of no length'),
 ])
 def test_rejects_invalid_vents(text, words, tmp_path):
@@ -323,5 +321,5 @@ def test_places_are_degrees_if_they_are_then_on_the_terrain(ending, tmp_path):
     (tmp_path / 'b.csv').write_text('x,y\n15.0,37.7\n')
     (point,) = read_features('--overlay', tmp_path / 'b.csv', local)
     assert point.rings[0].tolist() == [[15.0, 37.7]]
-    given = Namespace(vents=None, vent=['15.0,37.7'], discharge=1.0)
-    assert vents_as_given(given, local)[0].place == (15.0, 37.7)
+    (vent,) = GivenVents(['15.0,37.7'], None, 1.0, {}, str).rows(local)
+    assert vent.place == (15.0, 37.7)

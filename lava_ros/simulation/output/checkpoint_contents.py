@@ -14,7 +14,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
-from lava_ros.scene.vents import VENT_TEMPERATURE_RANGE
+from lava_ros.scene.vent_keys import VENT_TEMPERATURE_RANGE
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.particles.solidified import THICKNESS_UNIT
