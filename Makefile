@@ -22,7 +22,7 @@ $(STAMP): setup.py pyproject.toml package.xml constraints.txt $(wildcard launch/
 	@touch $@
 
 demo: $(STAMP)  ## Simulate a flow on a mountain, live in ROS 2 (ARGS='--help' lists the options)
-	$(VENV)/bin/lava demo $(ARGS)
+	$(VENV)/bin/lava ros demo $(ARGS)
 
 test: $(STAMP)  ## Run all tests except those marked nightly, three at a time (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest --numprocesses 3 --dist loadfile $(ARGS)

@@ -1,30 +1,24 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write the tables of commands and options into docs/commands.md: `python docs/commands.py`."""
+"""Write the tables of commands into commands.md and upgrading.md: `python docs/commands.py`."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 import re
 
 from lava_ros.cli.options import long_name
-from lava_ros.cli.parser import command_line_parser
+from lava_ros.cli.parser import command_line_parser, GROUPS, RENAMED, RENAMED_OPTIONS
 
 PAGE = Path(__file__).with_name('commands.md')
 
-#: The commands of each job, in the order of the work.
-JOBS = {
-    'before': ('effects', 'materials', 'plan', 'barrier'),
-    'simulate': ('run', 'ensemble', 'hindcast', 'calibrate'),
-    'results': ('plot', 'report', 'animate', 'places', 'export', 'watch'),
-    'ros': ('node', 'feed', 'replay', 'demo'),
-    'bags': ('info', 'recover'),
-    'check': ('doctor', 'verify', 'accuracy', 'bench'),
-}
+#: The commands of each table of the page.
+PARTS = ('simulate', 'before', 'results', 'ros', 'bags', 'check')
+JOBS = dict(zip(PARTS, GROUPS.values(), strict=True))
 
 #: Minimum number of commands that have an option of the last table.
-MIN_COMMANDS = 5
+MIN_COMMANDS = 3
 
 
 def command_rows(names: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
@@ -52,6 +46,15 @@ def option_rows() -> Iterator[tuple[str, ...]]:
         if len(users) >= MIN_COMMANDS:
             full = set(users.values())
             yield (f'`{form}`', full.pop() if len(full) == 1 else short, ', '.join(users))
+
+
+def renamed_rows() -> Iterator[tuple[str, ...]]:
+    """Yield a row for each command and each option with another name in earlier versions."""
+    yield ('old', 'new')
+    for old, new in RENAMED.items():
+        yield (f'`lava {old}`', f'`lava {new}`')
+    for old, new in RENAMED_OPTIONS.items():
+        yield (f'`{old}`', f'`{new}`')
 
 
 def _form(action: argparse.Action) -> str:
@@ -88,9 +91,9 @@ def tables() -> dict[str, str]:
     return parts
 
 
-def page(text: str) -> str:
-    """Return the page with its generated parts up to date."""
-    for name, part in tables().items():
+def page(text: str, parts: Mapping[str, str]) -> str:
+    """Return a page with its generated parts up to date."""
+    for name, part in parts.items():
         begin, end = f'<!-- {name}: begin -->\n', f'<!-- {name}: end -->\n'
         before, found, rest = text.partition(begin)
         if not found:
@@ -99,5 +102,14 @@ def page(text: str) -> str:
     return text
 
 
+def pages() -> dict[Path, str]:
+    """Return the pages with generated tables, up to date."""
+    parts = {
+        PAGE: tables(), PAGE.with_name('upgrading.md'): {'renamed': table(renamed_rows())},
+    }
+    return {path: page(path.read_text(encoding='utf-8'), part) for path, part in parts.items()}
+
+
 if __name__ == '__main__':
-    PAGE.write_text(page(PAGE.read_text(encoding='utf-8')), encoding='utf-8')
+    for path, text in pages().items():
+        path.write_text(text, encoding='utf-8')

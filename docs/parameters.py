@@ -23,7 +23,7 @@ HEAD = '| parameter | type | default | range | unit | may change | meaning |'
 LAUNCH = PAGE.parents[1] / 'launch/lava_parameters.yaml'
 
 #: Part of the descriptions of parameters that are read at each reset.
-LATER = 'from the next start or reset on'
+LATER = 'from the next start or reset'
 
 
 def launch_arguments() -> str:
@@ -86,7 +86,7 @@ FILE_HEAD = """\
 # yaml-language-server: $schema=../schemas/parameters.schema.json
 # Parameters of the node with their defaults: a file to copy and to change, for
 #     ros2 launch lava_ros lava.launch.py params_file:=my.yaml
-#     lava node --ros-args --params-file my.yaml
+#     lava ros node --ros-args --params-file my.yaml
 # Arguments of the launch file take precedence over this file. The value of a parameter that is not
 # an integer needs a decimal point (5.0). Written by docs/parameters.py.
 /**:

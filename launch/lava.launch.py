@@ -156,7 +156,7 @@ def _start(context):
         executable='lava',
         namespace=namespace,
         output='screen',
-        arguments=['replay', replay, '--rate', LaunchConfiguration('replay_rate')],
+        arguments=['ros', 'replay', replay, '--rate', LaunchConfiguration('replay_rate')],
     )
     is_default = not LaunchConfiguration('respawn').perform(context)
     respawns = _is_true(context, 'record' if is_default else 'respawn')

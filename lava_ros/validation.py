@@ -23,8 +23,8 @@ _WITH_UNIT = re.compile(r'\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[A-Za-z%°]
 _SIMILARITY = 0.68
 
 
-def meant(word: object, known: Iterable[str]) -> str:
-    """Return a remark about the known word that is most similar to a mistyped one, or nothing."""
+def closest(word: object, known: Iterable[str]) -> str:
+    """Return the known word that is most similar to a mistyped one, or an empty text."""
     from difflib import SequenceMatcher
 
     text = str(word).lower()
@@ -36,7 +36,13 @@ def meant(word: object, known: Iterable[str]) -> str:
         return max(found, _SIMILARITY) if len(item) > 2 and item.lower() in text else found
 
     best = max(known, key=similarity, default='')
-    return f'; did you mean {best}?' if best and similarity(best) >= _SIMILARITY else ''
+    return best if best and similarity(best) >= _SIMILARITY else ''
+
+
+def meant(word: object, known: Iterable[str]) -> str:
+    """Return a remark about the known word that is most similar to a mistyped one, or nothing."""
+    best = closest(word, known)
+    return f'; did you mean {best}?' if best else ''
 
 
 def conflict(one: str, other: str) -> RefusalError:

@@ -8,14 +8,20 @@ from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 
 from lava_ros.cli.main import main
-from lava_ros.cli.parser import command_line_parser
+from lava_ros.cli.parser import command_line_parser, COMMANDS
 
 
 def lava(*words: object) -> tuple[int, str, str]:
-    """Call the command line; return its exit status, stdout and stderr."""
+    """Call the command line; return its exit status, stdout and stderr.
+
+    The first argument may be a command of two words.
+    """
+    arguments = [str(word) for word in words]
+    if arguments and arguments[0] in COMMANDS:
+        arguments[:1] = arguments[0].split()
     with redirect_stdout(StringIO()) as out, redirect_stderr(StringIO()) as err:
         try:
-            status = main([str(word) for word in words])
+            status = main(arguments)
         except SystemExit as end:
             status = int(str(end.code))
     return status, out.getvalue(), err.getvalue()
@@ -37,7 +43,4 @@ def refused(*words: object) -> str:
 
 def parser_of(command: str) -> argparse.ArgumentParser:
     """Return the parser of a command."""
-    for action in command_line_parser()._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            return action.choices[command]
-    raise AssertionError(command)
+    return command_line_parser().commands[command]

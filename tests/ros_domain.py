@@ -20,7 +20,7 @@ def own_domain(name: str = 'graph') -> int:
     """Return a domain that only this process uses, one for each name.
 
     The port of its first participant stays bound, so that other searches for a free domain, such
-    as that of `lava demo`, take another one. Participants take the next ports. A domain with a
+    as that of `lava ros demo`, take another one. Participants take the next ports. A domain with a
     used port has participants left over from an earlier run.
     """
     return _claim(name)

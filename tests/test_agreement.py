@@ -26,6 +26,7 @@ from rosbags.typesys import get_typestore, Stores
 
 from command_line import done
 from eruption import CELL, CORNER, SHAPE, VENT, write_case
+from lava_ros.cli.console import with_units
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.forecast_run import ForecastRun
 from lava_ros.forecast.probability import EnsembleAccumulator, footprint_by
@@ -111,15 +112,15 @@ def run(tmp_path_factory):
     """Return a hindcast, its printed text, and everything made from its bag."""
     folder = tmp_path_factory.mktemp('agreement')
     case, out = write_eruption(folder / 'pulses'), folder / 'out'
-    printed = done('hindcast', case, *OPTIONS, '-o', out)
+    printed = done('run', case, *OPTIONS, '-o', out)
     formats = [name for name, package in FORMATS.items() if find_spec(package)]
     done('export', out / 'bag', '-o', folder / 'maps', '--formats', *formats)
-    done('plot', out / 'bag', '-o', folder / 'map.png', '--json', folder / 'plot.json')
-    done('report', out / 'bag', '-o', folder / 'report.html')
+    done('map', out / 'bag', '-o', folder / 'map.png', '--json', folder / 'plot.json')
+    done('map', out / 'bag', '-o', folder / 'report.html')
     return SimpleNamespace(
         folder=folder, case=case, out=out, printed=printed, maps=folder / 'maps',
         score=json.loads((out / 'hindcast.json').read_text())['score'],
-        volume=json.loads((out / 'hindcast.json').read_text())['volume'],
+        volume=json.loads((out / 'hindcast.json').read_text()),
         decisions=json.loads((out / 'hindcast.json').read_text())['decisions'],
         plot=json.loads((folder / 'plot.json').read_text()),
         report=(folder / 'report.html').read_text(), page=(out / 'hindcast.html').read_text(),
@@ -131,7 +132,7 @@ def run(tmp_path_factory):
 def test_eruption_solidifies_drains_and_still_flows(run):
     assert not any(item['on_since_s'] for item in run.decisions)
     reached, standing = np.isfinite(run.arrival), run.thickness >= 0.1
-    assert run.volume['frozen'] > 0.05 * run.volume['emitted']
+    assert run.volume['volume_frozen_m3'] > 0.05 * run.volume['volume_emitted_m3']
     assert (reached & ~standing).sum() >= 5
     assert not (standing & ~reached).any()
     assert ((run.arrival > 0.0) & (run.arrival < 600.0)).any() and np.nanmax(run.arrival) > 1500.0
@@ -189,11 +190,11 @@ def frame_of(run) -> Any:
 
 @pytest.mark.parametrize('output', AREAS)
 def test_inundated_area_is_the_same_in_each_output(run, output):
-    assert AREAS[output](run) == pytest.approx(run.score['area'], rel=1e-6)
+    assert AREAS[output](run) == pytest.approx(run.score['area_m2'], rel=1e-6)
 
 
 def test_inundated_area_is_the_same_in_all_texts(run):
-    area = run.score['area']
+    area = run.score['area_m2']
     assert f'{area / 1e6:.3f} of ' in run.page and f'{area / 1e6:.3f} of ' in run.printed
     assert f'{area_words(area)} inundated' in run.plot['summary']
     assert f'<dt>inundated area, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
@@ -233,18 +234,18 @@ def test_standing_lava_is_the_same_in_all_outputs(run):
     np.testing.assert_array_equal(run.bag.height > 0, standing)
     area = float(run.bag.diagnostics['standing_area_m2'])
     assert area == pytest.approx(run.inundated[standing].sum() * cell, rel=1e-6)
-    assert run.score['standing_area'] == area < run.score['area']
+    assert run.score['standing_area_m2'] == area < run.score['area_m2']
     assert f'{area_words(area)} standing lava' in run.plot['summary']
     assert f'<dt>standing lava, 0.1 m or more</dt><dd>{area_words(area)}</dd>' in run.report
     assert f'{area / 1e6:.3f} km² at the end' in run.page
     thickest = run.thickness.max()
-    assert run.score['thickest'] == run.bag.height_raw.max() == thickest
+    assert run.score['thickest_m'] == run.bag.height_raw.max() == thickest
     assert f'up to {thickest:.3g} m thick' in run.plot['summary']
     volume = run.thickness.sum() * cell
-    assert run.score['volume'] == pytest.approx(volume, rel=1e-6)
-    flowing = run.volume['held'] - run.volume['pending']
-    assert flowing + run.volume['frozen'] == pytest.approx(volume, rel=1e-5)
-    assert float(run.bag.diagnostics['volume_frozen_m3']) == run.volume['frozen']
+    assert run.score['volume_m3'] == pytest.approx(volume, rel=1e-6)
+    flowing = run.volume['volume_held_m3'] - run.volume['volume_pending_m3']
+    assert flowing + run.volume['volume_frozen_m3'] == pytest.approx(volume, rel=1e-5)
+    assert float(run.bag.diagnostics['volume_frozen_m3']) == run.volume['volume_frozen_m3']
 
 
 @pytest.mark.parametrize('name', ['thickness', 'arrival', 'inundated'])
@@ -307,7 +308,7 @@ def ensemble(run):
     out, report = run.folder / 'ensemble', run.folder / 'ensemble.json'
     formats = [name for name, package in FORMATS.items() if find_spec(package)]
     done(
-        'ensemble', run.case, *OPTIONS, '-o', out, '--members', '2', '--workers', '1',
+        'run', run.case, *OPTIONS, '-o', out, '--members', '2', '--workers', '1',
         '--json', report, '--formats', *formats,
     )
     members = read_run(out).ensemble
@@ -340,7 +341,7 @@ def test_ensemble_of_identical_members_equals_the_run(run, ensemble):
         np.testing.assert_array_equal(np.isfinite(times), reached)
         late = np.abs(times - run.arrival)[reached]
         assert late.max() <= maps.arrival_error + 1e-3
-    assert {*maps.areas(CELL).values(), maps.worst_area(CELL)} == {run.score['area']}
+    assert {*maps.areas(CELL).values(), maps.worst_area(CELL)} == {run.score['area_m2']}
     np.testing.assert_array_equal(
         footprint_by(members[0], ensemble.plan, ensemble.plan.horizon), run.inundated >= 0.5
     )
@@ -349,7 +350,8 @@ def test_ensemble_of_identical_members_equals_the_run(run, ensemble):
 def test_ensemble_differs_from_the_run_by_the_error_of_the_spacing(run, ensemble):
     members = list(stored_members(ensemble.out, 2, ensemble.plan, on_refused=print))
     maps = maps_of(members, ensemble.plan)
-    assert maps.spacing_error.as_dict() == ensemble.report['spacing_error']
+    expected = with_units(maps.spacing_error.as_dict(), m='spacing usable_spacing')
+    assert expected == ensemble.report['spacing_error']
     probability = read_tif(ensemble.out / 'inundation_probability.tif')
     np.testing.assert_array_equal(probability, maps.probability)
     np.testing.assert_array_equal(probability > 0.0, np.isfinite(run.arrival))
@@ -358,7 +360,7 @@ def test_ensemble_differs_from_the_run_by_the_error_of_the_spacing(run, ensemble
         np.testing.assert_array_equal(read_tif(path), times)
     worst, *areas = ensemble.report['area_m2'].values()
     assert areas == list(maps.areas(CELL).values()) and worst == maps.worst_area(CELL)
-    assert areas[1] == pytest.approx(run.score['area'] * math.exp(-maps.spacing_error.growth))
+    assert areas[1] == pytest.approx(run.score['area_m2'] * math.exp(-maps.spacing_error.growth))
     for percent, area in zip((10, 50, 90), areas, strict=True):
         path = ensemble.out / 'inundation_probability.tif'
         assert tag_of(path, f'inundated_area_p{percent}_m2') == area
@@ -385,7 +387,7 @@ def test_ensemble_is_the_same_in_all_outputs(run, ensemble):
     for item in features:
         by_then = tifs['arrival_time_p50'] <= item['properties']['time_s']
         assert item['properties']['area_m2'] == by_then.sum() * CELL**2
-    done('plot', ensemble.out, '-o', run.folder / 'e.png', '--json', run.folder / 'e.json')
+    done('map', ensemble.out, '-o', run.folder / 'e.png', '--json', run.folder / 'e.json')
     shown = json.loads((run.folder / 'e.json').read_text())
     for name, area in ensemble.report['area_m2'].items():
         words = name.replace('at least', 'at') + (' or more' if '%' in name else '')

@@ -236,7 +236,7 @@ def test_commands_in_blocks_have_known_options_and_parameters() -> None:
                     parse_command_line(shlex.split(call, comments=True)[1:])
                 except SystemExit as end:
                     assert end.code == 0, f'{block}: {line}'
-            if re.match('lava(_node| node)', line):
+            if re.match('lava(_node| ros node)', line):
                 assert set(re.findall(r'-p "?([\w.]+):=', ros)) <= known, f'{block}: {line}'
 
 

@@ -3,7 +3,7 @@
 
 """Compute a hazard atlas on the ground of a mapped eruption, and measure the wall time.
 
-The output is atlas_h200.csv. CASE is a folder for `lava hindcast`, FOLDER is that of the atlas:
+The output is atlas_h200.csv. CASE is a folder for `lava run CASE`, FOLDER is that of the atlas:
 
     python docs/benchmarks/atlas.py CASE FOLDER --members 1000 --device cuda:0 --machine M
 
@@ -98,9 +98,9 @@ def main():
     args.folder.mkdir(parents=True, exist_ok=True)
     case = load_case(args.case)
     path, result = scene(case, args.folder, args.days), args.folder / 'atlas.json'
-    words = ['ensemble', str(path), '-o', str(args.folder / 'atlas'), '--json', str(result)]
+    words = ['run', str(path), '-o', str(args.folder / 'atlas'), '--json', str(result)]
     words += ['--susceptibility', str(args.folder / 'where.tif'), '--preset', 'draft']
-    words += ['--horizon', f'{24 * args.days}h']
+    words += ['--until', f'{24 * args.days}h']
     words += ['--members', str(args.members), '--device', args.device]
     start = time.perf_counter()
     # standard output is the table

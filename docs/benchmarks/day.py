@@ -7,8 +7,8 @@ The output is day.csv, with a run for each machine:
 
     python docs/benchmarks/day.py --device cuda:0 --case CASE --machine M
 
-The case is a folder for `lava hindcast`, or a pickled case; effects are those of the whole case.
-The Courant numbers are that of `lava hindcast`, 1, and smaller ones; inundated areas are compared
+The case is a folder for `lava run CASE`, or a pickled case; effects are those of the whole case.
+The Courant numbers are that of `lava run CASE`, 1, and smaller ones; inundated areas are compared
 with those of the smallest. Runs with a vent moved by a millionth of a metre measure the random
 part of the difference.
 """

@@ -9,7 +9,7 @@ The output is members_day_h200.csv and members_cpu.csv:
     python docs/benchmarks/members.py CASE --device cpu --members 32 --workers 2 --machine M
     python docs/benchmarks/members.py CASE --device cuda --members 512 --workers 2 --machine M
 
-CASE is a folder for `lava hindcast`, or a pickled case. Members are observed each hour of the
+CASE is a folder for `lava run CASE`, or a pickled case. Members are observed each hour of the
 first day, or 24 times within other horizons, on ground not finer than the particles.
 """
 

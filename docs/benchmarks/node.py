@@ -7,9 +7,9 @@ The output is node_h200.csv; the arguments after the machine are optional:
 
     python docs/benchmarks/node.py cuda:0 'machine' 2000 1000000 5 > node_h200.csv
 
-Start: time from the start of the process `lava node` with a scene file of a terrain and one vent
-to its first grid in the process of a waiting subscriber. The kernel cache is a new folder, so only
-the first start compiles.
+Start: time from the start of the process `lava ros node` with a scene file of a terrain and one
+vent to its first grid in the process of a waiting subscriber. The kernel cache is a new folder, so
+only the first start compiles.
 
 Publishing: the node resumes from a checkpoint with that many particles, and runs at full speed in
 steps of fixed length. It publishes a grid ten times a second or every other second, in
@@ -120,12 +120,12 @@ class Listener:
 
 
 class Node:
-    """Process of `lava node`."""
+    """Process of `lava ros node`."""
 
     def __init__(self, folder, env, **parameters):
         """Start the process with parameters."""
         words = [f'{name}:={value}' for name, value in parameters.items()]
-        command = [sys.executable, '-m', 'lava_ros.cli.main', 'node', '--ros-args']
+        command = [sys.executable, '-m', 'lava_ros.cli.main', 'ros', 'node', '--ros-args']
         for word in words:
             command += ['-p', word]
         self.log = folder / 'node.txt'

@@ -30,7 +30,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.members import make_plan, run_members
 from lava_ros.forecast.partner_runs import measure_error
 from lava_ros.forecast.pilot_runs import accuracy_at, run_at
-from lava_ros.forecast.planning import plan_within, sampling_error
+from lava_ros.forecast.planning import plan_runs, sampling_error
 from lava_ros.forecast.probability import footprint_by, footprint_of
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -117,7 +117,7 @@ def measure(name, within, fraction, members):
     """Plan, run and measure; return a row."""
     item = next(item for item in (*scenes(), *held_out()) if item.name == name)
     scene, horizon, clock = item.scene, fraction * item.horizon, time.process_time
-    plan = plan_within(
+    plan = plan_runs(
         scene, within=within, horizon=horizon, members=members, device='cpu', clock=clock
     )
     accuracy = accuracy_at(scene, 1.0, horizon)
@@ -195,7 +195,7 @@ def sampling():
             ('found, independent members', error(np.split(drawn, MEMBERS // size))),
         ]
         if size in balanced:
-            rows.append(('found, members of `lava ensemble`', error(balanced[size])))
+            rows.append(('found, members of `lava run`', error(balanced[size])))
         for kind, value in rows:
             yield {
                 'quantity': f'error of a probability, {kind}', 'members': size, 'value': value,

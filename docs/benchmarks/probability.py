@@ -6,9 +6,9 @@
 python docs/benchmarks/probability.py OUT.csv --case DIR [--case DIR ...] --folder DIR
     [--members N] [--preset P] [--spacing M] [--device D] [--machine NAME]
 
-The members are those of ``lava ensemble DIR``, scored against the map. Then each member is the
-truth once, and the other members forecast it, first with equal weights and then weighted by its
-outline at a third of the time. The table has rows at 16, 32, 64, ... members; the same command
+The members are those of ``lava run DIR --members N``, scored against the map. Then each member is
+the truth once, and the other members forecast it, first with equal weights and then weighted by
+its outline at a third of the time. The table has rows at 16, 32, 64, ... members; the same command
 resumes an interrupted run. OUT.png is the reliability diagram of the last rows.
 
 Of cases with dated outlines the table has a row for each date, and one for all dates: first of the

@@ -5,7 +5,7 @@
 
 In a shell with ROS 2 and Nav2, from the root of the project:
 
-    python docs/benchmarks/rolling_window.py 'MACHINE' --node '.venv/bin/lava node' \
+    python docs/benchmarks/rolling_window.py 'MACHINE' --node '.venv/bin/lava ros node' \
         > docs/benchmarks/rolling_window.csv
 
 The simulation has ended, so that the masks come by their heartbeat alone. Costmaps of several

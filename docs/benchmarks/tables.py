@@ -519,7 +519,7 @@ def preset_scores() -> Iterator[Line]:
 
 
 def command_times() -> Iterator[Line]:
-    """Yield the wall times of `lava hindcast` on the mapped flows."""
+    """Yield the wall times of `lava run CASE` on the mapped flows."""
     head, *rows = commands()
     yield head[1:]
     yield from (row[1:] for row in rows if row[0] == 'lava_ros')

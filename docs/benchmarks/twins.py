@@ -104,7 +104,7 @@ class Twins:
 def ensemble_of(
     scene: Scene, args: argparse.Namespace, coarseness: float, folder: Path
 ) -> Twins:
-    """Run the ensemble of a scene as ``lava ensemble`` does."""
+    """Run the ensemble of a scene as `lava run --members` does."""
     accuracy = preset_accuracy('draft')
     plan = make_plan(scene, horizon=args.horizon, accuracy=accuracy)
     accuracy = replace(accuracy, spacing=coarseness * plan.accuracy.spacing)

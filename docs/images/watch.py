@@ -8,10 +8,11 @@ The variable CHROME names it, or ``make look`` installs it.
 The recording shows a bag of ``examples/etna.yaml`` with checkpoints, the picture the forecast of a
 running node:
 
-    lava node --ros-args -p scene:=examples/etna.yaml -p record:=true -p bag_directory:=bags/film \
-        -p time_scale:=2400.0 -p preset:=draft -p end_time:=43200.0 -p checkpoint_period:=1.0
+    lava ros node --ros-args -p scene:=examples/etna.yaml -p record:=true \
+        -p bag_directory:=bags/film -p time_scale:=2400.0 -p preset:=draft \
+        -p end_time:=43200.0 -p checkpoint_period:=1.0
     PYTHONPATH=tests python docs/images/watch.py bags/film
-    lava node --ros-args -p scene:=examples/uncertain.yaml -p forecast_horizon:=2.0 \
+    lava ros node --ros-args -p scene:=examples/uncertain.yaml -p forecast_horizon:=2.0 \
         -p ensemble_members:=8 -p time_scale:=60.0 -p preset:=draft &
     PYTHONPATH=tests python docs/images/watch.py
 """

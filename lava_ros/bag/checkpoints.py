@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from lava_ros.bag.mcap_file import has_begun, mapped, read_summary
 from lava_ros.bag.reader import mcap_files
 from lava_ros.bag.records import BROKEN, FRAME, is_whole, iter_records, MAX_RECORD_SIZE, TRUNCATED
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files import open_input
 from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
 
@@ -30,7 +30,7 @@ Parsed = TypeVar('Parsed')
 #: Name of the attachments that are checkpoints.
 NAME = 'lava checkpoint'
 
-#: Stands for the name of an attachment whose name is damaged.
+#: Name given to an attachment whose own name is damaged.
 UNREADABLE = 'without a readable name'
 
 
@@ -64,7 +64,7 @@ class Attachment:
         if len(content) < self.length:
             raise LavaError(label, f'{len(content)} bytes', f'{self.length} bytes')
         if self.name == UNREADABLE or not is_whole(content):
-            raise LavaError(label, f'{self.length} bytes', 'undamaged data')
+            raise RefusalError(label, f'The {label} is damaged', 'Use an older checkpoint')
         return content[-4 - self.size : -4]
 
 

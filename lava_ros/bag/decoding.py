@@ -46,7 +46,7 @@ class Decoder:
         }
 
     def decode(self, message: BagMessage, take: Callable[[Any], Any] = lambda item: item) -> Any:
-        """Decode a message and return ``take(message)``, by default the message itself.
+        """Decode a message and return ``take(message)``; ``take`` returns the message by default.
 
         Raises:
             LavaError: If the data do not match their definition, or ``take`` fails.
@@ -150,11 +150,11 @@ def cloud_columns(
             raise LavaError(where, found, 'a datatype from 1 (INT8) to 8 (FLOAT64), count 1')
         dtype = np.dtype(('>' if cloud.is_bigendian else '<') + POINT_TYPES[item.datatype])
         if item.offset + dtype.itemsize > cloud.point_step:
-            expected = f'inside a point of {cloud.point_step} bytes (point_step)'
+            expected = f'a field inside a point of {cloud.point_step} bytes (point_step)'
             raise LavaError(f'{where}.offset', item.offset, expected)
         steps = (cloud.row_step, cloud.point_step)
         view = np.ndarray((rows, columns), dtype, cloud.data, item.offset, steps)
-        # The data may have any bit pattern, also a signalling NaN.
+        # The data may have any bit pattern, including a signalling NaN.
         with np.errstate(invalid='ignore'):
             result[key] = view.astype(np.float64).ravel()
     return result
@@ -227,8 +227,8 @@ class Timeline:
     ) -> None:
         """Read the diagnostics of a bag on a topic, if there are any.
 
-        ``is_own`` is True if the node recorded the bag: publish times are then of the clock of the
-        stamps, while other recorders have another clock, or none.
+        ``is_own`` is True if the node recorded the bag: publish times then come from the same
+        clock as the stamps. Other recorders may use another clock.
         """
         found = []
         # differences between log times and the clock [ns], and the log times at which they begin

@@ -17,10 +17,11 @@ from lava_ros.simulation.selection import Decision
 def described(custom_data: Mapping[str, str]) -> dict[str, Any]:
     """Parse the node's description of a recording; a missing or malformed part is None.
 
-    ``scene`` is the result of scene_to_dict, ``parameters`` those of the node, ``effects`` the
-    effects (texts that begin with ``on`` or ``off``) and the times of their changes,
-    ``resumed_from`` the bag and time of the checkpoint from which the run was resumed, and
-    ``topics`` the full names of the node's topics by the names in the layer files and in ROS.md.
+    ``scene`` is the result of scene_to_dict, ``parameters`` the parameters of the node,
+    ``effects`` the effects (texts that begin with ``on`` or ``off``) and the times of their
+    changes, ``resumed_from`` the bag and time of the checkpoint from which the run was resumed,
+    and ``topics`` the full names of the node's topics by the names in the layer files and in
+    ROS.md.
     """
     found: dict[str, Any] = {}
     for name, (parse, is_valid) in _KNOWN.items():
@@ -55,13 +56,13 @@ def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, s
 
 
 def is_on(text: str) -> bool:
-    """Return True if a text of the table is that of an active effect."""
+    """Return True if a text of the table describes an active effect."""
     return text.startswith('on:')
 
 
 def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
     if decision is None:
-        return 'forced' if name in effects else 'never chosen, only forced'
+        return 'forced' if name in effects else 'never chosen automatically'
     is_needed = decision.value > decision.effect.threshold
     is_switched_on = not math.isnan(decision.since)
     is_fixed = decision.is_forced or bool(decision.formulation)

@@ -40,14 +40,14 @@ class StampedGeoreference(NamedTuple):
 
 
 def read_georeference(message: Any, frame_id: str | None = None) -> StampedGeoreference:
-    """Read a message, that of the map frame ``frame_id`` or, with None, of any frame.
+    """Read the message of the map frame ``frame_id`` or, with None, of any frame.
 
     Raises:
         LavaError: If the message is of another frame, its coordinate system is not a projected one
             in metres, or its transform is not a shift along the axes x and y.
     """
     if frame_id not in (None, message.child_frame_id):
-        expected = f'{frame_id!r}: nothing is transformed here'
+        expected = f'{frame_id!r}: messages are not transformed'
         raise LavaError(f'{TOPIC}.child_frame_id', message.child_frame_id, expected)
     place, turn = message.transform.translation, message.transform.rotation
     for axis, value in (('x', place.x), ('y', place.y)):
@@ -81,7 +81,7 @@ def _with_system(text: str, offset: tuple[float, float]) -> Georeference:
         result = Georeference(None, offset, text)
     else:
         raise LavaError(field, shown, expected)
-    # without GDAL, the program that uses it checks it
+    # without GDAL, the definition is checked by the program that uses it
     if is_installed('rasterio'):
         try:
             system = coordinate_system(result.epsg, result.wkt)
@@ -110,7 +110,7 @@ def georeferenced(
     """Return a scene, in the form of ``scene_to_dict``, with another georeference."""
     known = scene.get('terrain') or {}
     stated = georeference._asdict()
-    # the scene may also have the vertical datum, and is checked where it is used
+    # the scene may also have the vertical datum; its georeference is checked when it is used
     if stated['epsg'] is not None and stated['epsg'] == known.get('epsg'):
         del stated['wkt']
     return {**scene, 'terrain': {**known, **stated}}

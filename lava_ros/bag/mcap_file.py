@@ -127,7 +127,7 @@ class McapFile:
                     loaded = self._load(stream, block, wanted, start_ns)
                     held += loaded.size
                     if held > MAX_HELD:
-                        expected = f'at most {MAX_HELD} bytes of messages of one time, not {held}'
+                        expected = f'at most {MAX_HELD} bytes of messages at one time, not {held}'
                         raise LavaError('bag', str(self.path), expected)
                     number += 1
                     if (time := loaded.next_time) is not None:
@@ -227,7 +227,7 @@ class _Messages:
         self._data += memoryview(data)[head.start : head.end]
 
     def sort(self) -> None:
-        """Sort the messages by log time; those of one time remain in the order of the file."""
+        """Sort the messages by log time; messages with equal times keep the order of the file."""
         times = np.asarray(self._times)
         if (times[1:] < times[:-1]).any():
             order = np.argsort(times, kind='stable')
@@ -268,7 +268,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
             # a file with damaged magic bytes is still an MCAP file if a record follows
             if data[: len(MAGIC)] != MAGIC and not records.fits(data, len(MAGIC)):
-                raise LavaError('bag', str(path), 'an MCAP file; it does not start like one')
+                raise LavaError('bag', str(path), 'an MCAP file; this one has another format')
             yield data
 
 
@@ -334,7 +334,7 @@ def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | N
 
 
 def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
-    """Return True if the data match their checksum or, without one, those of their parts."""
+    """Return True if the data match their checksum or, without one, the checksums of all parts."""
     footer = records.footer_of(data)
     assert footer is not None
     end = footer.summary_start - records.FRAME.size - records.DATA_END.size
@@ -435,7 +435,7 @@ def _add(contents: McapFile, data: bytes, offset: int, *, joins: bool = False) -
             channels[item.id] = item
         elif isinstance(item, Metadata):
             if not bag_metadata.is_whole(item.name, item.metadata):
-                raise McapError('its checksum does not fit')
+                raise McapError('its checksum does not match')
             metadata[item.name] = item.metadata
     contents.schemas.update(schemas)
     contents.channels.update(channels)

@@ -101,7 +101,7 @@ def georeference(stated: Georeference, header: Plain) -> Message:
 def diagnostics(
     name: str, message: str, values: Mapping[str, object], stamp_ns: int
 ) -> Message:
-    """Make diagnostics with one status of level OK; ``name`` is that of its task."""
+    """Make diagnostics with one status of level OK; ``name`` is the name of its task."""
     status = {
         'name': name,
         'message': message,

@@ -116,7 +116,7 @@ def to_record(data: Mapping[str, Any]) -> dict[str, str]:
 
 def to_text(data: Mapping[str, Any]) -> str:
     """Convert metadata to YAML."""
-    # lines are not folded, so that every YAML reader gets long values unchanged
+    # lines are not folded, so that every YAML reader reads long values unchanged
     return dump_yaml(data, allow_unicode=True, width=2**31)
 
 
@@ -147,7 +147,7 @@ def read_metadata(path: Path) -> StoredMetadata:
     Raises:
         LavaError: If the file does not describe a bag in plain MCAP.
     """
-    expected = 'metadata that rosbag2 wrote; if it is damaged, remove it: it is not needed'
+    expected = 'metadata written by rosbag2; if the file is damaged, delete it: it is not needed'
     data = read_yaml('bag', path, expected)
     if not isinstance(data, Mapping) or ROOT not in data:
         raise LavaError('bag', str(path), f'{expected} (a mapping with the key {ROOT})')
@@ -165,7 +165,7 @@ def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
 
 def _parsed(data: object, path: Path) -> StoredMetadata:
     if not isinstance(data, Mapping):
-        raise LavaError('bag', str(path), 'metadata that rosbag2 wrote: a YAML mapping')
+        raise LavaError('bag', str(path), 'metadata written by rosbag2: a YAML mapping')
     storage = data.get('storage_identifier')
     if storage != 'mcap':
         expected = 'mcap; `ros2 bag convert` turns other bags into MCAP'
@@ -185,7 +185,7 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
 
 def _counts(listed: object, path: Path) -> Counter[str]:
     counts: Counter[str] = Counter()
-    expected = 'metadata with a name and a message_count of each topic; if damaged, remove it'
+    expected = 'metadata with a name and a message_count for each topic; if damaged, delete it'
     with refusing('bag', str(path), expected, KeyError, TypeError):
         for item in listed:  # type: ignore[attr-defined]
             name = str(item['topic_metadata']['name'])

@@ -14,7 +14,7 @@ from lava_ros.files.yaml import dump_yaml, parse_yaml
 #: rosbag2's value for a duration without limit [ns].
 INFINITE_NS = 2**63 - 1
 
-#: Depth of a history if none was recorded: that of rmw's default profile.
+#: Depth of a history if none was recorded: the depth in rmw's default profile.
 DEFAULT_DEPTH = 10
 
 # Names of each policy, in the order of their numbers in metadata before version 9.
@@ -52,14 +52,14 @@ class QosProfile:
         """Validate the policies.
 
         Raises:
-            LavaError: If rmw does not have a policy.
+            LavaError: If rmw does not define a policy.
         """
         for name, words in _WORDS.items():
             validation.choice(f'qos.{name}', getattr(self, name), words)
 
     @property
     def is_latched(self) -> bool:
-        """True if a late subscriber gets messages published before it joined."""
+        """True if a late subscriber receives messages that were published before it joined."""
         return self.durability == 'transient_local'
 
     def to_dict(self) -> dict[str, Any]:
@@ -71,7 +71,7 @@ class QosProfile:
         return result
 
 
-#: Profile of the package's maps: a late subscriber gets the newest one.
+#: Profile of the package's maps: a late subscriber receives the newest map.
 LATCHED = QosProfile(depth=1, durability='transient_local')
 
 

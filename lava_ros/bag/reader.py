@@ -44,7 +44,7 @@ class BagReader:
         contents: Contents of each file.
         topics: Topics by name.
         custom_data: Description of the recording: free text by name.
-        recovered: Whether a file was not finished. Everything before its end is read.
+        recovered: Whether a file is unfinished. Everything before its end is read.
         damage: A sentence for each damaged part that is left out, for messages in metadata.yaml
             that are missing, and for each part that a caller could not use
             (``report_damage``). The sentences are also logged.

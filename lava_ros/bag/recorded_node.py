@@ -17,7 +17,7 @@ from lava_ros.bag.decoding import (
 )
 from lava_ros.bag.description import described
 from lava_ros.bag.reader import BagMessage, BagReader
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 
 #: Default full name of the node.
 DEFAULT_NODE = '/lava'
@@ -133,7 +133,7 @@ class Selection:
 
 
 def select_node(bag: BagReader, node: str, shared: frozenset[str]) -> Selection:
-    """Return the messages of a node: all of a bag that describes it, else of its namespace.
+    """Return the messages of a node: all of a bag that describes it, else those of its namespace.
 
     Args:
         bag: The bag.
@@ -162,7 +162,7 @@ def select_node(bag: BagReader, node: str, shared: frozenset[str]) -> Selection:
 
 
 def _nodes_in(timeline: Timeline, namespaces: Iterable[str] | None = None) -> list[RecordedNode]:
-    """List the nodes of a bag that names none: those with diagnostics.
+    """List the nodes of a bag whose description names none: the nodes with diagnostics.
 
     With ``namespaces``, a node without a name is listed for each of them without diagnostics, and
     nodes of others are left out.
@@ -191,5 +191,6 @@ def _chosen(bag: BagReader, known: list[RecordedNode], node: str | None) -> Reco
             raise LavaError('--node', node, f'a node of {bag.path}: {names or "it has none"}')
     if len(known) > 1:
         names = ', '.join(item.name or item.namespace for item in known)
-        raise LavaError('bag', str(bag.path), f'a bag of one node, or --node with one of {names}')
+        remedy = f'Choose one: --node with one of {names}'
+        raise RefusalError('bag', f'{bag.path} contains several nodes', remedy)
     return known[0] if known else RecordedNode('', '/', {})

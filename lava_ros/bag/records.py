@@ -32,13 +32,13 @@ MAX_CHUNK_SIZE = 1 << 29
 #: Opcode and length of a record.
 FRAME = struct.Struct('<BQ')
 
-#: Content of the record that ends the data: a checksum over them.
+#: Content of the record at the end of the data: a checksum of the data.
 DATA_END = struct.Struct('<I')
 
-#: In place of an opcode: bytes that are not a record.
+#: Pseudo-opcode of bytes that are not a record.
 BROKEN = -1
 
-#: In place of an opcode: an incomplete record at the end of a truncated file.
+#: Pseudo-opcode of an incomplete record at the end of a truncated file.
 TRUNCATED = -2
 
 #: Exceptions that parsing of damaged bytes raises.
@@ -253,7 +253,7 @@ def unpacked(chunk: Chunk) -> bytes:
     size = chunk.uncompressed_size
     data: bytes = chunk.data
     check_size(size, MAX_CHUNK_SIZE)
-    # one byte more than the stated size is enough to detect that there is more
+    # reading one byte more than the stated size detects a larger chunk
     if chunk.compression == 'lz4':
         data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     elif chunk.compression == 'zstd':

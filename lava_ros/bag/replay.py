@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from lava_ros import validation
 from lava_ros.bag.reader import BagMessage, BagReader
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 
 #: Wall time between the last message and the first of the next round of a loop [s].
 LOOP_PAUSE = 1.0
@@ -43,7 +43,8 @@ def schedule(
     """Schedule the messages of a bag.
 
     With a start offset, earlier messages are skipped, except the newest one of each latched
-    (transient_local) topic, which is due immediately: a map that was published early still holds.
+    (transient_local) topic, which is due immediately: a map that was published early is still
+    valid.
 
     ``rate`` is bag time per wall time [s/s], ``start_offset`` is bag time after the first message
     [s]. A ``loop`` starts again at the offset after the end, without limit. ``topics`` are the
@@ -55,10 +56,10 @@ def schedule(
     rate = validation.number('rate', rate, above=0.0)
     start_offset = validation.number('start_offset', start_offset, at_least=0.0, unit='s')
     if bag.start_ns is None or bag.end_ns is None:
-        raise LavaError('bag', 'without messages', 'at least one message to replay')
+        raise RefusalError('bag', f'{bag.path} contains no messages', 'Choose another bag')
     begin = bag.start_ns + round(start_offset * 1e9)
     if begin > bag.end_ns:
-        expected = f'at most the {bag.duration_ns / 1e9:g} s the bag lasts'
+        expected = f'at most {bag.duration_ns / 1e9:g} s, the duration of the bag'
         raise LavaError('start_offset', start_offset, expected)
     chosen = bag.topics.keys() if topics is None else bag.topics.keys() & topics
     latched = [name for name in bag.topics if name in chosen and bag.topics[name].qos.is_latched]

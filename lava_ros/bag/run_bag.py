@@ -10,12 +10,12 @@ from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input
 from lava_ros.files.yaml import parse_json
 
-#: File that makes a folder that of a run; its key ``maps`` names the folder of the bag.
+#: File that identifies the folder of a run; its key ``maps`` names the folder of the bag.
 RUN_FILE = 'run.json'
 
 
 def bag_in(path: str | Path) -> Path:
-    """Return the path of a bag: that of the maps if the path is the folder of a run.
+    """Return the path of a bag: the bag of the maps if the path is the folder of a run.
 
     Raises:
         LavaError: If the file of a run is damaged.

@@ -29,10 +29,10 @@ SEPARATOR = '=' * 80
 
 @dataclass(frozen=True)
 class MessageSchema:
-    """The definition of a message type, with which its messages can be decoded anywhere.
+    """The definition of a message type, with which any program can decode its messages.
 
-    ``text`` contains the definition of the type, then that of each dependency once, in the format
-    ``encoding``. The hash is RIHS01.
+    ``text`` contains the definition of the type, then the definition of each dependency once, in
+    the format ``encoding``. The hash is RIHS01.
     """
 
     name: str
@@ -48,8 +48,7 @@ def message_schema(message_type: str) -> MessageSchema:
     and of each site-packages directory on the import path, then in ``interfaces.json``.
 
     Raises:
-        LavaError: If the name is not that of a message type, or it or a dependency is not
-            installed.
+        LavaError: If the name is not a message type, or the type or a dependency is not installed.
     """
     return _message_schema(message_type, _prefixes())
 

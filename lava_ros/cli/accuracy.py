@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava accuracy`: error against computing time."""
+"""`lava check accuracy`: error against computing time."""
 
 from __future__ import annotations
 
@@ -11,8 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import made_folder, Progress, table_lines, write_json
-from lava_ros.cli.options import argument, command, device_named, repeating_command, seconds_of
+from lava_ros.cli.console import made_folder, Progress, table_lines, with_units, write_json
+from lava_ros.cli.options import (
+    argument,
+    command,
+    device_named,
+    output_option,
+    repeating_command,
+    seconds_of,
+)
 from lava_ros.layers.numbers import percent, seconds
 
 if TYPE_CHECKING:
@@ -29,8 +36,8 @@ if TYPE_CHECKING:
     ),
     argument('--repetitions', 'N', 'time each short run N times (default: 3)', int),
     argument('--longest', 'TIME', 'leave out runs that would take longer (default: 30s)'),
-    argument(
-        '--output', 'DIR', 'folder for the report, whose files are named after the device',
+    output_option(
+        'DIR', 'folder for the report, whose files are named after the device',
         'accuracy',
     ),
     argument('--before', 'FILE', 'CSV of an earlier report, to show its fronts in the chart'),
@@ -80,7 +87,7 @@ def accuracy(args: argparse.Namespace) -> int:
         for found in measure.measure(
             pairs,
             device=device,
-            command=repeating_command('accuracy --quick' if args.quick else 'accuracy', given),
+            command=repeating_command('check accuracy' + ' --quick' * args.quick, given),
             repetitions=repetitions,
             longest=longest,
             on_progress=progress.show,
@@ -93,7 +100,7 @@ def accuracy(args: argparse.Namespace) -> int:
         shown = [row for row in rows if (row.case in cases.EFFECT_CASES) == is_effect]
         if shown:
             draw(shown, cases.TITLES, folder / name, before)
-    write_json(as_plain(measured), args.json)
+    write_json({'rows': with_units(as_plain(measured), s='low high')}, args.json)
     _print_presets(measured)
     print(f'written to {folder}: {stem}.csv, {stem}.png')
     return 0

@@ -6,14 +6,14 @@
 import argparse
 from pathlib import Path
 
-from lava_ros.cli.options import argument, command
+from lava_ros.cli.options import argument, command, output_option
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
 
 @command(
     argument('terrain', 'TERRAIN', 'GeoTIFF or another raster (docs/FORMATS.md), or npz'),
-    argument('-o --output', 'FILE', 'elevation to write, .tif', required=True),
+    output_option('FILE', 'elevation to write, .tif', required=True),
     argument(
         '--line', 'E,N', 'two or more places along the crest: easting,northing [m] or '
         'longitude,latitude', nargs='+',

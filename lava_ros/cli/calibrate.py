@@ -14,8 +14,8 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, Progress, write_json
-from lava_ros.cli.options import argument, command
-from lava_ros.errors import LavaError, refusing
+from lava_ros.cli.options import argument, command, output_option
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
@@ -44,12 +44,12 @@ SETTINGS = 'settings.json'
         [], action='append',
     ),
     argument(
-        '--until', 'TIME', 'fit only the dated outlines up to this time, in s of the clock of the '
-        'case or as a date, and forecast the later ones (default: fit all)',
+        '--fit-until', 'TIME', 'fit only the dated outlines up to this time, in s of the clock of '
+        'the case or as a date, and forecast the later ones (default: fit all)',
     ),
     argument('--workers', 'N', 'number of simultaneous runs, which share the GPU', 1),
-    argument(
-        '-o --output', 'DIR', 'folder for the table and the result (default: '
+    output_option(
+        'DIR', 'folder for the table and the result (default: '
         'calibrations/<cases>_<preset>)',
     ),
     '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
@@ -65,8 +65,8 @@ def calibrate(args: argparse.Namespace) -> int:
     mean over the cases. The command reports the sets that score nearly as well as the best, the
     spread of each constant among them, the constants that do not affect the score, the interval
     that contains each constant with a probability of 90 %, and how well constants fitted to the
-    other cases score on each case. With --until, outlines of later dates are forecast. The same
-    command continues an interrupted search.
+    other cases score on each case. With --fit-until, outlines of later dates are forecast. The
+    same command continues an interrupted search.
     """
     from lava_ros.hindcast.calibration import (
         BATCH,
@@ -103,7 +103,7 @@ def calibrate(args: argparse.Namespace) -> int:
     parameters = free_parameters_of(cases[0], *_chosen(args.unknown), stated=stated)
     moved = [item.name for item in parameters]
     kept, asked = sorted(stated - {*moved}), sorted(stated & {*moved})
-    until = _until(args.until, cases)
+    until = _until(args.fit_until, cases)
     settings = Settings(args.preset, args.spacing, args.device)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
@@ -126,7 +126,7 @@ def calibrate(args: argparse.Namespace) -> int:
     ]
     if any(sample.fitted != fitted for sample in known):
         expected = f'the time with which {table} was written, or --fresh'
-        raise LavaError('--until', args.until, expected)
+        raise LavaError('--fit-until', args.fit_until, expected)
     print(f'moved: {", ".join(moved)}')
     if kept:
         print(f'kept as stated: {", ".join(kept)}')
@@ -204,13 +204,16 @@ def _keep_settings(
         **{f'case {case.name}': identity_of(case, settings) for case in cases},
     }
     if has_runs:
-        with refusing('--output', str(path), 'the settings of its runs, or --fresh', OSError):
+        expected = 'a folder with the settings of its runs, or --fresh'
+        with refusing('--output', str(path), expected, OSError):
             earlier = parse_json(SETTINGS, path.read_text(encoding='utf-8'))
         for name, value in plain.items():
             if earlier.get(name) != value:
-                shown = 'with other content' if name.startswith('case') else value
-                expected = f'as it was for the runs in {output / TABLE}, or --fresh'
-                raise LavaError(name, shown, expected)
+                if name.startswith('case'):
+                    problem = f'The {name} has changed since the runs in {output / TABLE}'
+                    raise RefusalError(name, problem, 'Add --fresh to start again')
+                expected = f'{earlier.get(name)}, as for the runs in {output / TABLE}, or --fresh'
+                raise LavaError(name, value, expected)
     write_json(plain, path)
 
 
@@ -255,17 +258,17 @@ def _until(text: str | None, cases: Sequence[Case]) -> dict[str, float]:
     if text is None:
         return {}
     if not any(case.outlines for case in cases):
-        raise LavaError('--until', text, 'cases with dated outlines (outlines in case.yaml)')
+        raise validation.surplus('--fit-until', 'to cases without dated outlines')
     until = {}
     for case in cases:
         try:
             value: object = float(text)
         except ValueError:
             value = text
-        until[case.name] = time_of_outline('--until', value, case.start, case.onset)
+        until[case.name] = time_of_outline('--fit-until', value, case.start, case.onset)
         if case.outlines and until[case.name] < case.outlines[0].time:
             expected = f'a time after the first outline of {case.name}, {case.outlines[0].text}'
-            raise LavaError('--until', text, expected)
+            raise LavaError('--fit-until', text, expected)
     return until
 
 
@@ -295,7 +298,8 @@ def _names(cases: Sequence[Case]) -> list[str]:
         raise LavaError('CASE_DIR', ' '.join(names), 'folders with different names')
     materials = sorted({case.material.name for case in cases})
     if len(materials) > 1:
-        raise LavaError('CASE_DIR', ' '.join(materials), 'cases of one material, or --material')
+        problem = f'The cases have different materials: {", ".join(materials)}'
+        raise RefusalError('CASE_DIR', problem, 'Choose one with --material')
     return names
 
 

@@ -4,19 +4,20 @@
 """Output of commands: progress, tables, JSON, and text without control characters."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 import json
 import os
 from pathlib import Path
 import sys
 import time
-from typing import Any, TextIO, TYPE_CHECKING
+from typing import Any, TextIO
 
 from lava_ros.errors import LavaError, printable, refusing
 from lava_ros.files import file_to_write, write_output
 
-if TYPE_CHECKING:
-    from lava_ros.layers.place_arrivals import ArrivalTable
+#: Version of the JSON of the commands.
+JSON_VERSION = 1
 
 #: Arguments that name output files.
 OUTPUTS = ('json', 'output', 'picture')
@@ -71,7 +72,7 @@ def check_outputs(args: argparse.Namespace) -> None:
     for output in named.keys() & set(OUTPUTS):
         for name, value in vars(args).items():
             if name != output and any(_is_same(named[output], item) for item in _texts(value)):
-                raise LavaError(f'--{output}', named[output], f'another file than {name}')
+                raise LavaError(f'--{output}', named[output], f'a file other than {name}')
 
 
 def _texts(value: object) -> Iterator[str]:
@@ -83,18 +84,42 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(item)
 
 
-def write_json(data: Any, *names: str | Path | None) -> None:
+def write_json(data: Mapping[str, Any], *names: str | Path | None) -> None:
     """Write data as JSON to files, or to stdout for ``-``; None is ignored.
 
+    ``version`` is that of the format (schemas/json_*.schema.json), unless the data have their own.
     ``main`` keeps all other output of a command with ``--json -`` from stdout.
     """
     # in ASCII, because a terminal may interpret characters at or above 128
-    text = json.dumps(data, indent=1) + '\n'
+    text = json.dumps({'version': JSON_VERSION, **data}, indent=1) + '\n'
     for name in names:
         if name == '-':
             print(text, end='', file=getattr(sys.stdout, 'data', None))
         elif name is not None:
             write_output('--json', name, text)
+
+
+def with_units(data: Any, **units: str) -> Any:
+    """Return plain data whose keys end with their unit, at any depth.
+
+    Args:
+        data: Plain data.
+        units: Names of keys, separated by spaces, by their unit: ``m='spacing width'``.
+    """
+    if isinstance(data, Mapping):
+        new = {name: f'{name}_{unit}' for unit, names in units.items() for name in names.split()}
+        return {new.get(key, key): with_units(value, **units) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [with_units(value, **units) for value in data]
+    return data
+
+
+def accuracy_as_dict(accuracy: Any) -> dict[str, Any]:
+    """Return an accuracy as plain data with units."""
+    plain = with_units(
+        asdict(accuracy), m='spacing thickness threshold', s='longest_step fixed_step'
+    )
+    return dict(plain)
 
 
 def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
@@ -111,13 +136,6 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
     ]
 
 
-def print_arrivals(table: 'ArrivalTable') -> None:
-    """Print the table of the arrival of lava at places."""
-    texts = table.as_texts()
-    sides = ''.join('<' if name in ('place', 'note') else '>' for name in texts[0])
-    print('\n'.join([table.summary, *table_lines(texts, sides)]))
-
-
 def made_folder(name: str | Path) -> Path:
     """Create the folder that ``--output`` names, unless it exists.
 
@@ -125,7 +143,7 @@ def made_folder(name: str | Path) -> Path:
         LavaError: If it cannot be created.
     """
     folder = Path(name)
-    with refusing('--output', str(name), 'a folder to write to', OSError):
+    with refusing('--output', str(name), 'a writable folder', OSError):
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo`: a flow on a mountain."""
+"""`lava ros demo`: a flow on a mountain."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.console import Progress, write_json
-from lava_ros.cli.options import argument, command, seconds_of
+from lava_ros.cli.options import argument, command, output_option, seconds_of, shared
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
-from lava_ros.cli.scene_options import SCENE_OPTIONS
+from lava_ros.cli.scene_options import SCENE
 from lava_ros.errors import refusing
 
 if TYPE_CHECKING:
@@ -41,10 +41,10 @@ RESULT, PICTURE = 'demo.json', 'demo.png'
 
 
 @command(
-    *SCENE_OPTIONS,
-    argument('--duration', 'TIME', 'simulated time: 6h, 90min', '12h'),
-    argument(
-        '--output', 'DIR', 'bag to record; if it exists, a number is added to the name',
+    *SCENE,
+    shared('--until', '12h', default='12h'),
+    output_option(
+        'DIR', 'bag to record; if it exists, a number is added to the name',
         'bags/demo',
     ),
     argument(
@@ -65,7 +65,7 @@ def demo(args: argparse.Namespace) -> int:
     from lava_ros.scene.onset import Onset
 
     require_ros()
-    duration = seconds_of('--duration', args.duration)
+    duration = seconds_of('--until', args.until)
     if args.spacing is not None:
         validation.number('--spacing', args.spacing, above=0.0, unit='m')
     slowest, fastest = SPEED_RANGE
@@ -96,13 +96,13 @@ def demo(args: argparse.Namespace) -> int:
     try:
         values, frames = _flow(scene, settings, domain, duration)
     except ChildError as error:
-        print(f'lava demo: {error}', file=sys.stderr)
+        print(f'lava ros demo: {error}', file=sys.stderr)
         return 1
     result = _result(values, speed) | {
         'height_maps_received': frames, 'erupting_lava': EruptingLava.of(scene).as_dict(),
     }
     draw_runs([output], output / PICTURE)
-    result['wall_time'] = round(time.monotonic() - started, 2)
+    result['wall_time_s'] = round(time.monotonic() - started, 2)
     result['bag'], result['picture'] = str(output), str(output / PICTURE)
     write_json(result, output / RESULT, args.json)
     _print_result(result)
@@ -186,19 +186,18 @@ def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
     budget = VolumeBudget.from_texts(values)
     assert budget is not None
     return {
-        'simulated_time': float(values['simulated_time_s']),
+        'simulated_time_s': float(values['simulated_time_s']),
         'particles': int(values['particles']),
         'spacing_m': float(values['spacing_m']),
         'particles_across': float(values['particles_across']),
-        'numerical_error': values.get('numerical_error', NOT_MEASURED),
+        'numerical_error_text': values.get('numerical_error', NOT_MEASURED),
         **{
             name: float(value) for name, value in values.items()
             if name.startswith('numerical_error_')
         },
         'inundated_area_m2': float(values['inundated_area_m2']),
         'standing_area_m2': float(values['standing_area_m2']),
-        **{name.removesuffix('_m3'): float(text) for name, text in budget.texts().items()},
-        'volumes': dict(budget.rows()),
+        **{name: float(text) for name, text in budget.texts().items()},
         'warnings': budget.warnings(),
         'steps': int(values['steps']),
         'speed': round(speed, 1),
@@ -210,23 +209,26 @@ def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
 def _print_result(result: dict[str, Any]) -> None:
     from lava_ros.layers.numbers import area_words
     from lava_ros.layers.numbers import duration as words
+    from lava_ros.simulation.output.budget import VolumeBudget
 
+    budget = VolumeBudget.from_texts({name: str(value) for name, value in result.items()})
+    assert budget is not None
     held = ' (limited so that you can watch: --max-speed X)' if result['speed_is_limited'] else ''
     for name, value in (
-        ('simulated time', words(result['simulated_time'])),
+        ('simulated time', words(result['simulated_time_s'])),
         ('particles', f'{result["particles"]:,}, {result["spacing_m"]:.3g} m apart'),
         ('particles across the flow', f'{result["particles_across"]:.2g}'),
-        ('numerical error', result['numerical_error']),
+        ('numerical error', result['numerical_error_text']),
         ('inundated area', area_words(result['inundated_area_m2'])),
         ('standing lava', area_words(result['standing_area_m2'])),
-        *((f'volume {name}', value) for name, value in result['volumes'].items()),
+        *((f'volume {name}', value) for name, value in budget.rows()),
         ('speed', f'{result["speed"]:,.0f} x real time{held}'),
         ('device', result['device']),
         ('maps over DDS', f'{result["height_maps_received"]} of height'),
-        ('wall time', f'{result["wall_time"]:.1f} s'),
+        ('wall time', f'{result["wall_time_s"]:.1f} s'),
         ('bag', result['bag']),
         ('picture', result['picture']),
     ):
         print(f'{name:32} {value}')
     for item in result['warnings']:
-        print(f'lava demo: {item}', file=sys.stderr)
+        print(f'lava ros demo: {item}', file=sys.stderr)

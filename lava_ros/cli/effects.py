@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-#: Costs of effects, measured by `lava bench effects`.
+#: Costs of effects, measured by `lava check speed effects`.
 COSTS = 'docs/benchmarks/effects_h200.csv'
 
 
 @command(
-    *SCENE, '--preset', '--horizon', '--on', '--off', '--device',
+    *SCENE, '--preset', '--until', '--on', '--off', '--device',
     argument(
-        '--measure', None, 'simulate the scene up to the horizon, and print the numbers of the '
+        '--measure', None, 'simulate the scene up to --until, and print the numbers of the '
         'flow itself', action='store_true',
     ),
     '--json',
@@ -51,7 +51,7 @@ def effects(args: argparse.Namespace) -> int:
     from lava_ros.simulation.resolution import resolution_of
     from lava_ros.simulation.selection import decide, decision_as_dict
 
-    horizon = seconds_of('--horizon', args.horizon)
+    horizon = seconds_of('--until', args.until)
     scene, forced = scene_from_arguments(args), forced_effects(args)
     accuracy = preset_accuracy(args.preset)
     if args.measure:
@@ -78,7 +78,8 @@ def effects(args: argparse.Namespace) -> int:
     ]
     for text in resolution.warnings():
         _LOG.warning(text)
-    write_json(rows, args.json)
+    kind = None if resolution.kind is None else resolution.kind.text()
+    write_json({'until_s': horizon, 'flow_kind': kind, 'effects': rows}, args.json)
     return 0
 
 

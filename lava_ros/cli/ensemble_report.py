@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report of `lava ensemble`: numbers of its maps, scores against mapped lava, and text."""
+"""The report of an ensemble: numbers of its maps, scores against mapped lava, and text."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def summarize(
         'switched_on': [asdict(item) for item in plan.switched_on],
         'seed': args.seed,
         **where,
-        'wall_s': wall,
+        'wall_time_s': wall,
         'members_per_s': ran / wall if ran else None,
         'area_m2': {
             'in any member': maps.worst_area(plan.scene.terrain.resolution),
@@ -133,7 +133,8 @@ def print_report(
 
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
-    print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} from before')
+    took = f'{report["wall_time_s"]:.0f} s{pace}'
+    print(f'{ran} members run in {took}, {report["resumed"]} from before')
     print('\n'.join(_input_lines(report['inputs'])))
     print('\n'.join(_influence_lines(report['influence'])))
     if 'observed' in report:
@@ -205,7 +206,7 @@ def print_report(
             print('\n'.join(table_lines(place_texts(barriers['places']), '<>>>>')))
         if barriers['effects'] != report['effects']:
             print(
-                'lava ensemble: the runs with barriers have other effects, '
+                'lava run: the runs with barriers have other effects, '
                 f'{", ".join(barriers["effects"])}: delete both folders to run all with these',
                 file=sys.stderr,
             )

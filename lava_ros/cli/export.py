@@ -7,16 +7,14 @@ import argparse
 import sys
 
 from lava_ros.cli.console import Progress
-from lava_ros.cli.options import argument, command, formats, MAPS, seconds_of
+from lava_ros.cli.options import argument, command, formats, MAPS, output_option, seconds_of
+from lava_ros.cli.pages import ONE_RUN
 
 
 @command(
-    'bag', '--node', '--threshold', '--epsg',
-    argument('-o --output', 'DIR', 'folder to write to: new or empty', required=True),
-    argument(
-        '--at', 'TIME', 'write the newest maps up to this simulated time: 2h, 90min; arrival and '
-        'peak thickness cover the time up to it (default: the last)',
-    ),
+    ONE_RUN, '--node', '--threshold', '--epsg',
+    output_option('DIR', 'folder to write to: new or empty', required=True),
+    '--at',
     argument(
         '--every', None,
         'write thickness, temperature and hazard of every frame, in numbered files',
@@ -43,7 +41,7 @@ def export(args: argparse.Namespace) -> int:
     """
     from lava_ros.products.export import export_bag
 
-    at = None if args.at is None else seconds_of('--at', args.at, may_be_zero=True)
+    at = None if args.time is None else seconds_of('--at', args.time, may_be_zero=True)
     with Progress(has_lines=False) as progress:
         exported = export_bag(
             args.bag,

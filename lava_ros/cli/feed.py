@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava feed`: a scene as topics."""
+"""`lava ros feed`: a scene as topics."""
 
 import argparse
 import signal
@@ -9,12 +9,12 @@ import signal
 from lava_ros import validation
 from lava_ros.cli.options import argument, command
 from lava_ros.cli.ros import require_ros
-from lava_ros.cli.scene_options import SCENE_OPTIONS
-from lava_ros.errors import LavaError
+from lava_ros.cli.scene_options import SCENE
+from lava_ros.errors import RefusalError
 
 
 @command(
-    *SCENE_OPTIONS,
+    *SCENE,
     argument('--frame', None, 'frame ID of the messages', 'map'),
     argument(
         '--no-vents', None, 'publish the terrain only; the node keeps its vents',
@@ -32,7 +32,7 @@ def feed(args: argparse.Namespace) -> int:
     until it is interrupted, and a new terrain at the times of --terrain-at and of the events of
     the scene. If the terrain has a coordinate system, it also publishes the static transform from
     utm (a UTM zone of WGS 84) or earth to the frame. It passes --ros-args and everything after it
-    to ROS, for example: lava feed --ros-args -r __ns:=/etna.
+    to ROS, for example: lava ros feed --ros-args -r __ns:=/etna.
     """
     from lava_ros.cli.scenes import scene_as_given, scene_from_arguments
 
@@ -43,9 +43,9 @@ def feed(args: argparse.Namespace) -> int:
     # without vents no flow determines how fine the cells have to be
     scene = scene_as_given(args) if args.no_vents else scene_from_arguments(args)
     if scene.emplaced_flows:
-        expected = 'flows that are ground: lava at the start is a part of the scene of a node '
-        expected += '(-p scene:=FILE), and no topic has it'
-        raise LavaError('scene.emplaced_flows', scene.emplaced_flows[0].source, expected)
+        problem = f'The emplaced flow {scene.emplaced_flows[0].source} cannot be sent on a topic'
+        remedy = 'Give the scene to the node instead: -p scene:=FILE'
+        raise RefusalError('scene.emplaced_flows', problem, remedy)
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava info`: the contents of a bag."""
+"""`lava bag info`: the contents of a bag."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.cli.console import table_lines, write_json
+from lava_ros.cli.console import table_lines, with_units, write_json
 from lava_ros.cli.options import command
 from lava_ros.errors import LavaError
 
@@ -57,12 +57,16 @@ def _as_dict(
     return {
         'path': str(bag.path),
         'files': [
-            {'name': item.path.name, **parts(item, 'size', 'finished', *span)}
+            {
+                'name': item.path.name, 'size_bytes': item.size,
+                **parts(item, 'finished', *span),
+            }
             for item in bag.contents
         ],
-        **parts(bag, 'size', 'recovered', *span),
+        'size_bytes': bag.size,
+        **parts(bag, 'recovered', *span),
         'damage': list(bag.damage),
-        'duration': bag.duration_ns / 1e9,
+        'duration_s': bag.duration_ns / 1e9,
         'topics': [
             {
                 'name': topic.name,
@@ -74,9 +78,13 @@ def _as_dict(
             for topic in bag.topics.values()
         ],
         **_simulation(bag, node),
-        'checkpoints': [item._asdict() for item in checkpoints_of(bag.path, on_refused)],
+        'checkpoints': with_units(
+            [item._asdict() for item in checkpoints_of(bag.path, on_refused)],
+            s='time', bytes='size',
+        ),
         'erupting_lava': None if lava is None else lava.as_dict(),
-        **{name: known[name] for name in _READ},
+        'scene': known['scene'],
+        **with_units({name: known[name] for name in ('effects', 'resumed_from')}, s='time'),
         'custom_data': bag.custom_data,
     }
 
@@ -99,7 +107,7 @@ def _simulation(bag: BagReader, node: str | None) -> dict[str, Any]:
         moment = moments[0]
         names = [name for name in moment.values if name.startswith('volume_')]
         found['simulation'] = {
-            'time': moment.time,
+            'time_s': moment.time,
             **{name: moment.number(name) for name in names},
             'numerical_error': error_of_moment(moment),
             'warnings': warnings_of_moments([moment]),
@@ -122,15 +130,15 @@ def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> li
     lines.append(f'recording  {state}')
     if bag.start_ns is not None:
         lines.append(f'start      {_moment(bag.start_ns)}')
-        lines.append(f'duration   {data["duration"]:.3f} s')
+        lines.append(f'duration   {data["duration_s"]:.3f} s')
     lines.append(f'messages   {bag.message_count}')
     if (resumed := data['resumed_from']) is not None:
-        lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
+        lines.append(f'resumed    at {resumed["time_s"]:.3f} s simulated, from {resumed["bag"]}')
     if data['nodes']:
         several = '; --node shows one of them' if len(data['nodes']) > 1 else ''
         lines.append(f'nodes      {", ".join(data["nodes"])}{several}')
     if (simulation := data['simulation']) is not None:
-        lines.append(f'simulated  {simulation["time"]:.3f} s')
+        lines.append(f'simulated  {simulation["time_s"]:.3f} s')
         budget = VolumeBudget.from_texts(simulation)
         if budget is not None:
             lines += ['volumes', *(f'  {name:30} {value}' for name, value in budget.rows())]
@@ -149,7 +157,7 @@ def _lines(bag: BagReader, data: dict[str, Any], refused: list[LavaError]) -> li
     if data['effects'] is not None:
         lines += ['', 'effects']
         for index, entry in enumerate(data['effects']):
-            lines += [f'  changed at {entry["time"]:.1f} s'] if index else []
+            lines += [f'  changed at {entry["time_s"]:.1f} s'] if index else []
             lines += [f'  {name:16} {text}' for name, text in entry['effects'].items()]
     rest = [
         f'  {key}: {_short(item)}'
@@ -179,10 +187,10 @@ def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) ->
     lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []
-    total, newest = format_size(sum(item['size'] for item in stored)), stored[-1]
+    total, newest = format_size(sum(item['size_bytes'] for item in stored)), stored[-1]
     return [
         '', f'checkpoints  {len(stored)}, {total}; resume takes the newest', *lines,
-        f'  at {newest["time"]:.3f} s simulated, {_moment(newest["log_time_ns"])}, '
+        f'  at {newest["time_s"]:.3f} s simulated, {_moment(newest["log_time_ns"])}, '
         f'{newest["particle_count"]} particles',
     ]
 

@@ -15,6 +15,7 @@ from lava_ros.cli.console import check_outputs, Printable
 from lava_ros.cli.parser import (
     as_typed,
     command_line_parser,
+    command_of,
     parse_command_line,
     ROS_COMMANDS,
 )
@@ -47,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = [f' {word}' if re.match(r'-\.?\d', word) else word for word in arguments]
     # ROS reads everything after --ros-args
     end = len(arguments)
-    if arguments and arguments[0] in ROS_COMMANDS and _ROS_ARGS in arguments:
+    if command_of(arguments) in ROS_COMMANDS and _ROS_ARGS in arguments:
         end = arguments.index(_ROS_ARGS)
     with redirect_stderr(Printable(sys.stderr)):
         _check_encoding(arguments)

@@ -6,14 +6,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from lava_ros.cli.console import write_json
 from lava_ros.cli.options import argument, command
 
 if TYPE_CHECKING:
-    from lava_ros.scene.materials import Constant
+    from lava_ros.scene.materials import Constant, Material
 
 
 @command(
@@ -32,19 +33,14 @@ def materials(args: argparse.Namespace) -> int:
     from lava_ros.scene.materials import materials as known_materials
 
     chosen = [material_named(args.name)] if args.name else list(known_materials().values())
-    if args.json:
-        write_json([asdict(item) for item in chosen], args.json)
-        return 0
     units = {**constant_units(), **dict.fromkeys(MOLAR_MASSES, 'wt%')}
+    if args.json:
+        write_json({'materials': [_as_dict(item, units) for item in chosen]}, args.json)
+        return 0
     sources: dict[str, int] = {}
     for material in chosen:
         print(f'{material.name}: {material.title}')
-        constants = {
-            'vent_temperature': material.vent_temperature,
-            **material.composition,
-            **material.constants,
-        }
-        for name, constant in constants.items():
+        for name, constant in _constants(material).items():
             value = constant.value
             shown = value if isinstance(value, str) else f'{value:g}'
             print(f'  {name:22} {shown:>16} {units[name]:9} {_cited(constant, sources)}')
@@ -52,6 +48,20 @@ def materials(args: argparse.Namespace) -> int:
     for source, number in sources.items():
         print(f'[{number}] {source}')
     return 0
+
+
+def _constants(material: Material) -> dict[str, Constant]:
+    temperature = {'vent_temperature': material.vent_temperature}
+    return {**temperature, **material.composition, **material.constants}
+
+
+def _as_dict(material: Material, units: Mapping[str, str]) -> dict[str, Any]:
+    """Return a material as plain data, with the unit of each constant."""
+    constants = [
+        {'name': name, 'unit': units[name], **asdict(constant)}
+        for name, constant in _constants(material).items()
+    ]
+    return {'name': material.name, 'title': material.title, 'constants': constants}
 
 
 def _cited(constant: Constant, sources: dict[str, int]) -> str:

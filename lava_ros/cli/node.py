@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava node`: the simulation as a ROS 2 node."""
+"""`lava ros node`: the simulation as a ROS 2 node."""
 
 import argparse
 import json
@@ -19,8 +19,8 @@ from lava_ros.cli.ros import require_ros
 def node(args: argparse.Namespace) -> int:
     """Run the simulation as a ROS 2 node.
 
-    The command passes --ros-args and everything after it to ROS, for example: lava node --ros-args
-    -p scene:=scene.yaml -p time_scale:=60.0. The program lava_node does the same.
+    The command passes --ros-args and everything after it to ROS, for example: lava ros node
+    --ros-args -p scene:=scene.yaml -p time_scale:=60.0. The program lava_node does the same.
     """
     require_ros()
     from lava_ros.ros.node import main

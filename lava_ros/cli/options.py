@@ -4,7 +4,7 @@
 """Declaration of commands, their common options, and times with a unit, such as 6h."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 import math
 import re
@@ -122,8 +122,50 @@ def command(*arguments: str | Argument, **defaults: Any) -> Callable[[Run], Comm
     return lambda run: Command(run, declared, defaults)
 
 
+def output_option(metavar: str, text: str, usual: str | None = None, **options: Any) -> Argument:
+    """Declare ``-o``, which names the file or the folder that a command writes."""
+    return argument('-o --output', metavar, text, usual, **options)
+
+
+def in_group(title: str, *arguments: Argument) -> tuple[Argument, ...]:
+    """Return arguments that the help of a command lists under a title."""
+    return tuple((names, {**options, 'group': title}) for names, options in arguments)
+
+
+def shared(name: str, usual: str, **options: Any) -> Argument:
+    """Return a shared argument with another default value, which ``usual`` describes."""
+    names, known = _SHARED[name]
+    text = known['help'].partition(' (default')[0]
+    return names, {**known, 'help': f'{text} (default: {usual})', **options}
+
+
+def refuse_options(
+    args: argparse.Namespace, declared: Sequence[Argument], names: Iterable[str],
+    error: Callable[[str], LavaError],
+) -> None:
+    """Raise an error for the first option in ``names`` that has another value than its default.
+
+    Args:
+        args: The parsed arguments.
+        declared: The arguments of the command.
+        names: Options that do not apply.
+        error: Returns the error about an option.
+    """
+    refused = frozenset(names)
+    for flags, options in declared:
+        name = long_name(flags)
+        value = getattr(args, options.get('dest', name.lstrip('-').replace('-', '_')), None)
+        # a number may be 0
+        if name in refused and value != options.get('default') and value is not False:
+            raise error(name)
+
+
 _SHARED = {item[0][0]: item for item in (
-    argument('bag', None, 'bag directory or .mcap file'),
+    argument('bag', None, 'folder of a run, bag directory, or .mcap file'),
+    argument(
+        '--at', 'TIME', 'simulated time of a map: 2h, 90min; its arrival times and peak thickness '
+        'cover the time up to it (default: the last)', dest='time',
+    ),
     argument(
         '--device', None, 'computing device: cpu, cuda:0, ... (default: the first GPU, else cpu)'
     ),
@@ -133,7 +175,6 @@ _SHARED = {item[0][0]: item for item in (
         type=_checked(epsg_code),
     ),
     argument('--fresh', None, 'ignore the results of earlier runs', action='store_true'),
-    argument('--horizon', 'TIME', 'simulated time of a run: 6h, 90min', HORIZON),
     argument(
         '--incomplete', None, 'accept a bag that is damaged or lacks messages: exit with status 0 '
         'instead of 1', action='store_true',
@@ -159,12 +200,31 @@ _SHARED = {item[0][0]: item for item in (
         '--off', 'EFFECT', 'switch this effect off; may be repeated', [], action='append'
     ),
     argument('--on', 'EFFECT', 'switch this effect on; may be repeated', [], action='append'),
+    argument(
+        '--places', 'FILE', 'named points, lines and areas, such as villages or roads: GeoJSON, '
+        'GeoPackage, Shapefile, KML, or .csv with x,y or lon,lat and name (docs/FORMATS.md); may '
+        'be repeated', [], action='append',
+    ),
     argument('--preset', None, 'accuracy', DEFAULT_PRESET, choices=PRESETS),
     argument('--seed', 'N', 'seed of the random numbers', 0),
     argument('--spacing', 'M', "distance between particles [m]; replaces the preset's", float),
     argument(
+        '--start', 'DATE', 'date of the start of the eruption, which is time 0: '
+        '2021-09-19T14:10:00Z; maps and tables then have dates (default: that of the run, if it '
+        'states one)', dest='eruption_start',
+    ),
+    argument(
         '--threshold', 'M', 'thickness at which lava counts as arrived [m]; by default 0.1 m, or '
         'a fifth of the expected thickness if that is less', float,
+    ),
+    argument('--until', 'TIME', 'simulated time at which a run ends: 6h, 90min', HORIZON),
+    argument(
+        '--error', 'PERCENT', 'numerical error of the inundated area to stay below, such as 10%%: '
+        'choose the preset and the spacing for it',
+    ),
+    argument(
+        '--within', 'TIME', 'wall time to stay within, such as 60s or 10min: choose the preset '
+        'and the spacing for it',
     ),
 )}
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The arguments of `lava plot` and `lava report`, which draw pages."""
+"""Arguments of commands that read runs, and the options of pages as keyword arguments."""
 
 import argparse
 from typing import Any
@@ -9,54 +9,26 @@ from typing import Any
 from lava_ros import validation
 from lava_ros.cli.options import argument
 
-RUNS = argument(
-    'bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file', nargs='+',
-)
+#: A run on disk, and several.
+_TEXT = 'folder of a run or of an ensemble, bag directory, or .mcap file'
+ONE_RUN = argument('bag', 'RUN', _TEXT)
+RUNS = argument('bag', 'RUN', _TEXT, nargs='+')
 
 #: Options for dates and local times.
 DATES = (
-    argument(
-        '--onset', 'TIME', 'date and time of the start of the eruption, with its offset from UTC: '
-        '2006-07-14T22:00Z; pages and tables then have dates and times (default: that of the run, '
-        'if it states one)',
-    ),
+    '--start',
     argument(
         '--timezone', 'ZONE', 'zone of local times: Europe/Rome (default: that of this machine)',
     ),
 )
 
-#: Options of pages: further things to draw, the extent of the maps, and their publisher.
-PAGE = (
-    argument(
-        '--overlay', 'FILE', 'points, lines and areas to show with their names, such as villages '
-        'or roads: GeoJSON, GeoPackage, Shapefile, KML, or .csv with x,y or lon,lat and name; may '
-        'be repeated (docs/FORMATS.md)',
-        [], action='append',
-    ),
-    argument(
-        '--observed', 'FILE', 'observed lava: areas (a vector file as for --overlay), or a raster '
-        'with values above 0; the page shows its outline and, of an ensemble, how reliable the '
-        'probabilities are',
-    ),
-    argument(
-        '--extent', ('WEST', 'SOUTH', 'EAST', 'NORTH'), 'what the maps show at least, in metres '
-        'of the coordinate system or in degrees (default: the lava, and the overlays within twice '
-        'its size)', float, nargs=4,
-    ),
-    argument('--scale', '1:N', 'scale of the maps on A4 paper: 1:25000 (default: the largest)'),
-    *DATES,
-    argument('--author', 'TEXT', 'author of the page', ''),
-    argument('--agency', 'TEXT', 'agency that publishes the page', ''),
-    argument('--logo', 'FILE', 'logo of the agency: .png, .jpg', ''),
-)
-
 
 def page_options(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of ``PAGE`` as keyword arguments of ``draw_runs``."""
+    """Return the options of pages as keyword arguments of ``draw_runs``."""
     from lava_ros.products.page_layout import Imprint
 
     return {
-        'overlays': args.overlay,
+        'overlays': args.places,
         'observed': args.observed,
         'extent': args.extent and _extent(args.extent),
         'scale': None if args.scale is None else _scale(args.scale),
@@ -70,7 +42,8 @@ def dates_of(args: argparse.Namespace) -> dict[str, Any]:
     from lava_ros.scene.onset import Onset, time_zone
 
     return {
-        'onset': None if args.onset is None else Onset.from_text(args.onset),
+        'onset': None if args.eruption_start is None
+        else Onset.from_text(args.eruption_start, field='--start'),
         'zone': None if args.timezone is None else time_zone(args.timezone),
     }
 

@@ -5,21 +5,21 @@
 
 import argparse
 
-from lava_ros.cli.console import print_arrivals, write_json
-from lava_ros.cli.options import argument, command, seconds_of
-from lava_ros.cli.pages import DATES, dates_of
+from lava_ros.cli.arrivals import print_arrivals
+from lava_ros.cli.console import with_units, write_json
+from lava_ros.cli.options import argument, command, output_option, seconds_of
+from lava_ros.cli.pages import DATES, dates_of, ONE_RUN
 from lava_ros.files import file_to_write, write_output
 
 
 @command(
-    argument('bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file'),
+    ONE_RUN,
     argument(
         'places', 'FILE', 'named points, lines and areas, such as huts, roads and villages: '
         '.geojson, .gpkg, or .csv with x,y or lon,lat and name', nargs='+',
     ),
     '--node',
-    argument('--time', 'TIME', 'use the bag up to this simulated time: 2h, 90min (default: all)'),
-    argument('-o --output', 'FILE', 'table to write: .csv'),
+    '--at', output_option('FILE', 'table to write: .csv'),
     *DATES, '--json',
 )
 def places(args: argparse.Namespace) -> int:
@@ -35,12 +35,12 @@ def places(args: argparse.Namespace) -> int:
 
     if args.output is not None:
         file_to_write('--output', args.output, ('.csv',))
-    time = None if args.time is None else seconds_of('--time', args.time, may_be_zero=True)
+    time = None if args.time is None else seconds_of('--at', args.time, may_be_zero=True)
     table = table_of(
         args.bag, args.places, field='places', node=args.node, time=time, **dates_of(args)
     )
     if args.output is not None:
         write_output('--output', args.output, table.as_csv())
-    write_json(table.as_dict(), args.json)
+    write_json(with_units(table.as_dict(), m='spacing usable_spacing'), args.json)
     print_arrivals(table)
     return 0

@@ -10,8 +10,8 @@ from dataclasses import asdict
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import table_lines, write_json
-from lava_ros.cli.options import argument, command, seconds_of
+from lava_ros.cli.console import table_lines, with_units, write_json
+from lava_ros.cli.options import argument, command, forced_effects, seconds_of
 from lava_ros.cli.scene_options import SCENE
 from lava_ros.errors import LavaError
 
@@ -21,13 +21,12 @@ if TYPE_CHECKING:
 
 @command(
     *SCENE,
-    argument('--within', 'TIME', 'wall time to use: 30s, 10min', required=True),
+    '--within', '--error',
     argument(
         '--members', 'N', 'number of members of an ensemble, which run one after the other; auto '
         'takes the number with the smallest error', '1',
     ),
-    '--horizon', '--device', '--json',
-    horizon='6h',
+    '--until', '--on', '--off', '--device', '--json',
 )
 def plan(args: argparse.Namespace) -> int:
     """Find the accuracy that a run, or an ensemble, can have in a given time.
@@ -36,40 +35,41 @@ def plan(args: argparse.Namespace) -> int:
     time. It prints a table of particle spacings with the numerical error and its parts, and the
     time that a run takes, with those of the presets; for comparison, the effects of the uncertain
     quantities; the preset and the spacing of the finest run that fits; and the number of members
-    that an ensemble can have, with the sampling error of a probability.
+    that an ensemble can have, with the sampling error of a probability. With --error in place of
+    --within, the command finds the coarsest run with that error, and the time that it takes. lava
+    run has the same options.
     """
+    from lava_ros.cli.planned import planned, target_of
     from lava_ros.cli.scenes import log_resolution, scene_from_arguments
-    from lava_ros.forecast.planning import plan_within
     from lava_ros.forecast.sampling import MAX_MEMBERS
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.presets import preset_accuracy
 
-    within = seconds_of('--within', args.within)
-    horizon = seconds_of('--horizon', args.horizon)
+    if args.within is not None and args.error is not None:
+        raise validation.conflict('--within', '--error')
+    target, forced = target_of(args), forced_effects(args)
+    until = seconds_of('--until', args.until)
+    if not target:
+        raise LavaError('--within', None, 'wall time to use: 30s, 10min; or --error: 10%')
     members = None
+    if args.members == 'auto' and 'error' in target:
+        raise validation.conflict('--members auto', '--error')
     if args.members != 'auto':
         if not args.members.isdecimal():
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
         members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
     scene = scene_from_arguments(args)
-    try:
-        found = plan_within(
-            scene, within=within, horizon=horizon, members=members, device=args.device,
-            with_inputs=True,
-            on_pilot=lambda pilot: print(
-                f'pilot: spacing {pilot.spacing:.3g} m took {pilot.wall_time:.2g} s', flush=True
-            ),
-        )
-    except LavaError as error:
-        if error.field != 'within':
-            raise
-        raise LavaError('--within', args.within, error.expected) from None
+    found = planned(
+        scene, target, until, forced, args.device, members=members, with_inputs=True,
+        on_pilot=lambda pilot: print(
+            f'pilot: spacing {pilot.spacing:.3g} m took {pilot.wall_time:.2g} s', flush=True
+        ),
+    )
     print('\n'.join(table_lines(_table(found), '>>>>>>>')))
     print(f'{found.pilots} pilots took {found.spent:.2g} s')
-    print(f'plan: preset {found.preset}, spacing {found.spacing:.3g} m')
+    of_time = f' of {target["within"]:g} s' if 'within' in target else ''
     print(
-        f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s of '
-        f'{within:g} s'
+        f'{found.members} run{"s" * (found.members > 1)} in about {found.wall_time:.2g} s{of_time}'
     )
     print(f'numerical error: {found.numerical_error.text()}')
     if found.inputs:
@@ -78,10 +78,12 @@ def plan(args: argparse.Namespace) -> int:
     if found.members > 1:
         print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
-    log_resolution(scene, accuracy, {}, horizon)
+    log_resolution(scene, accuracy, forced, until)
     lava = EruptingLava.of(scene)
     print(f'lava: {lava.text()}')
-    write_json(_as_dict(found) | {'erupting_lava': lava.as_dict()}, args.json)
+    write_json(
+        {'until_s': until, **_as_dict(found), 'erupting_lava': lava.as_dict()}, args.json
+    )
     return 0
 
 
@@ -125,4 +127,4 @@ def _as_dict(found: RunPlan) -> dict[str, Any]:
     plain['options'] = [
         asdict(item) | {'error': item.error.as_dict()} for item in found.options
     ]
-    return plain
+    return with_units(plain, m='spacing', s='wall_time spent')  # type: ignore[no-any-return]

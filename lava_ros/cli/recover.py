@@ -1,17 +1,19 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava recover`: a complete bag of the readable messages of another."""
+"""`lava bag recover`: a complete bag of the readable messages of another."""
 
 import argparse
 import sys
 
 from lava_ros.cli.console import Progress
-from lava_ros.cli.options import argument, command
+from lava_ros.cli.options import command, output_option
 from lava_ros.errors import refusing
 
 
-@command('bag', argument('output', None, 'directory of the new bag, which must not exist'))
+@command(
+    'bag', output_option('DIR', 'directory of the new bag, which must not exist', required=True),
+)
 def recover(args: argparse.Namespace) -> int:
     """Copy the readable messages of a bag that was cut off or damaged into a new bag.
 
@@ -22,7 +24,7 @@ def recover(args: argparse.Namespace) -> int:
     from lava_ros.bag.recovery import recover as recover_bag
 
     source = BagReader(args.bag)
-    place = refusing('output', args.output, 'a place that can be written', OSError)
+    place = refusing('--output', args.output, 'a writable folder', OSError)
     with place, Progress(has_lines=False) as progress:
         count = recover_bag(source, args.output, on_progress=progress.show)
     whole = BagReader(args.output)
@@ -34,5 +36,5 @@ def recover(args: argparse.Namespace) -> int:
         state = f'was damaged (warnings: {len(source.damage)})'
     print(f'{whole.duration_ns / 1e9:.3f} s of recording; the bag {state}')
     if not count:
-        print(f'lava recover: no message of {args.bag} can be read', file=sys.stderr)
+        print(f'lava bag recover: no message of {args.bag} can be read', file=sys.stderr)
     return 0 if count else 1

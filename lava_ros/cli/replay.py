@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava replay`: publish a recorded bag."""
+"""`lava ros replay`: publish a recorded bag."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from types import FrameType
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.errors import LavaError, RefusalError
+from lava_ros.errors import RefusalError
 from lava_ros.files.optional import INSTALL_ROS
 
 if TYPE_CHECKING:
@@ -134,7 +134,8 @@ def domain_of(chosen: int | None) -> int:
             except OSError:
                 continue
             return domain
-    raise LavaError('--domain', None, 'a ROS domain from 1 to 101: all are in use')
+    problem = 'All ROS domains from 1 to 101 are in use'
+    raise RefusalError('--domain', problem, 'Choose one with --domain')
 
 
 @contextmanager

@@ -1,140 +1,163 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava run`: simulate a scene, without ROS."""
-
-from __future__ import annotations
+"""`lava run`: simulate a scene, an ensemble or a mapped eruption, without ROS."""
 
 import argparse
-from dataclasses import replace
-import sys
-from typing import Any, TYPE_CHECKING
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
 
-from lava_ros.cli.console import print_arrivals, Progress, write_json
-from lava_ros.cli.options import argument, command, HORIZON
+from lava_ros import validation
+from lava_ros.cli.options import (
+    Argument,
+    argument,
+    command,
+    DEFAULT_PRESET,
+    formats,
+    HORIZON,
+    in_group,
+    long_name,
+    output_option,
+    refuse_options,
+    shared,
+)
 from lava_ros.cli.scene_options import SCENE
-from lava_ros.errors import LavaError
 
-if TYPE_CHECKING:
-    from lava_ros.layers.place_arrivals import ArrivalTable
-    from lava_ros.runs.scene_run import SceneRun
-    from lava_ros.scene import Scene
-    from lava_ros.simulation.numerical_error import NumericalError
+#: Options of ensembles.
+_ENSEMBLE = in_group(
+    'ensembles, with --members',
+    shared('--seed', '0'),
+    argument(
+        '--susceptibility', 'FILE', 'raster of the relative likelihood that the vent opens in a '
+        'cell; replaces the position of the vent',
+    ),
+    argument(
+        '--observed', 'FILE', 'observed lava: a raster with values above 0, or areas (a vector '
+        'file); the better a member agrees with it, the more it counts in the maps in the folder '
+        'weighted',
+    ),
+    argument(
+        '--observed-at', 'TIME', 'time of the observation, counted from the start of the scene'
+    ),
+    argument(
+        '--posterior', 'N', 'number of further members to draw near those that agree with the '
+        'observed lava, with their maps in the folder posterior_<time> (default: none)', int,
+    ),
+    argument(
+        '--workers', 'N', 'number of processes (default: one for each GPU, else one for each '
+        'core)', int,
+    ),
+    argument(
+        '--scheduler', 'ADDRESS', 'address of a Dask scheduler that runs the members: '
+        'tls://host:8786',
+    ),
+    formats('areas of 10, 50 and 90 %% probability, isochrones', None),
+    argument(
+        '--barriers', 'FILE', 'vector file of lines along the crests of barriers with their '
+        'height [m], width [m] and slope (docs/FORMATS.md): run the members without them and with '
+        'them, and compare',
+    ),
+    argument('--barriers-at', 'TIME', 'time at which the barriers are built (default: the start)'),
+)
+
+#: Options of mapped eruptions.
+_CASE = in_group(
+    'mapped eruptions',
+    argument(
+        '--runs', 'N', 'make N more runs of a mapped eruption, rotated and mirrored, and report '
+        'their scatter and the area that at least half of them cover; from 2 to 8, which are all '
+        'directions (default: none)', 1,
+    ),
+    shared('--low-pass', 'that of the case'), shared('--fresh', 'continue an interrupted run'),
+)
+
+#: Options of one run of a scene, and those that the folder of a mapped eruption replaces.
+_MAPS = ('--at',)
+_INPUTS = (
+    '--terrain', '--epsg', '--nodata', '--fill-holes', '--sea-level', '--until', '--start',
+    '--gaps', '--porosity', '--measured', '--emplaced-flow', '--emplaced-thickness',
+    '--emplaced-as', '--terrain-at',
+)
+_VENTS = ('--vent', '--vents', '--effusion-rate')
+
+#: Default preset of an ensemble.
+ENSEMBLE_PRESET = 'draft'
 
 
 @command(
     *SCENE,
-    argument('--until', 'TIME', 'simulated time at which the run ends: 6h, 90min', HORIZON),
-    argument(
-        '-o --output', 'DIR', 'folder of the run: new, empty, or of an interrupted run of the '
-        'same scene (default: runs/<scene>, with a number if that is another run)',
+    shared('--until', f'{HORIZON}; a mapped eruption has its own end', default=None),
+    output_option(
+        'DIR', 'folder of the results: new, empty, or of an interrupted run of the same scene or '
+        'ensemble (default: runs/<scene>, with a number if that is another run)',
     ),
     argument('--maps', 'N', 'number of maps, evenly spaced over the simulated time', 24),
-    argument(
-        '--at', 'TIME', 'simulated time of a further map: 2h; may be repeated', [],
-        action='append',
+    shared(
+        '--at', 'those of --maps; further times, may be repeated', action='append', default=[],
+        dest='at',
     ),
+    '--places',
+    shared('--preset', f'{DEFAULT_PRESET}; of an ensemble, {ENSEMBLE_PRESET}', default=None),
+    '--spacing', '--within', '--error', '--on', '--off', '--threshold', '--device', '--json',
     argument(
-        '--places', 'FILE', 'named points, lines and areas: print when lava arrives there; may '
-        'be repeated (docs/FORMATS.md)', [], action='append',
+        '--members', 'N', 'run an ensemble of N members, with values drawn for the uncertain '
+        'quantities, and map the probability of lava', int,
     ),
-    '--preset', '--spacing',
-    argument(
-        '--within', 'TIME', 'choose the preset and the spacing so that the run takes at most this '
-        'wall time: 60s, 10min',
-    ),
-    '--on', '--off', '--threshold', '--device', '--json',
+    *_ENSEMBLE, *_CASE,
 )
 def run(args: argparse.Namespace) -> int:
-    """Simulate a scene as fast as possible, and write a folder with its maps.
+    """Simulate a scene, an ensemble or a mapped eruption, and write a folder with its maps.
 
-    The folder has run.json, which describes the run and its result, and the maps as a rosbag2
-    bag. ROS is not needed. The same command continues an interrupted run, and never changes a
-    finished one. lava plot, report, places, export, animate and watch read the folder.
+    The folder of a run has run.json, which describes the run and its result, and the maps as a
+    rosbag2 bag. ROS is not needed. The same command continues an interrupted run, and never
+    changes a finished one.
+
+    With --members the command runs an ensemble: it draws a value of each uncertain quantity for
+    each member, from the distributions in the section `uncertainty` of a scene, the published
+    ranges of the lava, and the usual errors of effusion rates, vents and ground, except for the
+    quantities that the section lists as `exact`. It writes the probability of inundation, the
+    times by which lava has reached a cell in 10, 50 and 90 % of the members, the expected
+    thickness, and the earliest arrival and largest thickness of any member, as GeoTIFF and as a
+    bag. The same command adds members to a finished ensemble. With --barriers the members run a
+    second time with barriers; the folder comparison has what the barriers change.
+
+    If SCENE is the folder of a mapped eruption (docs/VALIDATION.md), the command simulates the
+    eruption and compares the flow with the map. With --members it scores the probability instead,
+    and at the dates of the outlines if there are any.
     """
-    from lava_ros.cli.run_request import request_of
-    from lava_ros.layers.numbers import duration
-    from lava_ros.layers.place_arrivals import flow_table
-    from lava_ros.layers.places import places_on
-    from lava_ros.runs.scene_run import SceneRun
-    from lava_ros.runs.sinks import ProgressSink
-    from lava_ros.scene.features import read_features
-    from lava_ros.scene.onset import Onset
-
-    request = request_of(args)
-    terrain, until = request.scene.terrain, request.until
-    features = [item for file in args.places for item in read_features('--places', file, terrain)]
-    places = places_on(features, terrain) if features else None
-    with SceneRun(request) as made, Progress() as progress:
-        if made.is_resumed:
-            print(f'continuing the interrupted run in {made.folder.path}', file=sys.stderr)
-        shown = ProgressSink(
-            lambda time: progress.show(duration(time), time / until), until,
-            lambda: progress.is_due,
+    is_case = args.scene is not None and Path(args.scene).is_dir()
+    is_ensemble = args.members is not None
+    refuse = partial(refuse_options, args, run.arguments)
+    if is_ensemble:
+        refuse((*_MAPS, '--maps'), lambda name: validation.conflict(name, '--members'))
+    else:
+        refuse(_names(_ENSEMBLE), lambda name: validation.dependence(name, '--members'))
+    if is_case:
+        unused = _VENTS if is_ensemble else ('--threshold',)
+        refuse(
+            (*_INPUTS, *_MAPS, '--within', '--error', *unused),
+            lambda name: validation.surplus(name, f'to {args.scene}, a mapped eruption'),
         )
-        try:
-            snapshot = made.run(shown)
-            progress.show('measuring the numerical error', 1.0)
-            record = {'folder': str(made.folder.path), **made.finish(_measured(made))}
-        except KeyboardInterrupt:
-            print('lava run: interrupted; the same command continues', file=sys.stderr)
-            raise
-    table = None
-    if places is not None:
-        assert snapshot.arrived is not None
-        facts = {'threshold_m': snapshot.threshold, 'time_s': snapshot.time}
-        table = flow_table(places, terrain, snapshot.arrived, snapshot.inundated, facts)
-        table = replace(table, onset=Onset.of(request.scene))
-        record['places'] = table.as_dict()['places']
-    write_json(record, args.json)
-    _print(record, request.scene, table)
-    return 0
-
-
-def _measured(made: SceneRun) -> NumericalError | None:
-    """Return the numerical error of a run, None without lava or if it cannot be measured."""
-    from lava_ros.forecast.partner_runs import measure_error
-    from lava_ros.simulation.numerical_error import Areas
-
-    simulation, snapshot, request = made.simulation, made.snapshot, made.request
-    assert snapshot is not None
-    if not snapshot.budget.emitted:
-        return None
-    try:
-        return measure_error(
-            request.scene, Areas.of(snapshot), snapshot.time, accuracy=simulation.accuracy,
-            effects=simulation.effects, horizon=request.until, device=request.device,
-        )
-    except LavaError as error:
-        print(f'lava run: the numerical error is not measured: {error}', file=sys.stderr)
-        return None
-
-
-def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> None:
-    from lava_ros.layers.numbers import area_words, duration
-    from lava_ros.scene.erupting_lava import EruptingLava
-    from lava_ros.simulation.output.budget import VolumeBudget
-
-    resolution, across = record['resolution'], record['resolution']['particles_across']
-    budget = VolumeBudget.from_texts({name: str(value) for name, value in record.items()})
-    assert budget is not None
-    for name, value in (
-        ('simulated time', duration(record['simulated_time_s'])),
-        ('start of the eruption', record['onset'] or 'unknown'),
-        ('lava', EruptingLava.of(scene).text()),
-        ('particles', f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart'),
-        ('particles across the flow', 'unknown' if across is None else f'{across:.2g}'),
-        # absent from folders of older versions
-        *([('kind of flow', record['flow_kind'])] if record.get('flow_kind') else []),
-        ('numerical error', record['numerical_error_text']),
-        ('inundated area', area_words(record['inundated_area_m2'])),
-        ('standing lava', area_words(record['standing_area_m2'])),
-        *((f'volume {name}', value) for name, value in budget.rows()),
-        ('wall time', f'{record["wall_time_s"]:.1f} s on {record["device"]}'),
-        ('run', record['folder']),
+    if not is_case or is_ensemble:
+        other = 'the folder of a mapped eruption' + ' without --members' * is_ensemble
+        refuse(_names(_CASE), lambda name: validation.dependence(name, other))
+    for chosen, others in (
+        ('spacing', ('--within', '--error')), ('within', ('--error', '--preset')),
+        ('error', ('--preset',)),
     ):
-        print(f'{name:32} {value}')
-    if table is not None:
-        print_arrivals(table)
-    for item in record['warnings']:
-        print(f'lava run: {item}', file=sys.stderr)
+        if getattr(args, chosen) is not None:
+            refuse(others, partial(validation.conflict, f'--{chosen}'))
+    args.until = args.until or HORIZON
+    args.preset = args.preset or (ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
+    if is_ensemble:
+        from lava_ros.cli.run_ensemble import run_members as start
+    elif is_case:
+        from lava_ros.cli.run_case import run_case as start
+    else:
+        from lava_ros.cli.run_scene import run_scene as start
+    return start(args)
+
+
+def _names(declared: Iterable[Argument]) -> list[str]:
+    return [long_name(names) for names, _ in declared]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import device_named, forced_effects, seconds_of
+from lava_ros.cli.planned import planned, target_of
 from lava_ros.cli.scenes import log_resolution, sourced_scene
 from lava_ros.errors import LavaError
 from lava_ros.runs.scene_run import Request
@@ -35,9 +36,7 @@ def request_of(args: argparse.Namespace) -> Request:
         LavaError: If an argument or a file is not valid.
     """
     until, forced = seconds_of('--until', args.until), forced_effects(args)
-    within = None if args.within is None else seconds_of('--within', args.within)
-    if within is not None and args.spacing is not None:
-        raise validation.conflict('--spacing', '--within')
+    target = target_of(args)
     if args.threshold is not None:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
     device = device_named(args.device)
@@ -46,8 +45,9 @@ def request_of(args: argparse.Namespace) -> Request:
 
     def accuracy() -> tuple[str, Accuracy]:
         preset, spacing = args.preset, args.spacing
-        if within is not None:
-            preset, spacing = _planned(scene, within, until, device)
+        if target:
+            found = planned(scene, target, until, forced, device)
+            preset, spacing = found.preset, found.spacing
         elif spacing is None:
             spacing = _spacing_of(preset, scene, forced, until, device)
         chosen = preset_accuracy(preset, spacing=spacing)
@@ -62,7 +62,8 @@ def request_of(args: argparse.Namespace) -> Request:
         until=until,
         times=_map_times(args, until),
         settings={
-            'preset': args.preset, 'spacing_m': args.spacing, 'within_s': within,
+            'preset': args.preset, 'spacing_m': args.spacing,
+            'within_s': target.get('within'), 'error': target.get('error'),
             'threshold_m': args.threshold,
         },
         accuracy=accuracy,
@@ -72,15 +73,6 @@ def request_of(args: argparse.Namespace) -> Request:
         remarks=sourced.remarks,
         output=None if args.output is None else Path(args.output),
     )
-
-
-def _planned(scene: Scene, within: float, until: float, device: str) -> tuple[str, float]:
-    """Return the preset and the spacing [m] of the finest run within a wall time [s]."""
-    from lava_ros.forecast.planning import plan_within
-
-    found = plan_within(scene, within=within, horizon=until, device=device)
-    print(f'plan: preset {found.preset}, spacing {found.spacing:.3g} m')
-    return found.preset, found.spacing
 
 
 def _spacing_of(

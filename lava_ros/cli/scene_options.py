@@ -3,7 +3,7 @@
 
 """Arguments that describe a scene; ``scenes.py`` makes the scene."""
 
-from lava_ros.cli.options import Argument, argument
+from lava_ros.cli.options import Argument, argument, shared
 
 #: Default lava, as in ``lava_ros.scene.materials``, which is slow to import.
 DEFAULT_MATERIAL = 'etna_basalt'
@@ -18,36 +18,6 @@ RATE_METHODS = ('satellite', 'field')
 EMPLACED_KINDS = ('lava', 'ground')
 
 
-def vent_arguments(of: str) -> tuple[Argument, ...]:
-    """Return the arguments that replace vents and lava of a scene or of a case."""
-    usual, lava = '', ''
-    if of == 'scene':
-        usual = ' (default without a scene: the summit)'
-        lava = f' (default where it names none: {DEFAULT_MATERIAL})'
-    return (
-        argument(
-            '--vent', 'LON,LAT', 'position of a vent: longitude,latitude or easting,northing; '
-            f'replaces the vents of the {of}; may be repeated{usual}', action='append',
-        ),
-        argument(
-            '--vents', 'FILE', 'file of points and lines (fissures), which replace the vents of '
-            f'the {of}: GeoJSON, GeoPackage, Shapefile, KML, or .csv with x,y or lon,lat (of a '
-            'fissure also x_end,y_end or lon_end,lat_end); it may give the name, effusion_rate '
-            '[m3/s], radius [m] and temperature [K] of each (docs/FORMATS.md)',
-        ),
-        argument(
-            '--effusion-rate --discharge', 'Q', 'effusion rate of each vent [m3/s]'
-            + (', or a table of the rates of all vents together (docs/FORMATS.md)'
-               if of == 'scene' else ''),
-            type=_rate, dest='discharge',
-        ),
-        argument(
-            '--material', 'NAME', "lava by name ('lava materials' lists them); replaces the lava "
-            f'of the {of}{lava}',
-        ),
-    )
-
-
 def _rate(text: str) -> float | str:
     try:
         return float(text)
@@ -55,15 +25,34 @@ def _rate(text: str) -> float | str:
         return text
 
 
+_VENTS = (
+    argument(
+        '--vent', 'LON,LAT', 'position of a vent: longitude,latitude or easting,northing; '
+        'replaces the vents of the scene; may be repeated (default without a scene: the summit)',
+        action='append',
+    ),
+    argument(
+        '--vents', 'FILE', 'file of points and lines (fissures), which replace the vents of the '
+        'scene: GeoJSON, GeoPackage, Shapefile, KML, or .csv with x,y or lon,lat (of a fissure '
+        'also x_end,y_end or lon_end,lat_end); it may give the name, effusion_rate [m3/s], radius '
+        '[m] and temperature [K] of each (docs/FORMATS.md)',
+    ),
+    argument(
+        '--effusion-rate --discharge', 'Q', 'effusion rate of each vent [m3/s], or a table of the '
+        'rates of all vents together (docs/FORMATS.md)', type=_rate, dest='discharge',
+    ),
+    argument(
+        '--material', 'NAME', "lava by name ('lava materials' lists them); replaces the lava of "
+        f'the scene (default where it names none: {DEFAULT_MATERIAL})',
+    ),
+)
+
+
 #: Options for reading a table of effusion rates.
 RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity', 'measured')
 
 _TABLE = (
-    argument(
-        '--start --eruption-start', 'DATE', 'date of the start of the eruption, which is time 0: '
-        '2021-09-19T14:10:00Z; maps and tables then have dates (default: that of the scene, or '
-        'the first date in a table of effusion rates)', dest='eruption_start',
-    ),
+    shared('--start', 'that of the scene, or the first date in a table of effusion rates'),
     argument(
         '--gaps', None, 'effusion rate in the gaps of a table: zero, or interpolate between its '
         'neighbours (default: zero, with a warning)', choices=GAPS,
@@ -99,7 +88,7 @@ _PARTS: tuple[str | Argument, ...] = (
         '--insist', None, 'accept numbers that cannot be, such as an effusion rate above any '
         'known, with a warning', action='store_true',
     ),
-    *vent_arguments('scene'),
+    *_VENTS,
     *_TABLE,
     argument(
         '--emplaced-flow', 'FILE', 'flow that is there before the start: a raster of its '
@@ -121,6 +110,5 @@ _PARTS: tuple[str | Argument, ...] = (
     ),
 )
 
-#: The arguments that choose a scene: its file without a flag, or with one.
+#: The arguments that describe a scene.
 SCENE = (argument('scene', 'SCENE', _FILE, nargs='?'), *_PARTS)
-SCENE_OPTIONS = (argument('--scene', 'FILE', _FILE), *_PARTS)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @command(
     argument(
-        'bag', None, 'folder of a run or of an ensemble, bag directory, or .mcap file (default: '
+        'bag', 'RUN', 'folder of a run or of an ensemble, bag directory, or .mcap file (default: '
         'the running node)', nargs='?',
     ),
     '--node',

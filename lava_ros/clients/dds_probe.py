@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Round trip of a ROS message, run by ``lava doctor`` in a separate process."""
+"""Round trip of a ROS message, run by ``lava check install`` in a separate process."""
 
 import json
 import os

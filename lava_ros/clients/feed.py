@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A feed of the topics of terrain and vents, in place of sensors."""
+"""A node that publishes terrain and vents in place of sensors."""
 
 from dataclasses import replace
 from typing import Any
@@ -47,7 +47,7 @@ class SceneFeed(Node):
         self._refusal = ''
         latched = qos.ros_profile(qos.LATCHED)
         self._transform = static_transform(is_wanted=publish_tf)
-        # a latched publisher has to stay
+        # a latched publisher has to remain alive
         self._terrain: dict[str, Publisher] = {}
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)

@@ -77,7 +77,7 @@ class LiveFrames(Watcher, Frames):
     """
 
     def __init__(self, namespace: str = '', domain_id: int | None = None) -> None:
-        """Subscribe in a ROS domain, None for that of the environment.
+        """Subscribe in a ROS domain; None for the domain of the environment.
 
         Raises:
             LavaError: If ``namespace`` is not a ROS namespace, such as ``/etna``.
@@ -124,7 +124,8 @@ class LiveFrames(Watcher, Frames):
             (Image, 'terrain', self._on_terrain),
             (MapMetaData, 'terrain_info', self._on_terrain_info),
         ]
-        # as the node subscribes to them; a message that comes twice is the same terrain
+        # with the profiles of the node's subscriptions; a message that arrives twice is the same
+        # terrain
         for (kind, topic, read), profile in product(inputs, qos.state_inputs(1)):
             received = partial(self._read, topic, read)
             self._node.create_subscription(kind, topic, received, qos.ros_profile(profile))
@@ -135,7 +136,7 @@ class LiveFrames(Watcher, Frames):
     def poll(self) -> None:
         """Process the messages that have arrived."""
         if self._sampling is not None and time.monotonic() - self._wanted_at > PATIENCE:
-            # no page shows particles, and the node reads them for subscribers only
+            # no page shows particles, and the node publishes them only if it has a subscriber
             self._node.destroy_subscription(self._sampling)
             self._sampling = None
         for _ in range(_MAX_MESSAGES):
@@ -154,10 +155,10 @@ class LiveFrames(Watcher, Frames):
             if silence <= PATIENCE:
                 return Status(Level.WARN, f'listening for a node {where}')
             others = f' (heard from {", ".join(sorted(self._others))})' if self._others else ''
-            words = f"no node answers {where}{others}: start 'lava node', or give --namespace"
+            words = f"no node answers {where}{others}: start 'lava ros node', or give --namespace"
             return Status(Level.ERROR, f'{words} and ROS_DOMAIN_ID of the one that runs')
         if silence > PATIENCE:
-            words = f'the node has been silent for {silence:.0f} s: these are its last maps'
+            words = f'no message from the node for {silence:.0f} s: these are its last maps'
             return Status(Level.ERROR, words)
         if self._problems:
             return Status(Level.ERROR, next(iter(self._problems.values())))

@@ -18,7 +18,7 @@ from lava_ros import validation
 from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.recorded_node import select_node, Selection
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.ros.codec import message_class, time_message
 from lava_ros.ros.executor import start_ros
 from lava_ros.ros.qos import ros_profile
@@ -30,7 +30,7 @@ SHARED_TOPICS = frozenset(
     (CLOCK_TOPIC, '/diagnostics', '/parameter_events', '/rosout', '/tf', '/tf_static')
 )
 
-#: Time between steps without a clock [s], short enough for a progress bar.
+#: Maximum time between steps when no clock is published [s], short enough for a progress bar.
 QUIET_TICK = 0.1
 
 #: Maximum wait at the end until reliable subscribers have received everything [s].
@@ -130,7 +130,8 @@ class _Player:
                 kind, name, ros_profile(topic.qos)
             )
         if not self._publishers:
-            raise LavaError('bag', str(bag.path), 'a topic whose message type is installed')
+            problem = f'No message type of the topics of {bag.path} is installed'
+            raise RefusalError('bag', problem, 'Install their packages or source their workspace')
 
     def wait_for_subscribers(self, timeout: float, wait: Callable[[float], bool]) -> None:
         """Wait up to ``timeout`` [s] for a subscriber on every topic, as ``replay.pace`` does."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes in a ROS context of their own, which process messages when they are asked to."""
+"""Nodes in their own ROS context, which process messages only when asked."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of `lava doctor`: the machine and the ROS graph, with a remedy for each problem."""
+"""Checks of `lava check install`: machine and ROS graph, with a remedy for each problem."""
 
 from collections.abc import Iterable, Mapping
 import ctypes
@@ -22,7 +22,7 @@ from lava_ros.files.optional import INSTALL_ROS
 from lava_ros.layers.layer import Layer, OCCUPANCY_GRID
 from lava_ros.simulation.backend.threads import usable_cores
 
-#: Levels: nothing to do; it works, but with limitations; it does not work.
+#: Levels: nothing to do; works with limitations; does not work.
 OK, WARN, FAIL = 'OK', 'WARN', 'FAIL'
 
 #: First version of Python that was not tested.
@@ -48,13 +48,13 @@ SAFE_DOMAINS, DOMAINS = range(0, 102), range(0, 233)
 
 #: Values of ROS_AUTOMATIC_DISCOVERY_RANGE and their meanings.
 DISCOVERY_RANGES = {
-    'SUBNET': 'every machine of the subnet',
-    'LOCALHOST': 'this machine alone',
+    'SUBNET': 'every machine in the subnet',
+    'LOCALHOST': 'only this machine',
     'SYSTEM_DEFAULT': 'as the middleware is configured',
     'OFF': 'no machine',
 }
 
-#: Subscribers of robots and viewers that require latched grids.
+#: Subscribers in robots and viewers that require latched grids.
 CONSUMERS = (
     "RViz's map display (rviz/lava.rviz)", "Nav2's keepout filter, speed filter and static layer",
 )
@@ -65,10 +65,10 @@ PROBE_TIMEOUT = 30.0
 #: A round trip on one machine is slow above this time [ms].
 SLOW = 50.0
 
-_WAY_TO_ROS = f'source the setup file of ROS 2 Jazzy, or run {INSTALL_ROS}'
+_ROS_REMEDY = f'source the setup file of ROS 2 Jazzy, or run {INSTALL_ROS}'
 
-_WAY_TO_DDS = (
-    'let the firewall pass UDP 7400 to 7500 and multicast, see that /dev/shm can be written, '
+_DDS_REMEDY = (
+    'let the firewall pass UDP 7400 to 7500 and multicast, check that /dev/shm is writable, '
     'and try ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST'
 )
 
@@ -80,7 +80,7 @@ class Finding:
     check: str
     level: str
     text: str
-    way_out: str = ''
+    remedy: str = ''
 
 
 #: Results of a check: level, text and an optional remedy for each.
@@ -144,7 +144,7 @@ def check_gpu() -> Results:
         wp = _warp()
         devices = wp.get_cuda_devices()
     except Exception as error:
-        # any error while a driver is loaded is a result of the check
+        # an error while a driver is loaded is a result of the check
         return [(FAIL, f'Warp does not start: {error}', "pip install 'warp-lang>=1.19,<2'")]
     if devices:
         driver = '.'.join(str(part) for part in wp.get_cuda_driver_version())
@@ -157,7 +157,7 @@ def check_gpu() -> Results:
             for device in devices
         ]
     has_hardware = Path('/dev/nvidia0').exists() or shutil.which('nvidia-smi') is not None
-    text = f'none: the CPU does the work, on {usable_cores()} cores'
+    text = f'none: the simulation runs on the CPU, with {usable_cores()} cores'
     return [(
         WARN, 'Warp cannot use the NVIDIA GPU' if has_hardware else text,
         "install NVIDIA's driver, or give the container its GPU (docker run --gpus all); "
@@ -174,7 +174,7 @@ def check_kernel_cache() -> Results:
     if problem := _problem_of_writing(folder):
         return [(
             FAIL, f'{folder} cannot be written ({problem})',
-            'set WARP_CACHE_PATH to a folder that can: kernels are compiled at every start',
+            'set WARP_CACHE_PATH to a writable folder, or kernels are compiled at every start',
         )]
     size = sum(path.stat().st_size for path in folder.rglob('*') if path.is_file())
     return [(OK, f'{folder}, {size / 1e6:.0f} MB')]
@@ -189,7 +189,7 @@ def check_disk(folder: str | Path) -> Results:
     if problem := _problem_of_writing(folder):
         return [(
             FAIL, f'{folder} cannot be written ({problem})',
-            'set the parameter bag_root (here --bags) to a folder that can',
+            'set the parameter bag_root (here --bags) to a writable folder',
         )]
     free = shutil.disk_usage(_nearest(folder)).free
     text = f'{free / 1e9:.1f} GB free for bags in {folder}'
@@ -222,8 +222,8 @@ def check_clock() -> Results:
     status = ctypes.c_int.from_buffer(state, _TIMEX_STATUS).value
     error = ctypes.c_long.from_buffer(state, _TIMEX_MAXERROR).value / 1e6
     if status & _UNSYNCHRONISED or error > CLOCK_ERROR:
-        way_out = 'run chrony or systemd-timesyncd when several machines share the graph'
-        return [(WARN, 'not synchronised', way_out)]
+        remedy = 'run chrony or systemd-timesyncd when several machines share the graph'
+        return [(WARN, 'not synchronised', remedy)]
     return [(OK, f'synchronised within {error * 1e3:.0f} ms')]
 
 
@@ -231,7 +231,7 @@ def check_ros(environment: Mapping[str, str] = os.environ) -> Results:
     """Check whether ROS 2 Jazzy can be imported, and with which middleware."""
     missing = [name for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs') if not find_spec(name)]
     if missing:
-        return [(FAIL, f'no Python package {", ".join(missing)}', _WAY_TO_ROS)]
+        return [(FAIL, f'no Python package {", ".join(missing)}', _ROS_REMEDY)]
     distro = environment.get('ROS_DISTRO', '')
     if distro and distro != DISTRO:
         return [(WARN, f'ROS_DISTRO is {distro}', f'source ROS 2 {DISTRO}')]
@@ -260,8 +260,8 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Results:
         return [*results, (FAIL, text, f'set it to one of {", ".join(DISCOVERY_RANGES)}')]
     if reach == 'OFF' and not peers:
         return [*results, (FAIL, text, 'set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET')]
-    way_out = 'any machine in the subnet can command the node; LOCALHOST prevents that'
-    return [*results, (OK, text, way_out) if reach == 'SUBNET' else (OK, text)]
+    remedy = 'any machine in the subnet can command the node; LOCALHOST prevents that'
+    return [*results, (OK, text, remedy) if reach == 'SUBNET' else (OK, text)]
 
 
 def check_qos(layers: Iterable[Layer]) -> Results:
@@ -269,7 +269,7 @@ def check_qos(layers: Iterable[Layer]) -> Results:
     enabled = [layer for layer in layers if layer.enabled]
     results: Results = [
         (
-            WARN, f'{consumer} gets nothing of {layer.topic}: it is {getattr(layer.qos, policy)}',
+            WARN, f'{consumer} cannot receive {layer.topic}: it is {getattr(layer.qos, policy)}',
             f'set layers.{layer.name}.qos.{policy} to {getattr(LATCHED, policy)}',
         )
         for consumer in CONSUMERS
@@ -279,7 +279,7 @@ def check_qos(layers: Iterable[Layer]) -> Results:
         if getattr(layer.qos, policy) != getattr(LATCHED, policy)
     ]
     names = ', '.join(layer.topic for layer in enabled)
-    return results or [(OK, f'{names}: RViz and Nav2 get what they ask for')]
+    return results or [(OK, f'{names}: the QoS matches what RViz and Nav2 request')]
 
 
 def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Results:
@@ -288,26 +288,26 @@ def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Results:
     The check runs in a separate process, because the middleware may hang or crash.
     """
     if find_spec('rclpy') is None:
-        return [(FAIL, 'not tried: no rclpy', _WAY_TO_ROS)]
+        return [(FAIL, 'not tested: rclpy is not installed', _ROS_REMEDY)]
     words = [sys.executable, '-m', 'lava_ros.clients.dds_probe']
     try:
         probe = subprocess.run(
             words, capture_output=True, text=True, timeout=timeout, check=False
         )
     except subprocess.TimeoutExpired:
-        return [(FAIL, f'nothing came back within {timeout:g} s', _WAY_TO_DDS)]
+        return [(FAIL, f'no message returned within {timeout:g} s', _DDS_REMEDY)]
     try:
         seen = json.loads(probe.stdout.splitlines()[-1])
     except (IndexError, ValueError):
         last = (probe.stderr.strip().splitlines() or ['nothing'])[-1]
         text = f'the probe ended with status {probe.returncode}: {last}'
-        return [(FAIL, text, _WAY_TO_DDS)]
+        return [(FAIL, text, _DDS_REMEDY)]
     if 'error' in seen:
-        return [(FAIL, seen['error'], _WAY_TO_DDS)]
+        return [(FAIL, seen['error'], _DDS_REMEDY)]
     text = (
         f'{seen["middleware"]}: found after {seen["discovery_ms"]:.0f} ms, '
         f'there in {seen["trip_ms"]:.2f} ms, {seen["nodes"]} other nodes in the graph'
     )
     if seen['trip_ms'] > SLOW:
-        return [(WARN, text, 'it is slow: see whether the machine is busy')]
+        return [(WARN, text, 'the round trip is slow: check whether the machine is busy')]
     return [(OK, text)]

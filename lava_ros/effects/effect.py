@@ -144,7 +144,7 @@ class Effect:
         thickness_cost: That error as the largest fraction of the mean thickness, such as the
             height of a dome, that changes.
         source: Source of threshold and cost.
-        no_case: Why no case of ``lava verify`` has it; empty if one does.
+        no_case: Why no case of ``lava check solver`` has it; empty if one does.
         exists: Function that returns True if a lava has the effect. An effect with an
             ``environment`` also needs one of its values to differ from 0.
         is_default: True if ``Effects()`` contains it.

@@ -26,7 +26,7 @@ PICTURES = ('.png', '.pdf', '.svg')
 def warn_of_unknown(path: object, parts: str, names: Iterable[str], known: str = '') -> None:
     """Warn of unknown parts of a file by name; ``known`` lists the known parts."""
     if others := ', '.join(dict.fromkeys(names)):
-        _LOG.warning(f'{path}: {parts} that are not understood are ignored: {others}{known}')
+        _LOG.warning(f'{path}: unknown {parts} are ignored: {others}{known}')
 
 
 def open_input(path: str | Path) -> BinaryIO:
@@ -38,7 +38,7 @@ def open_input(path: str | Path) -> BinaryIO:
     """
     try:
         _check_regular(os.stat(path), path)
-        # the path may have changed since: open without waiting, and check again
+        # the path may have changed since then: open without waiting, and check again
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except ValueError as error:
         raise OSError(errno.EINVAL, str(error), str(path)) from error
@@ -60,7 +60,7 @@ def check_exists(field: str, path: Path) -> None:
 
 def similar_file(path: Path) -> str:
     """Return a remark about the file with the most similar name in the folder; may be empty."""
-    # the reader process does without
+    # imported here, because the reader process does not need it
     from lava_ros.validation import meant
 
     try:
@@ -86,7 +86,7 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
     path = Path(value)
     if endings and path.suffix.lower() not in endings:
         raise LavaError(field, str(value), f'a file whose name ends with {" or ".join(endings)}')
-    with refusing(field, str(value), 'a file to write', OSError, ValueError):
+    with refusing(field, str(value), 'a writable file', OSError, ValueError):
         place = Path(os.path.realpath(path))
         is_there = os.path.lexists(place)
         if is_there:
@@ -129,8 +129,8 @@ def replacing(path: Path, *, is_durable: bool = True) -> Iterator[Path]:
 
 @contextmanager
 def writing(field: str, path: str | Path) -> Iterator[Path]:
-    """Yield a file as ``replacing``; raise LavaError, which names ``field``, for an OSError."""
-    expected = 'a file to write'
+    """Yield a file like ``replacing``; an OSError becomes a LavaError that names ``field``."""
+    expected = 'a writable file'
     with refusing(field, str(path), expected, OSError, ValueError), replacing(Path(path)) as file:
         yield file
 

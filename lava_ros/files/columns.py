@@ -3,8 +3,8 @@
 
 """Names, synonyms and units of the columns of tables and the attributes of features.
 
-Headers may have any case, synonyms and units: ``Effusion rate (m3/s)``, ``TADR``, ``start_h``,
-``Easting``.
+Headers may be in any case and have synonyms and units: ``Effusion rate (m3/s)``, ``TADR``,
+``start_h``, ``Easting``.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -94,7 +94,7 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], Mapping[str, float]]] = {
     for names in columns
 }
 
-#: Words of headers of dates, of which numbers are days in a spreadsheet or seconds since 1970.
+#: Words in headers of dates; numbers there are days in a spreadsheet or seconds since 1970.
 _DATES = re.compile('date|timestamp|iso|utc', re.IGNORECASE)
 
 #: Row numbers that GIS programs add.
@@ -267,7 +267,7 @@ def angle(field: str, value: object, axis: str) -> float:
         before, sign, *numbers, after = parts.groups()
         given = list(filter(None, numbers))
         size = sum(float(text) / 60.0**power for power, text in enumerate(given))
-        # one mark of the sign; only the last number may have a fraction
+        # the sign is marked only once, and only the last number may have a fraction
         marks = ''.join(filter(None, (before, sign, after))).upper()
         if (
             size <= limit and len(marks) <= 1 and marks in f'-+{letters}'

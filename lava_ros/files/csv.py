@@ -36,7 +36,7 @@ def read_table(
 
     Raises:
         LavaError: If the table cannot be read, has no rows, other columns or a column twice, has
-            decimal points and decimal commas, or if a row has the wrong length.
+            both decimal points and decimal commas, or if a row has the wrong length.
     """
     check_exists(field, path)
     with refusing(field, str(path), 'a table of text in UTF-8', OSError, ValueError, csv.Error):
@@ -75,14 +75,14 @@ def read_table(
 
 
 def _use_points(path: Path, lines: Iterable[tuple[int, list[str]]]) -> None:
-    """Replace decimal commas by points; raise LavaError for both, of which one is of thousands."""
+    """Replace decimal commas by points; raise LavaError if a table has both."""
     known = ''
     for line, row in lines:
         for index, cell in enumerate(row):
             if number := re.fullmatch(r'[-+]?\d*([.,])\d+(?:[eE][-+]?\d+)?', cell):
                 known = known or cell
                 if number[1] not in known:
-                    expected = f'the decimal mark of {known}, and no mark between thousands'
+                    expected = f'the decimal mark of {known}, without separators of thousands'
                     raise LavaError(f'{path}, line {line}', cell, expected)
                 row[index] = cell.replace(',', '.')
 

@@ -53,8 +53,9 @@ EXPECTED_LINES = {
     for name in names.split()
 }
 
-#: Groups of lines of which exactly one is required, by their meaning: without them GDAL assumes
-#: corners at 0 and sides of 1, and it reads the corner of one axis with the centre of the other.
+#: Groups of lines of which exactly one is required, by their meaning: without them GDAL assumes a
+#: corner at 0 and cells of side 1, and it accepts a corner for one axis with a centre for the
+#: other.
 POSITION_LINES = (
     (('ulxmap', 'ulymap'), ('xllcorner', 'yllcorner'), ('xllcenter', 'yllcenter')),
     (('xdim', 'ydim'), ('cellsize',), ('dx', 'dy')),

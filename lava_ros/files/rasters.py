@@ -69,7 +69,7 @@ def read_raster(
         field: Name of the field in errors.
         path: Path of the file.
         formats: Formats that the file may have.
-        kind: Type of the values, None for that of the file.
+        kind: Type of the values, None for the type in the file.
         max_bands: Maximum number of bands to read.
         max_side: Maximum number of rows and columns to read; a larger raster is thinned.
 
@@ -121,7 +121,7 @@ def format_of(
 
 
 def _tiles(field: str, path: Path) -> dict[Path, str]:
-    """Return the files of a virtual raster, which are in its folder, and their drivers."""
+    """Return the source files of a virtual raster, which are in its folder, and their drivers."""
     answer = read_in_process(field, path, 'tiles', [(_name(path), path)])
     result = {}
     for name in answer.data['result']:
@@ -137,7 +137,7 @@ def _tiles(field: str, path: Path) -> dict[Path, str]:
 
 
 def _parts(field: str, path: Path) -> Iterator[File]:
-    """Yield a file, and those which belong to it."""
+    """Yield a file and the files that belong to it."""
     yield _name(path), path
     own = [path.with_name(path.name + end) for end in _MORE_ENDINGS]
     for end in _ENDINGS:

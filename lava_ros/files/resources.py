@@ -26,7 +26,7 @@ def share_path(relative: str) -> Path:
 
 
 def find_file(name: str | Path, folder: str, *, field: str, expected: str) -> Path:
-    """Find a file by its path, or else by its name in a folder of this package.
+    """Find a file by its path, otherwise by its name in a folder of this package.
 
     Args:
         name: Path or file name.

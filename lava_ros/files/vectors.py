@@ -210,7 +210,7 @@ def write_vectors(
     options = {'CSV': {'GEOMETRY': 'AS_WKT'}, 'GeoJSON': {'RFC7946': 'YES'}}.get(driver, {})
     written = []
     with (
-        refusing('output', str(folder), 'a folder to write to'),
+        refusing('output', str(folder), 'a writable folder'),
         TemporaryDirectory() as temporary,
         warnings.catch_warnings(),
     ):
@@ -227,7 +227,7 @@ def write_vectors(
                 if ending == 'geojson':
                     place.write_text(text)
                 continue
-            # as dates they would lose the zone
+            # written as dates, the values would lose their time zone
             meta, _, geometry, values = raw.read(text.encode(), DATE_AS_STRING='YES')
             raw.write(
                 place, geometry, values, meta['fields'], layer=name, driver=driver,

@@ -50,7 +50,7 @@ def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML fil
 def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | None = None) -> Any:
     """Parse YAML into plain data; dates stay text, and errors show ``value`` instead of the text.
 
-    Floats are those of YAML 1.2, for example ``1e3``.
+    Floats follow YAML 1.2, so ``1e3`` is a number.
 
     Raises:
         LavaError: If the text is not YAML or exceeds a limit; or if it has a Python tag, a value

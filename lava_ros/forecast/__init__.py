@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forecasts: single runs and ensembles. Never imports rclpy."""
+"""Forecasts: single runs and ensembles; without rclpy."""

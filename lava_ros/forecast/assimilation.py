@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.scene import Terrain
 from lava_ros.scene.terrain import HALF, PARTS
 
@@ -18,7 +18,7 @@ from lava_ros.scene.terrain import HALF, PARTS
 #: much as 0.7.
 SHARPNESS = 8.0
 
-#: Minimum effective number of members, as a fraction of those that agree at all.
+#: Minimum effective number of members, as a fraction of the members that overlap the outline.
 MIN_EFFECTIVE_FRACTION = 0.1
 
 #: Weight of the best member.
@@ -26,7 +26,7 @@ UNIT = 1 << 16
 
 _HALVINGS = 40
 
-#: Largest error of an area, whose logarithm is finite.
+#: Maximum error of an area, so that its logarithm is finite.
 _LARGEST_ERROR = 0.999
 
 
@@ -78,7 +78,7 @@ class Outline:
 def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
     """Resample a mask for a simulated time [s] to the cells of a terrain.
 
-    A cell has lava, or was observed, if at least half of its squares (``PARTS``) have or were.
+    A cell counts as lava, or as observed, if at least half of its squares (``PARTS``) do.
     Squares outside the mask count as not observed.
 
     Raises:
@@ -147,13 +147,14 @@ def weigh(
 ) -> Weights:
     """Weight members by a power, ``sharpness``, of their Jaccard indices.
 
-    A power s weights -ln J like errors of a size of 1 / s. ``area_error``, one minus the Jaccard
-    index of a member and itself without the numerical error, adds to it as an independent error:
-    the right member agrees no better. The power is also reduced until enough members count
-    (``MIN_EFFECTIVE_FRACTION``), because too few do not represent the uncertainty of a forecast.
+    A power s weights -ln J like an error of size 1 / s. ``area_error``, one minus the Jaccard
+    index of a member with and without its numerical error, is added as an independent error: even
+    a perfect member would agree no better. The power is also reduced until enough members count
+    (``MIN_EFFECTIVE_FRACTION``), because too few members do not represent the uncertainty of a
+    forecast.
 
     Raises:
-        LavaError: If an argument is not valid, or no member agrees at all.
+        LavaError: If an argument is not valid, or no member overlaps the outline.
     """
     sharpness = validation.number('sharpness', sharpness, at_least=0.0, at_most=1e3)
     validation.number('least_effective', least_effective, at_least=0.0, at_most=1.0)
@@ -164,8 +165,8 @@ def weigh(
     if not index.size or not np.isfinite(index).all() or index.min() < 0.0 or index.max() > 1.0:
         raise LavaError('agreement', index.tolist(), 'Jaccard indices from 0 to 1')
     if not index.any():
-        expected = 'an outline that some members reach; correct the scene or its uncertainty'
-        raise LavaError('observed', 'an outline that no member touches', expected)
+        problem = 'No member touches the observed outline'
+        raise RefusalError('observed', problem, 'Correct the scene or its uncertainty')
     least = least_effective * np.count_nonzero(index)
 
     def powers(sharpness: float) -> np.ndarray:

@@ -36,7 +36,7 @@ from lava_ros.simulation.backend.threads import usable_cores
 #: Minimum number of members for maps while other members still run.
 FIRST_MAPS = 16
 
-#: Maximum wait for a reply of a scheduler [s].
+#: Maximum wait for a reply from a scheduler [s].
 PATIENCE = 30.0
 
 #: Runs members, in any order, and yields the footprint of each.
@@ -49,7 +49,7 @@ class Ensemble:
 
     Attributes:
         maps: Maps of the members with equal weights.
-        weights: Weights of the members by an observed outline, None without one.
+        weights: Weights of the members according to an observed outline, None without one.
         weighted: Maps with these weights, None without an outline.
         resumed: Number of members that were already in the store.
     """
@@ -72,8 +72,8 @@ def run_ensemble(
     """Run the members that are not yet in the store, and merge all members.
 
     The maps depend only on the members, not on their order, the runner or interruptions. Sentinels
-    run first. If a sentinel calls for effects that are off, the store deletes all members, and
-    they run again with these effects: at most once for each effect.
+    run first. If a sentinel needs effects that are off, the store deletes all members, and they
+    run again with these effects: at most once for each effect.
 
     Args:
         members: The first members of the ensemble.
@@ -83,8 +83,8 @@ def run_ensemble(
         on_finished: Called after each member with the number of finished members, and of those
             that were already in the store.
         on_maps: Called with the maps of the first members, in order of number, each time that
-            their number has doubled and all sentinels have run. Maps of the members that finish
-            first would be of small eruptions, which are fast to simulate.
+            their number has doubled and all sentinels have run. The members that finish first
+            would show small eruptions, which are fast to simulate.
 
     Raises:
         LavaError: If a member fails, none agrees with the outline, or a file cannot be written.
@@ -134,7 +134,7 @@ def run_ensemble(
     _check_complete(done, members)
     if outline is None:
         return Ensemble(tally.maps(), None, None, resumed)
-    # the numerical error and the best member are those of all members
+    # the numerical error and the best member refer to all members
     error, agreement = tally.spacing_error, np.full(len(members), np.nan)
     for footprint in store.finished(len(members)):
         reached = footprint_by(footprint, plan, outline.time, error)
@@ -178,7 +178,7 @@ def run_in_processes(
     Raises:
         LavaError: If a member fails or repeatedly ends its process.
     """
-    # so that each process has members
+    # so that each process gets members
     batch = min(batch_of(plan, device), max(-(-len(members) // workers), 1))
     parts = _parts(members, batch)
     devices = (device,) if device else _gpus() or (None,)
@@ -217,8 +217,8 @@ def run_on_cluster(
 ) -> Generator[Footprint, None, None]:
     """Run members on the workers of an existing Dask scheduler, in any order.
 
-    Workers store nothing: a member is sent as a few numbers and returned as its footprint. The
-    members of a worker that dies run again on another one.
+    Workers store nothing: a member is sent as a few numbers and returned as its footprint. Members
+    of a worker that dies run again on another worker.
 
     ``scheduler`` is an address such as ``tls://host:8786``, and ``device`` the Warp device of
     every worker; None for its first GPU, or the CPU without one.
@@ -230,7 +230,7 @@ def run_on_cluster(
     from distributed import as_completed, KilledWorker
 
     with _client(scheduler) as client:
-        # a task instead of data, which Dask repeats if the worker with its result dies
+        # a task, not data, because Dask repeats it if the worker with its result dies
         shared = client.submit(pickle.loads, pickle.dumps(plan), pure=False)
         running = {
             client.submit(_run_on_worker, shared, device, part, pure=False): part[0].index
@@ -238,13 +238,13 @@ def run_on_cluster(
         }
         for future in as_completed(list(running)):
             member = f'member {running.pop(future)}'
-            expected = f'one that does not end its worker; {DEATHS + 1} died: out of memory?'
-            with (
-                refusing(member, 'killed with its worker', expected, KilledWorker),
-                refusing('--scheduler', scheduler, 'workers that can run lava_ros',
-                         ImportError, OSError),
-            ):
-                footprints = future.result()
+            expected = 'a scheduler whose workers can run lava_ros'
+            try:
+                with refusing('--scheduler', scheduler, expected, ImportError, OSError):
+                    footprints = future.result()
+            except KilledWorker as error:
+                problem = f'{DEATHS + 1} workers ended while they ran {member}'
+                raise RefusalError(member, problem, 'Check their memory') from error
             yield from footprints
             future.release()
 
@@ -276,8 +276,8 @@ def _client(scheduler: str) -> Iterator[Any]:
                 versions = client.run(_version)
             for worker, version in versions.items():
                 if version != lava_ros.__version__:
-                    expected = f'lava_ros {lava_ros.__version__}, as here'
-                    raise LavaError(f'lava_ros of worker {worker}', version, expected)
+                    expected = f'{lava_ros.__version__}, the version of this process'
+                    raise LavaError(f'version of lava_ros on {worker}', version, expected)
             yield client
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The numerical error of an ensemble: that of a run with the inputs of its scene."""
+"""Numerical error of an ensemble, measured on a run with the inputs of its scene."""
 
 import json
 from pathlib import Path
@@ -26,7 +26,7 @@ FILE = 'numerical_error.json'
 def measure_ensemble_error(
     plan: Plan, members: int, folder: Path, *, device: str | None = None
 ) -> NumericalError | None:
-    """Measure the error, or read that of an earlier call with the same effects.
+    """Measure the error, or read the error that an earlier call with the same effects has stored.
 
     Args:
         plan: Plan of the members.
@@ -72,7 +72,7 @@ def stored_error(folder: Path) -> tuple[NumericalError | None, list[str]]:
     path = folder / FILE
     if not path.is_file():
         return None, []
-    expected = 'the numerical error of an ensemble; without the file it is measured again'
+    expected = 'the numerical error of an ensemble; delete the file to measure it again'
     with (
         refusing('ensemble', str(path), expected, OSError, KeyError, TypeError, ValueError),
         open_input(path) as file,

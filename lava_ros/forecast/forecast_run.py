@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Forecasts by simulations that run ahead of another one."""
+"""Forecasts by simulations that run ahead of the live simulation."""
 
 import math
 import time as wall_clock
@@ -13,11 +13,11 @@ from lava_ros.runs.drive import drive
 from lava_ros.runs.sinks import PeakSink
 from lava_ros.simulation.output.checkpoint import Checkpoint
 
-#: Number of observations within a horizon, from which peaks are taken. Arrival times are those of
-#: time steps.
+#: Number of observations within a horizon, from which peaks are taken. Arrival times are exact to
+#: a time step.
 N_SAMPLES = 240
 
-#: Number of observations of a scene's first forecast, which takes less than half of the time.
+#: Number of observations in a scene's first forecast, which takes less than half the time.
 N_FIRST_SAMPLES = 60
 
 #: Number of observations before the first regular one, each at half the time of the next.
@@ -27,8 +27,8 @@ N_EARLY_SAMPLES = 4
 class ForecastRun:
     """A forecast by a simulation that runs ahead of the one it was forked from.
 
-    The flow equals that of the original simulation advanced to the horizon; it is bitwise
-    identical on the same device if the simulation is deterministic.
+    The flow equals the original simulation advanced to the horizon; on the same device it is
+    bitwise identical if the simulation is deterministic.
 
     Attributes:
         simulation: The simulation.

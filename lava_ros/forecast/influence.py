@@ -14,10 +14,11 @@ part m_c and the size of its change, e_ck, the Jaccard index J of the areas befo
 
     1 - J = sum e_ck / sum (m_c + e_ck / 2)        e_ck^2 = max(d_ck^2 - s_ck^2, 0)
 
-s is the standard error of d: few members scatter, which is not an effect. The change of the map is
-that of its mean over the other quantities. The variance that the regression of f does not explain
-is due to the errors of the terrain, which have no u, and to the interaction of quantities.
-Standard errors are those of least squares for A, and of the jackknife over members for J.
+s is the standard error of d; it removes the scatter of a small number of members. The change of
+the map is the change of its mean over the other quantities. The variance that the regression of f
+does not explain is due to the errors of the terrain, which have no u, and to the interaction of
+quantities. Standard errors of A are from least squares, and those of J from the jackknife over
+members.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ class Influence:
 
     @property
     def title(self) -> str:
-        """Words for the quantity and those that change with it."""
+        """Names of the quantity and of those that change with it, for people."""
         names = (self.quantity, *self.together)
         return ' with '.join(name.replace('_', ' ') for name in names)
 
@@ -227,7 +228,7 @@ def _changes_of_maps(
     inverse = np.linalg.pinv(table)
     left = 1.0 - np.einsum('mu,um->m', table, inverse)
     norm = (inverse**2).sum(axis=1)[:-1, None]
-    # one row without each member, and the last one with all members
+    # a row for each left-out member, and a last row with all members
     changes, means = np.zeros((count + 1, unknowns - 1)), np.zeros(count + 1)
     unexplained = variance = 0.0
     for cells in _cells(footprints, shape):

@@ -5,7 +5,8 @@
 
 Members start from the state of the simulation, with its resolution and effects, and then differ
 in their drawn inputs. Member k has the same draws in successive ensembles until an outline
-arrives, which weights these members. The next ensemble draws new ones near those of high weight.
+arrives, which weights these members. The next ensemble draws new members near the members of high
+weight.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import plan_from, running
 from lava_ros.forecast.probability import (
@@ -42,7 +43,7 @@ class Population:
     """Drawn inputs that successive ensembles share, and their agreement with observed outlines.
 
     Attributes:
-        posterior: Distribution of the members; None for that of the scene.
+        posterior: Distribution of the members; None for the distribution of the scene.
         outlines: Number of outlines that the distribution and the agreement contain.
         agreement: Agreement of the members with the outlines since they were drawn, float64, one
             value from 0 to 1 per member; None without such an outline.
@@ -117,7 +118,7 @@ class LiveEnsemble:
             max_particles=max_particles,
             progress=self._shares,
         )
-        # a member waits until all lower numbers are done, because cheap ones finish first
+        # a member waits until all lower numbers are done, because fast members finish first
         self._ahead: dict[int, Footprint] = {}
         self._footprints: list[Footprint] = []
         self.duration = 0.0
@@ -163,7 +164,7 @@ class LiveEnsemble:
     def agreement(self, outline: Outline) -> np.ndarray:
         """Return the Jaccard index of each member with an outline, float64, shape [asked].
 
-        Members that have not run get the mean of the completed members.
+        Members that have not run get the mean index of the completed members.
         """
         time = outline.time - self.start
         found = [jaccard(footprint_by(one, self.plan, time), outline) for one in self._footprints]
@@ -224,8 +225,8 @@ class LiveEnsembles:
         """Replace the ensemble in progress by a new one at the next ``advance``.
 
         ``changes`` is a number that changes with the scene. The first ensemble of a scene draws
-        from ``posterior`` after a number of earlier ``outlines``, None without any. ``how`` are
-        further arguments of ``LiveEnsemble``.
+        from ``posterior``, the distribution after a number of earlier ``outlines``; None without
+        outlines. ``how`` are further arguments of ``LiveEnsemble``.
         """
         self.drop()
         if changes != self._changes:
@@ -242,9 +243,10 @@ class LiveEnsembles:
         """Cancel the ensemble in progress; finished ones remain."""
         self._ordered = self.current = None
         waiting, self._waiting = self._waiting, []
-        expected = 'a scene that does not change until the members have run'
+        problem = 'The ensemble was cancelled before it could use the outline'
         for number, _ in waiting:
-            self._refuse(number, LavaError('observed_outline', 'not used', expected))
+            remedy = 'Publish the outline again'
+            self._refuse(number, RefusalError('observed_outline', problem, remedy))
 
     def advance(self, wall_limit: float) -> None:
         """Run members for about a wall time [s].
@@ -264,7 +266,7 @@ class LiveEnsembles:
             first = [item for item in self._first if item.covers(ensemble.start)]
             if all(item.population is not ensemble.population for item in first):
                 first.append(ensemble)
-            # the oldest for outlines that come late, and few others because of their memory
+            # keep the oldest for late outlines, and few others to save memory
             self._first = [*first[:1], *first[1:][-2:]]
             self._send_maps(ensemble)
             waiting, self._waiting = self._waiting, []
@@ -279,11 +281,11 @@ class LiveEnsembles:
             self._send_maps(ensemble)
 
     def observe(self, number: int, outline: Outline) -> None:
-        """Weight the members by an outline, and draw those of the next ensemble near them.
+        """Weight the members by an outline, and draw the members of the next ensemble near them.
 
         They are compared with it in the first complete ensemble that covers its time, of the
         population that contains most outlines, and of the newest such population. An outline waits
-        if that is the ensemble in progress, and is refused if no ensemble covers its time.
+        if this is the ensemble in progress, and is refused if no ensemble covers its time.
         """
         known = [item for item in (*self._first, self._shown, self.current) if item is not None]
         covering = [item for item in known if item.covers(outline.time)]
@@ -291,7 +293,7 @@ class LiveEnsembles:
         def rank(item: LiveEnsemble) -> tuple[int, int]:
             return item.population.outlines, item.population.generation
 
-        # the first of equal ones
+        # the first one of several equals
         best = max(covering, key=rank, default=None)
         if best is not None and best is self.current:
             self._waiting.append((number, outline))

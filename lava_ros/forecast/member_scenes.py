@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes of the members of an ensemble: the scene with the drawn values of each."""
+"""Scenes of the members of an ensemble: the common scene with each member's drawn values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -40,10 +40,9 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
         vents = tuple(_member_vent(vent, member, scene.terrain) for vent in vents)
         return replace(scene, vents=vents, lava=_member_lava(scene.lava, member))
     except LavaError as error:
-        expected = f'{error.expected}; limits on its distribution keep it there'
-        raise LavaError(
-            f'{error.field} of member {member.index}', error.value, expected
-        ) from error
+        expected = f'{error.expected}; limit its distribution to such values'
+        field = f'{error.field} of member {member.index}'
+        raise type(error)(field, error.value, expected) from error
 
 
 def median_scene(scene: Scene) -> Scene:
@@ -61,8 +60,8 @@ def median_scene(scene: Scene) -> Scene:
 def end_scenes(scene: Scene) -> list[Scene]:
     """Return scenes with one uncertain quantity each at a quantile of 0.1 or 0.9.
 
-    Effects are chosen for these. An effect that only fewer members call for would slow down all,
-    and matters little to these, because effects do not set in abruptly.
+    Effects are chosen for these. An effect that only fewer members need would slow down all
+    members. It matters little to those few, because effects do not set in abruptly.
 
     Raises:
         LavaError: If the values do not make a valid scene.
@@ -83,8 +82,8 @@ def end_scenes(scene: Scene) -> list[Scene]:
 def changes_of(scene: Scene) -> dict[str, tuple[Member, Member]]:
     """Return members that differ in one quantity, at its quantiles of 0.1 and 0.9, by its name.
 
-    Quantities that follow it change with it. Of places it is a displacement along x, and of the
-    terrain a member without errors and one with errors.
+    Quantities that follow it change with it. For places the change is a displacement along x; for
+    the terrain it is a member without and a member with errors.
 
     Args:
         scene: The scene with its ranges.

@@ -120,7 +120,7 @@ class MemberFields:
         peak: Largest thickness [m], float32, same shape; 0 without lava.
         left: Fraction of the emitted volume that has left the map.
         corner: Row and column of the part's first cell.
-        called: Effects that the flow of a sentinel calls for although they are off in its plan.
+        called: Effects that the flow of a sentinel needs although they are off in its plan.
         pair: Differences of a run of the member with particles farther apart; None without one.
     """
 
@@ -156,8 +156,8 @@ def make_plan(
 ) -> Plan:
     """Plan an ensemble that starts at time 0.
 
-    An effect is on for all members if about a tenth of them are expected to call for it because of
-    one of their values. Sentinels review this choice on their flow (``sentinels``).
+    An effect is on for all members if about a tenth of them are expected to need it because of one
+    of their values. Sentinels review this choice on their flow (``sentinels``).
 
     Args:
         scene: The scene; open quantities have their usual ranges (``ranges.with_ranges``).
@@ -173,7 +173,7 @@ def make_plan(
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     samples = _sampling(samples, horizon)
-    # one spacing for all members, that of the values of the scene
+    # one spacing for all members, chosen for the values of the scene
     median, scene = median_scene(scene), with_ranges(scene)
     accuracy = resolved_accuracy(accuracy or Accuracy(), median, effects, horizon=horizon)
     if threshold is not None:
@@ -184,7 +184,7 @@ def make_plan(
         for one in (scene, *end_scenes(scene))
     ]
     called_for = {name for one in chosen for name in one}
-    # of effects that exclude each other, prefer the one that the scene itself calls for
+    # if effects exclude each other, prefer the one that the scene itself needs
     together = compatible((*chosen[0], *(name for name in EFFECTS if name in called_for)))
     forced = dict(effects or {})
     return Plan(scene, horizon, accuracy, together, samples, forced=forced)
@@ -199,9 +199,9 @@ def plan_from(
 ) -> Plan:
     """Plan an ensemble that continues a running simulation for ``horizon`` [s].
 
-    Members have the resolution and the effects of the simulation, which reviews them itself. The
-    properties drawn for a member apply after the checkpoint ``start``. The other arguments are as
-    in ``make_plan``.
+    Members have the resolution and the effects of the simulation, which reviews its effects
+    itself. The properties drawn for a member apply after the checkpoint ``start``. The other
+    arguments are as in ``make_plan``.
 
     Raises:
         LavaError: If an argument is not valid.
@@ -231,7 +231,7 @@ def run_members(
 ) -> list[MemberFields]:
     """Run members from the plan's start to the horizon.
 
-    If a sentinel calls for effects that are off, all members run again with these effects.
+    If a sentinel needs effects that are off, all members run again with these effects.
     ``device`` is the Warp device; None for the first GPU, or the CPU without one.
 
     Returns:
@@ -348,7 +348,8 @@ class _MemberSink(PeakSink):
             self._called = find_called(
                 simulation, self._forced, member=self._index, start=self._start
             )
-            # stop at the first call: the effects would have changed the flow of later reviews
+            # stop at the first review that needs more effects: they would have changed the later
+            # flow
             self._reviews = () if self._called else later
 
     def fields(self, simulation: 'Simulation') -> MemberFields:

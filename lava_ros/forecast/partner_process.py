@@ -22,7 +22,7 @@ from lava_ros.simulation.numerical_error import NumericalError
 
 
 def measure(share: float, **run: Any) -> NumericalError:
-    """Measure an error, and rest for so long that it takes a ``share`` of one core's time."""
+    """Measure an error, with pauses so that it takes a fraction ``share`` of one core's time."""
 
     def slowly() -> Iterator[None]:
         error: NumericalError = yield from measuring(clock=time.process_time, **run)
@@ -55,7 +55,7 @@ def main() -> None:
 
 
 def _watch(node: Connection) -> None:
-    """End the process, also in the middle of a step, when the connection is closed."""
+    """End the process when the connection is closed, even in the middle of a step."""
     try:
         node.recv()
     finally:

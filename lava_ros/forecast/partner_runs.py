@@ -3,7 +3,7 @@
 
 """Partner runs of a run, which measure its numerical error (simulation/numerical_error.py).
 
-Both have particles ``COARSER`` times as far apart as the run, one on its ground and one on coarser
+Both use ``COARSER`` times the particle spacing of the run, one on its ground and one on coarser
 ground. Together they take about an eighth of the time of a run of many particles.
 """
 
@@ -54,7 +54,7 @@ def measuring(
         effects: Its effects.
         horizon: Its horizon [s].
         device: Warp device; None for the first GPU, or the CPU without one.
-        areas: Returns the areas of a partner run, on the cells of those of the run.
+        areas: Returns the areas of a partner run, on the cells of the run.
         clock: Returns the time [s], for the cost.
 
     Raises:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pilot runs: coarse runs of a scene, from which time and error of a finer run are predicted.
+"""Pilot runs: coarse runs of a scene, from which the time and error of a finer run are predicted.
 
 The time of a run is s + E (a + b r^k): E evaluations, each with a constant part and one that is
 proportional to the number of particles, r^2 for a refinement r; with the iterations of the lateral
@@ -58,7 +58,7 @@ class Pilot:
     areas: Areas
 
     def timed_by_work(self) -> 'Pilot':
-        """Return the pilot with its work in place of its times."""
+        """Return the pilot with its work in place of its wall times."""
         each = EVALUATION_WORK + PARTICLE_WORK * self.particles
         work = SETUP_WORK + each * self.evaluations
         return replace(self, wall_time=work, setup=SETUP_WORK)
@@ -77,10 +77,9 @@ def run_at(
 ) -> Pilot | None:
     """Run a scene to ``horizon`` [s]; None if it takes more than ``wall_limit`` [s].
 
-    ``accuracy`` is that of the refinement, by default with the settings of a preset
-    (``accuracy_at``), and ``effects`` are the physics, by default those that the scene calls for.
-    Kernels are compiled at their first use: a first call for a short ``horizon`` excludes that
-    from the wall time.
+    ``accuracy`` has the refinement, by default with the settings of a preset (``accuracy_at``),
+    and ``effects`` are the physics, by default those that the scene needs. Kernels are compiled at
+    their first use: a first call for a short ``horizon`` excludes that from the wall time.
     """
     accuracy = accuracy or accuracy_at(scene, refinement, horizon)
     begun = clock()
@@ -105,7 +104,7 @@ def accuracy_at(scene: Scene, refinement: float, horizon: float) -> Accuracy:
 
 
 def spacing_at(scene: Scene, refinement: float, horizon: float) -> float:
-    """Return the particle spacing [m]: that of ``standard`` for a horizon [s], made finer."""
+    """Return the particle spacing [m]: the spacing of ``standard`` for a horizon [s], refined."""
     return standard_resolution(scene, horizon).spacing / refinement
 
 
@@ -115,7 +114,7 @@ def standard_resolution(scene: Scene, horizon: float) -> Resolution:
 
 
 def preset_below(refinement: float) -> str:
-    """Return the finest preset at or below a refinement, ``draft`` below all."""
+    """Return the finest preset at or below a refinement, or ``draft`` if there is none."""
     most = 1.001 * refinement
     below = [name for name in ('standard', 'fine') if PRESETS[name].accuracy.refinement <= most]
     return below[-1] if below else 'draft'
@@ -148,7 +147,7 @@ def cost_at(
 
 
 def _growth(pilots: Sequence[Pilot], least: float) -> float:
-    """Return the power of the refinement with which evaluations grow."""
+    """Return the exponent with which the number of evaluations grows with the refinement."""
     last = pilots[-1]
     # runs of similar refinement show mostly scatter
     far = [pilot for pilot in pilots[:-1] if pilot.refinement * APART < last.refinement]

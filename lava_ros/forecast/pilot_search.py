@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Series of pilot runs, each finer than the one before, and predictions for finer runs.
+"""Series of pilot runs, each finer than the previous one, and predictions for finer runs.
 
-The difference of the last pilots is the particles' part of the numerical error, and that of the
-one before the last from a run on coarser ground the ground's part (simulation/numerical_error.py).
-The particles' part is proportional to the spacing to the power ``PARTICLE_ORDER``; the ground's
-part does not depend on it.
+The difference between the last two pilots gives the particles' part of the numerical error; the
+difference between the last but one and a run on coarser ground gives the ground's part
+(simulation/numerical_error.py). The particles' part is proportional to the spacing to the power
+``PARTICLE_ORDER``; the ground's part does not depend on it.
 """
 
 from collections.abc import Callable
@@ -38,7 +38,7 @@ PLANNING_FRACTION = 0.15
 #: Ratio of the refinements of one pilot and the next.
 FINER = 1.6
 
-#: Minimum ratio of one pilot to the next, margin of the time of a pilot, and power of the
+#: Minimum ratio of one pilot to the next, margin of the time of a pilot, and exponent of the
 #: refinement with which the time of the second grows.
 CLOSEST, PILOT_MARGIN, GROWTH = 1.2, 1.2, 4.0
 
@@ -93,18 +93,18 @@ class PilotSearch:
     spent: float = 0.0
     count: int = 0
 
-    def climb(
+    def run_pilots(
         self, budget: Callable[[], float], useful: Callable[[], float], *,
         limit: float = math.inf, reserved: Callable[[float], float] = lambda _: 0.0,
     ) -> None:
-        """Run pilots while they fit, until the next would be finer than is useful.
+        """Run pilots while time remains, until the next would be finer than is useful.
 
         Args:
             budget: Returns the time for all pilots [s].
-            useful: Returns the refinement above which pilots are not needed. Asked, like
-                ``budget``, between pilots.
+            useful: Returns the refinement above which pilots are not needed. Like ``budget``, it
+                is called between pilots.
             limit: Maximum time of the first two pilots [s].
-            reserved: Returns how much of the time that is left is for other pilots [s].
+            reserved: Returns the part of the remaining time that is reserved for other pilots [s].
         """
         ground, refinement = on_coarser_ground(self.scene), self.first
         while refinement <= FINEST:
@@ -116,7 +116,7 @@ class PilotSearch:
             if len(self.pilots) > 1:
                 before, coarse = self.pilots[-2], None
                 if ground is not None:
-                    # cheaper than one of the newest spacing
+                    # cheaper than a pilot of the newest spacing
                     coarse = self.run(ground, before.refinement, 3.0 * before.wall_time + 1.0)
                 self._error = self._measure(before, coarse)
                 refinement = self._next(budget() - self.spent, reserved)
@@ -126,7 +126,7 @@ class PilotSearch:
             elif FINER**GROWTH * pilot.wall_time <= budget() - self.spent:
                 refinement *= FINER
             elif self.clock is not None:
-                # a coarser one in a short time
+                # a coarser pilot if the time is short
                 refinement /= FINER
             else:
                 break
@@ -140,10 +140,10 @@ class PilotSearch:
                 self._error = self._measure(last, coarse)
 
     def _next(self, left: float, reserved: Callable[[float], float]) -> float:
-        """Return the refinement of the next pilot, which fits into the time that is left [s]."""
+        """Return the refinement of the next pilot, which fits into the remaining time [s]."""
         last = self.pilots[-1]
         steps = last.refinement * np.linspace(1.0, FINER, 13)
-        # before those on coarser ground and others, which are coarser
+        # before the pilots on coarser ground and others, which are coarser
         left -= 1.3 * last.wall_time + reserved(left)
         fitting = [step for step in steps.tolist() if PILOT_MARGIN * self.cost(step) <= left]
         return fitting[-1] if fitting else 0.0
@@ -153,7 +153,7 @@ class PilotSearch:
     ) -> Pilot | None:
         """Make a pilot; None if it takes more than ``limit`` [s].
 
-        ``on_pilot`` is called with it if it ``is_told``.
+        ``on_pilot`` is called with it if ``is_told``.
         """
         clock = self.clock or wall_clock.monotonic
         begun = clock()
@@ -192,7 +192,7 @@ class PilotSearch:
         )
 
     def cost(self, refinement: float) -> float:
-        """Return the time of a run [s]; a low estimate of work."""
+        """Return the time of a run [s]; the work is estimated low."""
         least = MIN_GROWTH if self.clock else 0.0
         return cost_at(self.pilots, refinement, min_growth=least)
 
@@ -213,10 +213,10 @@ class PilotSearch:
         return Option(refinement, error.spacing, self.cost(refinement), error)
 
     def refinement_for(self, wanted: Callable[[float], float]) -> float:
-        """Return the refinement with a part of the particles, 0 to infinity.
+        """Return the refinement with the wanted particles' part of the error, 0 to infinity.
 
         Args:
-            wanted: Returns the part of the particles for a part of the ground.
+            wanted: Returns the wanted particles' part for a given ground's part.
         """
         area = self._error.inundated
         target = wanted(area.ground)

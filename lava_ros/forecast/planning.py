@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Planning of runs: spacing, preset and members for a scene, a horizon and a wall time.
+"""Planning of runs: spacing, preset and members for a scene and a wall time, or an error.
 
 Coarse pilots (pilot_search.py) run first, in at most ``PLANNING_FRACTION`` of the time.
 
@@ -45,13 +45,14 @@ from lava_ros.simulation.selection import effects_for
 #: Particles across the flow of the first pilot.
 FIRST_ACROSS = 4.0
 
-#: Minimum refinement, and that of the first pilot if the width of the flow is unknown.
+#: Minimum refinement, and refinement of the first pilot if the width of the flow is unknown.
 COARSEST, UNKNOWN = 0.01, 0.15
 
-#: Minimum part of the particles over that of the ground: finer particles change little.
+#: Minimum ratio of the particles' part to the ground's part of the error: finer particles change
+#: little.
 USEFUL = 0.25
 
-#: Maximum fraction of the pilots' time for those with changed inputs.
+#: Maximum fraction of the pilots' time for pilots with changed inputs.
 CHANGES_FRACTION = 0.4
 
 #: Fraction of the time that a plan uses, with a margin for other load on the machine.
@@ -95,7 +96,7 @@ class RunPlan:
         is_finest: Whether more time would hardly reduce the error.
         pilots: Number of pilots.
         spent: Time of the pilots, without compilation [s].
-        options: Runs of other spacings, those of presets included, from the coarsest to the
+        options: Runs of other spacings, including those of the presets, from the coarsest to the
             finest.
         presets: Refinements of the presets with a target, by name.
         inputs: Effects of the uncertain quantities that the scene gives or leaves open, by name,
@@ -122,43 +123,54 @@ class RunPlan:
         return self.numerical_error.inundated.total
 
 
-def plan_within(
+def plan_runs(
     scene: Scene,
     *,
-    within: float,
+    within: float | None = None,
+    error: float | None = None,
     horizon: float,
     members: int | None = 1,
+    forced: Mapping[str, bool] | None = None,
     device: str | None = None,
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
     with_inputs: bool = False,
 ) -> RunPlan:
-    """Find the finest runs that fit in a wall time, with pilots that take at most 15 % of it.
+    """Find the finest runs that fit in a wall time, or the coarsest below a numerical error.
+
+    Pilots take at most 15 % of the time of the runs, except for the first two.
 
     The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``.
 
     Args:
         scene: The scene; for an ensemble, the one with median inputs.
-        within: Wall time for the runs [s].
+        within: Wall time for the runs [s]; None if ``error`` is given.
+        error: Numerical error of the inundated area that the runs may have, a fraction; None if
+            ``within`` is given.
         horizon: Simulated duration of each run [s].
         members: Number of successive runs; None for the number with the smallest error.
+        forced: Effects forced on or off, by name.
         device: Warp device; None for the first GPU, or the CPU without one.
         on_pilot: Called after each pilot.
         clock: Returns the time [s]; ``time.process_time`` on a shared CPU.
         with_inputs: True for the effects of the uncertain quantities, ``RunPlan.inputs``.
 
     Raises:
-        LavaError: If an argument is not valid, or the time is too short for the coarsest run.
+        LavaError: If an argument is not valid, the time is too short for the coarsest run, or no
+            run has an error that small.
     """
-    within = validation.number('within', within, above=0.0, unit='s')
+    if error is None:
+        within = validation.number('within', within, above=0.0, unit='s')
+    else:
+        error, within = validation.number('error', error, above=0.0, at_most=1.0), math.inf
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
-    # all pilots have the effects of preset standard
+    # all pilots use the effects of the preset standard
     standard = standard_resolution(scene, horizon)
     search = PilotSearch(
         scene, horizon, lambda refinement: accuracy_at(scene, refinement, horizon),
-        effects_for(scene, accuracy=accuracy_at(scene, 1.0, horizon), horizon=horizon),
+        effects_for(scene, forced, accuracy=accuracy_at(scene, 1.0, horizon), horizon=horizon),
         UNKNOWN if math.isnan(standard.width) else min(
             max(FIRST_ACROSS / standard.across, COARSEST), 1.0
         ),
@@ -169,23 +181,40 @@ def plan_within(
         scene, search.first, 1e-3, device=device, effects=search.effects,
         accuracy=search.accuracy_at(search.first),
     )
-    budget = PLANNING_FRACTION * within
     changes = changes_of(with_ranges(scene)) if with_inputs else {}
+
+    def useful() -> float:
+        """Return the refinement above which pilots are not needed."""
+        wanted = finest_useful(search)
+        return wanted if error is None else min(wanted, refinement_below(search, error))
+
+    def budget() -> float:
+        """Return the time for all pilots [s]."""
+        if error is None:
+            return PLANNING_FRACTION * within
+        # the time of the runs is known after two pilots
+        each = search.cost(useful()) if len(search.pilots) > 1 else math.inf
+        return PLANNING_FRACTION * (members or 1) * each
 
     def reserved(left: float) -> float:
         """Return the time for coarse pilots with changed inputs [s]."""
         least = 2.0 * len(changes) * PILOT_MARGIN * search.pilots[0].wall_time
         return min(least, CHANGES_FRACTION * left)
 
-    search.climb(
-        lambda: budget, lambda: finest_useful(search), limit=within / (members or 1),
-        reserved=reserved,
-    )
+    search.run_pilots(budget, useful, limit=within / (members or 1), reserved=reserved)
     if len(search.pilots) < 2:
-        raise LavaError('within', within, 'a longer time: the coarsest runs take more')
-    inputs = change_inputs(search, budget, changes)
-    search.measure_finest_ground(budget - search.spent)
-    refinement, count = choose(search, within, members)
+        raise LavaError('within', within, 'a longer time: even the coarsest runs take more')
+    inputs = change_inputs(search, budget(), changes)
+    search.measure_finest_ground(budget() - search.spent)
+    if error is None:
+        refinement, count = choose(search, within, members)
+    else:
+        refinement, count = refinement_below(search, error), members or 1
+        least = search.error(FINEST).inundated.total
+        if least > error:
+            expected = f'at least {100.0 * least:.2g} %, that of the finest particles; only finer '
+            expected += 'cells of the terrain have a smaller error'
+            raise LavaError('error', error, expected)
     wall_time = count * search.cost(refinement)
     if wall_time > within:
         expected = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
@@ -219,10 +248,10 @@ def plan_within(
 def change_inputs(
     search: PilotSearch, budget: float, changes: Mapping[str, tuple[Member, Member]]
 ) -> dict[str, InputChange]:
-    """Return what changes of the inputs change, with coarse pilots while there is time.
+    """Return the effect of changes of the inputs, from coarse pilots while time remains.
 
-    All have the same particle spacing, that of the finest pilot but one for which they fit in the
-    time.
+    All have the same particle spacing: that of the finest pilot, except the last, for which they
+    fit in the time.
 
     Args:
         search: Pilots of the scene as it is.
@@ -251,9 +280,16 @@ def change_inputs(
 
 
 def finest_useful(search: PilotSearch) -> float:
-    """Return the refinement above which the error hardly falls."""
+    """Return the refinement above which the error hardly decreases."""
     refinement = search.refinement_for(lambda ground: USEFUL * ground)
     return min(max(refinement, search.first), FINEST)
+
+
+def refinement_below(search: PilotSearch, error: float) -> float:
+    """Return the smallest refinement with at most an error of the inundated area, or FINEST."""
+    steps = np.geomspace(search.first, FINEST, 400).tolist()
+    found = (step for step in steps if search.error(step).inundated.total <= error)
+    return next(found, FINEST)
 
 
 def choose(search: PilotSearch, within: float, members: int | None) -> tuple[float, int]:
@@ -266,7 +302,7 @@ def choose(search: PilotSearch, within: float, members: int | None) -> tuple[flo
         if not 1 <= count <= fitting:
             continue
         error = math.hypot(search.error(refinement).inundated.total, sampling_error(count))
-        # of equal errors, prefer the finer run
+        # if errors are equal, prefer the finer run
         if error <= least:
             best, least = (refinement, count), error
     return best

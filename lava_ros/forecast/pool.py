@@ -14,9 +14,10 @@ import signal
 import threading
 from typing import Any, Generic, TypeVar
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 
-#: Number of rounds with a dead process and no finished job after which the jobs are to blame.
+#: Number of rounds with a dead process and no finished job after which the jobs are assumed to end
+#: it.
 DEATHS = 3
 
 Job = TypeVar('Job')
@@ -24,13 +25,13 @@ Result = TypeVar('Result')
 
 _SPAWN = multiprocessing.get_context('spawn')
 
-# in a worker process: the function that does a job, and the number of the process
+# in a worker process: the function that runs a job, and the number of the process
 _work: Callable[[Any], Any]
 _number = 0
 
 
 class Pool(Generic[Job, Result]):
-    """Processes that do jobs one at a time, and end with the pool or with this process."""
+    """Processes that run jobs one at a time, and end with the pool or with this process."""
 
     def __init__(self, work: Callable[[Job], Result], processes: int) -> None:
         """Set the function, which is pickled, and the number of processes; start none yet."""
@@ -40,7 +41,7 @@ class Pool(Generic[Job, Result]):
         self._lifelines: tuple[Connection, ...] = ()
 
     def __call__(self, jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
-        """Do jobs; yield the number and the result of each in order of completion.
+        """Run jobs; yield the number and the result of each in order of completion.
 
         The jobs of a process that dies are repeated. Errors of the work are raised.
 
@@ -67,8 +68,9 @@ class Pool(Generic[Job, Result]):
                 self.close()
                 deaths = deaths + 1 if len(left) == before else 0
             if deaths > DEATHS:
-                expected = f'jobs that do not end their process; {deaths} died (out of memory?)'
-                raise LavaError('jobs', list(left.values())[: self._processes], expected)
+                numbers = ', '.join(map(str, list(left)[: self._processes]))
+                problem = f'Processes that ran the jobs {numbers} ended {deaths} times'
+                raise RefusalError('jobs', problem, 'Check the memory, or use fewer workers')
 
     def close(self) -> None:
         """End the processes, even during a job."""
@@ -123,7 +125,7 @@ def _begin(work: Callable[[Any], Any], numbers: Any, lifeline: Connection) -> No
 
 def _end_with(lifeline: Connection) -> None:
     try:
-        # nothing is ever sent
+        # nothing is ever sent; the connection only ends
         lifeline.recv()
     finally:
         os._exit(1)

@@ -10,7 +10,8 @@ such that the number of particles and the lateral stress do not limit it (resolu
 
 Work is counted in evaluations and particles, not in time, so that a repeated run has the same
 spacing. The first guess remains if pilots would take more than their part of the work, and for
-lava that freezes: two runs of it differ by chance more than by their spacing (docs/MODEL.md).
+lava that freezes, because two runs of it differ more by chance than by their spacing
+(docs/MODEL.md).
 """
 
 from collections.abc import Callable
@@ -29,21 +30,21 @@ from lava_ros.simulation.resolution import ACROSS, Resolution, resolution_of
 #: Minimum number of particles across the expected width: the first guess of ``draft``.
 MIN_ACROSS = ACROSS * PRESETS['draft'].accuracy.refinement
 
-#: Particles across the flow of the first pilot. It, one on coarser ground and one finer by
-#: ``FINER`` have less than ``PLANNING_FRACTION`` of the work of the coarsest run.
+#: Particles across the flow of the first pilot. This pilot, one on coarser ground and one finer by
+#: ``FINER`` together take less than ``PLANNING_FRACTION`` of the work of the coarsest run.
 FIRST_ACROSS = 3.0
 
 #: Minimum number of particles of all runs, by the first guess, for pilots.
 MIN_PARTICLES = 2000
 
-#: Part of the work that is planned for pilots, as finer ones often find a coarser spacing, and
-#: part up to which the finest one runs on coarser ground.
+#: Fraction of the work planned for pilots, because finer pilots often find a coarser spacing, and
+#: fraction up to which the finest pilot runs on coarser ground.
 _PLANNED, _FILLED = 0.6 * PLANNING_FRACTION, 0.8 * PLANNING_FRACTION
 
-#: Reason of a first guess where pilots would cost too much.
+#: Reason for a first guess when pilots would be too expensive.
 TOO_SHORT = f'pilot runs would take more than {100.0 * PLANNING_FRACTION:g} % of the time'
 
-#: Minimum power of the refinement with which work grows.
+#: Minimum exponent of the refinement with which work grows.
 _MIN_GROWTH = 3.0
 
 
@@ -55,7 +56,7 @@ class SpacingChoice:
         spacing: Particle spacing [m].
         error: Expected numerical error; None for a first guess.
         pilots: Number of pilot runs.
-        reason: Reason of a first guess.
+        reason: Reason for a first guess.
     """
 
     spacing: float
@@ -101,12 +102,12 @@ def choose_spacing(
     """
     guess = accuracy.spacing
     assert guess is not None
-    # limits by the number of particles are those of the preset
+    # the preset sets the limits due to the number of particles
     expected = resolution_of(scene, accuracy, horizon=horizon)
     if PRESETS[preset].target is None or math.isnan(expected.width):
         return SpacingChoice(guess, reason='no pilot runs')
     if effects.any('freezes'):
-        return SpacingChoice(guess, reason='chance decides where lava freezes')
+        return SpacingChoice(guess, reason='where lava freezes depends on chance')
     if expected.particles * runs < MIN_PARTICLES:
         return SpacingChoice(guess, reason=TOO_SHORT)
     search = PilotSearch(
@@ -115,7 +116,7 @@ def choose_spacing(
     )
 
     def wanted() -> float:
-        """Return the refinement of the runs, over that of the first guess."""
+        """Return the refinement of the runs relative to the first guess."""
         if len(search.pilots) < 2:
             return 1.0
         return guess / spacing_of_preset(preset, search, expected)
@@ -132,11 +133,11 @@ def choose_spacing(
         ]
         return runs * max([*each, SETUP_WORK])
 
-    search.climb(lambda: _PLANNED * work(), wanted)
+    search.run_pilots(lambda: _PLANNED * work(), wanted)
     if len(search.pilots) < 2:
         return SpacingChoice(guess, None, search.count, TOO_SHORT)
     search.measure_finest_ground(_FILLED * work() - search.spent)
-    # of two digits: rounding errors of pilots change nothing
+    # rounded to two digits, so that rounding errors of pilots change nothing
     spacing = float(f'{guess / wanted():.2g}')
     return SpacingChoice(spacing, search.error(guess / spacing), search.count)
 

@@ -4,7 +4,7 @@
 """Maps of an ensemble: probability, arrival times and expected peak thickness.
 
 Members are added as integers, whose sums do not depend on the order: any number of workers gives
-bitwise identical maps. The error by the particle spacing that pairs of runs have measured shifts
+bitwise identical maps. The error due to the particle spacing, measured by pairs of runs, shifts
 and widens the arrival times (simulation/spacing_error.py).
 """
 
@@ -28,7 +28,7 @@ from lava_ros.simulation.spacing_error import SpacingError, SpacingPair
 #: Rounding error of sums of corrected weights.
 _ROUNDING = 1e-6
 
-#: Stands for the observation in a cell without lava.
+#: Number of the observation in a cell without lava.
 NEVER = np.iinfo(np.uint16).max
 
 
@@ -94,8 +94,9 @@ def footprint_by(
 ) -> np.ndarray:
     """Return the cells half inundated by a member by a time [s], bool, of the terrain's shape.
 
-    With the error of the particle spacing they are those at the later time at which the member,
-    which is late, has come as far. Times after the horizon are not known, and count as it.
+    With the error of the particle spacing, they are taken at the later time at which the member,
+    which is late, has reached the same extent. Times after the horizon are unknown, and are
+    replaced by the horizon.
     """
     if error is not None:
         time = min(time * math.exp(error.delay), max(time, plan.horizon))
@@ -109,7 +110,7 @@ def footprint_by(
 
 
 def spacing_error_of(members: Iterable[Footprint], plan: Plan) -> SpacingError | None:
-    """Return the error by the particle spacing from the pairs of members, None without pairs."""
+    """Return the error due to the particle spacing from pairs of members, None without pairs."""
     return _error_of({item.index: item.pair for item in members if item.pair is not None}, plan)
 
 
@@ -172,7 +173,7 @@ class EnsembleAccumulator:
         shape = self._plan.scene.terrain.shape
         if min(row, column) < 0 or row + rows > shape[0] or column + columns > shape[1]:
             expected = f'a member on a terrain of {shape} cells'
-            found = f'{rows} x {columns} cells from {footprint.corner} on'
+            found = f'{rows} x {columns} cells, starting at {footprint.corner}'
             raise LavaError(f'member {footprint.index}', found, expected)
         self._added.add(footprint.index)
         if footprint.pair is not None:
@@ -254,24 +255,24 @@ class EnsembleAccumulator:
 
     @property
     def spacing_error(self) -> SpacingError | None:
-        """Error by the particle spacing from the pairs of the members, None without pairs."""
+        """Error due to the particle spacing from the pairs of the members, None without pairs."""
         return _error_of(self._pairs, self._plan)
 
     def _least_part(self, needed: int) -> np.ndarray:
-        """Return the part of each cell that members of a sum of weights inundate, [rows]."""
+        """Return the part of each cell that members with a sum of weights inundate, [rows]."""
         # the members that inundate at least each part
         sums = np.cumsum(self._parts[: self._rows, ::-1], axis=1)[:, ::-1]
         return (np.count_nonzero(sums[:, 1:] >= needed, axis=1) * TOUCHED).astype(np.float32)
 
     def _needed(self, share: float) -> int:
-        """Return the smallest sum of weights that is a fraction of all, and above 0."""
+        """Return the smallest sum of weights above 0 that is at least a fraction of the total."""
         # exact integers, because 0.1 is not a binary fraction
         return max(int(-(-self._total * Fraction(str(share)) // 1)), 1)
 
     def _when(
         self, arrivals: np.ndarray, error: SpacingError | None, end: float
     ) -> PlaceForecast:
-        """Convert the weights that arrive at each sample, [places, samples], to a forecast."""
+        """Convert the weights arriving at each sample, [places, samples], to a forecast."""
         sums = np.cumsum(arrivals, axis=1)
         is_reached, first = sums[:, -1] > 0, np.ones(len(sums))
         if error is not None:

@@ -4,8 +4,9 @@
 """The child process that computes forecasts: it receives requests and sends results.
 
 The live simulation takes precedence: this process lowers its own priority, and computes in short
-slices with rests between them, up to a maximum fraction of the time. As a separate process it does
-not block the live simulation by Python's lock or by graph capture, and cannot crash it.
+slices with pauses in between, up to a maximum fraction of the time. As a separate process it
+cannot block the live simulation through Python's global lock or graph capture, and cannot crash
+it.
 
 A request ("order") is the name of a method of ``Forecasting`` and its arguments, pickled. Replies
 are:
@@ -39,7 +40,7 @@ from lava_ros.simulation.output.checkpoint import Checkpoint
 #: Niceness of this process: it gets a tenth of a core that it shares with another process.
 NICENESS = 10
 
-#: Wall time of a slice, wall time between two reports of progress, and maximum rest [s].
+#: Wall time of a slice, wall time between two reports of progress, and maximum pause [s].
 SLICE_WALL_TIME, REPORT_TIME, _MAX_REST = 0.05, 0.5, 60.0
 
 Order = tuple[str, dict[str, Any]]
@@ -75,7 +76,7 @@ class Forecasting:
         self._share = share
 
     def prepare(self) -> None:
-        """Load the libraries that ensembles need, which takes a while."""
+        """Load the libraries that ensembles need, which takes some time."""
         with self._guarded(is_ensemble=True):
             prepare_sampling()
 
@@ -90,7 +91,7 @@ class Forecasting:
     ) -> None:
         """Replace the forecast in progress by a new one from a checkpoint.
 
-        ``number`` is that of the forecast, and ``how`` are further arguments of ``ForecastRun``.
+        ``number`` identifies the forecast, and ``how`` are further arguments of ``ForecastRun``.
         The first forecast of a scene (``is_first``) has fewer observations. ``ensemble`` has
         further arguments of ``LiveEnsembles.order``, None for no ensemble.
         """
@@ -182,7 +183,7 @@ def _read(node: Connection, orders: queue.Queue[Order]) -> None:
     except Exception:
         traceback.print_exc()
     finally:
-        # also in the middle of a step
+        # even in the middle of a step
         os._exit(status)
 
 

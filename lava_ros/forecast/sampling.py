@@ -26,7 +26,8 @@ from lava_ros.scene.distributions import Distribution, Roughness
 from lava_ros.scene.ranges import with_ranges
 from lava_ros.scene.uncertainty import CONSTANTS, Uncertainty
 
-#: Quantity of each coordinate of a point; add new ones at the end, so that the others keep theirs.
+#: Quantity of each coordinate of a point; add new quantities at the end, so that the existing ones
+#: keep their coordinates.
 COORDINATES = (
     'discharge', 'temperature', 'viscosity', 'yield_strength', 'x', 'y', 'place_x', 'place_y',
 )
@@ -43,15 +44,15 @@ _MARGIN = 1e-3
 #: Extension of a field beyond the terrain in correlation lengths, so that opposite borders differ.
 _BEYOND = 3.0
 
-#: Cells of the noise of a field in a correlation length: its shorter waves have no more than 1e-4
-#: of the amplitude.
+#: Number of noise cells per correlation length of a field: waves that are shorter than these cells
+#: have at most 1e-4 of the amplitude.
 _FINE = 3.0
 
 #: Steps of a field [1/m]: rounding to them removes the error of the Fourier transform.
 _STEPS = 1024.0
 
-#: Variance added around weighted members, as a fraction of that before the observation: a single
-#: member with weight has none.
+#: Variance added around weighted members, as a fraction of the variance before the observation,
+#: because a single member with weight has none.
 MIN_VARIANCE = 0.01
 
 #: Bits of a coordinate, and digits of a value: further digits depend on the machine's logarithm.
@@ -190,7 +191,7 @@ class Susceptibility:
 
 
 def _cell(sums: np.ndarray, share: float) -> tuple[int, float]:
-    """Return the interval of cumulative sums with a fraction, and the position in it."""
+    """Return the interval of cumulative sums that contains a fraction, and the position in it."""
     target = share * sums[-1]
     index = int(np.searchsorted(sums, target, side='right'))
     # the last cell with a likelihood above 0
@@ -223,7 +224,7 @@ def draw_members(
     is_uncertain = bool(uncertainty.drawn or uncertainty.eruption or susceptibility)
     if count > 1 and not is_uncertain:
         raise LavaError(
-            'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
+            'scene.uncertainty', {}, 'an uncertain quantity; otherwise all members would be equal'
         )
     constants = _constants_of(uncertainty)
     names = _names(uncertainty)
@@ -284,7 +285,7 @@ def _names(uncertainty: Uncertainty) -> tuple[str, ...]:
 
 
 def _constants_of(uncertainty: Uncertainty) -> list[str]:
-    # in the order of Lava, independent of that of a file
+    # in the order of Lava, which does not depend on the order in a file
     return [name for name in CONSTANTS if name in uncertainty.constants]
 
 
@@ -331,13 +332,13 @@ def random_field(
 ) -> np.ndarray:
     """Draw a Gaussian field [m] with covariance s^2 exp(-(r / L)^2), float32.
 
-    White noise is convolved with a Gaussian of standard deviation L / 2, whose autocorrelation is
-    that of the field. s and L are ``deviation`` and ``correlation`` of ``roughness`` [m].
+    White noise is convolved with a Gaussian of standard deviation L / 2, which gives the field
+    this covariance. s and L are ``deviation`` and ``correlation`` of ``roughness`` [m].
     """
     from scipy.fft import irfft2, next_fast_len, rfft2
     from scipy.special import ndtri
 
-    # coarser noise has no waves that the field lacks, and is interpolated by its waves
+    # the coarser noise contains all waves of the field, and is interpolated by them
     step = max(int(roughness.correlation / (_FINE * resolution)), 1)
     beyond = int(np.ceil(_BEYOND * roughness.correlation / resolution))
     # limit the extension of a field that hardly changes over the terrain
@@ -345,7 +346,7 @@ def random_field(
         next_fast_len(-(-(side + min(beyond, 4 * max(shape))) // step), real=True)
         for side in shape
     )
-    # raw bits of the generator are the same in all versions, its normal numbers may not be
+    # the raw bits of the generator are equal in all versions; its normal numbers may differ
     bits = np.random.PCG64(np.random.SeedSequence(seed)).random_raw(rows * columns)
     noise = ndtri(((bits >> np.uint64(11)) + 0.5) * 2.0**-53).reshape(rows, columns)
     width = 0.5 * roughness.correlation
@@ -353,7 +354,7 @@ def random_field(
         np.exp(-2.0 * (np.pi * width * np.fft.fftfreq(side, step * resolution)) ** 2)
         for side in (rows, columns)
     )
-    # the sum of the squares of the kernel is that of its spectrum (Parseval)
+    # the sum of the squares of the kernel equals the sum over its spectrum (Parseval)
     variance = (gain_y**2).mean() * (gain_x**2).mean()
     scale = step**2 * roughness.deviation / np.sqrt(variance)
     waves = rfft2(noise) * (scale * gain_y[:, None] * gain_x[: columns // 2 + 1])

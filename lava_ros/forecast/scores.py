@@ -37,7 +37,7 @@ class BrierParts:
     Attributes:
         score: Mean squared difference of probability and outcome; 0 is perfect.
         reliability: Mean squared difference of probability and frequency; 0 is perfect.
-        resolution: Variance of the frequencies at the probabilities; large is good.
+        resolution: Variance of the frequencies at the probabilities; larger is better.
         uncertainty: Variance of the outcome, the score of always forecasting its mean.
     """
 
@@ -85,10 +85,10 @@ def reliability(
 ) -> list[ReliabilityBin]:
     """Return the points of a reliability diagram with ``bins`` bins of equal width.
 
-    Empty bins have NaN. Other arguments and errors are those of ``brier_score``.
+    Empty bins have NaN. Other arguments and errors as for ``brier_score``.
     """
     probability, outcome = _pairs(probability, outcome)
-    # a fraction of members that should be 0.3 may be 0.299999999
+    # a fraction of members of 0.3 may be stored as 0.299999999
     place = np.minimum(np.floor(probability * bins + 1e-9), bins - 1).astype(int)
     count = np.bincount(place, minlength=bins)
     with np.errstate(invalid='ignore'):

@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sentinels: the members of an ensemble on whose flow its effects are reviewed.
+"""Sentinels: the members of an ensemble whose flow is used to review its effects.
 
 The choice of effects before the first step follows from the expected flow. Sentinels measure the
-numbers of the effects that are off a few times on their way to the horizon. An effect
-that a sentinel calls for is switched on for all members, which run again from the start.
+numbers of the effects that are off a few times on their way to the horizon. An effect that a
+sentinel needs is switched on for all members, which run again from the start.
 
 Which members are sentinels, and when they measure, depends on their index and the horizon alone.
-The sentinel with the lowest index that calls for effects decides, and all sentinels measure again
-in the next run. Members that are added later therefore lead to the same effects as members that
-were there from the beginning.
+The effects that are switched on are those of the sentinel with the lowest index that needs any,
+and all sentinels measure again in the next run. The effects therefore do not depend on whether
+members are added later or are present from the beginning.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ REVIEWS = (0.125, 0.5, 1.0)
 
 @dataclass(frozen=True)
 class CalledEffect:
-    """An effect that was off and that the flow of a sentinel calls for.
+    """An effect that was off and that the flow of a sentinel needs.
 
     Attributes:
         effect: Its name.
@@ -85,7 +85,7 @@ def is_sentinel(index: int) -> bool:
 def find_called(
     simulation: Simulation, forced: Mapping[str, bool], *, member: int, start: float
 ) -> tuple[CalledEffect, ...]:
-    """Measure the flow of a sentinel and find the effects that it calls for.
+    """Measure the flow of a sentinel and find the effects that it needs.
 
     Args:
         simulation: The sentinel's simulation; its effects stay as they are.
@@ -114,7 +114,7 @@ def log_called(called: Iterable[CalledEffect]) -> None:
 
 
 class Sentinels:
-    """The sentinels among some members, and the effects that completed ones call for."""
+    """The sentinels among some members, and the effects that completed sentinels need."""
 
     def __init__(self, indices: Iterable[int]) -> None:
         """Select the sentinels among the members with these indices."""
@@ -135,7 +135,7 @@ class Sentinels:
         return self._called[first]
 
     def note(self, index: int, called: tuple[CalledEffect, ...]) -> None:
-        """Record that a member has run, and which effects it calls for."""
+        """Record that a member has run, and which effects it needs."""
         self._running.discard(index)
         if called:
             self._called[index] = called

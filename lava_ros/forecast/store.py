@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Folder of an ensemble: its description, its finished members, and maps made of them."""
+"""Folder of an ensemble: its description, its finished members, and the maps made from them."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 import lava_ros
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files import open_input, write_output, writing
 from lava_ros.files.npz import read_arrays
 from lava_ros.forecast.assimilation import UNIT, Weights
@@ -71,7 +71,7 @@ class Store:
         }
         path = folder / MANIFEST
         # a ValueError is text that is not UTF-8 or JSON
-        with refusing('--output', str(folder), 'a folder to write to', OSError, ValueError):
+        with refusing('--output', str(folder), 'a writable folder', OSError, ValueError):
             if path.exists():
                 known = json.loads(path.read_text(encoding='utf-8'))
                 self.plan = plan.switching_on(_switched_on(known))
@@ -89,8 +89,8 @@ class Store:
             LavaError: If the folder cannot be written.
         """
         self.plan = self.plan.switching_on(called)
-        with refusing('--output', str(self._folder), 'a folder to write to', OSError):
-            # members first, because the new description is not that of the old members
+        with refusing('--output', str(self._folder), 'a writable folder', OSError):
+            # delete members first, because the new description does not apply to them
             for path in self._members.glob('*.npz'):
                 path.unlink()
         self.write_manifest(self._folder)
@@ -126,9 +126,9 @@ class Store:
             write_output('--output', path, json.dumps(weights.values.tolist()) + '\n')
 
     def finished(self, count: int) -> Iterator[Footprint]:
-        """Read the finished ones of the first ``count`` members, in order.
+        """Read those of the first ``count`` members that are finished, in order.
 
-        A damaged member is logged and left out, so that it runs again.
+        A damaged member is logged and skipped, so that it runs again.
         """
         def log(error: LavaError) -> None:
             _LOG.warning('a member is damaged and runs again: %s', error)
@@ -188,7 +188,7 @@ def stored_spacing(folder: Path) -> float | None:
 
 
 def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> HazardMaps:
-    """Make the maps of an ensemble in a folder again, with the arrival of lava at places.
+    """Recompute the maps of an ensemble in a folder, with the arrival of lava at places.
 
     Args:
         folder: Folder of the maps, with the weights, if any. The members are in it or in its
@@ -220,15 +220,16 @@ def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> Hazard
     for footprint, weight in zip(stored, weights, strict=False):
         tally.add(footprint, weight)
     if not tally.count == members == len(weights):
-        expected = f'a folder with {members} members, as many as in its maps'
-        raise LavaError('ensemble', f'{folder}: {tally.count} members', expected)
+        problem = f'The maps in {folder} are of {members} members, but it has {tally.count} and '
+        problem += f'{len(weights)} weights'
+        raise RefusalError('ensemble', problem, 'Run the ensemble again')
     return tally.maps()
 
 
 def stored_members(
     folder: Path, count: int, plan: Plan, *, on_refused: Callable[[LavaError], object]
 ) -> Iterator[Footprint]:
-    """Read the finished ones of the first ``count`` members in a folder, in order.
+    """Read those of the first ``count`` members in a folder that are finished, in order.
 
     ``on_refused`` is called with the error of each damaged member.
     """
@@ -305,5 +306,5 @@ def _check_same(old: Any, new: Any, folder: Path, name: str = '') -> None:
             inner = f'{name}.{key}' if name else key
             _check_same(old.get(key), new.get(key), folder, inner)
     elif old != new:
-        expected = f'{old!r}, as the members in {folder} have it, or another folder'
+        expected = f'{old!r}, the value of the members in {folder}, or another folder'
         raise LavaError(name, new, expected)

@@ -5,12 +5,12 @@
 
 The constants are the same for all cases, and the score is the mean of the cases' scores. The
 leave-one-out score of a case is the score with the set that is best for the other cases. Outlines
-of a case after a date are not fitted: their scores are those of forecasts.
+of a case after a date are not fitted: their scores are scores of forecasts.
 
 A mapped outline constrains few constants, and the score jumps when a flow passes an obstacle on
-the other side. So the result is the set of all runs that are nearly as good as the best, the
-spread of each parameter in it, and the parameters on which the score does not depend. Intervals of
-the parameters come from the same weights as those of ensemble members.
+the other side. The result is therefore the set of all runs that are nearly as good as the best,
+the spread of each parameter in this set, and the parameters on which the score does not depend.
+Intervals of the parameters are computed with the weights of ensemble members.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import write_output
 from lava_ros.files.csv import format_table, read_table
 from lava_ros.forecast.assimilation import effective_members, weigh
@@ -35,8 +35,8 @@ from lava_ros.hindcast.replicates import agreement, directions, Orientation, run
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.score import score_outlines
 
-#: Maximum difference to the best score for a near-best run: the effect of the error of the terrain
-#: on the score (docs/VALIDATION.md).
+#: Maximum difference from the best score for a near-best run: the effect of the error of the
+#: terrain on the score (docs/VALIDATION.md).
 NEARLY = 0.03
 
 #: A free parameter is not constrained if near-best runs span at least this fraction of its range.
@@ -54,7 +54,7 @@ LEVELS = (0.05, 0.5, 0.95)
 #: Binary logarithm of the number of points at which the weights are integrated.
 _LOG_POINTS = 14
 
-#: Number of sets per batch on a GPU: with four directions per set they fill it.
+#: Number of sets per batch on a GPU: with four directions per set they keep it busy.
 BATCH = 16
 
 #: Columns of the table of runs in addition to the parameters.
@@ -152,7 +152,7 @@ def search(
                 if progress is not None:
                     progress(len(samples), samples[-1])
 
-    # also a value outside its range
+    # even a value outside its range
     usual = {item.name: item.usual for item in parameters}
     # the sequence is balanced for powers of two
     even = qmc.Sobol(len(parameters), seed=seed).random_base2(max(runs // 2 - 1, 0).bit_length())
@@ -220,8 +220,8 @@ def posterior_quantiles(
 
     Before the fit all values of a range, or their logarithms, are equally likely. A set has the
     weight of an ensemble member (``weigh``), with the Jaccard indices of all fitted outlines
-    multiplied. A search prefers good sets, so that each set stands for the part of the ranges that
-    is nearest to it (Sambridge 1999, Geophysical Journal International 138, 727-746).
+    multiplied. A search prefers good sets, so each set represents the part of the ranges that is
+    nearest to it (Sambridge 1999, Geophysical Journal International 138, 727-746).
 
     Returns:
         The values by the name of the parameter, and the effective number of sets.
@@ -282,7 +282,7 @@ def leave_one_out(samples: Sequence[ParameterSample]) -> list[CrossValidation]:
 
 
 def result_names(case: Case) -> list[str]:
-    """Return the names of the results of a case: its own, or those of its dated outlines."""
+    """Return the names of the results of a case: its name, or the names of its dated outlines."""
     return [f'{case.name} {item.text}' for item in case.outlines] or [case.name]
 
 
@@ -291,7 +291,7 @@ def evaluating(
     cases: Sequence[Case], settings: Settings, *, workers: int = 1, runs: int = 1,
     until: Mapping[str, float] | None = None,
 ) -> Iterator[Evaluate]:
-    """Provide a function that runs sets of values, on a GPU or in CPU processes.
+    """Provide a function that runs sets of values on a GPU or in CPU processes.
 
     Several ``workers`` (processes) share one GPU. With more than one of ``runs`` per set of
     constants, rotated and mirrored, the cells that at least half of them cover are compared.
@@ -328,8 +328,8 @@ def _evaluate(
         results = run_together(jobs, settings)
         taken = time.perf_counter() - begun
     except LavaError as error:
-        text = '; '.join(map(str, sets))
-        raise LavaError('the unknowns', text, f'values that can be simulated ({error})') from error
+        problem = f'A run failed with one of {"; ".join(map(str, sets))}: {error}'.rstrip('.')
+        raise RefusalError('--unknown', problem, 'Change the ranges') from error
     # concurrent runs on a GPU each count an equal part of the wall time
     parts, count = iter(results), len(sets) * len(cases)
     return [

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.hindcast.outlines import Outline, read_outlines
 from lava_ros.hindcast.tables import check_discharge, check_elevation, check_outline
 from lava_ros.scene import Scene, SceneSource, Terrain
@@ -30,7 +30,7 @@ from lava_ros.scene.vent_files import VentRow
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """The scene of an eruption, and its mapped flow field; ``name`` is that of the folder.
+    """The scene of an eruption, and its mapped flow field; ``name`` is the name of the folder.
 
     Attributes:
         source: Source of the data; may be empty.
@@ -43,8 +43,8 @@ class Case:
         low_pass: Width of the filter applied to the terrain [m]; 0: none.
         outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
             case has one footprint only.
-        stated: Names of the constants of the lava that the files of the case state, and
-            ``vent_temperature`` if they do.
+        stated: Names of the constants of the lava that the files of the case state, with
+            ``vent_temperature`` if they state it.
     """
 
     name: str
@@ -167,7 +167,7 @@ def _stated(options: Mapping[str, Any], vents: Iterable[VentRow]) -> frozenset[s
     """Return the names of the constants that the files of a case state."""
     names = {*options.get('lava', {})} - {'material'}
     if names & {'composition', 'vft_a', 'vft_b', 'vft_c'}:
-        # the law that they give is moved by the viscosity at the vent
+        # the viscosity at the vent shifts the law that they give
         names |= {'viscosity'}
     if 'vent_temperature' in options or any(row.temperature is not None for row in vents):
         names |= {'vent_temperature'}
@@ -187,6 +187,6 @@ def _footprint(path: Path, *, ground: Terrain) -> np.ndarray:
         expected = '0 (not covered) and 1 (covered) only, and no data'
         raise LavaError('a cell of the footprint', float(other[0]), expected)
     if not covered.any():
-        expected = 'at least one cell of the elevation that was covered'
-        raise LavaError('the footprint', f'{path.name} without one', expected)
+        problem = f'The footprint {path.name} covers no cell of the elevation'
+        raise RefusalError('the footprint', problem, 'Check its values and its coordinates')
     return covered

@@ -4,7 +4,7 @@
 """Coarsening of terrain to the particle spacing, and conversion of maps back to its cells.
 
 Particles do not resolve features smaller than their spacing, and may not move further than a cell
-per step: cells of half the spacing cost four times as much and change nothing.
+per step: cells of half the spacing take four times as long and change nothing.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,8 +23,8 @@ def coarsened(terrain: Terrain, factor: int) -> Terrain:
     """Average a terrain over cells larger by ``factor``, with the same centre.
 
     If the sides are not multiples of the larger cells, these extend equally beyond all borders, so
-    a terrain rotated by 90 degrees gets the same cells. A larger cell has data if at least one of
-    its cells has data.
+    that a terrain rotated by 90 degrees gets the same cells. A larger cell has data if at least
+    one of its cells has data.
     """
     if factor == 1:
         return terrain

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import math
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.hindcast.case import Case
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import Constant
@@ -69,7 +69,7 @@ def free_parameters_of(
 ) -> tuple[FreeParameter, ...]:
     """Return the parameters of a case: those in ``names``, or all with a published range.
 
-    ``ranges`` adds parameters by name, and replaces published ranges. The constants that are
+    ``ranges`` adds parameters by name, and replaces published ranges. Constants that are
     ``stated`` are parameters only if they are named.
 
     Raises:
@@ -84,16 +84,16 @@ def free_parameters_of(
         kept = {'discharge', *stated}
         chosen = [*(name for name in published if name not in kept), *chosen]
     if not chosen:
-        expected = 'at least one: the material has no published ranges'
+        problem = 'The material has no published ranges'
         if published.keys() - {'discharge'}:
-            expected = 'at least one: the case states all constants with a published range'
-        raise LavaError('--unknown', [], expected)
+            problem = 'The case states all constants that have a published range'
+        raise RefusalError('--unknown', problem, 'Name at least one constant with --unknown')
     for name in dict.fromkeys(chosen):
         span, source = ranges.get(name), 'given by the user'
         if span is None and name in published:
             span, source = published[name].range, published[name].range_source
         if span is None:
-            expected = f'a range ({name}=LOW:HIGH): none has been published for this material'
+            expected = f'a range, {name}=LOW:HIGH; none has been published for this material'
             raise LavaError('--unknown', name, expected)
         is_log = name in LOGARITHMIC
         low = validation.number(f'{name}, lowest', span[0], at_least=_LOWEST.get(name, 0.0))

@@ -42,7 +42,7 @@ def read_outlines(
         folder: Folder to which file names are relative.
         read: Function that reads a footprint on the cells of the case.
         start: Start of the simulation on the clock of the case [s].
-        onset: Date of the start of the simulation; None without one, and dates are refused.
+        onset: Date of the start of the simulation; None without one: dates are then refused.
 
     Raises:
         LavaError: If a value or a file cannot be used, or times do not increase.
@@ -80,6 +80,6 @@ def time_of_outline(where: str, value: object, start: float, onset: Onset | None
         return validation.number(where, value, unit='s') - start
     date = Onset.from_text(value, field=where)
     if onset is None:
-        expected = 'a time [s], or also the date of time 0 as effusion_rate: {start: DATE}'
+        expected = 'a time [s]; a date also needs the date of time 0, effusion_rate: {start: DATE}'
         raise LavaError(where, value, expected)
     return (date.start - onset.start).total_seconds()

@@ -52,7 +52,7 @@ def write_page(
         LavaError: If the page cannot be written, or the picture cannot be read.
     """
     material = case.material
-    note = f'{material.name}: {material.title}. Constants that are not listed are off.'
+    note = f'{material.name}: {material.title}. Laws of constants that are not listed are off.'
     constants, sources = _constants(case, material)
     write_static_page(
         output,
@@ -102,10 +102,10 @@ def facts(
             f'{found["mean"]:.3f} on average, standard deviation '
             f'{found["standard_deviation"]:.3f}, {found["lowest"]:.3f} to {found["highest"]:.3f}'
         )
-        texts['Jaccard of their majority'] = (
+        texts['Jaccard of the majority'] = (
             f'{several.majority.jaccard:.3f} (where at least half of them have lava)'
         )
-        texts['difference of two of them'] = f'{percent(several.chance)} on average'
+        texts['mean difference of two runs'] = f'{percent(several.chance)} on average'
     return {**texts, **dated}
 
 

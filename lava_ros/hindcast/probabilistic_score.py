@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 from lava_ros.forecast.assimilation import Mask, Outline, outline_on
 from lava_ros.forecast.member_scenes import median_scene
 from lava_ros.forecast.members import make_plan, MAX_SAMPLES, Plan
@@ -27,15 +27,15 @@ CELLS = 200
 def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -> Plan:
     """Plan an ensemble of a case whose members run like its hindcast, to the same end.
 
-    Each map is an observation, of which dated outlines need more; ``threshold`` is the thickness
-    at or above which lava has arrived [m], None for the automatic one.
+    Each map is an observation; dated outlines need more observations; ``threshold`` is the
+    thickness at or above which lava has arrived [m], None for the automatic one.
 
     Raises:
         LavaError: If the case has events, or an argument is not valid.
     """
     if case.scene.events:
-        expected = 'none in an ensemble: all members run on the ground before the first event'
-        raise LavaError('case.events', len(case.scene.events), expected)
+        problem = 'An ensemble cannot use case.events: all members run on the same ground'
+        raise RefusalError('case.events', problem, 'Remove the events from the case')
     scene = with_ranges(case.scene)
     typical = replace(case, scene=median_scene(scene))
     return make_plan(
@@ -95,14 +95,14 @@ def probability_at(
 def score_dates(
     probability: np.ndarray, outlines: Mapping[str, Outline], before: np.ndarray | None = None
 ) -> dict[str, Any]:
-    """Score the probabilities at the times of dated outlines, and those of all dates together.
+    """Score the probabilities at the time of each dated outline, and of all dates together.
 
     Args:
         probability: Probability at the time of each outline, 0 to 100 %, NaN without data, shape
             [outlines, rows, columns].
         outlines: The outlines by their dates.
-        before: Observed lava that persists, bool, shape [rows, columns]; None: each time the
-            outline before, and none at the first date.
+        before: Observed lava that persists, bool, shape [rows, columns]; None: for each date the
+            previous outline, and none for the first date.
 
     Returns:
         The numbers of ``score_probability`` for the cells of all dates, the Brier score of
@@ -144,11 +144,12 @@ def score_probability(probability: np.ndarray, came: np.ndarray) -> dict[str, An
 
     Returns:
         Brier score, its skill against the base rate, this rate, the bins of the reliability
-        diagram and the largest gap in a bin of at least ``CELLS`` cells (None without one).
+        diagram, and the largest gap in a bin of at least ``CELLS`` cells (None without such a
+        bin).
     """
     forecast = np.asarray(probability, dtype=np.float64) / 100.0
     near = np.where((forecast > 0.0) | came, forecast, np.nan)
-    # bins of all cells: in ``near``, all cells with a probability of 0 were inundated
+    # bins of all cells, because in ``near`` all cells with a probability of 0 were inundated
     parts, bins = brier_parts(near, came), reliability(forecast, came)
     gaps = [abs(item.forecast - item.observed) for item in bins if item.count >= CELLS]
     return {

@@ -4,8 +4,8 @@
 """Replicates: several rotated and mirrored runs of a case, and their agreement.
 
 Where decimetres decide at a fork of a flow, its path depends on rounding errors. The cells that
-half of the replicates cover do not, and they are the same for a rotated case: a run for each
-quarter turn, mirrored or not, gives the same set of runs.
+half of the replicates cover do not depend on them. They are also the same for a rotated case: with
+a run for each quarter turn, mirrored and not, a rotated case has the same set of runs.
 
 On a GPU they run as a batch, because one run would not keep it busy; on the CPU they run one by
 one.
@@ -33,7 +33,7 @@ from lava_ros.simulation.setup.defaults import device_of
 #: Maximum number of replicates.
 MAX_REPLICATES = 64
 
-#: Displacement of vents for runs beyond the eight directions [m]: any length gives a new sample.
+#: Displacement of vents for runs beyond the eight directions [m]; any length gives a new sample.
 _MOVED = 1e-3
 
 #: Positions are multiples of this [m], so that rotating back and forth is exact, as forks of a
@@ -97,7 +97,7 @@ class Agreement:
 
     @property
     def chance(self) -> float:
-        """Mean difference of two of the runs: the cells of only one over those of either."""
+        """Mean difference of two runs: cells in only one of them over cells in either."""
         return mean_difference(self.share, len(self.scores))
 
     def as_dict(self) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def run_replicates(
     """
     runs = validation.whole('--runs', runs, at_least=2, at_most=MAX_REPLICATES)
     jobs = [(case, direction) for direction in directions(runs)]
-    # rounding of positions would make it another run
+    # rounding of positions would make it a different run
     is_same = jobs[0][1].rotate(case).scene.vents == case.scene.vents
     made = [original] if original is not None and is_same else []
     return [*made, *run_together(jobs[len(made):], settings, folder=folder, progress=progress)]
@@ -146,7 +146,7 @@ def run_together(
 ) -> list[Result]:
     """Run cases, each in a direction, or resume an interrupted set of runs.
 
-    ``folder`` stores the state for a resume, None stores nothing. ``progress`` is called at each
+    ``folder`` stores the state for a resume; None stores nothing. ``progress`` is called at each
     map with the simulated fraction of the time. Results are rotated back to the cells of the case.
 
     Raises:
@@ -157,7 +157,7 @@ def run_together(
 
     def route(number: int, case: Case, direction: Orientation) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
-        # spacing and thickness are those of the original case in all directions
+        # all directions use the spacing and the thickness of the original case
         accuracy = settings.accuracy(case)
         same = replace(settings, spacing=accuracy.spacing, thickness=accuracy.thickness)
         run = Run(direction.rotate(case), same, folder=kept, has_maps=False)

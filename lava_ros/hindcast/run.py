@@ -42,13 +42,14 @@ from lava_ros.simulation.selection import Decision
 #: Default number of maps of a run.
 MAPS = 24
 
-#: Maximum displacement per step over the cell size, four times the usual one, and the integrator,
-#: of first order: less than half as many evaluations, for the same scores (docs/VALIDATION.md).
+#: Maximum displacement per step over the cell size, four times the default, and the integrator,
+#: which is of first order: less than half the evaluations give the same scores
+#: (docs/VALIDATION.md).
 COURANT, INTEGRATOR = 2.0, 'rkl1'
 
 #: Effects that are off by default. Inertia matters only within metres of a vent, and needs steps
 #: that resolve waves during weeks of creeping flow. Lateral stress is in none of the models with
-#: which materials were calibrated, and takes six times as long (docs/VALIDATION.md).
+#: which the materials were calibrated, and makes a run six times as long (docs/VALIDATION.md).
 FORCED = {
     name: False
     for name, effect in EFFECTS.items()
@@ -65,7 +66,7 @@ class Settings:
 
     Attributes:
         preset: Preset of the accuracy.
-        spacing: Particle spacing [m]; None for that of the preset.
+        spacing: Particle spacing [m]; None for the spacing of the preset.
         device: Warp device; None for the first GPU, or the CPU without one.
         forced: Effects forced on or off; others are chosen from the scene.
         maps: Number of maps, evenly spaced over the simulated time, each at the end of the time
@@ -73,8 +74,8 @@ class Settings:
             makes one map.
         courant: Maximum displacement per step over the cell size, unless the preset has its own.
         integrator: Time integration, unless the preset has its own displacement.
-        thickness: Thickness scale, which sets the volume of a particle [m]; None for that of the
-            expected flow.
+        thickness: Thickness scale, which sets the volume of a particle [m]; None for the scale of
+            the expected flow.
     """
 
     preset: str = DEFAULT
@@ -88,7 +89,7 @@ class Settings:
 
     def accuracy(self, case: Case) -> Accuracy:
         """Return the accuracy for a case: the preset's with longer steps, and deterministic."""
-        # repeated runs take the same path at a fork of a flow, also on a GPU
+        # repeated runs take the same path at a fork of a flow, even on a GPU
         accuracy = replace(
             preset_accuracy(self.preset), spacing=self.spacing, thickness=self.thickness,
             deterministic=True,
@@ -112,8 +113,8 @@ class Result:
     Attributes:
         snapshot: The flow at the end.
         peak: Largest thickness in any map [m], float32, shape [rows, columns].
-        wall_time: Wall time without file access [s]. Of one of several runs on a GPU, only that of
-            the host.
+        wall_time: Wall time without file access [s]. For one of several runs on a GPU, only the
+            time of the host.
         most_particles: Largest number of particles.
         effects: Names of the effects that are on.
         accuracy: The accuracy, without automatic values.
@@ -138,12 +139,12 @@ class Result:
 
 
 class Run:
-    """A run of a case, from its start or, if ``is_resumed``, from the state stored last."""
+    """A run of a case, from its start or, if ``is_resumed``, from the last stored state."""
 
     def __init__(
         self, case: Case, settings: Settings, *, folder: Path | None = None, has_maps: bool = True
     ) -> None:
-        """Start a run, or resume the one whose state is in ``folder``; None stores no state.
+        """Start a run, or resume the run whose state is in ``folder``; None stores no state.
 
         Without ``has_maps`` only the last map is made. The folder then has no bag.
 
@@ -242,7 +243,7 @@ class Run:
                 )
 
     def close(self) -> None:
-        """Let another run use the folder, if there is one."""
+        """Release the folder for other runs, if there is one."""
         if self._store is not None:
             self._store.close()
 
@@ -263,7 +264,7 @@ class Run:
             item.name: f'{"on" if item.is_on else "off"}: {item.reason}'
             for item in result.decisions
         }
-        with refusing('output', str(bag), 'a folder to write to', OSError):
+        with refusing('output', str(bag), 'a writable folder', OSError):
             store.bag.describe({
                 'device': result.device,
                 'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
@@ -295,7 +296,7 @@ class Run:
 
     @cached_property
     def _simulation(self) -> Simulation:
-        # made on first use, because it may have to be compiled
+        # created at the first use, because it may have to be compiled
         started, device = wall_clock.monotonic(), self.settings.device
         if self._store is not None and self._store.checkpoint is not None:
             simulation = Simulation.resume(self._store.checkpoint, device=device)
@@ -312,7 +313,7 @@ class Run:
 
 
 def identity_of(case: Case, settings: Settings) -> str:
-    """Return a hash that differs for every other case and other settings."""
+    """Return a hash that identifies the case and the settings."""
     grids = [case.footprint, *(outline.footprint for outline in case.outlines)]
     return run_identity(case.scene, {
         'grids': [hashlib.sha256(grid.tobytes()).hexdigest() for grid in grids],

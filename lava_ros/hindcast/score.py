@@ -29,8 +29,8 @@ PATHS, NOISE = 100, 3.0
 #: Steps to the neighbours of a cell.
 _NEIGHBORS = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 
-#: Steps of a path, with their opposites to 16 neighbours: its length then has an error of at most
-#: 2.7 %.
+#: Steps of a path which, with their opposites, lead to 16 neighbours: the error of its length is
+#: at most 2.7 %.
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 
 
@@ -38,7 +38,7 @@ STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 class Score:
     """A comparison of a simulated flow with a mapped one.
 
-    Simulated cells are those of the footprint, at least half of which lava has covered; mapped
+    Simulated cells are those of which lava has covered at least half (the footprint); mapped
     cells are those with their centre in the outline. ``jaccard`` is cells in both over cells in
     either and ``fit`` its square root, e1 in the literature; ``recall`` is the simulated fraction
     of the mapped cells, ``precision`` the mapped fraction of the simulated cells. ``area`` is the
@@ -96,8 +96,8 @@ class OutlineScore:
 class Reference:
     """Jaccard indices of an outline with references that need no model of lava.
 
-    ``persistence`` is that of the outline before, None without one; ``descent`` is that of
-    steepest descent over the same area as the inundated one.
+    ``persistence`` is the index of the previous outline, None without one; ``descent`` is the
+    index of steepest descent that covers as large an area as the inundated one.
     """
 
     persistence: float | None
@@ -193,7 +193,7 @@ def refer(
         case: The case with its outlines.
         area_errors: Relative error of the inundated area, by the outline: steepest descent covers
             the same area.
-        before: Outline that persists; None: each time the outline before.
+        before: Outline that persists; None: for each date the previous outline.
     """
     visits = count_visits(case.scene.terrain.elevation, case.vent_cells)
     found, last = {}, before

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.scene import Terrain
 from lava_ros.scene.terrain_files import HIGHEST
 
@@ -25,13 +25,13 @@ THINNEST, THICKEST = 0.1, 100.0
 #: Maximum distance of a vent from the mapped outline that needs no check [cells].
 NEAR = 10.0
 
-#: Maximum distance of vents from the outline they belong to, over the outline's size.
+#: Maximum distance of vents from the outline of their eruption, over the outline's size.
 FAR = 0.5
 
 #: The outline counts as upside down if flipping brings it closer by this factor.
 _NEARER = 3.0
 
-#: Maximum height of lava above all vents, by its thickness in a pit [m].
+#: Maximum height of lava above all vents, due to its thickness in a pit [m].
 _CLIMB = 10.0
 
 
@@ -39,13 +39,13 @@ def check_elevation(ground: Terrain) -> None:
     """Refuse elevations that do not exist on Earth, or are not in metres."""
     high = float(np.nanmax(ground.elevation))
     if high > HIGHEST:
-        expected = f'metres, on Earth at most {HIGHEST:g}: feet times 0.3048'
-        raise LavaError('a height of the elevation', high, expected)
+        expected = f'at most {HIGHEST:g} m; multiply feet by 0.3048'
+        raise LavaError('the largest elevation', high, expected)
     rise = np.abs(np.diff(ground.elevation, axis=1)) / ground.resolution
     rise = rise[np.isfinite(rise)]
     slope = float(np.median(rise)) if rise.size else 0.0
     if slope > STEEPEST:
-        expected = f'at most {STEEPEST:g}: heights and cells both in metres'
+        expected = f'at most {STEEPEST:g}, with heights and cells both in metres'
         raise LavaError("the elevation's median slope", round(slope, 2), expected)
 
 
@@ -54,8 +54,8 @@ def check_outline(
 ) -> None:
     """Refuse grids with reversed rows, and outlines of other eruptions.
 
-    Lava starts at its vents and flows down. An outline that does so only when flipped is upside
-    down; so is an elevation on which the whole outline is above its vents.
+    Lava starts at its vents and flows down. If only the flipped outline fits this, it is upside
+    down. If the whole outline is above its vents, the elevation is upside down.
 
     Args:
         cells: Rows and columns of the ends of the vents.
@@ -63,28 +63,29 @@ def check_outline(
         footprint: Mapped cells, bool, shape [rows, columns].
     """
     distance, turned = _distance(cells, footprint), _distance(cells, footprint[::-1])
-    shown = f'{distance * ground.resolution:.0f} m from the nearest vent'
+    problem = f'The footprint is {distance * ground.resolution:.0f} m from the nearest vent'
     if distance > NEAR and turned < distance / _NEARER:
-        expected = f'near it; with its rows in the opposite order it is {turned:.0f} cells away: '
-        raise LavaError('the footprint', shown, expected + 'its rows seem to be upside down')
+        problem += f', and {turned:.0f} cells with reversed rows: its rows seem to be upside down'
+        raise RefusalError('the footprint', problem, 'Reverse their order')
     size = math.hypot(*(np.ptp(np.argwhere(footprint), axis=0) + 1))
     if distance > max(NEAR, FAR * size):
-        expected = 'near it: vents and footprint are not of the same eruption'
-        raise LavaError('the footprint', shown, expected)
+        remedy = 'Use vents and a footprint of the same eruption'
+        raise RefusalError('the footprint', problem, remedy)
     top = max(ground.elevation[cell] for cell in cells)
     heights = ground.elevation[footprint & ground.has_data]
     if not heights.size:
-        raise LavaError('the elevation', 'no data under the footprint', 'data there')
+        problem = 'The elevation has no data under the footprint'
+        raise RefusalError('the elevation', problem, 'Use an elevation that covers it')
     above = float((heights > top + _CLIMB).mean())
     if above > 0.5:
-        expected = 'below them: lava does not flow up; the elevation, on which the highest vent '
-        expected += f'is at {top:.0f} m and the lava at {np.median(heights):.0f} m, seems to be '
-        shown = f'{100 * above:.0f} % above all vents'
-        raise LavaError('the footprint', shown, expected + 'upside down')
+        problem = f'{100 * above:.0f} % of the footprint is above all vents: the elevation, with '
+        problem += f'the highest vent at {top:.0f} m and the lava at {np.median(heights):.0f} m, '
+        problem += 'seems to be upside down'
+        raise RefusalError('the elevation', problem, 'Reverse the order of its rows')
 
 
 def check_discharge(volume: float, area: float) -> None:
-    """Refuse a volume in the wrong unit [m3]: lava on an area [m2] too thin or too thick."""
+    """Refuse a volume [m3] that makes the lava on an area [m2] too thin or too thick."""
     thickness = volume / area
     if not THINNEST <= thickness <= THICKEST:
         too = 'little' if thickness < THINNEST else 'much'

@@ -1,1 +1,1 @@
-"""What the numbers of maps mean: layers, frames, arrival times and places."""
+"""Meaning of the values of maps: layers, frames, arrival times and places."""

@@ -18,9 +18,9 @@ THICKNESS = 'thickness'
 class Arrival:
     """First arrival times and peak thicknesses, accumulated frame by frame.
 
-    Times are those of the simulation's steps if the bag contains them and the threshold is the
-    inundation thickness. Otherwise the time of a cell is that of the first frame with lava in it,
-    and late by at most ``longest_gap``. Frames on earlier terrains are discarded.
+    Times are exact to a time step if the bag contains arrival times and the threshold is the
+    inundation thickness. Otherwise the time of a cell is the time of the first frame with lava in
+    it, which is late by at most ``longest_gap``. Frames on earlier terrains are discarded.
 
     Attributes:
         threshold: Lava has arrived where its thickness is at or above this value [m].
@@ -29,7 +29,7 @@ class Arrival:
         peak: Peak thickness [m], float32, same shape; 0 without lava.
         is_saturated: True if a thickness was the maximum of its grid.
         longest_gap: Longest time between consecutive frames [s].
-        is_noted: True if the times are those of the simulation's steps.
+        is_noted: True if the times are exact to a time step.
         frame_count: Number of frames with a thickness so far.
         frame: The newest of these frames; None before the first.
     """
@@ -81,7 +81,7 @@ def _grid(frame: Frame) -> tuple[object, ...]:
 
 
 def check_threshold(threshold: float, layer: Layer) -> None:
-    """Raise LavaError if a threshold [m] is not above 0, or is below that of a thickness layer."""
+    """Raise LavaError if a threshold [m] is not above 0, or is below the layer's threshold."""
     if threshold <= 0.0 or threshold < layer.threshold * (1.0 - 1e-6):
         expected = f'at least {layer.threshold:g} m: the layer {layer.name} shows no thinner lava'
         if layer.threshold <= 0.0:
@@ -92,7 +92,7 @@ def check_threshold(threshold: float, layer: Layer) -> None:
 def rounding(layer: Layer) -> float:
     """Return half the step between the values of a layer, in its unit; 0 if it is not rounded.
 
-    Values beyond the layer's range are set to its ends, with a larger error.
+    Values beyond the layer's range are clipped to it, with a larger error.
     """
     if layer.message == IMAGE or layer.range is None:
         return 0.0

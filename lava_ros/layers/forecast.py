@@ -122,8 +122,8 @@ class HazardMaps:
         members_beyond: Number of members with lava that has left the map.
         places: Arrival at the named places; None without places.
         worst: The worst of the members in each cell; None if unknown.
-        spacing_error: Error of the particle spacing, which the arrival times, the probabilities
-            and ``areas`` are corrected for; None if no pairs of runs have measured it.
+        spacing_error: Error due to the particle spacing. Arrival times, probabilities and
+            ``areas`` are corrected for it; None if no pairs of runs have measured it.
     """
 
     probability: np.ndarray
@@ -144,27 +144,28 @@ class HazardMaps:
         ``resolution`` is the side of a cell [m]. A part of a cell counts if that fraction of the
         members inundates at least as much of the cell.
         """
-        # what 10 % inundate is the larger area
+        # the area that 10 % of the members inundate is the larger one
         areas = {share: area_of(part, resolution) for share, part in self.inundated.items()}
         error = self.spacing_error
         return areas if error is None else error.corrected_areas(areas)
 
     def worst_area(self, resolution: float) -> float:
-        """Return the area that the lava of any member inundates [m2], corrected as ``areas``."""
+        """Return the area that the lava of any member inundates [m2], corrected like ``areas``."""
         assert self.worst is not None
         area, error = area_of(self.worst.inundated, resolution), self.spacing_error
         if error is None:
             return area
         known = {share: area_of(self.inundated[share], resolution) for share in QUANTILES}
         share = 0.01 * self.unseen
-        # few members do not resolve the smallest quantile
+        # a small number of members does not resolve the smallest quantile
         return max(error.corrected_areas({**known, share: area}).values())
 
     @property
     def unseen(self) -> float:
         """Largest probability of an event that occurs in no member, 0 to 100: 1 / (n + 1).
 
-        Of n + 1 draws in any order, the last is the only one with the event at most so often.
+        Of n + 1 draws in random order, the probability that only the last has the event is at most
+        this.
         """
         return unseen(self.effective_members)
 
@@ -191,7 +192,7 @@ class HazardMaps:
     def sampling_error(self) -> float:
         """Maximum standard error of the probability from the number of members, 0 to 100.
 
-        It is the binomial error at 50 %; that of low-discrepancy sequences is smaller.
+        It is the binomial error at 50 %; the error of low-discrepancy sequences is smaller.
         """
         return 50.0 / float(self.effective_members**0.5)
 

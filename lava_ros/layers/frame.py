@@ -52,7 +52,7 @@ class Frame:
         resolution: Side of a cell [m].
         origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
         layers: The newest layer of each source: thickness, temperature, hazard. If a grid and an
-            image have the same time, the image, which is not rounded.
+            image have the same time, the image is used, because it is not rounded.
         vents: Map positions [m] of the vents with a discharge, shape [vents, 2].
         time: Simulated time [s]; None if the bag does not contain it.
         scene: The scene in the bag, in the form of ``scene_to_dict``.
@@ -129,8 +129,8 @@ class Frame:
     ) -> 'Frame':
         """Return the frame with arrival times, inundated fractions, and their threshold [m].
 
-        A bag without fractions counts whole cells. Lava without any arrival time is that of a
-        simulation that did not record them.
+        A bag without fractions counts whole cells. If there is lava but no arrival time, the
+        simulation did not record arrival times.
         """
         frame = replace(self, arrived=arrived, threshold=threshold)
         if frame.reached is None or (frame.standing.any() and not frame.reached.any()):

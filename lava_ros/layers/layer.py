@@ -66,7 +66,7 @@ ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
 LAVA = 'lava'
 
 #: Hazard index of a cell that lava has reached and left. The cell must not be entered: its ground
-#: is hot, and real lava leaves a crust that is not modelled. Nothing can be buried there now.
+#: is hot, and real lava leaves a crust that is not modelled. Burial is no longer possible there.
 DRAINED = 50
 
 #: Names of the classes of the hazard index above 0, by the largest value of each. ``DRAINED`` is
@@ -78,7 +78,7 @@ DEPTHS = (0.5, 2.0, 5.0)
 
 
 def plain_source(source: str) -> str:
-    """Return the quantity of a source: that of its peak, its mean or its quantiles."""
+    """Return the quantity whose peak, mean or quantiles a source contains."""
     if source in QUANTILE_SOURCES:
         return ARRIVAL
     return 'thickness' if source == EXPECTED else source.removeprefix(PEAK)
@@ -109,9 +109,9 @@ class Layer:
         name: The layer's key in its file.
         topic: Relative topic name.
         source: ``thickness``, ``temperature`` or ``hazard``; in images ``arrived`` or
-            ``inundated``; in point clouds and grid maps ``lava``, which is all of them. For a
-            forecast, ``arrival`` or ``peak_thickness``, ``peak_temperature``, ``peak_hazard``; for
-            an ensemble, one of ``ENSEMBLE_SOURCES``.
+            ``inundated``; in point clouds and grid maps ``lava``, which stands for all of them.
+            For a forecast, ``arrival`` or ``peak_thickness``, ``peak_temperature``,
+            ``peak_hazard``; for an ensemble, one of ``ENSEMBLE_SOURCES``.
         message: Full name of the message type.
         range: Values at the two ends of ``scale`` [m, Celsius, hazard, or s]. None for layers
             without a scale, and for times to arrival from 0 to the horizon.
@@ -121,8 +121,8 @@ class Layer:
         classes: Increasing bounds between the classes of a quantity. A cell in the k-th of n
             classes is 100 k / n; the last class is the worst, for times to arrival the soonest.
             None for a scale or a mask.
-        margin: Clearance [m]. A cell without lava that has a point nearer than this to a cell with
-            lava gets the first value of ``scale``, or 100 with a step.
+        margin: Clearance [m]. A cell without lava gets the first value of ``scale``, or 100 with a
+            step, if any of its points is nearer to a cell with lava than this.
         threshold: Thickness below which a cell counts as dry [m].
         outside: Grid value outside the terrain.
         min_cells: Minimum number of columns and of rows of the message. A smaller grid is
@@ -168,7 +168,7 @@ class Layer:
 
     @property
     def offered_qos(self) -> QosProfile:
-        """QoS of the publisher: deadline and liveliness lease are two heartbeats, if there are."""
+        """QoS of the publisher; with a heartbeat, deadline and lease are two heartbeats."""
         if not self.heartbeat:
             return self.qos
         deadline_ns = round(2.0 * self.heartbeat * 1e9)
@@ -202,14 +202,14 @@ class Layer:
             unknown = np.full(snapshot.terrain.shape, np.nan, np.float32)
             return unknown if values is None else values
         if self.source == LAVA:
-            expected = f'one of {", ".join(SOURCES)}; maps and points have them all'
+            expected = f'one of {", ".join(SOURCES)}; grid maps and points have all of them'
             raise LavaError(f'layers.{self.name}.source', self.source, expected)
         if isinstance(snapshot, EnsembleForecast) and self.source == PROBABILITY:
             return snapshot.maps.probability
         return self._raw(plain_source(self.source), self._flow(snapshot))
 
     def maps(self, snapshot: 'Flow') -> dict[str, np.ndarray]:
-        """Return the ground's elevation [m] and each of ``SOURCES`` as ``raw_values`` does."""
+        """Return the ground's elevation [m] and, like ``raw_values``, each of ``SOURCES``."""
         elevation = np.asarray(snapshot.terrain.elevation, dtype=np.float32)
         return {'elevation': elevation} | {name: self._raw(name, snapshot) for name in SOURCES}
 
@@ -334,7 +334,7 @@ class Layer:
 
 
 def within(marked: np.ndarray, distance: float) -> np.ndarray:
-    """Mark every cell that has a point nearer than ``distance`` to a marked cell.
+    """Mark every cell with a point nearer than ``distance`` to a marked cell.
 
     Args:
         marked: Marked cells, bool, shape [rows, columns].

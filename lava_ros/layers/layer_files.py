@@ -181,17 +181,17 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
     topics: dict[str, str] = {}
     for layer in layers:
         if layer.topic in topics:
-            expected = f'a topic of its own: layer {topics[layer.topic]} has this one'
+            expected = f'a different topic: layer {topics[layer.topic]} has this one'
             raise LavaError(f'layers.{layer.name}.topic', layer.topic, expected)
         topics[layer.topic] = layer.name
     return layers
 
 
 def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) -> list[Layer]:
-    """Enable the layers named in ``on`` and disable those named in ``off``.
+    """Enable the layers named in ``on`` and disable the layers named in ``off``.
 
     Raises:
-        LavaError: If a name is not that of a layer, or is in both lists.
+        LavaError: If a name does not belong to a layer, or is in both lists.
     """
     known = [layer.name for layer in layers]
     for field_name, names in (('layers_on', on), ('layers_off', off)):

@@ -69,7 +69,7 @@ def relief_message(terrain: Terrain, header: Plain) -> Message:
     return messages.occupancy_grid(_shade(terrain), info.fields, header)
 
 
-# cached: 25 million cells take a second, and publisher and bag need the same cells
+# cached, because 25 million cells take a second, and both publisher and bag need the cells
 @lru_cache(maxsize=1)
 def _shade(terrain: Terrain) -> np.ndarray:
     north, east = np.gradient(terrain.elevation, terrain.resolution)
@@ -157,7 +157,7 @@ def vent_markers(
         else:
             shape = {'type': _LINE_STRIP, 'points': on_map, 'scale': _point(width)}
         celsius = vent.temperature - ZERO_CELSIUS
-        # RViz draws each byte as a character, so that ³ and ° would be two wide blanks each
+        # RViz draws each byte as a character, so ³ and ° would each appear as two wide blanks
         text = f'{vent.name or index + 1}: {discharge:.3g} m3/s, {celsius:.0f} C'
         markers += [
             _marker(header, PLACES, index, color=color, **shape),
@@ -187,7 +187,7 @@ class SceneMessages:
     """
 
     def __init__(self) -> None:
-        """Initialize without any messages made."""
+        """Initialize without any messages."""
         self.forget()
 
     def forget(self) -> None:
@@ -204,7 +204,7 @@ class SceneMessages:
             scene: The scene.
             time: Simulated time of the vents [s].
             header: Header of the messages.
-            ground: Current terrain under the flow; None for that of the scene.
+            ground: Current terrain under the flow; None for the terrain of the scene.
 
         Returns:
             Messages by topic: ``terrain_georeference``, ``terrain``, ``terrain_info`` and
@@ -237,7 +237,7 @@ def _point(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Plain:
 
 
 def _marker(header: Plain, namespace: str, index: int, **fields: Any) -> Plain:
-    # locked, so that RViz with the fixed frame odom keeps it on the map, however old its stamp is
+    # locked to its frame, so that RViz with the fixed frame odom keeps it on the map at any age
     own = {'header': header, 'ns': namespace, 'id': index, 'action': _ADD, 'frame_locked': True}
     return own | fields
 

@@ -3,7 +3,7 @@
 
 """Arrival of lava at places, from maps of arrival times.
 
-Lava has arrived at a place when it has touched the first cell that the place touches.
+Lava has arrived at a place when it has touched any of the cells that the place touches.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ class PlaceArrival:
             without a forecast.
         arrival: Simulated time [s] by which lava has arrived in a fraction of the members, by the
             fractions in ``QUANTILES``; all equal for a single run.
-        earliest: Earliest arrival in any member [s]; that of a single run.
+        earliest: Earliest arrival in any member [s]; for a single run, its arrival.
         members: Effective number of members; None for a single run.
         front_distance: Distance to the nearest cell inundated so far [m].
         whole: Length [m] or area [m2] of the place.
@@ -123,7 +123,7 @@ _UNKNOWN = dict.fromkeys(QUANTILES)
 #: Columns with the dates of arrival, by the fraction of the members.
 DATES = {fraction: f'arrival_p{100 * fraction:.0f}_utc' for fraction in QUANTILES}
 
-#: Columns of the table, those of all kinds of places; JSON has those of the kind of a place.
+#: Columns of the table for all kinds of places; JSON has only the columns of the place's kind.
 COLUMNS = tuple(dict.fromkeys([
     *(
         name
@@ -155,8 +155,8 @@ def arrivals(
         probability: Probability that lava arrives at a place, 0 to 100, shape [places]; None for
             a single run.
         first: Times [s] by which lava has arrived at a place, by the fraction of the members, NaN
-            where it arrives in fewer, shape [places]. They do not follow from ``cells``: members
-            may reach different cells of a line or an area. None for a single run.
+            where it arrives in fewer, shape [places]. They do not follow from ``cells``, because
+            members may reach different cells of a line or area. None for a single run.
         front: Distance of each place from the lava now [m], NaN without lava, shape [places].
         earliest: Earliest arrival in any member [s], NaN without one, shape [places]; None for a
             single run.
@@ -181,13 +181,13 @@ def arrivals(
             off_map=float(places.off_map[index]),
             probability=known(probability, index),
             arrival={fraction: known(times, index) for fraction, times in first.items()},
-            # known for places off the map too
+            # known even for places off the map
             front_distance=None if front is None or math.isnan(front[index])
             else float(front[index]),
             whole=float(places.whole[index]),
             inundated={fraction: known(values, index) for fraction, values in sizes.items()},
             earliest=known(first[QUANTILES[0]] if earliest is None else earliest, index),
-            # lava that is there has arrived with certainty
+            # lava that is present has arrived with certainty
             members=None if front is not None and front[index] <= 0.0 else members,
         )
         for index, name in enumerate(places.names)
@@ -266,7 +266,7 @@ class ArrivalTable:
     def _texts(self, row: PlaceArrival, fractions: Sequence[float]) -> tuple[str, ...]:
         never = '-' if self.is_ensemble else 'not reached'
         if not row.is_known:
-            # unlike a place that lava does not reach
+            # distinguishes it from a place that lava does not reach
             never = 'unknown' if self.is_ensemble else OFF_MAP
         times = (row.arrival[fraction] for fraction in fractions)
         probability = row.probability_words or '-'
@@ -331,7 +331,7 @@ class LiveArrivals:
 
     @property
     def summary(self) -> str:
-        """Message for people if lava arrives at no place."""
+        """Sentence for people if lava arrives at no place."""
         if self.source == 'none':
             return 'no lava yet at any place, and no forecast'
         return f'no lava at any place within {duration(max(self.end - self.time, 0.0))}'
@@ -445,11 +445,11 @@ def live_arrivals(
 
 
 def _first_of(known: np.ndarray, ahead: np.ndarray, start: float) -> np.ndarray:
-    """Return known times, and elsewhere times of a forecast, which count from its start."""
+    """Return known times and, where unknown, times of a forecast, which count from its start."""
     return np.where(np.isfinite(known), known, start + ahead.astype(np.float64))
 
 
 def _of(words: str | None) -> str:
-    """Return a probability after the word probability."""
+    """Format a probability for use after the word "probability"."""
     words = words or 'unknown'
     return words if words[0].isalpha() else f'of {words}'

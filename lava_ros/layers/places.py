@@ -19,7 +19,7 @@ from lava_ros.scene.reshaping import squared_distance
 #: Kind of place by type of feature.
 KINDS = {'Point': 'point', 'LineString': 'line', 'Polygon': 'area'}
 
-#: Smallest overlap of an area with a cell, and smallest part of a place off the map [fractions].
+#: Minimum overlap of an area with a cell, and minimum part of a place off the map [fractions].
 _MIN_OVERLAP, _MIN_OFF_MAP = 1e-9, 1e-6
 
 #: Maximum number of cells whose overlap with an area, or distance, is computed at once.
@@ -66,7 +66,7 @@ class Places:
         return len(self.names)
 
     def middle(self, index: int) -> tuple[float, float]:
-        """Return the map position [m] of a point, the middle of a line, or that of an area."""
+        """Return the map position [m] of a point, or of the middle of a line or an area."""
         segments = self.segments[index]
         if self.kinds[index] != 'area':
             segments = segments[len(segments) // 2]
@@ -80,7 +80,7 @@ class Places:
     def first(self, values: np.ndarray) -> np.ndarray:
         """Return the minimum value [cells] of each place, float64; NaN without a value."""
         result = np.full(len(self), np.nan)
-        # lava reaches few cells of a large area
+        # lava reaches only few cells of a large area
         found = np.flatnonzero(np.isfinite(values))
         np.fmin.at(result, self.owner[found], values[found])
         return result
@@ -115,9 +115,9 @@ def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
         scale = {'Point': 1.0, 'LineString': terrain.resolution}.get(kind, terrain.resolution**2)
         size = scale * sum(part.whole for part in found)
         if not size > 0.0:
-            expected = {'LineString': 'a line of two or more places that differ'}
+            expected = {'LineString': 'a line with at least two different points'}
             raise LavaError(
-                where, f'a {KINDS[kind]} of no size', expected.get(kind, 'an area above 0 m2')
+                where, f'a {KINDS[kind]} of size 0', expected.get(kind, 'an area above 0 m2')
             )
         rows, columns, sizes = (
             np.concatenate([part[index] for part in found]) for index in range(3)
@@ -134,7 +134,7 @@ def places_on(features: Sequence[Feature], terrain: Terrain) -> Places:
     off_map = np.where(off_map < _MIN_OFF_MAP, 0.0, np.where(inside == 0.0, 1.0, off_map))
     return Places(
         tuple(names), tuple(kinds), whole, off_map, tuple(segments),
-        # small types: a large area has millions of cells, which are sent to another process
+        # small types, because the millions of cells of a large area are sent to another process
         rows=np.concatenate([part.rows for part in parts]).astype(np.int32),
         columns=np.concatenate([part.columns for part in parts]).astype(np.int32),
         owner=np.repeat(np.arange(len(parts), dtype=np.int32), [len(item.rows) for item in parts]),

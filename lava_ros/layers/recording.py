@@ -39,7 +39,7 @@ _Place = tuple[float, float, float]
 
 
 def silent(activity: str, fraction: float) -> None:
-    """Report no progress."""
+    """Ignore progress."""
 
 
 class Recording:
@@ -48,7 +48,7 @@ class Recording:
     Attributes:
         bag: The bag.
         decoder: Decoder of its messages.
-        node: The node whose maps these are.
+        node: The node that published the maps.
         timeline: Simulated times of its messages.
         layers: Layers with maps in the bag, by topic name.
         terrain, terrain_info, vents: Topic names of the ground, its metadata and the vents;
@@ -200,7 +200,7 @@ class Recording:
         return self.timeline.ros_time(stamp_of(message), message.stamp_ns)
 
     def missing_error(self, time: float | None, what: str) -> LavaError:
-        """Return the error for input missing up to a simulated time [s], None for the end."""
+        """Return the error for input missing up to a simulated time [s]; None for the end."""
         if time is None:
             return LavaError('bag', str(self.bag.path), f'a bag that contains a {what}')
         return LavaError('time', time, f'a time at or after the first {what} of the bag')
@@ -236,15 +236,15 @@ class Recording:
         return shapes, places
 
     def _check_ground(self, name: str, shape: tuple[int, ...], place: _Place | None) -> None:
-        """Report a map that is not on the present terrain, unless it is on another of the bag."""
+        """Report a map that fits neither the current terrain nor another one in the bag."""
         shapes, places = self._grounds
         if shape not in shapes:
             rows, columns = shape
-            self._leave_out(name, f'a map of {columns} x {rows} cells is on no terrain of the bag')
+            self._leave_out(name, f'a map of {columns} x {rows} cells fits no terrain in the bag')
         elif place is not None and place not in places:
             self._leave_out(
-                name, f'a map at ({place[1]:g}, {place[2]:g}) in cells of {place[0]:g} m is on no '
-                'terrain of the bag',
+                name, f'a map at ({place[1]:g}, {place[2]:g}) in cells of {place[0]:g} m fits no '
+                'terrain in the bag',
             )
 
     def _leave_out(self, topic: str, reason: str) -> None:
@@ -347,7 +347,7 @@ class _Assembly:
 
 
 def _is_copy(message: BagMessage, before: BagMessage | None) -> bool:
-    """Return True if a message of a topic is the previous one again; a clock may loop."""
+    """Return True if a message repeats the previous one of its topic; a clock may loop."""
     return (
         before is not None
         and before.publish_ns == message.publish_ns
@@ -407,7 +407,7 @@ def _map(
 def _without_border(
     shown: LayerFrame, where: _Place | None, terrain: Terrain, place: _Place
 ) -> tuple[LayerFrame, _Place | None]:
-    """Cut a map with further cells around it (``min_cells``) down to the terrain."""
+    """Remove the cells that ``min_cells`` has added around the terrain."""
     border = shown.layer.border(terrain.shape)
     (below, _), (left, _) = border
     whole = tuple(np.add(terrain.shape, np.sum(border, axis=1)))

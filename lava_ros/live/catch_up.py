@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from lava_ros.live.clock import FollowedClock, JITTER, MAX_LAG
 
-#: Maximum time of the clock between the last maps of a killed process and its restart that the
-#: simulation catches up with [s]. A longer one means that the clock was wrong before, or is now.
+#: Maximum clock time between the last maps of a killed process and its restart with which the
+#: simulation catches up [s]. A longer time means that the clock was wrong then or is wrong now.
 MAX_DOWNTIME = 86_400.0
 
 
@@ -42,8 +42,8 @@ class CatchUp:
     def begin(self, clock: FollowedClock, time_scale: float) -> float:
         """Return the simulated time that the killed process would have reached by now [s].
 
-        It is 0 except for the first time that the clock has a time. A ``clock`` that has gone back
-        since the maps, or too far ahead, has jumped.
+        It is 0 except at the first valid time of the clock. A ``clock`` that has gone back since
+        the maps, or too far ahead, has jumped.
         """
         if self._published is None or not (now := clock.read()):
             return 0.0

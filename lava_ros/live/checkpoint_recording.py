@@ -36,7 +36,7 @@ class CheckpointRecording:
 
     Attributes:
         saved: Newest checkpoint of the run in any bag: its bag, simulated time, and ``vents``; at
-            the start that of a killed process, None without one.
+            the start, the checkpoint of a killed process; None without one.
     """
 
     recorder: Recorder

@@ -21,8 +21,8 @@ class FollowedClock:
     """Measures how far a clock has advanced from one reading to the next.
 
     A clock that goes back, or ahead by more than ``MAX_LAG`` at once, has jumped. A jump is
-    counted and not followed. A clock that shows 0 has no time yet, as in ROS, and its first time
-    is not a jump.
+    counted and not followed. As in ROS, a clock that shows 0 has no valid time yet, and its first
+    valid time is not a jump.
 
     Attributes:
         read: Returns the time of the clock [s].
@@ -46,7 +46,7 @@ class FollowedClock:
 
     @property
     def unread(self) -> float:
-        """Advance of the clock since the last reading [s], 0 if there was no time yet."""
+        """Advance of the clock since the last reading [s], 0 before its first valid time."""
         return max(0.0, self.read() - self._now) if self._now else 0.0
 
     def elapse(self) -> float:
@@ -59,7 +59,7 @@ class FollowedClock:
         self._now = now
         if not before:
             return 0.0
-        # After a long computation a steady clock is far ahead, which is not a jump.
+        # After a long computation a steady clock has advanced far, which is not a jump.
         if 0.0 < elapsed <= MAX_LAG + self._looked - looked:
             self.step = elapsed
             return elapsed
@@ -120,8 +120,8 @@ class ClockWatch:
         if is_simulated and now - self._seen[1] >= PATIENCE:
             what = 'stands still' if stamp_ns else 'does not arrive'
             texts['clock'] = (
-                f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
-                '`ros2 bag play --clock` do, or set use_sim_time to false'
+                f'/clock {what}, so simulated time stands still: publish it, as `lava ros replay` '
+                'and `ros2 bag play --clock` do, or set use_sim_time to false'
             )
         if now - self._jumped < WARNING_TIME:
             where = 'ahead' if worker.jump > 0.0 else 'back'

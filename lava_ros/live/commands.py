@@ -10,7 +10,7 @@ import queue
 import threading
 from typing import Any, NamedTuple, TypeVar
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 
 ResultT = TypeVar('ResultT')
 
@@ -35,8 +35,8 @@ class Command(NamedTuple):
 class CommandQueue:
     """A bounded queue of commands from any thread for one thread.
 
-    A command replaces a waiting one of the same kind, whose future is cancelled. So a flood of
-    messages that each replace all of their kind costs one command per round.
+    A command replaces a waiting one of the same kind, whose future is cancelled. A flood of
+    messages that each replace the previous one therefore costs one command per round.
     """
 
     def __init__(self, limit: int = MAX_WAITING) -> None:
@@ -69,8 +69,8 @@ class CommandQueue:
             former = self._waiting.pop(command.kind, None)
             refusal = self._closed
             if not command.kind and len(self._waiting) >= self._limit:
-                waiting = f'{self._limit} waiting'
-                refusal = LavaError('commands', waiting, 'fewer at a time; try again later')
+                problem = f'{self._limit} commands are waiting'
+                refusal = RefusalError('commands', problem, 'Try again later')
             if refusal is None:
                 self._waiting[command.kind or object()] = command
                 self._changed.notify()
@@ -81,7 +81,7 @@ class CommandQueue:
             finish(command.future, refusal)
 
     def get(self, timeout: float | None = None) -> Command:
-        """Remove and return the oldest command, waiting up to ``timeout`` [s], None: for ever.
+        """Remove and return the oldest command, waiting up to ``timeout`` [s] (None: for ever).
 
         Raises:
             queue.Empty: If no command arrives in time, or the queue is closed.
@@ -93,7 +93,7 @@ class CommandQueue:
             return self._waiting.pop(next(iter(self._waiting)))
 
     def get_more(self, first: Command) -> list[Command]:
-        """Remove and return the oldest commands, as far as they run together with another one."""
+        """Remove and return the oldest commands that can run together with another one."""
         more: list[Command] = []
         with self._changed:
             for place, command in list(self._waiting.items()):
@@ -103,7 +103,7 @@ class CommandQueue:
         return more
 
     def close(self, reason: LavaError) -> None:
-        """Refuse waiting and later commands for a reason."""
+        """Refuse all waiting and later commands with the error ``reason``."""
         with self._changed:
             self._closed = reason
             commands = list(self._waiting.values())
@@ -125,7 +125,7 @@ def finish(future: 'Future[Any]', error: Exception | None = None, *, result: Any
 def command(kind: str = '') -> Callable[..., Callable[..., 'Future[Any]']]:
     """Make a method a command: a call puts it into the queue, and returns a future.
 
-    ``kind`` is that of ``Command``.
+    ``kind`` is as in ``Command``.
     """
 
     def decorate(method: Callable[..., Any]) -> Callable[..., 'Future[Any]']:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Ensemble forecasts of the live simulation, on the side of the node."""
+"""Ensemble forecasts of the live simulation, in the process of the node."""
 
 from collections import deque
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import Mask, outline_on
 from lava_ros.forecast.sampling import Posterior
 from lava_ros.layers.forecast import EnsembleForecast
@@ -55,7 +55,7 @@ class ForecastRules:
     exact: tuple[str, ...] = ()
 
     def threshold_for(self, accuracy: Accuracy) -> float:
-        """Return the threshold for a simulation [m]; 0.1 m stands for its own."""
+        """Return the threshold for a simulation [m]; the default, 0.1 m, selects its own."""
         is_usual = math.isclose(self.threshold, COVERED)
         return accuracy.inundation_threshold if is_usual else self.threshold
 
@@ -71,8 +71,8 @@ class ForecastStatus:
         share: Fraction of the time in which forecasts may currently compute.
         outlines: Number of outlines used to weight and draw the members of this scene.
         jaccard_mean: Mean agreement with the newest outline, 0 to 1; None without one.
-        members_left: Effective number of members after the newest outline, near which those of
-            the next ensemble are drawn; None without one.
+        members_left: Effective number of members after the newest outline, near which the members
+            of the next ensemble are drawn; None without an outline.
     """
 
     count: int = 0
@@ -166,7 +166,7 @@ class EnsembleForecasts:
             mask, clock, done = self._waiting.get()
             assert self._terrain is not None
             try:
-                # at a pause, or behind its clock, the simulation has not come as far
+                # a paused or slow simulation has not reached this time yet
                 time = min(now, self._time_at(clock, time_scale))
                 outline = outline_on(self._terrain, mask, time)
             except LavaError as error:
@@ -194,7 +194,7 @@ class EnsembleForecasts:
         effective_before: float,
     ) -> None:
         self._posterior, left = posterior, posterior.effective_members
-        # new members are worth an ensemble even from the same state
+        # new members justify an ensemble even from the same state
         self._requested = None
         self._put_status(outlines=outlines, jaccard_mean=jaccard_mean, members_left=left)
         self._complete(
@@ -212,7 +212,8 @@ class EnsembleForecasts:
         while not self._waiting.empty():
             waiting.append(self._waiting.get()[-1])
         for done in waiting:
-            finish(done, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
+            problem = f'The observed outline was not used: {reason}'
+            finish(done, RefusalError('observed_outline', problem, 'Publish it again later'))
 
     def _note(self, fork: Fork) -> None:
         if fork.changes != self._changes:

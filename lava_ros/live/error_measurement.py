@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The numerical error of the live simulation, measured by partner runs in a process of its own."""
+"""The numerical error of the live simulation, measured by partner runs in a separate process."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ import time
 
 from lava_ros.bag.description import is_on
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.errors import Guard, LavaError
+from lava_ros.errors import Guard, RefusalError
 from lava_ros.live.forecaster import ForecastProcess
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
@@ -37,7 +37,7 @@ class ErrorMeasurement:
     """Measures the error after the first minute, again when time has tripled, and at the end.
 
     The partner runs repeat the run from its start with its vents. After a change of the ground
-    under lava they could not, and the error is then not measured.
+    under lava they cannot, and the error is not measured.
 
     ``share`` returns the maximum fraction of one core's time for partner runs while the simulation
     runs; 0 measures nothing. ``on_change`` is called in the thread when ``latest`` has changed.
@@ -104,7 +104,7 @@ class ErrorMeasurement:
             return
         is_finished = self.worker.status.state is WorkerState.FINISHED
         if is_finished and self._asked < view.time:
-            # measure the end instead, and without rests
+            # measure the error at the end instead, without pauses
             self._end_process()
             return
         reply = self._process.reply(_WATCH_TIME)
@@ -112,7 +112,8 @@ class ErrorMeasurement:
             name, values = reply
             self._end_process()
             if name == 'refused':
-                raise LavaError('numerical error', values['reason'], 'partner runs')
+                remedy = 'The error is measured again when the simulation has advanced'
+                raise RefusalError('numerical error', values['reason'], remedy)
             self.latest, self.failure = values['error'], ''
             self.on_change()
 

@@ -19,7 +19,7 @@ import time
 from typing import Any
 
 import lava_ros
-from lava_ros.errors import Guard, LavaError
+from lava_ros.errors import Guard, LavaError, RefusalError
 from lava_ros.forecast.pool import interrupts_withheld
 from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.live.ensemble_forecasts import (
@@ -45,8 +45,8 @@ MAX_LAG_INCREASE = 0.5
 #: Wall time between two checks of the live simulation [s].
 _WATCH_TIME = 0.1
 
-#: Minimum fraction of a device's time for forecasts, by kind of device. Two busy processes get
-#: half of a GPU each, so the live simulation loses half of this fraction. On a CPU, forecasts have
+#: Minimum fraction of a device's time for forecasts, by kind of device. Each of two busy processes
+#: gets half of a GPU, so the live simulation loses half of this fraction. On a CPU, forecasts have
 #: a low priority and slow the simulation only by their use of caches and memory.
 MIN_DUTY_CYCLES = {'cpu': 0.25, 'cuda': 0.1}
 
@@ -61,10 +61,10 @@ _END_TIMEOUT = 2.0
 
 
 class DutyCycle:
-    """The fraction of time for forecasts: minimal while the simulation falls behind."""
+    """The fraction of time for forecasts, which is minimal while the simulation falls behind."""
 
     def __init__(self) -> None:
-        """Initialize to the whole time."""
+        """Initialize with the full time."""
         self._share = 1.0
         self._noted = math.inf
 
@@ -81,7 +81,7 @@ class DutyCycle:
 
 
 class ForecastProcess:
-    """A child process that runs a module, and ends with its parent.
+    """A child process that runs a module and ends with its parent.
 
     Messages are pickled, which is safe because no other process has an end of the connection.
     """
@@ -198,7 +198,7 @@ class Forecaster:
         if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
         age, most = self.age(forecast), self.rules().max_age
-        return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
+        return f'it is {age:.0f} s old, and valid for at most {most:.0f} s' if age > most else ''
 
     def start(self) -> None:
         """Start the thread."""
@@ -339,7 +339,7 @@ class Forecaster:
         if fork is None or values.pop('number', None) != self._number:
             return
         if name == 'refused':
-            raise LavaError('forecast', values['reason'], 'a flow that can be simulated ahead')
+            raise RefusalError('forecast', values['reason'], 'The forecast will be tried again')
         if name == 'forecast':
             self._current_fork = None
             values['terrain'] = fork.checkpoint.scene.terrain

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recording of the node's messages in a bag, with the bytes as they were published."""
+"""Recording of the node's messages in a bag, byte by byte as they were published."""
 
 from collections.abc import Callable, Mapping
 from itertools import chain, count
@@ -12,7 +12,7 @@ from typing import Any
 
 from lava_ros.bag import BagWriter, QosProfile
 from lava_ros.bag.recorded_node import DEFAULT_NODE
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.live.clock import JITTER
 
 #: Maximum time of the clock between two messages of a bag [s].
@@ -25,9 +25,9 @@ class Recorder:
     ``arm`` chooses the bag; ``describe`` opens it once there is a scene. A bag that
     cannot be written is closed and reported in ``error``; the node continues without it.
 
-    Publish times are those of the ROS clock. Log times, by which players and readers order, are
-    equal to them until the clock jumps: where it goes back by ``JITTER`` or more, or ahead by more
-    than ``MAX_GAP``, the log times continue, and have a constant difference from the clock until
+    Publish times are those of the ROS clock. Log times, by which players and readers order the
+    messages, equal them until the clock jumps. When it goes back by ``JITTER`` or more, or ahead
+    by more than ``MAX_GAP``, log times continue with a constant difference from the clock until
     the next jump.
 
     Attributes:
@@ -75,7 +75,8 @@ class Recorder:
             LavaError: If a bag is being recorded, or ``directory`` exists or is not writable.
         """
         if self.is_armed or self.is_recording:
-            raise LavaError('record', self.directory, 'one recording at a time')
+            problem = f'{self.directory} is being recorded'
+            raise RefusalError('record', problem, 'Stop this recording first')
         self._place = _new_place(directory)
         self._limits = {'max_size': max_size, 'max_duration': max_duration}
         self.state, self.directory, self.error = 'armed', str(directory), ''
@@ -90,7 +91,7 @@ class Recorder:
         self.state = 'off'
         try:
             if Path(self.directory).resolve() != self._place:
-                raise OSError('a link has come into its path')
+                raise OSError('its path now contains a symbolic link')
             self._writer = BagWriter(self._place, custom_data=custom_data, **self._limits)
             self.state, self.files = 'recording', 1
         except (OSError, LavaError) as error:
@@ -159,14 +160,15 @@ def _new_place(directory: Path) -> Path:
         parent = next(path for path in directory.absolute().parents if path.exists())
         is_usable = parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)
     if not is_usable:
-        raise LavaError('bag_directory', name, f'a new folder: {parent} cannot be written to')
+        expected = f'a new folder in a writable one; {parent} is not writable'
+        raise LavaError('bag_directory', name, expected)
     return place
 
 
 def _unused(path: Path) -> Path:
     """Return the path, or add the first number, starting at 2, with which it does not exist."""
     names = chain([path.name], (f'{path.name}_{number}' for number in count(2)))
-    # A folder that may not be read seems empty: opening the bag then raises the reason.
+    # An unreadable folder seems empty: opening the bag then raises an error with the reason.
     return next(new for new in map(path.with_name, names) if not os.path.exists(new))
 
 
@@ -182,8 +184,8 @@ class BagFolder:
         """Initialize from the parameters at the start.
 
         Args:
-            root: Folder of the bags; empty: that of ``given``, else ``bags``.
-            given: Bag that the user has named, else empty.
+            root: Folder of the bags; empty: the folder of ``given``, otherwise ``bags``.
+            given: Bag that the user has named, otherwise empty.
             node: Full name of the node. Unless it is the default, it is part of the names of its
                 bags, because nodes may share a folder.
         """

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start, repetition and end of the recordings of a live simulation."""
+"""Start, retry and end of the recordings of a live simulation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ class BagSettings(NamedTuple):
 
 @dataclass(eq=False)
 class RecordingControl:
-    """Starts and ends bags, and tries again if a recording that is wanted has failed.
+    """Starts and ends bags, and retries a failed recording while one is wanted.
 
     Attributes:
         recorder: Recorder of the bags.
@@ -64,7 +64,7 @@ class RecordingControl:
         """Initialize without a failed attempt."""
         self._pause, self._begun = RETRY_PERIOD, 0.0
         self._due: float | None = None
-        # folders of the bags that were asked for, without links
+        # folders of the requested bags, with symbolic links resolved
         self._resolved: dict[Path, Path] = {}
 
     @property
@@ -73,7 +73,7 @@ class RecordingControl:
         return self.recorder.is_recording or self.recorder.is_armed
 
     def begin(self) -> None:
-        """Start the recording that is wanted, unless it has failed and is tried again later.
+        """Start the wanted recording, unless it has failed and is to be retried later.
 
         Raises:
             LavaError: If the bag cannot be created.
@@ -89,8 +89,8 @@ class RecordingControl:
     def arm(self, *, is_next: bool = False) -> None:
         """Choose a bag.
 
-        With ``is_next``, without a request, a number is added to a name that exists, and links in
-        its path must be those of the last request.
+        With ``is_next``, for a bag without a request, a number is added to a name that exists, and
+        the symbolic links in its path must be those of the last request.
 
         Raises:
             LavaError: If it cannot be created.
@@ -101,7 +101,7 @@ class RecordingControl:
         with refusing('bag_directory', str(directory), 'a path', OSError, RuntimeError):
             place = parent.resolve()
         if is_next and self._resolved.get(parent, place) != place:
-            expected = 'a path without a link that has come into it since the first bag'
+            expected = 'a path without a symbolic link that was added after the first bag'
             raise LavaError('bag_directory', str(directory), expected)
         self._resolved[parent], self._begun = place, self.clock()
         self.recorder.arm(directory, max_size=max_size, max_duration=max_duration)
@@ -162,7 +162,7 @@ class RecordingControl:
             self.restart_file.remove()
 
     def note(self, **progress: Any) -> None:
-        """Write the progress of the run if it can be resumed, also when nothing is recorded.
+        """Write the progress of the run if it can be resumed, even when nothing is recorded.
 
         ``progress`` contains the attributes of ``Progress`` that this object does not know.
         """

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Progress of a run, from which a restarted process learns how far the killed one had come."""
+"""Progress of a run, which tells a restarted process how far the killed process had simulated."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -26,7 +26,7 @@ _TOKEN = re.compile(r'[A-Za-z0-9._-]{1,64}')
 
 
 def check_token(token: str) -> None:
-    """Raise LavaError if a token is not valid; an empty one stands for none."""
+    """Raise LavaError if a token is not valid; an empty text means that there is none."""
     if token and not _TOKEN.fullmatch(token):
         expected = 'at most 64 letters, digits, dots, hyphens and underscores'
         raise LavaError('restart_token', token, expected)
@@ -99,7 +99,8 @@ class RestartFile:
             for name in ('time', 'checkpoint_time', 'stamp_ns', 'behind'):
                 validation.number(f'{label}.{name}', getattr(progress, name), at_least=0.0)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise LavaError(label, f'{type(error).__name__}: {error}', expected) from error
+            reason = f'{expected} ({type(error).__name__}: {error})'
+            raise LavaError(label, str(self.path), reason) from error
         return progress
 
     def write(self, progress: Progress) -> None:
@@ -115,7 +116,7 @@ class RestartFile:
             self.error, self._written = '', progress
 
     def remove(self) -> None:
-        """Remove the file: the run has ended, and a later process does not continue it."""
+        """Remove the file at the end of the run, so that no later process continues it."""
         with suppress(OSError):
             self.path.unlink(missing_ok=True)
 

@@ -66,13 +66,13 @@ class SessionView:
 
     Attributes:
         time: Simulated time [s], 0 without a simulation.
-        step: Length of the step that is waited for, or of the latest step [s].
+        step: Length of the pending step or, without one, of the latest step [s].
         device: Name of the device, empty without a simulation.
         accuracy: Resolution of the simulation, None without one.
         scene: Current scene, None without a terrain.
         schedule: Its vents with their discharges over the whole run, including earlier vents.
-        repeatable: Scene at the start, which with ``schedule`` repeats the run; None without one,
-            and after a change of the ground under lava.
+        repeatable: Scene at the start, from which the run can be repeated with ``schedule``; None
+            without one, and after a change of the ground under lava.
         origin: Checkpoint from which the simulation was resumed, None if it started at time 0.
         effects: Table of effects (``effect_table``), empty without a simulation.
         resolution: Expected resolution of the flow, None without a simulation.
@@ -228,7 +228,7 @@ class SimulationSession:
     ) -> float:
         """Simulate up to ``until`` [s] for at most ``wall_limit`` [s].
 
-        ``limit`` and ``whole_steps`` are those of ``Simulation.advance``.
+        ``limit`` and ``whole_steps`` are as in ``Simulation.advance``.
 
         Returns:
             The time reached [s].
@@ -248,7 +248,7 @@ class SimulationSession:
         if self.simulation.review_count != reviews:
             # an effect may have been switched on
             self._note_change(is_noise=True)
-        # the count is read from the device, and does not change without a step
+        # reading the count from the device takes time, and it changes only in a step
         particles = self.simulation.particle_count if reached > before else 0
         if particles > max_particles:
             self.renew_snapshot()
@@ -315,8 +315,8 @@ class SimulationSession:
         for number, vent in enumerate(vents):
             try:
                 if scene is None:
-                    expected = 'a terrain before the first single vent'
-                    raise LavaError('vent', vent.position, expected)
+                    problem = 'There is no terrain for the vent'
+                    raise RefusalError('vent', problem, 'Publish a terrain first')
                 replace(scene, vents=(vent,))
             except LavaError as error:
                 errors[number] = error
@@ -332,7 +332,7 @@ class SimulationSession:
         except LavaError as error:
             if len(numbers) == 1:
                 return {numbers[0]: error}
-            # perhaps only the sum of some discharges is refused
+            # the vents may be refused only together, because of the sum of their discharges
             middle = len(numbers) // 2
             former = self._add_together(vents, numbers[:middle])
             return former | self._add_together(vents, numbers[middle:])
@@ -362,7 +362,7 @@ class SimulationSession:
         self.start(scene)
 
     def fail(self) -> None:
-        """Drop the simulation after a failure; scene and last snapshot stay."""
+        """Drop the simulation after a failure; the scene and the last snapshot remain."""
         self.simulation = None
         self._put(time=0.0, step=0.0, device='', accuracy=None, changes=self.changes + 1)
 
@@ -432,7 +432,7 @@ class SimulationSession:
 
 
 def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
-    """Return True if two terrains are alike (``is_same_ground``) in one coordinate system."""
+    """Return True if two terrains are alike (``is_same_ground``) in the same coordinate system."""
     return one.georeference == other.georeference and is_same_ground(one, other, within=within)
 
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     # Importing the solver loads Warp, so only the thread imports it.
     from lava_ros.simulation import Simulation, Snapshot
 
-#: Uncertainty of a scene from topics: the usual ranges.
+#: Default uncertainty of a scene that was received on topics.
 OPEN = Uncertainty(material=DEFAULT)
 
 #: Default of the maximum number of particles.
@@ -88,7 +88,7 @@ class SimulationWorker:
     A ``command`` returns immediately with a future. A refused one sets a LavaError in its future
     and changes nothing. A command that replaces all of its kind (vents, terrain, a parameter)
     cancels the future of a waiting one. Any other exception stops the simulation: the state is
-    FAILED, the last snapshot remains, and ``reset`` starts again. An exception outside a command
+    FAILED, the last snapshot remains, and ``reset`` restarts it. An exception outside a command
     and the simulation is reported (``WorkerStatus.fault``), and the thread continues.
 
     ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` returns
@@ -214,7 +214,7 @@ class SimulationWorker:
         """Copy the state for another simulation; the future fails without a simulation."""
         begun = time.monotonic()
         checkpoint = self.session.checkpoint()
-        # the state is that of an earlier time of the clock
+        # the state belongs to an earlier time of the clock
         clock = self.clock() - self._age / self.time_scale
         return Fork(checkpoint, self.session.changes, clock, time.monotonic() - begun)
 
@@ -313,7 +313,8 @@ class SimulationWorker:
     def step(self, duration: float) -> None:
         """Advance a paused simulation by a duration [s]."""
         if self.session.simulation is None or not self.paused:
-            raise LavaError('step', self._status.state.value, 'a paused simulation')
+            problem = f'The simulation is {self._status.state.value}'
+            raise RefusalError('step', problem, 'Pause it first')
         self._step_target = self.session.time + duration
 
     def request_snapshot(self) -> None:

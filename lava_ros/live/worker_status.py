@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 import time
 
-#: A step or command is reported as a hold-up at or above this wall time [s]: ten slices.
+#: A step or command at or above this wall time is reported as a delay [s]: ten slices.
 MAX_TASK_DURATION = 1.0
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import file_to_write, writing
 from lava_ros.files.pictures import new_figure
 from lava_ros.layers.frame import Frame, LayerFrame
@@ -24,7 +24,7 @@ from lava_ros.layers.recording import Progress, Recording, silent
 from lava_ros.products import plot
 from lava_ros.products.colours import picture_of, scale_of, STYLES
 
-#: Maximum number of pictures; all those of a GIF are in memory until it is written.
+#: Maximum number of pictures; a GIF keeps all of them in memory until it is written.
 MAX_FRAMES = 300
 
 #: Additional display time of the last picture [s].
@@ -74,8 +74,8 @@ def animate_bag(
     width = int(validation.number('width', width, at_least=200, at_most=3840, unit='pixels'))
     is_gif = output.suffix.lower() == '.gif'
     if not is_gif and shutil.which('ffmpeg') is None:
-        expected = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
-        raise LavaError('format', '.mp4', expected)
+        problem = 'Writing an MP4 needs ffmpeg, which is not installed'
+        raise RefusalError('format', problem, 'Install ffmpeg, or write a .gif')
     recording = Recording(path, node=node)
     last, start = _peak_frame(recording, source)
     moments = np.linspace(start, last.time or 0.0, max(2, round(seconds * fps)))
@@ -114,7 +114,7 @@ def _peak_frame(recording: Recording, source: str) -> tuple[Frame, float]:
 
 
 class _Canvas:
-    """The figure, of which only the map and the title change between frames."""
+    """The figure, in which only the map and the title change between frames."""
 
     def __init__(self, figure: Any, frame: Frame, source: str) -> None:
         self._source, self._canvas = source, figure.canvas
@@ -188,7 +188,7 @@ def _write_gif(
     from PIL import Image
 
     # With one palette for all pictures, unchanged pixels take no space: matplotlib's writer makes
-    # files four times as large. MAXCOVERAGE keeps the colours of lava, which few pixels have.
+    # files four times as large. MAXCOVERAGE keeps the colours of lava, which only few pixels have.
     palette = Image.fromarray(colours).quantize(256, Image.Quantize.MAXCOVERAGE)
     images: list[Any] = []
     durations: list[int] = []
@@ -226,6 +226,6 @@ def _write_mp4(pictures: Iterator[tuple[np.ndarray, int]], path: Path, fps: floa
                 for _ in range(round(HOLD_TIME * fps)):
                     writer.grab_frame()
         except subprocess.CalledProcessError as error:
-            expected = f'an MP4 that ffmpeg can write ({error.stderr.strip()[-300:]})'
-            raise LavaError('output', str(path), expected) from error
+            problem = f'ffmpeg cannot write {path}: {error.stderr.strip()[-300:]}'
+            raise RefusalError('output', problem, 'Write a .gif') from error
     return drawn

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrival of lava at places in runs on disk: the table of `lava places` and `lava report`."""
+"""Arrival of lava at places in runs on disk: the table of `lava places` and `lava map`."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,17 +13,13 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
-from lava_ros.files import write_output
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.store import maps_at
 from lava_ros.layers.place_arrivals import arrivals, ArrivalTable, flow_table
 from lava_ros.layers.places import Places, places_on
 from lava_ros.products.run_page import dated, Members, read_run, Run
 from lava_ros.scene.features import read_features
 from lava_ros.scene.onset import Onset
-
-#: File of the table in the folder of an ensemble.
-TABLE = 'places.csv'
 
 
 def table_of(
@@ -38,15 +34,15 @@ def table_of(
         field: Name of the files in errors.
         node: Full name or namespace of a node of the bag; None for the only one.
         time: Simulated time [s] up to which a bag is read; None for all of it.
-        onset: Date of simulated time 0; None for that of the run, if it states one.
-        zone: Zone of local times; None for that of this machine.
+        onset: Date of simulated time 0; None for the date that the run states, if any.
+        zone: Zone of local times; None for the zone of this machine.
 
     Raises:
         LavaError: If a file or the run cannot be read, or the run has no arrival times.
     """
     run = read_run(path, node=node, wanted=('arrival',))
     if run.ensemble is not None and time is not None:
-        raise validation.conflict('--time', f'an ensemble ({path})')
+        raise validation.conflict('--at', f'an ensemble ({path})')
     features = [item for file in files for item in read_features(field, file, run.terrain)]
     places = places_on(features, run.terrain)
     if run.ensemble is not None:
@@ -54,17 +50,6 @@ def table_of(
     else:
         table = _table_of_bag(path, run, places, time, node)
     return replace(table, onset=dated(onset, zone, [run]))
-
-
-def write_table(folder: Path, files: Sequence[str | Path]) -> ArrivalTable:
-    """Write the arrival of lava at the places of files into the folder of an ensemble.
-
-    Raises:
-        LavaError: If a file or the ensemble cannot be read, or the table cannot be written.
-    """
-    table = table_of(folder, files, field='--places')
-    write_output('--output', folder / TABLE, table.as_csv())
-    return table
 
 
 def _table_of_bag(
@@ -75,14 +60,14 @@ def _table_of_bag(
         raise LavaError('bag', str(path), 'a bag with the layer arrived, or one of the thickness')
     end, arrived = panel.frame.time, panel.values
     if time is not None:
-        # the newest map has all earlier arrival times, to the step
-        end = validation.number('--time', time, at_most=math.inf if end is None else end, unit='s')
+        # the newest map contains all earlier arrival times, exact to the time step
+        end = validation.number('--at', time, at_most=math.inf if end is None else end, unit='s')
         arrived = np.where(arrived <= end, arrived, np.nan)
     facts: dict[str, Any] = {
         'threshold_m': panel.frame.threshold, 'time_s': end, **run.quality(),
     }
     if panel.frame.arrived is not panel.values and np.isfinite(places.at(arrived)).any():
-        facts['note'] = 'times are those of the first map in the bag that shows the lava'
+        facts['note'] = 'each time is that of the first map in the bag with lava at the place'
     frame = panel.frame
     if time is not None:
         frame = read_run(path, node=node, time=time, wanted=('arrival',)).panels['arrival'].frame
@@ -94,8 +79,8 @@ def _table_of_members(
 ) -> ArrivalTable:
     maps = maps_at(folder, members.plan, places, members=members.count)
     if not math.isclose(maps.effective_members, members.effective, rel_tol=1e-6):
-        expected = 'maps with the weights of its members: repeat the lava ensemble command'
-        raise LavaError('ensemble', str(folder), expected)
+        problem = f'The maps in {folder} do not have the weights of its members'
+        raise RefusalError('ensemble', problem, 'Repeat the lava run command')
     assert maps.places is not None
     rows = arrivals(
         places,

@@ -102,7 +102,7 @@ class Scale:
 def limits_of(source: str, values: np.ndarray) -> tuple[float, float]:
     """Return the values of the first and the last colour of a map, which are round numbers.
 
-    ``source`` is a key of ``STYLES``; ``values`` are those of the map, NaN where it is empty.
+    ``source`` is a key of ``STYLES``; ``values`` are the values of the map, NaN where it is empty.
     """
     known = values[np.isfinite(values)]
     most = float(known.max()) if known.size else 1.0

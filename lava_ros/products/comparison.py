@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of an ensemble with barriers and an ensemble of the same members without."""
+"""Comparison of two ensembles of the same members, with and without barriers."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -73,13 +73,13 @@ def describe_uncertain(inputs: Mapping[str, Any]) -> dict[str, str]:
     ]
     exact = [name.replace('_', ' ') for name in inputs.get('exact', {})]
     return {
-        'uncertain': '; '.join(drawn) or 'nothing of the scene',
+        'uncertain': '; '.join(drawn) or 'no quantity',
         **({'taken as exact': ', '.join(exact)} if exact else {}),
     }
 
 
 def describe_influence(tags: Mapping[str, str]) -> dict[str, str]:
-    """Describe which quantities decide the inundated area, if the tags of its maps state it."""
+    """Describe which quantities affect the inundated area most, if the tags state it."""
     if 'influence' not in tags:
         return {}
     found = Influences.from_dict(parse_json('influence', tags['influence']))

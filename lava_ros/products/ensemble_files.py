@@ -25,12 +25,11 @@ def write_atlas(
 ) -> list[Path]:
     """Write the maps of an ensemble to a folder, replacing files of the same names.
 
-    The maps are probability, arrival times, expected peak thickness, the worst of all members and
-    elevation, as GeoTIFF.
-    ``formats`` are further formats, of ``export.FORMATS``; vector formats contain contours of
-    probability and isochrones. None stands for GeoJSON if the terrain's coordinate system is
-    known, otherwise for no further format. Formats that the folder already has are written again,
-    so that all files have the same members.
+    The maps are probability, arrival times, expected peak thickness, the worst case of all
+    members, and elevation, as GeoTIFF. ``formats`` are further formats, of ``export.FORMATS``;
+    vector formats contain contours of probability and isochrones. None stands for GeoJSON if the
+    terrain's coordinate system is known, otherwise for no further format. Formats that the folder
+    already has are written again, so that all files have the same members.
 
     Returns:
         The paths of the files.

@@ -13,7 +13,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.bag.description import described, effects_on
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files.optional import require
 from lava_ros.files.vectors import WRITTEN
 from lava_ros.layers.arrival import Arrival, check_threshold, rounding, THICKNESS
@@ -30,7 +30,7 @@ from lava_ros.simulation.output.inundation import raise_peak, reached_cells
 
 _LOG = logging.getLogger(__name__)
 
-#: Maps for export: those of a frame, and those accumulated over all frames up to it.
+#: Maps for export: maps of a frame, and maps accumulated over all frames up to it.
 MAPS = (*SOURCES, 'arrival', 'inundated', 'peak_thickness')
 
 #: File formats: GeoTIFF with QGIS styles, vector files of outline and isochrones, and NetCDF.
@@ -38,7 +38,7 @@ FORMATS = ('tif', *WRITTEN, 'nc')
 
 
 class Exported(NamedTuple):
-    """The written files, and the georeference of those of the last frame."""
+    """The written files, and the georeference of the files of the last frame."""
 
     files: tuple[Path, ...]
     georeference: Georeference
@@ -86,8 +86,8 @@ def export_bag(
     for name in formats:
         validation.choice('formats', name, FORMATS)
     if every and 'tif' not in formats:
-        expected = 'also tif, which alone can have every frame'
-        raise LavaError('formats', ', '.join(formats), expected)
+        problem = 'Only GeoTIFF files can contain every frame'
+        raise RefusalError('formats', problem, 'Add tif to the formats')
     if threshold is not None:
         threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     require('rasterio', 'GeoTIFF', str(directory))
@@ -97,7 +97,7 @@ def export_bag(
     known: dict[str, Georeference] = {}
 
     def georeference_in(scene: Mapping[str, Any]) -> Georeference:
-        # a replaced coordinate system is a warning, and frames have the same scene
+        # a replaced coordinate system gives a warning; all frames have the same scene
         stated = repr([scene.get('terrain', {}).get(name) for name in Georeference._fields])
         if stated not in known:
             known[stated] = georeference_of(scene, epsg=epsg, offset=offset)
@@ -112,7 +112,7 @@ def export_bag(
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
     gis.require_formats(formats, target, coordinate_system(end.epsg, end.wkt))
-    with refusing('output', str(target), 'a folder to write to', OSError):
+    with refusing('output', str(target), 'a writable folder', OSError):
         target.mkdir(parents=True, exist_ok=True)
         if any(target.iterdir()):
             raise LavaError('output', str(target), 'a folder that is new or empty')
@@ -280,10 +280,10 @@ def _history_map(name: str, history: Arrival) -> gis.Made:
         return raise_peak(history.peak, history.times, least) if is_noted else history.peak, tags
     tags['threshold_m'] = repr(history.threshold)
     if history.is_noted:
-        tags['note'] = 'times are those of the steps of the simulation'
+        tags['note'] = 'times are exact to a time step of the simulation'
     else:
         tags['longest_time_between_maps_s'] = repr(history.longest_gap)
-        tags['note'] = 'lava may have come earlier, by the time between two maps at most'
+        tags['note'] = 'lava may have arrived earlier, by at most the time between two maps'
     return history.times.astype(np.float32), tags
 
 
@@ -293,8 +293,8 @@ def _shapes(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the outline and the isochrones as layers of features.
 
-    The outline is that of the footprint so far, with the inundated area, or that of the standing
-    lava if the bag has no arrival times.
+    The outline surrounds the footprint so far, with the inundated area, or the standing lava if
+    the bag has no arrival times.
     """
     cells, part, name = frame.footprint, frame.inundated, 'inundated area'
     if cells is None and history.times is not None and history.threshold == frame.threshold:

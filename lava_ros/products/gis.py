@@ -105,7 +105,7 @@ def write_grid(
     rows, columns = cells.shape
     # GDAL raises no error if the disk is full, so it writes into memory
     with (
-        refusing('output', str(path), 'a file to write', OSError, RasterioError),
+        refusing('output', str(path), 'a writable file', OSError, RasterioError),
         MemoryFile() as memory,
         memory.open(
             driver='COG',
@@ -189,7 +189,7 @@ def vents(items: Sequence[Vent], offset: tuple[float, float]) -> dict[str, list[
         places = [
             np.add(place, offset).tolist() for place in (item.position, item.end) if place
         ]
-        # another name for a rate that changes, so that --vents does not read a constant rate
+        # a rate that changes has another name, so that --vents does not read it as a constant rate
         name = 'effusion_rate' if isinstance(item.discharge, float) else 'peak_effusion_rate'
         known = {'name': item.name, name: item.peak, 'radius': item.radius}
         if item.temperature is not None:
@@ -225,7 +225,7 @@ def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
     """Raise LavaError if a library is missing, or a coordinate system for GeoJSON or KML."""
     for name in formats:
         if crs is None and _in_degrees(name):
-            expected = f'the EPSG code of the map: {name} has longitudes and latitudes'
+            expected = f'the EPSG code of the map, because {name} has longitudes and latitudes'
             raise LavaError('epsg', None, expected)
         if name in vectors.WRITTEN:
             require('pyogrio', name, str(folder))
@@ -275,7 +275,7 @@ def _geographic(
     from rasterio.warp import transform_geom
 
     geometries = [item['geometry'] for item in features]
-    expected = 'easting and northing that have a longitude and latitude'
+    expected = 'an easting and northing that can be converted to longitude and latitude'
     with refusing('the corner of the map', corner, expected):
         geometries = transform_geom(crs, 'EPSG:4326', geometries, precision=7)
     return [
@@ -290,7 +290,7 @@ def write_netcdf(
     """Write maps to a NetCDF file that follows the CF conventions.
 
     ``maps`` has the values of each map, NaN without data, and its tags, by its name in
-    ``RASTER_LAYERS``. The tags, and those of the origin, are attributes as in a GeoTIFF.
+    ``RASTER_LAYERS``. These tags and the tags of the origin become attributes, as in a GeoTIFF.
     """
     from scipy.io import netcdf_file
 

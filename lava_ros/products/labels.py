@@ -33,7 +33,7 @@ def place_name(
         place: Its position in the coordinates of the axes [m], shape [2].
         colour: Colour of the text.
         taken: Boxes that texts must not touch [pixels].
-        is_point: True for the name of a point, False for that of a line or an area.
+        is_point: True for the name of a point, False for the name of a line or an area.
 
     Returns:
         False if no place near the position is free; the name is then left out.
@@ -49,7 +49,7 @@ def place_name(
         angle = math.radians(degrees)
         x, y = distance * math.cos(angle), distance * math.sin(angle)
         side = 'center' if abs(x) < 1.0 else 'left' if x > 0.0 else 'right'
-        # above or below, half the height of the text further
+        # above and below, half the height of the text is added
         label.set(position=(x, y + 4.0 * np.sign(round(y, 6)) * (side == 'center')), ha=side)
         box = box_of(label)
         is_in = edge.x0 <= box.x0 and box.x1 <= edge.x1 and edge.y0 <= box.y0 and box.y1 <= edge.y1
@@ -74,7 +74,7 @@ def box_of(text: Any) -> Any:
 
 
 def fixed_boxes(axes: Any, markers: Iterable[tuple[np.ndarray, float]]) -> list[Any]:
-    """Return the boxes of the texts of a map that stay, and of markers [pixels].
+    """Return the boxes of the fixed texts of a map, and of markers [pixels].
 
     ``markers`` are positions in the coordinates of the axes [m], shape [count, 2], and the size of
     each marker [points].

@@ -16,8 +16,8 @@ from lava_ros.scene.features import Feature
 
 _LOG = logging.getLogger(__name__)
 
-#: Maximum distance from the lava of places on the map, in larger sides of the rectangle around
-#: lava and vents. The lava then takes at least a fifth of the width of the map.
+#: Maximum distance of places on the map from the lava, as a multiple of the longer side of the
+#: rectangle around lava and vents. The lava then takes at least a fifth of the width of the map.
 REACH = 2.0
 
 #: Maximum number of names on a map.
@@ -28,7 +28,7 @@ COLOURS = ('#0b3c8c', '#111111', '#00693c', '#7b1fa2', '#8c510a')
 _MARKERS = ('o', 's', 'D', 'P', 'v')
 _LINES: tuple[Any, ...] = ('-', '--', '-.', ':', (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 
-#: Size of a marker and of that of a vent [points].
+#: Size of a marker and of the marker of a vent [points].
 _MARKER_SIZE, _VENT_SIZE = 5.5, 7.0
 
 #: Number of sample points along a line per width of the map, and its maximum.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 from lava_ros.products.plot import INK, Window
 
 #: Warning on every page.
@@ -39,7 +39,7 @@ _LOGO, _BLOCK = 0.58, 3.4
 
 @dataclass(frozen=True)
 class Imprint:
-    """Who publishes a page: names, and the path of a logo (PNG or JPEG); all may be empty."""
+    """Publisher of a page: names, and the path of a logo (PNG or JPEG); all may be empty."""
 
     author: str = ''
     agency: str = ''
@@ -117,7 +117,7 @@ class Page:
                 self._text(figure, left, down, words, fontsize=7.5)
 
     def _write_legend(self, figure: Any, legend: Sequence[tuple[str, Any]]) -> None:
-        # matplotlib hides names that begin with _
+        # matplotlib hides legend entries that begin with _
         names = ['\u200b' + name if name.startswith('_') else name for name, _ in legend]
         figure.legend(
             [handle for _, handle in legend],
@@ -191,7 +191,7 @@ def choose_page(
 
     def size(page: Page) -> float:
         room = page.map_size
-        # an empty place in the grid looks like a missing map
+        # an empty position in the grid looks like a missing map
         full = count / (page.rows * page.columns)
         return min(room[0] / width, room[1] / height) * math.sqrt(full)
 
@@ -207,7 +207,7 @@ def choose_page(
             if min(page.map_size) > 0.8:
                 pages.append(page)
     if not pages:
-        raise LavaError('maps', count, 'fewer maps: they do not fit on one page')
+        raise RefusalError('maps', f'{count} maps do not fit on one page', 'Choose fewer')
     return max(pages, key=size)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Page of maps of runs on disk: `lava plot`, and the picture of `lava report`."""
+"""Page of maps of runs on disk: `lava map`, and the picture of `lava map`."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.observations import observed_in_file
 from lava_ros.forecast.scores import brier_parts
 from lava_ros.layers.numbers import duration
@@ -97,7 +97,7 @@ def draw_runs(
 ) -> dict[str, Any]:
     """Draw bags and ensembles on one page to print.
 
-    ``options`` are those of ``read_page``.
+    ``options`` are as in ``read_page``.
 
     Returns:
         The text, titles and scores of the page as plain data.
@@ -138,12 +138,12 @@ def read_page(
 ) -> RunsPage:
     """Read bags and ensembles for one page.
 
-    Texts and files are the options of `lava plot`. ``node`` is the full name or the namespace of a
+    Texts and files are the options of `lava map`. ``node`` is the full name or the namespace of a
     node of the bags, None for the only one. ``time`` is a simulated time [s], None for the last
     one; without ``layers``, the default maps are drawn. ``extent`` is west, south, east and north
     in the coordinates of the terrain [m], or in degrees; ``scale`` is the N of 1:N. Without
     ``onset``, the common onset of the runs is used; ``zone`` is the time zone of local times, None
-    for that of this machine.
+    for the zone of this machine.
 
     Raises:
         LavaError: If a run or a file cannot be read, or the runs cannot be compared.
@@ -158,7 +158,7 @@ def read_page(
     shown = list(_shown(runs, layers))
     window = None if extent is None else _window(extent, runs)
     features = {
-        name: read_features('--overlay', path, runs[0].terrain)
+        name: read_features('--places', path, runs[0].terrain)
         for name, path in _named(overlays).items()
     }
     charts: list[Callable[[Any], None]] = []
@@ -196,7 +196,7 @@ def read_page(
 
 
 def _named(paths: Sequence[str]) -> dict[str, str]:
-    """Return files by a unique name for each: that of the file, with folders where needed."""
+    """Return files by a unique name for each: the file name, with folders where needed."""
     names: dict[str, str] = {}
     for path in dict.fromkeys(paths):
         parts = Path(path).resolve().with_suffix('').parts
@@ -224,7 +224,7 @@ def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
         x0, y0, x1, y1 = run.terrain.extent
         x, y = run.terrain.offset
         if west >= x1 + x or east <= x0 + x or south >= y1 + y or north <= y0 + y:
-            expected = f'an extent with some of {run.name} {run.terrain.bounds(projected=True)}'
+            expected = f'an extent that overlaps {run.name} {run.terrain.bounds(projected=True)}'
             raise LavaError('--extent', shown, expected)
     return window
 
@@ -250,7 +250,8 @@ def _moments(onset: Onset, runs: Sequence[Run], panels: Sequence[Panel]) -> dict
 def _check_together(runs: Sequence[Run]) -> None:
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
-        raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
+        problem = f'Several runs have the same name: {", ".join(names)}'
+        raise RefusalError('runs', problem, 'Rename a folder')
     # the full definition may add a vertical datum, which maps do not use
     systems = {
         (land.epsg, land.wkt if land.epsg is None else None)
@@ -258,7 +259,8 @@ def _check_together(runs: Sequence[Run]) -> None:
     }
     if len(systems) > 1:
         labels = ' and '.join(system_name(*item) for item in systems)
-        raise LavaError('coordinate systems of the runs', labels, 'the same for all')
+        problem = f'The runs have different coordinate systems: {labels}'
+        raise RefusalError('runs', problem, 'Draw them on separate pages')
 
 
 def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Panel]]:

@@ -113,7 +113,7 @@ def barriers_of(frame: Frame) -> list[np.ndarray]:
         crests = crest_lines('barriers', terrain.get('barriers', ()))
         offset = validation.pair('offset', terrain.get('offset', (0.0, 0.0)))
     except LavaError:
-        # bags of other programs may contain anything
+        # bags of other programs may contain other data
         return []
     return [np.array(crest) - offset for crest in crests]
 

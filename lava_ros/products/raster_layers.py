@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The table of maps that are written as rasters, and the QGIS style of each.
+"""Table of the maps that are written as rasters, and the QGIS style of each.
 
 Everything that a GeoTIFF states about its values follows from this table: unit, description, no
 data, and colours. A map without a row cannot be written.
@@ -132,7 +132,7 @@ RASTER_LAYERS = {
 def write_style(path: Path, name: str, values: np.ndarray) -> Path:
     """Write the QGIS style of a map next to its GeoTIFF, and return its path (.qml).
 
-    Cells without lava are transparent. Colours and their limits are those of printed pages.
+    Cells without lava are transparent. Colours and their limits match printed pages.
 
     Args:
         path: The GeoTIFF.
@@ -154,7 +154,7 @@ def write_style(path: Path, name: str, values: np.ndarray) -> Path:
     shader = ElementTree.SubElement(drawn, 'rastershader')
     shader = ElementTree.SubElement(
         shader, 'colorrampshader', classificationMode='1', clip='0',
-        # a discrete ramp uses a colour for all values up to that of the item
+        # a discrete ramp uses a colour for all values up to the value of the item
         colorRampType='DISCRETE' if style.classes else 'INTERPOLATED',
         minimumValue=repr(low), maximumValue=repr(high),
     )

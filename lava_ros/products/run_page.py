@@ -137,7 +137,7 @@ def dated(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onse
     known = {run.onset for run in runs}
     onset = given or (known.pop() if len(known) == 1 else None)
     if onset is None and zone is not None:
-        raise validation.dependence('--timezone', '--onset')
+        raise validation.dependence('--timezone', '--start')
     return None if onset is None else replace(onset, zone=zone)
 
 
@@ -150,7 +150,7 @@ def read_run(
     path: str | Path, *, node: str | None = None, time: float | None = None,
     wanted: Collection[str] = (),
 ) -> Run:
-    """Read a bag's directory, an .mcap file, or the output of ``lava ensemble``.
+    """Read a bag's directory, an .mcap file, or the output of ``lava run --members``.
 
     ``node`` is the full name or the namespace of a node of a bag, None for the only one. ``time``
     is the simulated time of a bag's maps [s], None for the last ones. The map of arrival times is
@@ -161,7 +161,7 @@ def read_run(
     """
     if not is_ensemble(path):
         return _bag(Path(path), node, time, wanted)
-    for name, value in (('--node', node), ('--time', time)):
+    for name, value in (('--node', node), ('--at', time)):
         if value is not None:
             raise validation.conflict(name, f'an ensemble ({path})')
     return _ensemble(Path(path))
@@ -173,7 +173,7 @@ def _bag(path: Path, node: str | None, time: float | None, wanted: Collection[st
     scene = _scene(frame)
     if scene is not None:
         known = frame_of(scene)
-        # the page shows vents also after the end of the emission
+        # the page also shows vents that no longer emit lava
         vents = frame.vents if len(frame.vents) else known.vents
         frame = replace(frame, vents=vents, fissures=known.fissures)
     maps = {
@@ -429,7 +429,7 @@ def _raster(
     source = read_raster('a map', path, kind=np.float64)
     values, tags = np.flipud(source.values[0].filled(np.nan)), dict(source.tags)
     if values.shape != shape:
-        raise ValueError(f'{path.name} has other cells than {MANIFEST}')
+        raise ValueError(f'the grid of {path.name} differs from that in {MANIFEST}')
     wrong = values[(values < least) | (values > most)]
     if wrong.size:
         raise ValueError(f'{path.name} has {wrong[0]:g}, expected {least:g} to {most:g}')

@@ -64,7 +64,7 @@ def _under_resolved(resolution: Resolution) -> list[str]:
 def error_of_moment(moment: Moment | None) -> dict[str, Any] | None:
     """Return the numerical error in the diagnostics of a run; None if it is not measured.
 
-    The keys are those of ``NumericalError.as_dict`` that diagnostics contain.
+    The keys are the keys of ``NumericalError.as_dict`` that diagnostics contain.
     """
     if moment is None:
         return None

@@ -39,8 +39,8 @@ class Panel:
         frame: Ground and vents.
         source: Its quantity: a key of ``colours.STYLES``.
         values: float, shape [rows, columns]; NaN leaves the ground.
-        title: Its title; that of the style if empty.
-        is_saturated: True if true values may be larger than these.
+        title: Its title; if empty, the title of the style.
+        is_saturated: True if the values are clipped, so that true values may be larger.
         outlines: Cells whose outline is drawn, bool, shape [rows, columns], by name.
     """
 
@@ -95,9 +95,9 @@ def draw_sheet(
             the north-eastern corner; None for the lava with the places within reach.
         scale: The N of a scale 1:N on paper; None for the largest possible scale.
         imprint: Publisher of the page.
-        others: Maps of other pictures with the same extent and colours.
-        is_bare: True for a picture of one map or chart without texts around it, which a page on a
-            screen has.
+        others: Maps in other pictures that share the extent and the colours.
+        is_bare: True for a picture of one map or chart without texts around it; an HTML page
+            contains these.
 
     Raises:
         LavaError: If matplotlib is not installed, the maps do not fit on the page, the logo
@@ -297,7 +297,7 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system
         ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
         digits = max(0, math.ceil(-math.log10(ticks[1] - ticks[0]) - 1e-9))
         places = np.interp(ticks, degrees, steps, left=-1.0, right=2.0)
-        # keeps the corner of the north arrow free, and half of a label away from the end
+        # keep the corner of the north arrow free, and labels half their width away from the end
         is_inside = (places > 0.1) & (places < 1.0 - max(0.36 / inches[axis], 0.07))
         ticks, places = ticks[is_inside], places[is_inside]
         # a label needs 0.8 inches

@@ -57,7 +57,7 @@ def plain(message_header: Header) -> messages.Plain:
 
 
 def made(message: Message) -> Any:
-    """Make a ROS message of one in plain data (``bag.encoding``)."""
+    """Make a ROS message from one in plain data (``bag.encoding``)."""
     result = message_class(message.kind)()
     _fill(result, message.fields)
     return result
@@ -116,7 +116,7 @@ def message_class(message_type: str) -> Any:
     package, _, name = message_type.partition('/msg/')
     if not package.isidentifier() or not name.isidentifier():
         raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
-    expected = 'a type that is installed here'
+    expected = 'an installed type'
     with refusing('message_type', message_type, expected, ImportError, AttributeError):
         return getattr(importlib.import_module(f'{package}.msg'), name)
 
@@ -163,7 +163,7 @@ def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> An
 
 
 class _Parts:
-    """Walks through a serialised message (CDR) with aligned numbers, strings and lists."""
+    """Steps through a serialised message (CDR) with aligned numbers, strings and lists."""
 
     def __init__(self, data: bytes) -> None:
         order = '<' if len(data) > 1 and data[1] & 1 else '>'
@@ -221,7 +221,7 @@ def _check_counts(data: bytes, topic: str, *, is_cloud: bool) -> None:
 # a circular buffer: the cell at the largest x and y is in row `outer_start_index` and column
 # `inner_start_index`. The map's position is its centre. Sources: grid_map_core (GridMapMath) and
 # grid_map_ros (GridMapRosConverter). grid_map_msgs is not on PyPI and not imported here: any
-# object with its fields will do.
+# object with its fields is accepted.
 
 #: Labels of the layout's dimensions; their order defines how the matrix is stored.
 COLUMN, ROW = 'column_index', 'row_index'
@@ -274,10 +274,10 @@ def layer_values(message: Any, layer: str, name: str) -> np.ndarray:
     """
     layers = list(message.layers)
     if len(layers) != len(message.data):
-        expected = f'as many as layers, {len(layers)}'
+        expected = f'{len(layers)} arrays, one for each layer'
         raise LavaError(f'{name}.data', f'{len(message.data)} arrays', expected)
     if layer not in layers:
-        raise LavaError(f'{name}.layers', layers, f'with the layer {layer!r}')
+        raise LavaError(f'{name}.layers', layers, f'a list with the layer {layer!r}')
     matrix = _matrix(message.data[layers.index(layer)], f'{name}.data[{layers.index(layer)}]')
     starts = (message.outer_start_index, message.inner_start_index)
     for key, start, size in zip(('outer', 'inner'), starts, matrix.shape, strict=True):

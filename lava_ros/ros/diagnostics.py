@@ -59,12 +59,12 @@ def simulation_status(
     state = worker.state
     level, message = _LEVELS.get(state, OK), state.value
     warnings = snapshot.budget.warnings() if snapshot is not None else []
-    # the state 'starting' already explains a wait
+    # the state 'starting' already explains the delay
     warnings += [*clock.values(), worker.blocked_by if state is not WorkerState.STARTING else '']
     if worker.is_catching_up:
         warnings.append(_catch_up_text(worker))
     else:
-        warnings.append('running slower than the clock asks for' if worker.is_behind else '')
+        warnings.append('running slower than the clock' if worker.is_behind else '')
     if worker.is_stale and state is WorkerState.RUNNING:
         warnings.append(
             f'the state is {worker.age:.4g} s of simulated time old, expected at most '
@@ -197,7 +197,7 @@ def recorder_status(recording: RecordingControl) -> DiagnosticStatus:
         level, message = ERROR, recorder.error + '; trying again' * recording.is_wanted
     if file is not None and file.error:
         level = max(level, WARN)
-        message += f'; a restart would not know how far the maps have come: {file.error}'
+        message += f'; a restart would not know the time of the newest maps: {file.error}'
     return status('recorder', level, message, values)
 
 
@@ -240,7 +240,7 @@ class NodeLog:
         self._logged['changes'] = view.changes
         terrain, vents, effects = scene.terrain, scene.vents, view.effects
         self._log_change('terrain', terrain, _terrain_text(terrain))
-        # without discharge and small shifts: a live feed changes them with each message
+        # discharges and small shifts are left out: a live feed changes them with each message
         known = self._logged.get('vents')
         places = known if known is not None and are_in_place(vents, known) else vents
         discharge = sum(vent.discharge_at(view.time) for vent in vents)
@@ -274,7 +274,7 @@ class NodeLog:
             severity = 'warning' if resolution.warnings() else 'info'
             wording = resolution.spacing, [*map(_wording, resolution.warnings())]
             self._log_change('resolution', wording, resolution.text(), severity)
-        # the text contains a duration, so only the kind is compared
+        # the text contains a duration, so only its kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
             self._log_change(kind, kind in clock, clock.get(kind, ''), 'warning')
         if worker.is_catching_up:
@@ -291,7 +291,7 @@ class NodeLog:
             self._logger.warning(text)
 
     def recorder(self, recording: RecordingControl) -> None:
-        """Log the location of the bag, its error, and that of the progress of the run."""
+        """Log the location of the bag, its error, and the error of the progress file."""
         recorder, file = recording.recorder, recording.restart_file
         if recorder.is_recording:
             place = Path(recorder.directory).absolute()

@@ -44,7 +44,7 @@ def start_ros(args: Sequence[str] | None = None, **options: Any) -> None:
     Profiles that the user has chosen take precedence.
 
     Args:
-        args: ROS arguments, beginning with ``--ros-args``; None: those of the process.
+        args: ROS arguments, beginning with ``--ros-args``; None: the arguments of the process.
         **options: Further arguments of ``rclpy.init``.
 
     Raises:
@@ -76,10 +76,10 @@ def _refusal(error: RuntimeError) -> LavaError:
         return LavaError(match[1], None, 'a value after it')
     if match := _REFUSED.match(text):
         kind, flag, value, reason = match.groups()
-        # rcl prints its lexeme numbers, which do not help a user
+        # rcl prints the numbers of its lexemes, which do not help a user
         is_clear = not re.search('lexeme|not set|token', reason)
         return LavaError(flag, value, _EXPECTED.get(kind, kind) + f' ({reason})' * is_clear)
-    return LavaError('ROS', text, 'arguments and an environment that ROS can use')
+    return LavaError('ROS', text, 'arguments and an environment that ROS accepts')
 
 
 #: Pause after a failed callback, so that one that always fails does not occupy the CPU [s].
@@ -97,7 +97,7 @@ def spin(
     """Run callbacks until ``until``, called at least ten times a second, returns True.
 
     Errors go to ``on_error``, and the node continues. They include errors of the middleware
-    itself, for example for a time on /clock that no clock can represent.
+    itself, such as a time on /clock outside the range of a clock.
     """
     while not until():
         try:

@@ -45,7 +45,7 @@ _MAX_NAMED, _MAX_DESCRIBED = 3, 50
 
 
 class ForecastTopics:
-    """The layers of forecasts and of ensembles, which ``forecaster`` makes.
+    """The layers of the forecasts and ensembles that ``forecaster`` computes.
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
     maps of unknown cells, when the scene or the effects change or when it is too old.
@@ -117,7 +117,7 @@ class ForecastTopics:
             LavaError: If the node does not make ensembles.
         """
         if not self.forecaster.is_wanted:
-            problem = 'The node makes no ensemble that the outline could weigh'
+            problem = 'The node computes no ensembles, so it cannot use the outline'
             remedy = 'Set ensemble_members, and activate the node'
             raise RefusalError('observed_outline', problem, remedy)
         return self.forecaster.ensembles.observe(mask, clock)
@@ -280,7 +280,7 @@ class PlaceTopic:
         try:
             self._places = places_on(self._features, terrain)
         except LavaError as error:
-            self._error = f'places cannot be put on this terrain: {error}'
+            self._error = f'places cannot be located on this terrain: {error}'
             self._graph.node.get_logger().error(self._error)
 
 

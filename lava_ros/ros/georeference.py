@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Georeference of the map frame: a topic, a static transform, and the terrains it belongs to."""
+"""Georeference of the map frame: its topic, its static transform, and its terrains."""
 
 from collections.abc import Iterable
 from contextlib import suppress
@@ -60,7 +60,7 @@ def static_transform(*, is_wanted: bool) -> 'StaticTransform | None':
 
 
 def recorded_transform(logger: Any, *, is_wanted: bool) -> 'StaticTransform | None':
-    """Return the static transform of a bag, which needs the definition of the message, too."""
+    """Return the static transform of a bag, which also needs the definition of the message."""
     result = static_transform(is_wanted=is_wanted)
     if result is not None:
         try:
@@ -72,7 +72,7 @@ def recorded_transform(logger: Any, *, is_wanted: bool) -> 'StaticTransform | No
 
 
 class StaticTransform:
-    """Makes the messages of ``/tf_static``, and compares those of other nodes with them.
+    """Makes the messages of ``/tf_static``, and compares messages of other nodes with them.
 
     ``problem`` is the reason why there is no transform, empty if there is one or none is needed.
     """
@@ -96,13 +96,13 @@ class StaticTransform:
         return self.message_class(transforms=[self._own] if self._own else [])
 
     def receive(self, transforms: Iterable[TransformStamped], frame_id: str) -> None:
-        """Note the newest transform to the map frame, which is the one that tf2 uses."""
+        """Store the newest transform to the map frame, which is the one that tf2 uses."""
         for item in transforms:
             if item.child_frame_id.lstrip('/') == frame_id:
                 self._last = item
 
     def warning(self) -> str:
-        """Return the problem, or a warning if the newest transform to the map frame is another."""
+        """Return the problem, or a warning if the newest transform to the map frame differs."""
         own, last = self._own, self._last
         if own is None or last is None:
             return self.problem
@@ -121,7 +121,7 @@ class StaticTransform:
 
 
 class TerrainGeoreferences:
-    """Gives each terrain of a topic its georeference, whichever arrives first.
+    """Assigns the georeference to each terrain of a topic; either may arrive first.
 
     A georeference with a stamp belongs to the terrain with this stamp, and one with the stamp 0 to
     every terrain of a topic. It replaces the georeference of the parameters if it has a coordinate
@@ -140,13 +140,13 @@ class TerrainGeoreferences:
         self._topics: WeakKeyDictionary[Terrain, str] = WeakKeyDictionary()
 
     def add_terrain(self, terrain: Terrain, topic: str, *stamps: Time) -> bool:
-        """Note a terrain of a topic with its stamps; return True if its georeference is known."""
+        """Store a terrain of a topic with its stamps; return True if its georeference is known."""
         self.ground, self.topic, self._given = terrain, topic, terrain.georeference
         self._stamps = frozenset(map(codec.nanoseconds, stamps))
         return self._update()
 
     def add_georeference(self, message: TransformStamped, frame_id: str) -> bool:
-        """Note a georeference; return True if it belongs to the newest terrain.
+        """Store a georeference; return True if it belongs to the newest terrain.
 
         Raises:
             LavaError: If the message is not a georeference of the map frame ``frame_id``.
@@ -181,7 +181,7 @@ class TerrainGeoreferences:
         return self._newest is not None and self._newest.belongs_to(self._stamps)
 
     def _update(self) -> bool:
-        """Give the ground its georeference; return True if there is a message about it."""
+        """Assign the georeference to the ground; return True if a message contains it."""
         if self.ground is None:
             return False
         wanted = self._given

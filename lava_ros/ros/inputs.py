@@ -44,7 +44,7 @@ PATIENCE, ABSENCE = 2.0, 10.0
 #: A cell of a mask is lava at or above this value; negative cells are unknown.
 LAVA_THRESHOLD = 50
 
-#: Advice to a publisher of terrain about a value that looks like missing data.
+#: Advice to a publisher of terrain with a value that looks like missing data.
 NAN_ADVICE = 'NaN in place of {0} if these cells have no data'
 
 #: Maximum value of a cell of an occupancy grid.
@@ -173,7 +173,7 @@ def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]
     columns = cloud_columns(cloud, 'vents', required, optional=OPTIONAL_FIELDS)
     columns.setdefault('id', np.arange(count, dtype=np.float64))
     if not np.isfinite(columns['id']).all():
-        expected = 'a finite number, or no field id: it tells vents apart'
+        expected = 'a finite number, or no field id: it distinguishes the vents'
         raise LavaError('vents.id', float(columns['id'][~np.isfinite(columns['id'])][0]), expected)
     points: dict[object, list[dict[str, float]]] = {}
     for index in range(count):
@@ -208,7 +208,7 @@ def _vent_of_points(points: Sequence[dict[str, float]], *, is_timed: bool) -> Ve
 
 
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
-    """Make a vent at a point clicked in a viewer; its stamp is the viewer's and ignored."""
+    """Make a vent at a point that was clicked in a viewer; the stamp of the viewer is ignored."""
     _check_message('clicked_point', point.header, settings)
     return _vent(
         name,
@@ -238,13 +238,13 @@ class TerrainPairing:
     """Pairs images and descriptions of terrain that arrive on two topics.
 
     Either may arrive first. Two new halves of the same size are a pair immediately, unless their
-    stamps differ. Those, and a single new half of the old size, wait ``SETTLE`` seconds for a
-    partner and then pair with the newest one, so that new elevations do not appear at the old
-    position if a publisher sends both.
-    Halves of different sizes are an error after ``PATIENCE`` seconds, a half without a partner
-    after ``ABSENCE`` seconds: on a busy machine, discovery of the second publisher may take
-    seconds longer. Each error is reported once. These times count from the first new half, because
-    a source may publish one of the two at a high rate.
+    stamps differ. Halves with different stamps, and a single new half of the old size, wait
+    ``SETTLE`` seconds for a partner and then pair with the newest one. New elevations therefore do
+    not appear at the old position if a publisher sends both halves. Halves of different sizes are
+    an error after ``PATIENCE`` seconds, a half without a partner after ``ABSENCE`` seconds: on a
+    busy machine, discovery of the second publisher may take seconds longer. Each error is reported
+    once. These times are measured from the first new half, because a source may publish one of the
+    two at a high rate.
     """
 
     def __init__(self) -> None:
@@ -314,7 +314,7 @@ def _vent(
 
 def _check_message(name: str, header: Header, settings: Settings, data: Any = b'') -> None:
     if header.frame_id != settings.frame_id:
-        expected = f'{settings.frame_id!r}: nothing is transformed here'
+        expected = f'{settings.frame_id!r}: messages are not transformed'
         raise LavaError(f'{name}.header.frame_id', header.frame_id, expected)
     size = memoryview(data).nbytes
     if size > settings.max_input_bytes:
@@ -339,7 +339,7 @@ def _check_pose(name: str, pose: Pose) -> None:
 
 def _check_cells(field: str, width: int, height: int, settings: Settings) -> None:
     if min(width, height) < 2 or max(width, height) > MAX_SIDE_CELLS:
-        raise LavaError(field, f'{width} x {height}', f'2 to {MAX_SIDE_CELLS} cells a side')
+        raise LavaError(field, f'{width} x {height}', f'2 to {MAX_SIDE_CELLS} cells per side')
     if width * height > settings.max_terrain_cells:
         expected = f'at most {settings.max_terrain_cells} cells (max_terrain_cells)'
         raise LavaError(field, f'{width} x {height}', expected)

@@ -10,8 +10,8 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from lava_ros.files.resources import share_path
 
-#: Environment variables that name a file of profiles for Fast DDS: that of version 2 (ROS Jazzy),
-#: and that of version 3.
+#: Environment variables that name a file of profiles for Fast DDS: for version 2 (ROS Jazzy), and
+#: for version 3.
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 
 #: Files of profiles that Fast DDS 2 and 3 also read, from the working directory.
@@ -36,7 +36,7 @@ def _local_profiles() -> list[Path]:
 
 
 def set_profiles() -> None:
-    """Let Fast DDS use params/fast_dds.xml, unless the user has chosen other profiles."""
+    """Make Fast DDS use params/fast_dds.xml, unless the user has chosen other profiles."""
     has_own = _local_profiles() or any(name in os.environ for name in PROFILES)
     if _uses_fast_dds() and not has_own:
         os.environ[PROFILES[0]] = str(share_path('params/fast_dds.xml'))

@@ -22,7 +22,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
-from lava_ros.errors import import_failure, LavaError
+from lava_ros.errors import import_failure, LavaError, RefusalError
 from lava_ros.ros import middleware, node_parameters, parameters
 from lava_ros.ros.executor import spin, start_ros
 from lava_ros.ros.publishers import NodeGraph
@@ -129,7 +129,7 @@ class LavaNode(LifecycleNode):
             action(self)
         except LavaError as error:
             self.refusal = str(error)
-            # during autostart main() prints the reason
+            # during autostart, main() prints the reason
             if not self._is_starting:
                 self.get_logger().error(f'cannot {name}: {self.refusal}')
             return TransitionCallbackReturn.FAILURE
@@ -144,8 +144,8 @@ class LavaNode(LifecycleNode):
 
     def _configure(self) -> None:
         if not self.close():
-            expected = 'ended; configure again in a while'
-            raise LavaError('simulation', 'still in the last step before cleanup', expected)
+            problem = 'The simulation is still in its last step before the cleanup'
+            raise RefusalError('simulation', problem, 'Configure the node again later')
         # a later configure starts from the scene: the bags of this process are finished
         startup = load_startup_inputs(self, may_restart=self._constants is None)
         settings = self._declare_parameters(startup)
@@ -169,7 +169,7 @@ class LavaNode(LifecycleNode):
     def _close(self) -> None:
         if not self.close():
             self.get_logger().warning('the current step of the simulation ends in the background')
-        # maps are in reference cycles, which an idle process would keep for a long time
+        # maps are in reference cycles, which an idle process would keep in memory for a long time
         gc.collect()
 
     # the callbacks of rclpy, each with a LifecycleState
@@ -220,7 +220,8 @@ class LavaNode(LifecycleNode):
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
         try:
-            # unchecked while unconfigured, so that several wrong values can be corrected in turn
+            # unchecked while unconfigured, so that several wrong values can be corrected one after
+            # the other
             if self.runtime is not None:
                 self.runtime.check(parameters.settings_from(self._with(changed)))
         except LavaError as error:
@@ -273,7 +274,7 @@ def main(args: list[str] | None = None) -> int:
         start_ros(args)
         rest = remove_ros_args(['lava_node', *words])[1:]
         if rest:
-            expected = '--ros-args and its arguments (lava node --help)'
+            expected = '--ros-args and its arguments (lava ros node --help)'
             raise LavaError('an argument', rest[0], expected)
         node = LavaNode(typed=node_parameters.typed(words))
     except (LavaError, ParameterException) as error:

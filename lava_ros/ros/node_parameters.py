@@ -15,7 +15,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files.yaml import read_yaml
 from lava_ros.ros.parameters import ParameterSpec, TYPES
 from lava_ros.ros.rclpy_internals import parameter_overrides, set_read_only
@@ -49,7 +49,7 @@ def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
             except InvalidParameterTypeException:
                 expected = f'a {TYPES[type(spec.default)]}'
                 if isinstance(spec.default, float):
-                    expected += '; a whole number is written 5.0'
+                    expected += '; write a whole number as 5.0'
                 raise LavaError(spec.name, value, expected) from None
             except InvalidParameterValueException:
                 raise LavaError(spec.name, value, spec.range_text) from None
@@ -63,7 +63,7 @@ def _is_empty(value: Any) -> bool:
 
 
 def with_types(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
-    """Convert values that are set to the types of the node's parameters.
+    """Convert new values to the types of the node's parameters.
 
     ``ros2 param load`` sends 7e-07 from its own dump as a string, because a YAML number has a
     point, and null as the string None. An empty list of strings becomes a list with one empty
@@ -95,7 +95,7 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
     A parameter file may contain parameters of other nodes, so these are not errors.
 
     Raises:
-        LavaError: If such a parameter is in ``typed_names``, those of the command line.
+        LavaError: If such a parameter is in ``typed_names``, the names on the command line.
     """
     known, given = list(node.get_parameters_by_prefix('')), parameter_overrides(node)
     result = []
@@ -103,9 +103,10 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
         close = get_close_matches(name, known, 3)
         text = f'; similar names: {", ".join(close)}' if close else ''
         if name.split('.')[0] in ('vent', 'vents', *(item.name for item in fields(Vent))):
-            text += '; vents come by the scene file (scene), the topic vents or clicks'
+            text += '; set vents with the scene file (scene), the topic vents or clicks'
         if name in typed_names:
-            raise LavaError(f'-p {name}', given[name], f'a parameter that this node has{text}')
+            problem = f'This node has no parameter {name!r}{text}'
+            raise RefusalError(f'-p {name}', problem, 'Correct the name, or leave it out')
         result.append(f'this node has no parameter {name!r}: its value has no effect{text}')
     return result
 
@@ -113,7 +114,8 @@ def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
 def without_section(args: Sequence[str], node: str) -> list[str]:
     """Return a warning for each parameter file without a section for a node; ROS ignores it.
 
-    ``args`` are those of the command line, which ROS has accepted; ``node`` is a full name.
+    ``args`` are the arguments of the command line, which ROS has accepted; ``node`` is a full
+    name.
     """
     result = []
     for path in (word for flag, word in pairwise(args) if flag == '--params-file'):
@@ -121,7 +123,7 @@ def without_section(args: Sequence[str], node: str) -> list[str]:
         # ROS has read the file
         with suppress(LavaError):
             names = sorted(_sections(read_yaml('--params-file', path)))
-        # as rcl does: * is one part of a name, and ** any number of parts
+        # as in rcl: * matches one part of a name, and ** any number of parts
         patterns = (re.sub(r'/?\*\*|\*', _wildcard, name) for name in names)
         if not any(re.fullmatch(pattern, node) for pattern in patterns):
             result.append(
@@ -165,7 +167,8 @@ def put(node: Node, values: Mapping[str, Any]) -> None:
     new = [Parameter(name, value=value) for name, value in values.items()]
     result = node.set_parameters_atomically(new)
     if not result.successful:
-        raise LavaError('parameters', dict(values), f'values that can be set ({result.reason})')
+        problem = f'The parameters {", ".join(values)} cannot be set: {result.reason}'
+        raise RefusalError('parameters', problem, 'Choose other values')
 
 
 def plain(value: Any) -> Any:

@@ -58,7 +58,7 @@ def layer_message(
 
 def particle_message(sample: ParticleSample, snapshot: Snapshot, header: Header) -> PointCloud2:
     """Make a cloud of at most ``MAX_PARTICLES`` particles, on the surface of the lava."""
-    # the particles are sorted by place, so that every n-th one shows all of the lava
+    # the particles are sorted by position, so every n-th particle covers all of the lava
     chosen = slice(None, None, len(sample.volume) // MAX_PARTICLES + 1)
     place, terrain = sample.position[chosen], snapshot.terrain
     columns = {
@@ -102,7 +102,7 @@ class SceneMessages:
     """
 
     def __init__(self, transform: StaticTransform | None = None) -> None:
-        """Initialize without any messages made; ``transform`` makes those of ``/tf_static``."""
+        """Initialize without any messages; ``transform`` makes the messages of ``/tf_static``."""
         self._transform, self._messages = transform, messages.SceneMessages()
 
     def forget(self) -> None:

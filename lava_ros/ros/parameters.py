@@ -50,7 +50,7 @@ _EXAMPLES = {
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """A parameter. Its type is that of its default; a list contains strings.
+    """A parameter. Its type is the type of its default; a list contains strings.
 
     Attributes:
         description: Meaning and unit.
@@ -127,7 +127,7 @@ LIFECYCLE = (
     ),
 )
 
-#: Sea level that stands for no sea [m].
+#: Sea level that means that there is no sea [m].
 NO_SEA = -MAX_ELEVATION
 
 #: Sources of terrain and lava; the defaults of ``lava.*`` depend on them.
@@ -141,13 +141,13 @@ SOURCES = (
     _FixedSpec(
         'terrain_file',
         '',
-        'Terrain to start with (GeoTIFF or another raster, npz), also in place of that of the '
-        'scene file; empty: from the scene file or the topics',
+        'Terrain to start with (GeoTIFF or another raster, npz), which replaces the terrain of '
+        'the scene file; empty: from the scene file or the topics',
     ),
     _FixedSpec(
         'resume',
         '',
-        'Bag to resume from its newest checkpoint, which has the scene; empty: start at time 0',
+        'Bag to resume from its newest checkpoint, which has its scene; empty: start at time 0',
     ),
 )
 
@@ -173,7 +173,7 @@ class Settings:
     """
 
     device: str | None = _optional(
-        '', 'cpu, cuda:0, ...; empty: the first GPU, else the CPU', read_only=True
+        '', 'cpu, cuda:0, ...; empty: the first GPU, otherwise the CPU', read_only=True
     )
     msg_config: str = _fixed(
         'default.yaml', 'File of the layers (YAML): a path, or the name of a file in msg_configs/'
@@ -191,7 +191,7 @@ class Settings:
         (-1.0, MAX_MARGIN),
         read=lambda margin: margin if margin >= 0.0 else None,
     )
-    frame_id: str = _fixed('map', 'Frame of every message in and out (ENU)')
+    frame_id: str = _fixed('map', 'Frame of every input and output message (ENU)')
     publish_tf: bool = _fixed(
         True,
         'Publish the static transform from utm or earth to frame_id on /tf_static, if the terrain '
@@ -205,12 +205,12 @@ class Settings:
     )
     preset: str = _parameter(
         DEFAULT_PRESET,
-        f'Accuracy: one of {", ".join(PRESETS)}; from the next start or reset on',
+        f'Accuracy: one of {", ".join(PRESETS)}; from the next start or reset',
         choices=tuple(PRESETS),
     )
     spacing: float | None = _optional(
         0.0,
-        'Distance between particles [m], from the next start or reset on; 0: that of the preset',
+        'Distance between particles [m], from the next start or reset; 0: that of the preset',
         (0.0, 1e4),
     )
     effects_on: tuple[str, ...] = _parameter(
@@ -260,9 +260,9 @@ class Settings:
     )
     quantities_exact: tuple[str, ...] = _fixed(
         [''],
-        'Quantities that ensembles do not draw, such as viscosity or terrain (all: only what the '
-        'scene gives a distribution), also in place of its distributions; empty: those that the '
-        'scene fixes',
+        'Quantities that ensembles do not draw, such as viscosity or terrain, even if the scene '
+        'gives them a distribution; all: only quantities with a distribution in the scene are '
+        'drawn; empty: the quantities that the scene fixes',
     )
     places: tuple[str, ...] = _fixed(
         [''],
@@ -306,8 +306,8 @@ class Settings:
     )
     epsg: int | None = _optional(
         0,
-        'EPSG code of the coordinate system of which map is an offset, for terrain from topics '
-        'without terrain_georeference; 0: none',
+        'EPSG code of the coordinate system in which the map frame is an offset, for terrain from '
+        'topics without terrain_georeference; 0: none',
         (0, 2**31),
     )
     offset_easting: float = _parameter(
@@ -318,9 +318,9 @@ class Settings:
     )
     sea_level: float | None = _parameter(
         NO_SEA,
-        'Elevation at or below which the ground is sea [m], which lava that enters it leaves the '
-        f'map for; of the scene file or terrain_file, and of terrain from topics; {NO_SEA:g}: '
-        'that of the scene file, otherwise no sea',
+        'Elevation at or below which the ground is sea [m]; lava that enters the sea leaves the '
+        'map. It applies to the terrain of the scene file, of terrain_file and of topics; '
+        f'{NO_SEA:g}: that of the scene file, otherwise no sea',
         (NO_SEA, -NO_SEA), read=lambda level: level if level > NO_SEA else None,
     )
     onset: str = _fixed(
@@ -355,7 +355,7 @@ class Settings:
         'is a new run',
     )
     bag_root: str = _fixed(
-        '', 'Folder of the bags; empty: the one that holds bag_directory, else bags/'
+        '', 'Folder of the bags; empty: the folder of bag_directory, otherwise bags/'
     )
     bag_max_size: int = _parameter(
         0, 'Size [bytes] at which the next recording continues in a new file; 0: no limit',
@@ -391,7 +391,7 @@ def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ..
     for item, value in [*around, *((item, getattr(lava, item.name)) for item in fields(Lava))]:
         about, prefix = item.metadata, '' if item.name in ENVIRONMENT else LAVA
         unit = f' [{about["unit"]}]' if about.get('unit') else ''
-        text = f'{about["text"]}{unit}; from the next start or reset on'
+        text = f'{about["text"]}{unit}; from the next start or reset'
         choices = tuple(about.get('choices', ()))
         spec = ParameterSpec(prefix + item.name, value, text, about.get('limits'), choices=choices)
         result.append(spec)
@@ -433,7 +433,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
             raise validation.conflict(f'{name} in effects_on', f'{name} in effects_off')
     for name in names_on:
         if name not in drop_superseded(possible(lava)):
-            expected = 'an effect that the material has by its constants, lava.*'
+            expected = 'an effect for which lava.* has the constants'
             raise LavaError('effects_on', name, expected)
     try:
         Effects(**{name: name in names_on for name in EFFECTS})

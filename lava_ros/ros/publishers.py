@@ -91,7 +91,8 @@ class NodeGraph:
         self.recorder = Recorder()
         self._made: dict[Any, str] = {}
         self._topics: dict[str, str] = {}
-        # what determines a topic that only one entity may have, by the full name of the topic
+        # source of the name of each topic that only one entity may use, by the full name of the
+        # topic
         self._fields: dict[str, str] = {}
 
     def header(self, stamp_ns: int) -> Header:
@@ -113,8 +114,8 @@ class NodeGraph:
     def other_publishers(self, topic: str) -> list[str]:
         """Return the full name of the node of each publisher of a topic that is not made here.
 
-        A killed node remains for about 20 s, the lease of Fast DDS. A publisher whose node is not
-        known yet is left out.
+        A killed node remains visible for about 20 s, the lease duration of Fast DDS. A publisher
+        whose node is not known yet is left out.
         """
         name = self.node.resolve_topic_name(topic)
         ends = self.node.get_publishers_info_by_topic(name)
@@ -130,7 +131,7 @@ class NodeGraph:
         other publisher or subscription may have this topic.
 
         Raises:
-            LavaError: If the topic is that of a ``field``, or of another name after remapping.
+            LavaError: If the topic belongs to a ``field``, or to another name after remapping.
         """
         if kind not in ('publisher', 'subscription'):
             made = getattr(self.node, f'create_{kind}')(*args, **options)
@@ -143,7 +144,7 @@ class NodeGraph:
                 # of Fast DDS, for example on /rosout
                 if 'incompatible type' not in str(error):
                     raise
-                expected = 'a topic on which this process has no messages of another type'
+                expected = 'a topic that this process does not use for messages of another type'
                 raise LavaError(field or name, topic, expected) from error
             self._topics[name] = topic
             if field:
@@ -153,7 +154,7 @@ class NodeGraph:
 
     def _check_topic(self, name: str, topic: str, field: str) -> None:
         users = {full: given for given, full in self._topics.items()}
-        # rclpy's own, for parameters and the clock
+        # rclpy's own entities, for parameters and the clock
         users |= {
             item.topic_name: item.topic_name
             for item in (*self.node.publishers, *self.node.subscriptions)
@@ -162,7 +163,7 @@ class NodeGraph:
         user, owner = users.get(topic), self._fields.get(topic)
         if user is not None and (field or owner or user != name):
             other = user if field or not owner else name
-            expected = f'a topic of its own, also after remapping; that of {other} is the same'
+            expected = f'a different topic; {other} has the same one after remapping'
             raise LavaError(field or owner or name, topic, expected)
 
     def drop(self, made: Any) -> None:
@@ -293,7 +294,7 @@ class LayerPublishers(Generic[Shown]):
         output.is_due, output.published, output.stamp_ns = False, snapshot, self.shown_stamp_ns
         is_recorded = layer.record and self._graph.recorder.is_recording
         is_latched = layer.qos.durability == 'transient_local'
-        # A latched topic may have subscribers later.
+        # A latched topic may get subscribers later.
         if not (is_recorded or is_latched or output.publisher.get_subscription_count()):
             output.message = None
             return
@@ -353,7 +354,7 @@ class ScenePublisher:
     def publish(self, scene: Scene, time: float, stamp_ns: int, *, is_heard: bool) -> None:
         """Publish the vents and the terrain if they have changed.
 
-        Once a terrain is received from elsewhere (``is_heard``), the one published here is
+        Once a terrain is received from another node (``is_heard``), the terrain published here is
         withdrawn. ``time`` is simulated [s], ``stamp_ns`` the ROS time [ns].
         """
         messages = self._messages.update(scene, time, self._graph.header(stamp_ns))
@@ -373,7 +374,7 @@ class ScenePublisher:
             self._publishers = self._create(_GROUND)
 
     def is_echo(self, topic: str, data: bytes) -> bool:
-        """Return True if a message is the one published here, which comes back."""
+        """Return True if a message is one that this node has published itself."""
         return topic in self._sent and sha256(data).digest() == self._sent[topic]
 
     def warning(self) -> str:

@@ -17,14 +17,14 @@ from rclpy.qos import (
 from lava_ros.bag.qos import INFINITE_NS, QosProfile
 from lava_ros.bag.qos import LATCHED as LATCHED
 
-#: Messages from people and viewers: reliable and volatile.
+#: QoS of messages from people and viewers: reliable and volatile.
 COMMANDS = QosProfile()
 
 DIAGNOSTICS = QosProfile()
 
 
 def state_inputs(depth: int) -> tuple[QosProfile, ...]:
-    """Return the profiles of the two subscriptions to an input that is state, not an event.
+    """Return the profiles of the two subscriptions to an input that is a state, not an event.
 
     A transient_local subscription does not receive from volatile publishers, and a volatile one
     does not receive what a latched publisher sent before.
@@ -32,7 +32,7 @@ def state_inputs(depth: int) -> tuple[QosProfile, ...]:
     return QosProfile(depth=depth, durability='transient_local'), QosProfile(depth=depth)
 
 
-#: Messages of which only the newest counts.
+#: QoS of messages of which only the newest counts.
 NEWEST = QosProfile(depth=1)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What rclpy (Jazzy) has no public interface for: its private members, and its descriptors."""
+"""Functions for which rclpy (Jazzy) has no public interface: they use its private members."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,7 +23,7 @@ def set_read_only(node: Node, name: str, value: bool) -> None:
 def guard_change_state(
     node: LifecycleNode, on_unknown: Callable[[Any, str, Any], Any]
 ) -> None:
-    """Reply to a request for a transition that the state lacks; rclpy would not reply.
+    """Reply to a request for a transition that the current state lacks; rclpy would not reply.
 
     Args:
         node: The node whose service ``change_state`` is guarded.

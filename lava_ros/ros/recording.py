@@ -88,7 +88,7 @@ class SceneRecording:
     def _note_effects(
         self, effects: Mapping[str, str], snapshot: Snapshot, stamp_ns: int
     ) -> bool:
-        """Append the effects that were switched to the history; return True if there are any."""
+        """Append newly switched effects to the history; return True if there are any."""
         changed = {
             name: text
             for name, text in effects.items()

@@ -53,7 +53,7 @@ class NodeRuntime:
     """A configured node: it receives ``inputs`` and, while ``is_active``, simulates and publishes.
 
     ``worker`` has the simulation, ``allowance`` limits requests. ``failure`` is the error that
-    prevents the node from resuming a bag and ends it, None without.
+    prevents the node from resuming a bag and ends the node, or None.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class NodeRuntime:
             if self.worker.latest is not None:
                 self._log.volumes(self.worker.latest)
         finally:
-            # a run that could not be resumed, for example without its GPU, may be tried again
+            # a run that could not be resumed, for example without its GPU, may be resumed later
             if self.failure is None:
                 self._bags.end_run()
             self._error.stop(STOP_TIMEOUT)
@@ -207,7 +207,7 @@ class NodeRuntime:
             LavaError: If the bag cannot be written there, or effects change too often.
         """
         old = self._settings
-        # an unchanged name that has become invalid since does not block other settings
+        # an unchanged name that has become invalid in the meantime does not block other settings
         if settings.bag_directory != old.bag_directory:
             self._bag_folder.path(settings.bag_directory)
         if (settings.forced, settings.horizon) != (old.forced, old.horizon):
@@ -231,7 +231,7 @@ class NodeRuntime:
         )
         if later := [name for name in after if after[name] != before[name]]:
             self._node.get_logger().info(
-                f'{", ".join(later)}: the new value is used from the next start or reset on'
+                f'{", ".join(later)}: the new value is used from the next start or reset'
             )
 
     def pause(self, paused: bool) -> 'Future[None]':
@@ -264,7 +264,7 @@ class NodeRuntime:
     def _check_recorder(self) -> None:
         if self._recorder.error:
             problem = f'The recording has failed: {self._recorder.error}'
-            raise RefusalError('recorder', problem, 'See that the bag can be written')
+            raise RefusalError('recorder', problem, 'Check that the bag is writable')
 
     def save(self) -> str:
         """Write the current maps and a checkpoint to a bag and return its name.
@@ -354,7 +354,7 @@ class NodeRuntime:
         # a bag begins with the next maps
         repeat |= self._recorder.is_armed and stamp_ns > 0
         if scene is not None:
-            # a bag that began before the clock had a time would be decades long
+            # a bag that began before the first valid clock time would be decades long
             if stamp_ns:
                 self._recording.write(view, snapshot, stamp_ns)
             is_heard = self.inputs.came_from_topic(scene.terrain)
@@ -377,7 +377,7 @@ class NodeRuntime:
 
     def _heartbeat_time(self) -> int | None:
         """Return the ROS time [ns] of a heartbeat, None while maps must not be repeated."""
-        # a subscriber's deadline then reports maps that do not follow the clock
+        # subscribers detect maps that do not follow the clock by their deadline
         is_current = self.is_active and not self.worker.status.is_stale
         return now_ns(self._node) if is_current else None
 
@@ -432,7 +432,7 @@ class NodeRuntime:
         self._graph.send(self._diagnostics, message, stamp_ns, qos.DIAGNOSTICS)
 
     def _note_progress(self, worker: WorkerStatus) -> None:
-        # until the first map of a restarted node, the progress is that of the killed one
+        # until the first map of a restarted node, the progress of the killed node applies
         if self._layers.shown is not None:
             self._bags.note(
                 time=self._layers.shown.time,
@@ -445,7 +445,7 @@ class NodeRuntime:
 
     def _close_bag(self) -> None:
         if self._recorder.is_recording:
-            # readers know the simulated time of maps up to the last diagnostics
+            # readers know the simulated time of maps only up to the last diagnostics
             self._send_diagnostics(now_ns(self._node))
         self._report_checkpoint(self._bags.close(now_ns(self._node)))
         self._log.recorder(self._bags)

@@ -11,19 +11,20 @@ from typing import Any
 
 from std_srvs.srv import SetBool, Trigger
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.ros.runtime import NodeRuntime
 
 
 def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
-    """Create the services; the results of commands are reported like those of inputs."""
+    """Create the services; the results of commands are reported like the results of inputs."""
     logger, worker, take = graph.node.get_logger(), runtime.worker, runtime.allowance.take
 
     def check_active(name: str) -> None:
         if not runtime.is_active:
-            raise LavaError(name, 'inactive', 'an active node (ros2 lifecycle set ... activate)')
+            remedy = 'Activate it with ros2 lifecycle set'
+            raise RefusalError(name, 'The node is inactive', remedy)
 
     def commanded(name: str, future: Future[None], text: str) -> str:
         """Return the response to a command, with the reason if it has to wait."""
@@ -33,7 +34,8 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
 
     def reset(_: Any) -> str:
         if worker.view.scene is None:
-            raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
+            problem = 'There is no simulation to reset'
+            raise RefusalError('reset', problem, 'Publish a terrain first')
         take('reset')
         logger.info('reset: starting again at time 0')
         return commanded('reset', worker.reset(), 'starting again at time 0')
@@ -42,7 +44,7 @@ def create_services(runtime: NodeRuntime, graph: NodeGraph) -> None:
         check_active('step')
         state, duration = worker.status.state, runtime.step_length
         if state is not WorkerState.PAUSED:
-            raise LavaError('step', state.value, 'a paused simulation')
+            raise RefusalError('step', f'The simulation is {state.value}', 'Pause it first')
         return commanded('step', worker.step(duration), f'advancing {duration:g} s')
 
     def save(_: Any) -> str:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from lava_ros.simulation import Simulation
 
 
-#: Parameters of the run, which are read before those of the scene are declared.
+#: Parameters of the run, which are read before the parameters of the scene are declared.
 _RESTART = tuple(
     spec for spec in parameters.PARAMETERS
     if spec.name in ('restart_token', 'bag_root', 'bag_directory', 'frame_id', 'sea_level')
@@ -100,7 +100,8 @@ def load_startup_inputs(node: Node, *, may_restart: bool = False) -> StartupInpu
     except LavaError as error:
         if progress is None:
             raise
-        node.get_logger().warning(f'{error}: not compared with the inputs of {progress.bag}')
+        warning = f'the inputs cannot be compared with those of {progress.bag}: {error}'
+        node.get_logger().warning(warning)
         given = StartupInputs(given=progress.given)
     given = replace(given, restart_file=file)
     if progress is not None:
@@ -162,8 +163,8 @@ def _restarted(
         found = _resumed(node, given, progress.bag)
     except LavaError as error:
         log.warning(
-            f'cannot resume {progress.bag}: {error}; starting again at time 0, the maps had '
-            f'reached {progress.time:.3f} s'
+            f'cannot resume {progress.bag}, starting again at time 0; the maps had reached '
+            f'{progress.time:.3f} s: {error}'
         )
         return None
     assert found.checkpoint is not None

@@ -25,7 +25,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag import QosProfile
 from lava_ros.bag.georeference import TOPIC
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.layers.layer import GRID_MAP, OCCUPANCY_GRID
 from lava_ros.live.worker import SimulationWorker
@@ -98,8 +98,8 @@ class Allowance:
         is_allowed = left >= 1.0
         self._left[name] = left - is_allowed, now
         if not is_allowed:
-            expected = f'at most {calls} at once and one more each {period:g} s; try again later'
-            self.refuse(name, LavaError(name, 'too often', expected))
+            problem = f'Too many requests: at most {calls} at once and one more every {period:g} s'
+            self.refuse(name, RefusalError(name, problem, 'Try again later'))
 
     def refuse(self, name: str, error: LavaError) -> None:
         """Report the error of a refused request, and raise it."""
@@ -121,7 +121,7 @@ class InputLog:
         self._logged: dict[str, tuple[str, float]] = {}
 
     def arrive(self) -> int:
-        """Return a number for a message whose result may come after that of a newer message."""
+        """Return a number for a message whose result may come later than a newer message's."""
         with self._lock:
             self._arrived += 1
             return self._arrived
@@ -142,7 +142,7 @@ class InputLog:
             self._superseded += 1
             self._judge(topic, number, is_bad=False)
 
-    def forgive(self, topic: str) -> None:
+    def downgrade(self, topic: str) -> None:
         """Reduce the topic's error to a warning, because no later message would clear it."""
         with self._lock:
             self._newest[topic] = self._newest[topic][0], False
@@ -219,11 +219,11 @@ class RepeatFilter:
         return tuple(self._taken)
 
     def is_repeat(self, durability: str, info: Mapping[str, Any]) -> bool:
-        """Return True if a message, received with ``info``, is not to be taken again.
+        """Return True if a message, received with ``info``, was taken before.
 
-        ``durability`` identifies the subscription. A known publication counts again if the same
-        subscription has delivered an older one in between, which replaced it: the other
-        subscription began after the older one.
+        ``durability`` identifies the subscription. A known publication counts as
+        new if the same subscription has since delivered an older one, which replaced it: the
+        other subscription began after the older one.
         """
         publication = info['source_timestamp'], info['publication_sequence_number']
         is_other = durability != self._durability
@@ -274,7 +274,7 @@ class InputSubscribers:
                 PointCloud2, partial(self._on_ground, 'terrain_cloud', inputs.terrain_from_cloud)
             ),
         }
-        # no topic without grid_map_msgs
+        # without grid_map_msgs there is no such topic
         with suppress(LavaError):
             take = partial(self._on_ground, 'terrain_grid', inputs.terrain_from_grid)
             terrains['terrain_grid'] = codec.message_class(GRID_MAP), take
@@ -290,7 +290,7 @@ class InputSubscribers:
         if self.observe is not None:
             self._subscribe(_OUTLINE, OccupancyGrid, self._on_outline, commands)
         if self.settings().clicked_point_enabled:
-            # an event: a click from before the start must not open a vent
+            # a click is an event: one from before the start of the node must not open a vent
             click = self._on_clicked_point
             self._subscribe('clicked_point', PointStamped, click, (qos.COMMANDS,))
         self.graph.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
@@ -303,7 +303,7 @@ class InputSubscribers:
         profiles: Sequence[QosProfile],
         repeats: RepeatFilter | None = None,
     ) -> None:
-        """Subscribe with each profile, and take each publication once."""
+        """Subscribe with each profile, and process each publication once."""
         repeats = repeats or RepeatFilter()
         for profile in profiles:
             is_repeat = partial(repeats.is_repeat, profile.durability)
@@ -318,7 +318,7 @@ class InputSubscribers:
         return self._vent_repeats.taken
 
     def status(self, warning: str = '') -> DiagnosticStatus:
-        """Return the status of the inputs; warn of nodes that publish what they must not.
+        """Return the status of the inputs, with warnings about conflicting publishers.
 
         It also warns until the first vents, of a georeference that is not used, and with a
         ``warning``.
@@ -353,7 +353,7 @@ class InputSubscribers:
         return 'no vent yet'
 
     def _find_rivals(self, topics: Sequence[str]) -> str:
-        """Return a warning if ``topics``, of which each message counts alone, have two sources."""
+        """Return a warning if ``topics`` whose messages replace each other have two sources."""
         sources = [self.graph.other_publishers(topic) for topic in topics]
         names = sorted({name for item in sources for name in item})
         if max(len(names), *map(len, sources)) < 2:
@@ -374,7 +374,7 @@ class InputSubscribers:
         if not found:
             return ''
         own = self.graph.node.get_fully_qualified_name()
-        killed = {own: f'{own} (another one, or one that was killed up to 20 s ago)'}
+        killed = {own: f'{own} (a second node, or one that was killed up to 20 s ago)'}
         names = sorted({killed.get(name, name) for item in found.values() for name in item})
         return (
             f'{", ".join(names)} also publishes {", ".join(sorted(found))}: subscribers receive a '
@@ -399,9 +399,9 @@ class InputSubscribers:
         future.add_done_callback(report)
 
     def refuse(self, topic: str, error: LavaError) -> None:
-        """Report a refused input as a warning, because no later input would end an error."""
+        """Report a refused input as a warning, because no later input would clear an error."""
         self._reject(topic, error)
-        self.log.forgive(topic)
+        self.log.downgrade(topic)
 
     def came_from_topic(self, terrain: Terrain) -> bool:
         """Return True if a terrain was received on ``terrain`` and ``terrain_info``."""
@@ -410,7 +410,8 @@ class InputSubscribers:
     def report_callback(self, error: Exception) -> None:
         """Report an error that the middleware itself raised in a callback."""
         reason = f'{type(error).__name__}: {error}'
-        self.refuse('message', LavaError('message', reason, 'one that ROS can take'))
+        problem = f'A message could not be received: {reason}'
+        self.refuse('message', RefusalError('message', problem, 'Check its publisher'))
 
     def _reject(self, topic: str, error: LavaError, number: int | None = None) -> None:
         if self.log.reject(topic, error, number):
@@ -435,7 +436,8 @@ class InputSubscribers:
         except Exception as error:
             self._logger.error(traceback.format_exc())
             reason = f'{type(error).__name__}: {error}'
-            self._reject(topic, LavaError(topic, reason, 'a message that can be read'))
+            problem = f'The message could not be processed: {reason}'
+            self._reject(topic, RefusalError(topic, problem, 'Check its publisher'))
 
     def _on_terrain(self, image: Image) -> None:
         inputs.check_image(image, self.settings())
@@ -497,8 +499,9 @@ class InputSubscribers:
     def _on_clicked_point(self, point: PointStamped) -> None:
         settings, scene = self.settings(), self.worker.view.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
-            expected = f'at most {settings.max_vents} (max_vents)'
-            raise LavaError('clicked_point', 'one more vent', expected)
+            problem = f'The scene already has {len(scene.vents)} vents'
+            remedy = f'Remove one, or raise max_vents ({settings.max_vents})'
+            raise RefusalError('clicked_point', problem, remedy)
         self._clicks += 1
         vent = inputs.vent_from_point(point, settings, name=f'click {self._clicks}')
         self.command('clicked_point', self.worker.add_vent(vent))
@@ -508,10 +511,10 @@ class InputSubscribers:
         stamp_ns = codec.nanoseconds(grid.header.stamp)
         moment_ns = now_ns(self.graph.node)
         if not 0 < stamp_ns <= moment_ns + CLOCK_TOLERANCE * 1e9:
-            expected = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
+            expected = f'the time of the observation, at most now, {1e-9 * moment_ns:.3f} s'
             raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
         if stamp_ns < self._begun_ns <= moment_ns:
-            # latched by its publisher, and from before all forecasts of this node
+            # a latched outline from before all forecasts of this node
             expected = f'a time after the start of the node, {1e-9 * self._begun_ns:.3f} s'
             error = LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', expected)
             self.refuse(_OUTLINE, error)

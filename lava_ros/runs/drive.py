@@ -46,7 +46,7 @@ class Sink:
         return ()
 
     def note(self, simulation: 'Simulation') -> None:
-        """Note that a part of the simulation has been computed; the flow cannot be read here."""
+        """Record that a part of the simulation has been computed; the flow cannot be read here."""
 
 
 def driving(

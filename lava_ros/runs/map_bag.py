@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of maps, as a node with the default name would record them, without ROS."""
+"""Bags of maps, written without ROS, like those of a node with the default name."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -38,10 +38,10 @@ def stamp_at(time: float) -> int:
 
 
 class MapBag(BagWriter):
-    """A bag of a node that no other node shares.
+    """A bag that contains only one node.
 
     Attributes:
-        node: The node, with the topics so far.
+        node: The node, with the topics written so far.
     """
 
     def __init__(

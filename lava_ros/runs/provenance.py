@@ -40,11 +40,11 @@ def _commit() -> str | None:
 
 
 def identity_of(scene: Scene, settings: Mapping[str, Any]) -> str:
-    """Return a digest that differs for every other scene and other settings of a run.
+    """Return a digest that identifies the scene and the settings of a run.
 
     Args:
         scene: The scene, with all values resolved.
-        settings: Everything else that decides the result, as plain data.
+        settings: Everything else that determines the result, as plain data.
     """
     digest = hashlib.sha256()
     grids = [scene.terrain.elevation, *(flow.thickness for flow in scene.emplaced_flows)]

@@ -50,7 +50,7 @@ class RunFolder(RunStore):
         """
         super().__init__(path, record, expected)
         former = bag_in(path)
-        with refusing('--output', str(path), 'a folder to write to', OSError):
+        with refusing('--output', str(path), 'a writable folder', OSError):
             maps = next(item for item in numbered(path / MAPS) if not item.exists())
             self.bag = RunBag(maps, scene, data)
             if self.checkpoint is None:
@@ -59,14 +59,14 @@ class RunFolder(RunStore):
                 self.bag.copy(former, self.checkpoint.time)
             self.put({'maps': maps.name})
             if former != path and former.is_dir():
-                # the new bag has its maps up to the checkpoint
+                # the new bag contains its maps up to the checkpoint
                 shutil.rmtree(former)
 
     def keep(
         self, checkpoint: Checkpoint, arrays: Mapping[str, np.ndarray] = {}, **changes: Any
     ) -> None:
         """Store the state, and the maps before it; arguments and errors as for ``RunStore``."""
-        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             self.bag.flush()
         super().keep(checkpoint, arrays, **changes)
 
@@ -77,30 +77,30 @@ class RunFolder(RunStore):
 
     def finish(self, changes: Mapping[str, Any]) -> None:
         """Close the bag, write ``run.json`` and remove the state; errors as for ``RunStore``."""
-        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             self.bag.close()
         super().finish(changes)
 
     def discard(self) -> None:
-        """Remove the files of a new run that could not start; keep those of a resumed one.
+        """Remove the files of a new run that could not start; keep the files of a resumed run.
 
         Raises:
             LavaError: If they cannot be removed.
         """
         self.close()
         if self.checkpoint is None:
-            with refusing('--output', str(self.path), 'a folder to write to', OSError):
+            with refusing('--output', str(self.path), 'a writable folder', OSError):
                 shutil.rmtree(self.bag.directory)
                 (self.path / RUN_FILE).unlink()
                 self.path.rmdir()
 
     def close(self) -> None:
-        """Close the bag, and let another run use the folder.
+        """Close the bag, and release the folder for other runs.
 
         Raises:
             LavaError: If the bag cannot be written.
         """
         super().close()
         if hasattr(self, 'bag'):
-            with refusing('--output', str(self.path), 'a folder to write to', OSError):
+            with refusing('--output', str(self.path), 'a writable folder', OSError):
                 self.bag.close()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run of a scene in its folder, from its start or from the state stored last."""
+"""A run of a scene in its folder, from its start or from the last stored state."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -27,7 +27,7 @@ from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
 from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import Snapshot
 
-#: Folder of the runs for which the user names none.
+#: Parent folder of runs without ``--output``.
 RUNS = Path('runs')
 
 
@@ -40,7 +40,7 @@ class Request:
         name: Name of the folder unless ``output`` is given.
         until: Simulated time at which the run ends [s].
         times: Simulated times of the maps [s], increasing, the last one at the end.
-        settings: Everything else that decides the result, as plain data.
+        settings: Everything else that determines the result, as plain data.
         accuracy: Returns the name of the preset and the accuracy; called for a new run only.
         forced: Effects forced on or off, by name.
         device: Warp device; None for the first GPU, or the CPU without one.
@@ -63,10 +63,10 @@ class Request:
 
 
 class SceneRun:
-    """A run of a scene, of which ``run.json`` and the bag have the same descriptions.
+    """A run of a scene; ``run.json`` and the bag describe it in the same words.
 
     Attributes:
-        request: The run that was asked for.
+        request: The requested run.
         simulation: The simulation.
         folder: Its folder.
         snapshot: The newest map; None before the first.
@@ -110,7 +110,7 @@ class SceneRun:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the folder, also of an interrupted run."""
+        """Close the folder, even after an interruption."""
         self.folder.close()
 
     @property

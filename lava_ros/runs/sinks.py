@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import math
 from typing import TYPE_CHECKING
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.runs.drive import Sink
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ class ScheduledSink(Sink):
     """A sink with a schedule of observations.
 
     Attributes:
-        times: Simulated times of the observations [s], increasing. One already passed by the
-            previous observation is left out.
+        times: Simulated times of the observations [s], increasing. A time that the previous
+            observation has already passed is skipped.
     """
 
     def __init__(self, times: Sequence[float], *, after: float = -math.inf) -> None:
@@ -98,7 +98,7 @@ class PeakSink(ScheduledSink):
         return max(self._done - 1, 0) / (len(self.times) - 1)
 
     def observe(self, simulation: 'Simulation', time: float) -> Iterator[None]:
-        """Add the flow to the peaks; ``seen`` refuses a flow that cannot be shown as a map."""
+        """Add the flow to the peaks; ``seen`` raises the error about an unusable flow."""
         self._check_size(simulation.most_particles)
         yield from simulation.looking(self._looks)
         self._note_time(time)
@@ -124,7 +124,13 @@ class PeakSink(ScheduledSink):
 
     def _check_flow(self, flaw: str) -> None:
         if flaw:
-            raise LavaError(f'flow{self._of}', flaw, 'one that can be shown as a map')
+            raise unusable_flow(flaw, self._of)
+
+
+def unusable_flow(flaw: str, of: str = '') -> RefusalError:
+    """Return the error about a flow that cannot be shown as a map."""
+    problem = f'The flow{of} cannot be shown as a map: {flaw}'
+    return RefusalError(f'flow{of}', problem, 'Try another preset or spacing')
 
 
 class SnapshotSink(ScheduledSink):
@@ -177,12 +183,12 @@ def valid_snapshot(
     """
     snapshot = convert(simulation.snapshot())
     if flaw := snapshot.flaw():
-        raise LavaError('flow', flaw, 'one that can be shown as a map')
+        raise unusable_flow(flaw)
     return snapshot
 
 
 class ProgressSink(Sink):
-    """Shows the simulated fraction of a run, as often as it is to be shown."""
+    """Shows the simulated fraction of a run whenever an update is due."""
 
     def __init__(
         self, show: Callable[[float], object], until: float, is_due: Callable[[], bool]
@@ -192,8 +198,7 @@ class ProgressSink(Sink):
         Args:
             show: Function that is called with the simulated time [s].
             until: Simulated time at which the run ends [s].
-            is_due: Returns True if progress is to be shown again. Reading the time waits for a
-                GPU.
+            is_due: Returns True if an update is due; reading the time waits for a GPU.
         """
         self._show, self._until, self._is_due = show, until, is_due
 

@@ -68,7 +68,7 @@ class RunStore:
         known = known_record(path)
         if not is_usable(path, known, record['identity']):
             raise LavaError('--output', str(path), expected)
-        with refusing('--output', str(path), 'a folder to write to', OSError):
+        with refusing('--output', str(path), 'a writable folder', OSError):
             path.mkdir(parents=True, exist_ok=True)
             self._lock: int | None = _locked(path)
         if (path / CHECKPOINT).is_file() and known:
@@ -88,14 +88,14 @@ class RunStore:
 
         Args:
             checkpoint: The state.
-            arrays: Arrays that later parts of the run only add to.
+            arrays: Arrays to which later parts of the run only append.
             changes: Changes of ``run.json``.
 
         Raises:
             LavaError: If a file cannot be written.
         """
         self.put(changes)
-        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             if arrays:
                 with replacing(self.path / ARRAYS) as partial:
                     np.savez(partial, **arrays)  # type: ignore[arg-type]
@@ -118,19 +118,19 @@ class RunStore:
             LavaError: If a file cannot be written.
         """
         self.put({**changes, 'status': FINISHED})
-        with refusing('--output', str(self.path), 'a folder to write to', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             for name in (CHECKPOINT, ARRAYS):
                 (self.path / name).unlink(missing_ok=True)
         self.close()
 
     def close(self) -> None:
-        """Let another run use the folder."""
+        """Release the folder for other runs."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
 
     def __del__(self) -> None:
-        """Let another run use the folder."""
+        """Release the folder for other runs."""
         if getattr(self, '_lock', None) is not None:
             self.close()
 
@@ -145,7 +145,7 @@ def _finite(plain: Any) -> Any:
 
 
 def _locked(path: Path) -> int:
-    """Return an open folder that no other run can lock while it is open."""
+    """Open a folder so that no other run can lock it until it is closed."""
     folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -160,23 +160,24 @@ def known_record(path: Path) -> dict[str, Any]:
     """Read the ``run.json`` of a folder; empty without one.
 
     Raises:
-        LavaError: If it cannot be read or is not that of a run.
+        LavaError: If it cannot be read or does not describe a run.
     """
     if not (path / RUN_FILE).is_file():
         return {}
-    expected = 'a folder whose run.json is that of a run, and undamaged'
+    expected = 'a folder whose run.json describes a run and is undamaged'
     with refusing('run', str(path), expected, OSError, KeyError, TypeError, ValueError):
         with open_input(path / RUN_FILE) as file:
             record: dict[str, Any] = parse_json(RUN_FILE, file.read())
         if record['version'] > VERSION:
-            raise LavaError(f'version of {path / RUN_FILE}', record['version'], f'{VERSION}')
+            field = f'version of {path / RUN_FILE}'
+            raise LavaError(field, record['version'], f'at most {VERSION}')
         return record
 
 
 def unused_folder(parent: Path, name: str, identity: str) -> Path:
     """Return the first folder of a name, with a number if needed, that a run can use.
 
-    It is new, empty, or that of an interrupted run with the same identity.
+    It is new, empty, or belongs to an interrupted run with the same identity.
     """
     return next(
         path for path in numbered(parent / name)
@@ -185,7 +186,7 @@ def unused_folder(parent: Path, name: str, identity: str) -> Path:
 
 
 def numbered(path: Path) -> Iterator[Path]:
-    """Yield a path, and then the path with the numbers from 2 in its name."""
+    """Yield a path, and then the path with the numbers 2, 3, ... in its name."""
     yield path
     for number in count(2):
         yield path.with_name(f'{path.name}_{number}')
@@ -207,7 +208,7 @@ class KeepSink(ScheduledSink):
         Args:
             keep: Function that stores the state.
             times: Simulated times [s] at which the state may be stored; None for any time. A run
-                in a batch needs them, because it cannot complete a step by itself.
+                in a batch needs these times, because it cannot complete a step by itself.
         """
         super().__init__([] if times is None else times)
         self._keep, self._is_free = keep, times is None
@@ -223,7 +224,7 @@ class KeepSink(ScheduledSink):
         return ()
 
     def _wait(self, duration: float) -> None:
-        """Store the state again after a wall time [s]."""
+        """Set the wall time until the state is stored again [s]."""
         self._next = wall_clock.monotonic() + duration
         if self._is_free:
             self.wall_due = self._next

@@ -90,7 +90,7 @@ def find_case_files(directory: str | Path) -> CaseFiles:
         if not path and not (names is FOOTPRINTS and 'outlines' in options)
     ]
     if missing:
-        raise LavaError('case', str(folder), f'a folder that also holds {", ".join(missing)}')
+        raise LavaError('case', str(folder), f'a folder that also contains {", ".join(missing)}')
     elevation, footprint, vents, rates = found
     assert elevation and vents and rates
     return CaseFiles(folder, options, elevation, vents, rates, footprint)

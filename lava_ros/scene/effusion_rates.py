@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import Column, understood
 from lava_ros.files.csv import read_table
@@ -188,7 +188,8 @@ def read_effusion_rates(
         known_error = None if math.isnan(error) else error
         result.append(Interval(item.start, item.end, rate, known_error))
     if not any(interval.discharge > 0.0 for interval in result):
-        raise LavaError(str(path), 'a table without lava', 'an effusion rate above 0 at some time')
+        problem = f'{path} contains no effusion rate above 0'
+        raise RefusalError(str(path), problem, 'Check its columns')
     kind = 'cumulative volumes' if amount == 'cumulative_volume' else (
         'rates of instants, linear between them' if times == ['time'] else 'mean rates'
     )
@@ -212,8 +213,9 @@ def check_start(field: str, intervals: Sequence[Interval]) -> None:
         return
     shown = f'{lost:.3g} of {whole:.3g} m3 before the start of the eruption'
     if lost >= whole:
-        expected = 'lava after it; dates without a time zone are in UTC'
-        raise LavaError(field, shown, expected)
+        problem = f'All lava of {field} comes out before the start of the eruption'
+        remedy = 'Check the dates; dates without a time zone are in UTC'
+        raise RefusalError(field, problem, remedy)
     _LOG.warning(f'{field}: {shown} are left out; dates without a time zone are in UTC')
 
 
@@ -323,8 +325,8 @@ def _mean_rates(
     """Yield the mean rate of each interval, and warn of filled gaps."""
     is_instant, cumulative = 'time' in columns, columns.get('cumulative_volume')
     if is_instant and len(rows) < 2:
-        where, shown = (rows[0].where, 'the only row') if rows else (table, 'no value')
-        raise LavaError(where, shown, 'at least two instants')
+        problem = f'{rows[0].where} is the only row' if rows else f'{table} has no value'
+        raise RefusalError(table, problem, 'Give the rates at two or more times')
     if is_instant:
         rows = [_between(*pair, cumulative) for pair in pairwise(rows)]
     filled: list[_Row] = []

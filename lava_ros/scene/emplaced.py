@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import vectors
 from lava_ros.files.keys import FILE_NAME, Key, Keys
 from lava_ros.scene.on_terrain import mark_cells, read_band, read_polygons, resampled
@@ -208,8 +208,8 @@ def _raster_on(field: str, path: Path, terrain: Terrain, is_ground: bool) -> np.
     band = read_band(field, path, lengths='thickness')
     where, crs = f'thickness in {path.name}', band.crs
     if 'peak' in band.description.lower():
-        expected = 'the thickness at one time: a map of peaks has more lava than there ever was'
-        raise LavaError(where, f'a map of {band.description}', expected)
+        expected = 'the thickness at one time: peak values contain more lava than there ever was'
+        raise LavaError(where, band.description, expected)
     lava = band.converted(band.stored).filled(0.0)
     if (bad := lava[~np.isfinite(lava)]).size:
         expected = 'finite numbers; gdal_edit.py -a_nodata declares the value of empty cells'
@@ -264,10 +264,10 @@ def _check_on_terrain(
         return True
     east, north = places[~is_on][0]
     off = 100.0 * volumes[~is_on].sum() / volumes.sum()
-    found = f'{path.name}: {off:.3g} % of it elsewhere, such as {east:.10g}, {north:.10g}'
+    found = f'{off:.3g} % of {path.name} is off the terrain, such as {east:.10g}, {north:.10g}'
     if not is_on.any() or not may_exceed:
-        expected = f'a flow {terrain.bounds(projected=True)}'
-        raise LavaError(field, found, expected)
+        remedy = f'Use a flow {terrain.bounds(projected=True)}'
+        raise RefusalError(field, f'{field}: {found}', remedy)
     _LOG.warning(f'{found}: this part is left out')
     return False
 

@@ -144,4 +144,4 @@ def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
     if terrain.epsg != ground.epsg:
         shown += f', {system_name(terrain.epsg, terrain.wkt)}'
         expected += f', {system_name(ground.epsg, ground.wkt)}'
-    raise LavaError(field, shown, f'the grid of the ground before: {expected} ({command})')
+    raise LavaError(field, shown, f'the grid of the previous ground: {expected} ({command})')

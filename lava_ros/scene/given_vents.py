@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
 from lava_ros.scene.effusion_rates import (
     check_start,
     Interval,
@@ -124,9 +123,8 @@ class GivenVents:
         for row in rows:
             is_own = self.effusion_rate is None and row.discharge is not None
             if not is_own and not math.isclose(row.share, row.part):
-                expected = 'none without a table that vents divide: '
-                expected += f'{self.word("effusion_rate")} FILE'
-                raise LavaError(f'share of {row.name!r}', row.share / row.part, expected)
+                table = f'a table of effusion rates ({self.word("effusion_rate")} FILE)'
+                raise validation.dependence(f'the share of {row.name!r}', table)
         return [described(row, _discharge(row), usual) for row in rows]
 
     def of_scene(self, vents: object, rates: Sequence[Interval]) -> list[Any]:

@@ -72,7 +72,7 @@ def check_missing(
     for value, count in (_far_value(known, gap), *_marks_with_cliffs(elevation, known, step)):
         if count and not (value in BLOCK_MARKS and value <= level):
             shown = f'{value:g} in {count} {"cell" if count == 1 else "cells"}'
-            expected = f'heights like those around them ({advice.format(f"{value:g}")})'
+            expected = f'elevations like those around them ({advice.format(f"{value:g}")})'
             raise LavaError(field, shown, expected)
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files import open_input
 from lava_ros.files.columns import LENGTHS, normal_unit
 from lava_ros.files.optional import require
@@ -234,7 +234,7 @@ def read_placed_picture(path: str, *, field: str) -> PlacedPicture:
     if not place.is_identity:
         _check_placed(field, path, place)
     if set(source.dtypes) != {'uint8'}:
-        raise LavaError(field, path, f'8 bits a colour, not {source.dtypes[0]}')
+        raise LavaError(field, path, f'a picture of 8 bits per colour, not {source.dtypes[0]}')
     is_placed = not place.is_identity
     rows, columns = np.divide(source.shape, bands.shape[1:])
     place *= place.scale(columns, rows)
@@ -270,12 +270,12 @@ def resampled(
 
     own, crs = coordinate_system(terrain.epsg, terrain.wkt), source.crs
     if own is None and crs:
-        expected = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
-        raise LavaError(field, str(path), expected)
+        problem = f'{path} has a coordinate system, but the terrain has none'
+        raise RefusalError(field, problem, 'Give the EPSG code of the terrain')
     # neither has a system: any gives the same result
     target_crs = own or coordinate_system(32631)
     result = np.full(terrain.shape, np.nan)
-    with refusing(field, str(path), 'a raster that GDAL can put on the terrain'):
+    with refusing(field, str(path), 'a raster that GDAL can resample to the terrain'):
         reproject(
             values,
             result,

@@ -29,7 +29,7 @@ class Onset:
     zone: tzinfo | None = None
 
     @classmethod
-    def from_text(cls, onset: str, *, field: str = '--onset') -> 'Onset':
+    def from_text(cls, onset: str, *, field: str = '--start') -> 'Onset':
         """Read a date and time in ISO 8601; errors name ``field``.
 
         Raises:
@@ -85,7 +85,7 @@ def time_zone(name: str) -> ZoneInfo:
     Raises:
         LavaError: If it is not available on this machine.
     """
-    expected = 'a time zone of this machine, such as Europe/Rome; package tzdata'
+    expected = 'a time zone of this machine, such as Europe/Rome; tzdata adds all zones'
     with refusing('--timezone', name, expected, KeyError, ValueError, OSError):
         return ZoneInfo(name)
 

@@ -90,7 +90,7 @@ def coordinate_system(epsg: int | None, wkt: str | None = None) -> Any:
         return None
     rasterio = rasterio_for('coordinate systems')
     name, shown = ('terrain.wkt', str(wkt)[:40]) if epsg is None else ('epsg', epsg)
-    with refusing(name, shown, 'a coordinate system GDAL knows', rasterio.errors.CRSError):
+    with refusing(name, shown, 'a coordinate system that GDAL knows', rasterio.errors.CRSError):
         if epsg is not None:
             return rasterio.crs.CRS.from_epsg(epsg)
         return horizontal(rasterio.crs.CRS.from_wkt(plain_system(name, str(wkt))))
@@ -274,8 +274,8 @@ def _resample(raster: Raster, target: int | None, resolution: float | None) -> R
         left, bottom = math.floor(left / cell) * cell, math.floor(bottom / cell) * cell
     shape = (math.ceil((top - bottom) / cell - 1e-6), math.ceil((right - left) / cell - 1e-6))
     if not 2 <= min(shape) <= max(shape) <= MAX_SIDE_CELLS or shape[0] * shape[1] > MAX_CELLS:
-        right = f'2 to {MAX_SIDE_CELLS} cells a side and at most {MAX_CELLS}, not {shape}'
-        raise LavaError('terrain.resolution', cell, right)
+        expected = f'2 to {MAX_SIDE_CELLS} cells per side and at most {MAX_CELLS}, not {shape}'
+        raise LavaError('terrain.resolution', cell, expected)
     average = cell >= 2.0 * native
     result = np.full(shape, np.nan, dtype=np.float32)
     rasterio.warp.reproject(

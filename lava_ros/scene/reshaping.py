@@ -76,7 +76,7 @@ class Barrier:
             for place in validation.items('barrier.line', self.line, expected, least=2)
         )
         if any(dist(a, b) < APART for a, b in pairwise(places)):
-            raise LavaError('barrier.line', places, 'two or more places that differ')
+            raise LavaError('barrier.line', places, 'two or more different points')
         object.__setattr__(self, 'line', places)
         for name, value in BARRIER_KEYS.values('barrier', vars(self)).items():
             object.__setattr__(self, name, value)
@@ -149,7 +149,7 @@ def read_barriers(
             barriers.append(Barrier(line, name=feature.name, **numbers))  # type: ignore[arg-type]
         except LavaError as error:
             name = error.field.removeprefix('barrier.')
-            raise LavaError(f'{feature.where}, {name}', error.value, error.expected) from None
+            raise error.named(f'{feature.where}, {name}') from None
     warn_of_unknown(path, 'attributes', unknown, f' (of a barrier: name, {", ".join(LIMITS)})')
     return barriers
 

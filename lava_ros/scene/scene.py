@@ -118,8 +118,8 @@ class Scene:
             raise LavaError(f'{name}.temperature', temperature, expected)
         viscosity = self.lava.viscosity_at(temperature)
         if viscosity > MAX_VENT_VISCOSITY:
-            expected = f'hotter lava: at this temperature its viscosity is {viscosity:.3g} Pa s, '
-            expected += f'above {MAX_VENT_VISCOSITY:g} Pa s nothing comes out'
+            expected = f'hotter lava: the viscosity is {viscosity:.3g} Pa s here, and lava above '
+            expected += f'{MAX_VENT_VISCOSITY:g} Pa s cannot erupt'
             raise LavaError(f'{name}.temperature', temperature, expected)
 
     def on(self, change: Callable[[Terrain], Terrain]) -> 'Scene':

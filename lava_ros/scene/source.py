@@ -251,8 +251,8 @@ class SceneSource:
             data, terrain = read_scene(self.path, terrain=terrain, options=options)
         elif terrain is None:
             for name in filter(options.__contains__, CASE_TERRAIN):
-                expected = f'left out without {self._word("terrain")} or a scene'
-                raise LavaError(self._word(name), options[name], expected)
+                others = f'{self._word("terrain")} or a scene'
+                raise validation.dependence(self._word(name), others)
             terrain = demo_terrain()
             data['vents'] = [
                 {'position': (x, y), 'discharge': q, 'radius': 20.0, 'name': f'vent {index}'}

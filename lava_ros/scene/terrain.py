@@ -103,7 +103,7 @@ class Terrain:
             raise LavaError(field, found, 'a 2-D array of numbers [m]') from None
         sides = elevation.shape
         if len(sides) != 2 or not 2 <= min(sides) <= max(sides) <= MAX_SIDE_CELLS:
-            expected = f'a 2-D array of 2 to {MAX_SIDE_CELLS} cells a side'
+            expected = f'a 2-D array of 2 to {MAX_SIDE_CELLS} cells per side'
             raise LavaError(field, f'array of shape {sides}', expected)
         # NaN compares as False.
         beyond = np.abs(elevation) > MAX_ELEVATION

@@ -288,11 +288,11 @@ def _check_heights(raster: Raster, path: Path) -> None:
     low, high = float(known.min()), float(known.max())
     if low < LOWEST:
         expected = f'at least {LOWEST:g} m ({NODATA_ADVICE.format(f"{low:g}")})'
-        raise LavaError(f'a height of {path.name}', low, expected)
+        raise LavaError(f'the lowest elevation of {path.name}', low, expected)
     # a grid without coordinate system may be on another planet
     if high > HIGHEST and raster.is_placed:
-        expected = f'metres, on Earth at most {HIGHEST:g}: feet times 0.3048'
-        raise LavaError(f'a height of {path.name}', high, expected)
+        expected = f'at most {HIGHEST:g} m; multiply feet by 0.3048'
+        raise LavaError(f'the highest elevation of {path.name}', high, expected)
 
 
 def _log_summary(

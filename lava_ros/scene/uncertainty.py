@@ -129,7 +129,7 @@ class Uncertainty:
             leader = getattr(one, 'follows', '').removeprefix('-')
             if leader and not self.is_followed(leader, name):
                 others = [other for other in self.drawn if self.is_followed(other, name)]
-                expected = f'a quantity with a distribution of its own: {", ".join(others)}'
+                expected = f'a quantity with its own distribution: {", ".join(others)}'
                 raise LavaError(f'uncertainty.{name}.follows', leader, expected)
         for index, name in enumerate(self.exact):
             where = f'uncertainty.exact[{index}]'

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
 from lava_ros.scene.effusion_rates import instants_to_series, Interval
@@ -146,7 +146,7 @@ def _segments(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
             continue
         for start, end in pairwise(places):
             if start == end:
-                raise LavaError(part.where, 'a line of no length', 'a point or a longer line')
+                raise LavaError(part.where, 'a line of length 0', 'a point or a longer line')
             found.append((start, end, math.dist(start, end)))
     return found
 
@@ -179,8 +179,9 @@ def series_of(vents: Sequence[VentRow], rates: Sequence[Interval]) -> list[Serie
     spans += [(vent.start, vent.end) for vent in vents]
     for vent in vents:
         if vent.discharge is not None and not isinstance(vent.discharge, float):
-            expected = 'one number: the table of effusion rates has the changes'
-            raise LavaError(f'effusion rate of {vent.name}', 'a series', expected)
+            problem = f'The effusion rate of {vent.name} changes with time'
+            remedy = 'Move the series to the table of effusion rates'
+            raise RefusalError(vent.name, problem, remedy)
     result: list[list[tuple[float, float]]] = [[] for _ in vents]
     row = 0
     has_shares = any(vent.discharge is None for vent in vents)

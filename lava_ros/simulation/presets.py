@@ -6,7 +6,7 @@
 A preset has a target: the part of the particles in the numerical error of the inundated area.
 Pilot runs find the spacing for it (forecast/preset_spacing.py); its refinement is a first guess.
 
-The ratio and the fraction of the stable step were chosen from a full run of `lava accuracy`
+The ratio and the fraction of the stable step were chosen from a full run of `lava check accuracy`
 (docs/accuracy/h200.csv; docs/accuracy/ has its table and chart), the refinements by the agreement
 of the outlines of real flows (docs/benchmarks/convergence_h100.csv).
 """

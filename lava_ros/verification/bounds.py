@@ -13,11 +13,11 @@ def _after_hours(*limits: float) -> dict[str, Limits]:
 
 
 #: Relative errors. A bound is about 1.5 times the error measured on a CPU (docs/accuracy/cpu.csv,
-#: `lava verify --preset P`), or more if that error is small by chance: a change in any digit moves
-#: fronts by a part of a spacing. A quantity has one bound, or one for each preset starting with
-#: draft. The reference takes too long on a CPU: where it has no bound of its own, that of fine
-#: applies. Errors come from the spacing, the smoothing of fronts over a kernel radius, and where
-#: named:
+#: `lava check solver --preset P`), or more if that error is small by chance: a change in any digit
+#: moves fronts by a part of a spacing. A quantity has one bound, or one for each preset starting
+#: with draft. The reference takes too long on a CPU: where it has no bound of its own, that of
+#: fine applies. Errors come from the spacing, the smoothing of fronts over a kernel radius, and
+#: where #: named:
 #:
 #: herschel_bulkley, material_laws: the error of sheet, amplified by the power of the thickness and
 #:     by the yield strength.

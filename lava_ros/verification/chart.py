@@ -32,9 +32,9 @@ def draw(
         LavaError: If matplotlib is not installed, or the picture cannot be written.
     """
     everything = [item for item in points(rows) if math.isfinite(item.cost)]
-    # points without a result are shown only for presets, at their minimum error
+    # points with a missing result are shown only for presets, at their largest known error
     everything = [item for item in everything if item.preset or math.isfinite(item.error)]
-    # without a sweep of settings there is no front
+    # without a sweep of settings there is no Pareto front
     swept = list(dict.fromkeys(point.case for point in everything if not point.preset))
     cases = swept or list(dict.fromkeys(point.case for point in everything))
     colours = dict(zip(presets_of(everything), _COLOURS, strict=False))

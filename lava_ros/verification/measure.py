@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of the accuracy report, and their measurement.
+"""Settings of the accuracy report, and their measurements.
 
 Settings are a grid, the presets, changes of one setting at a time, and comparisons of studies; one
 or more runs of each pair of a case and a setting become rows.
@@ -28,7 +28,7 @@ from lava_ros.verification.cases import Case, CASES, Run
 from lava_ros.verification.cases.sheets import EXPERIMENTS
 from lava_ros.verification.rows import Row
 
-#: Accuracy of which a study changes single settings.
+#: Accuracy whose single settings a study changes.
 STANDARD = PRESETS[DEFAULT].accuracy
 
 #: Cases in which single settings are changed, and the paper's step of 0.01 s is used: its 200 s
@@ -38,7 +38,8 @@ KNOB_CASES = ('fixed_volume',)
 #: Cases in which the forms of the gradient are compared.
 GRADIENT_CASES = ('fixed_volume', 'pond')
 
-#: Cases of even layers: the resolution hardly matters or no time passes, so only presets are run.
+#: Cases of even layers: the resolution hardly matters or no time is simulated, so only presets are
+#: run.
 EVEN_CASES = (
     'sheet', 'green', 'channel', 'radiating_sheet', 'ground', 'crust', 'latent_heat',
     'herschel_bulkley', 'critical_thickness', 'material_laws',
@@ -50,7 +51,7 @@ STEPPED = (1.0, 4.0)
 #: Runs with a shorter total time are repeated [s].
 REPEATED_BELOW = 3.0
 
-#: Maximum expected time of a run [s], and that of a quick report.
+#: Maximum expected time of a run [s], in a full and in a quick report.
 MAX_RUN_TIME, QUICK_MAX_RUN_TIME = 30.0, 2.0
 
 #: Factor by which a preset may take longer.
@@ -119,7 +120,7 @@ def convergence() -> list[Accuracy]:
 def stepping() -> list[Accuracy]:
     """Return Euler, RKL1, then RKL2 at several Courant numbers, by refinement.
 
-    The steps of Euler are shorter than the limit of each of them.
+    The steps of Euler are shorter than each of these limits.
     """
     integrators: list[dict[str, Any]] = [{'integrator': 'euler'}, {'integrator': 'rkl1'}]
     integrators += [{'courant_number': number} for number in (0.5, 0.75, 1.0)]
@@ -215,7 +216,7 @@ def measure(
     longest: float = MAX_RUN_TIME,
     on_progress: Callable[[str, float], None] = lambda name, fraction: None,
 ) -> Iterator[list[Row]]:
-    """Run every pair that does not take too long, case by case, each from fast to slow.
+    """Run every pair that does not take too long, case by case, from fast to slow.
 
     Runs that are expected to take longer than ``longest`` [s] are omitted; presets may take
     ``PRESET_PATIENCE`` times as long. Runs shorter than ``REPEATED_BELOW`` are timed several

@@ -134,7 +134,7 @@ def points(rows: Iterable[Row]) -> list[Point]:
     found = []
     for (case, setting), group in groups.items():
         one, errors = group[0], [row.error for row in group]
-        # NaN, a missing result, is the worst
+        # NaN, a missing result, counts as the worst
         worst = max(math.inf if math.isnan(error) else error for error in errors)
         least = max(filter(math.isfinite, errors), default=1.0)
         cost = one.wall_s_per_simulated_hour

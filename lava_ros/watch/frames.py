@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Frames of a live view: a growing list whose source has a status."""
+"""Frames of a live view: a growing list, and the status of its source."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -56,29 +56,29 @@ class Status(NamedTuple):
 class WatchedParticles(NamedTuple):
     """Map position x, y [m] and temperature [Celsius] of particles, shape [particles, 3].
 
-    ``time`` is their simulated time [s]; None for that of the maps.
+    ``time`` is their simulated time [s]; None for the time of the maps.
     """
 
     values: np.ndarray
     time: float | None = None
 
 
-#: The particles where there are none.
+#: Value for a frame without particles.
 NO_PARTICLES = WatchedParticles(np.empty((0, 3)))
 
 
 class Frames:
-    """Frames of one run, oldest first. Subclasses have those of a bag or a node.
+    """Frames of one run, oldest first. Subclasses read them from a bag or a node.
 
     Attributes:
-        times: Simulated times of the frames [s], or those since the first one on the clock of the
-            recording, if it has no simulated times.
+        times: Simulated times of the frames [s]. If the recording has no simulated times: times on
+            its clock since the first frame.
         is_simulated: False for times on the clock of the recording.
         onset: Date of simulated time 0; None if it is unknown.
         version: Number that changes with the frames.
         places: Map positions [m] of named places, by name.
         answer: The last command, and the node's answer.
-        heading: Title and summary of all frames; None to describe each.
+        heading: Title and summary of all frames; None if each frame is described.
     """
 
     heading: tuple[str, str] | None = None
@@ -100,7 +100,7 @@ class Frames:
         return self._status
 
     def poll(self) -> None:
-        """Read new data if there can be any; never raises an error for invalid data."""
+        """Read new data, if any; invalid data raise no error."""
 
     def frame(self, index: int) -> Frame:
         """Return the frame of ``times[index]``.
@@ -122,7 +122,7 @@ class Frames:
         """Send one of ``COMMANDS`` to the node."""
 
     def open_vent(self, x: float, y: float) -> None:
-        """Ask the node for a vent at a map position [m]."""
+        """Request a vent from the node at a map position [m]."""
 
 
 def watched_layers() -> list[Layer]:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page of one browser: ground and lava in 3-D, a time slider, and texts beside them."""
+"""The page of one browser: ground and lava in 3-D, a time slider, and texts."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -69,7 +69,7 @@ def ground_picture(frame: Frame, drape: PlacedPicture | None = None) -> np.ndarr
     relief = (255.0 * shaded_ground(coarse)[..., :3]).astype(np.uint8)
     if drape is None:
         return relief
-    # a picture may show more than the cells of the terrain
+    # a picture may cover more than the cells of the terrain
     fine = MAX_PIXELS // max(part.shape)
     shape, size = np.multiply(part.shape, fine), coarse.resolution / fine
     ground = np.asarray(Image.fromarray(relief).resize(shape[::-1]))
@@ -115,7 +115,7 @@ class Page:
         self.particles = gui.add_checkbox('Particles', False)
         for name in _VIEWS:
             self._add_button(name, self._look, name)
-        self.values = gui.add_html(_box('Click on the ground for its values.'))
+        self.values = gui.add_html(_box('Click on the ground to read its values.'))
         self.opens: Any = None
         if control:
             with gui.add_folder('Control'):
@@ -155,7 +155,7 @@ class Page:
         slider, times = self.slider, [time or 0.0 for time in self._frames.times]
         last, index = len(times) - 1, self._index
         if self._version != self._frames.version:
-            # disabled while there is one frame
+            # disabled while there is only one frame
             is_at_end = slider.disabled or index >= self._last
             self._version, self._last = self._frames.version, last
             name, self._unit = time_unit(times[-1])
@@ -206,7 +206,7 @@ class Page:
         so_far = self._so_far(index)
         if source and not is_shown.any():
             # a withdrawn forecast is a map without known cells
-            facts += ' · <b>nothing on this map now</b>'
+            facts += ' · <b>this map is empty at this time</b>'
         self.title.content = _box(
             f'{_WARNING}<br><b>{title}{so_far}</b><br>{facts}', 'font-size: 15px'
         )
@@ -231,7 +231,7 @@ class Page:
             return f' after {duration(time or 0.0)} of {duration(last)} of the recording'
         date = ''
         if onset is not None and time is not None:
-            # beyond the years that a date can have
+            # the date would be out of range
             with suppress(LavaError):
                 date = f', {onset.words(time)}'
         return f' of {duration(last)} so far{date}'
@@ -283,7 +283,7 @@ class Page:
         labels += [] if self._place is None else [('●', self._place.tolist())]
         labels = [(text, place) for text, place in labels if ground.terrain.covers(*place)]
         ends = [pair for crest in barriers_of(frame) for pair in pairwise(crest.tolist())]
-        # a label that is made again blinks
+        # a label that is created again blinks
         wanted = (ground, labels, ends, self._scale)
         if wanted == self._labelled:
             return

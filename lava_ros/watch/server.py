@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The server of the pages, for browsers on this machine alone.
+"""The server of the pages, for browsers on this machine only.
 
-Another site can let its name resolve to this machine (DNS rebinding). The requests of its page
+Another site can make its name resolve to this machine (DNS rebinding). The requests of its page
 then reach the server, but their ``Host`` is the name of the other site.
 """
 
@@ -46,9 +46,9 @@ MAX_PAGES = 16
 #: a message [bytes].
 LIMITS: dict[str, Any] = {'open_timeout': 10.0, 'max_size': 2**18, 'ping_timeout': 120.0}
 
-#: Headers of every answer: the page uses nothing from elsewhere, and no other page can frame it.
-#: Without data in connect-src, it does not prepare viser's picture of the sky, which lights
-#: nothing here and takes a second without a GPU.
+#: Headers of every answer: the page loads nothing from other servers, and no other page can frame
+#: it. Without ``data:`` in connect-src, it does not load viser's picture of the sky, which has no
+#: effect here and takes a second without a GPU.
 _HEADERS = {
     'Content-Security-Policy': "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
     "connect-src 'self' blob:; form-action 'none'; frame-ancestors 'none'",
@@ -57,7 +57,7 @@ _HEADERS = {
 
 
 def is_own(headers: Headers) -> bool:
-    """Return True for a request to this machine by its own page, or by no page."""
+    """Return True for a request to this machine from its own page, or from no page."""
     try:
         host, origin = headers['Host'].lower(), headers.get('Origin')
         own = urlsplit(f'//{host}')
@@ -87,7 +87,7 @@ class Server:
         self._ground: Ground | None = None
         self._tried = -1
         self.pages: dict[int, Page] = {}
-        with refusing('--port', port, 'a port that is free', OSError):
+        with refusing('--port', port, 'a free port', OSError):
             listener = socket.create_server((ADDRESS, port))
         self.port: int = listener.getsockname()[1]
         # a browser may leave while its page is drawn
@@ -101,7 +101,7 @@ class Server:
                 self._server = viser.ViserServer(ADDRESS, self.port, verbose=False)
         finally:
             websocket_server.serve = serve
-        # with light from all sides alike, colours are those of the legend (tone.py)
+        # with equal light from all sides, colours match the legend (tone.py)
         self._server.scene.configure_environment_map(None)
         self._server.scene.configure_default_lights(enabled=False)
         self._server.scene.add_light_ambient('/light', intensity=AMBIENT)
@@ -109,7 +109,7 @@ class Server:
             self._server._websock_server.unregister_handler(message)
 
     def update(self) -> None:
-        """Read new frames, and update the pages of the browsers that are there."""
+        """Read new frames, and update the pages of the connected browsers."""
         self._frames.poll()
         if self._ground is None and self._frames.times and self._tried != self._frames.version:
             # ready before the first browser has loaded its page, which reports any error
@@ -158,9 +158,11 @@ def _serve_own(
 
     def answer(connection: Any, request: Any) -> Any:
         if not is_own(request.headers):
-            response = connection.respond(HTTPStatus.FORBIDDEN, 'not for this page\n')
+            text = 'requests from other pages are refused\n'
+            response = connection.respond(HTTPStatus.FORBIDDEN, text)
         elif len(connection.server.connections) >= MAX_PAGES:
-            response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, 'too many pages\n')
+            text = 'too many pages are open\n'
+            response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text)
         else:
             response = process_request(connection, request)
         if response is not None:

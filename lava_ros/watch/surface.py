@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ground and the lava as triangles, fine around the lava and coarse far from it."""
+"""The ground and the lava as triangles, which are small around the lava and large far from it."""
 
 from collections.abc import Iterator, Sequence
 from io import BytesIO
@@ -58,7 +58,7 @@ class Ground:
         )
 
     def fit(self, frame: Frame, shown: np.ndarray) -> None:
-        """Make the small blocks reach around cells, bool, and vents; without any, everywhere."""
+        """Choose small blocks around cells, bool, and vents; without any, for the whole ground."""
         sides, size = np.transpose([self.terrain.shape]), self.terrain.resolution
         bounds = (np.reshape(bounds_of(frame, shown), (2, 2)) - self.terrain.origin) / size
         cells = np.clip(np.floor(bounds).astype(int).T[::-1], 0, sides - 1) + np.array([0, 1])
@@ -93,7 +93,7 @@ class Ground:
         is_small = np.ones(np.subtract(inner.shape, 1), dtype=bool)
         near, more = self._triangles(is_small, small, inner)
         points, faces = np.concatenate([points, near]), np.concatenate([faces, more + len(points)])
-        # a picture begins in the north-west
+        # row 0 of a picture is the northernmost
         places = points[:, :2] / (self.cell * np.array(self.terrain.shape[::-1])) * (1, -1) + 0.5
         self.mesh = _gltf(points, places, faces, self._picture)
 
@@ -134,7 +134,7 @@ class Ground:
         (south, north), (west, east) = self._window
         cell = self.terrain.resolution
         length = scale_bar_length(cell * max(north - south, east - west))
-        # in sight from the south, too
+        # visible from the south, too
         corner = (south + 0.2 * (north - south), west + 0.05 * (east - west))
         start = self._positions(np.floor(corner) + 0.5)
         limit = self._positions(np.array([north, east]) - 0.5)
@@ -200,7 +200,7 @@ def _gltf(points: np.ndarray, places: np.ndarray, faces: np.ndarray, picture: by
     accessors[0] |= {'min': points.min(axis=0).tolist(), 'max': points.max(axis=0).tolist()}
     attributes = {'POSITION': 0, 'TEXCOORD_0': 1}
     colour = {'baseColorTexture': {'index': 0}, 'baseColorFactor': [0.85, 0.85, 0.85, 1.0]}
-    # the picture has its own light and shade
+    # the picture already contains light and shade
     unlit: dict[str, Any] = {'KHR_materials_unlit': {}}
     content = {
         'asset': {'version': '2.0'}, 'extensionsUsed': [*unlit], 'scene': 0,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Colours that a browser shows as those of a map, in spite of its tone mapping.
+"""Colours to send to a browser so that it shows the colours of a map despite tone mapping.
 
 The browser draws a surface in ambient light with the filmic tone mapping ACES, as three.js has it:
 
@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: Intensity k of the light. It lets light colours be shown; with more light, the dark ones, which
-#: are sent in 8 bits, become coarse.
+#: Intensity k of the light. It is large enough to show light colours; with more light, dark
+#: colours, sent with 8 bits, would be coarse.
 LIGHT = 4.0
 
 #: Intensity of the light in viser, at which a diffuse surface has the colour c k.
@@ -41,9 +41,10 @@ class Tones(NamedTuple):
 
 
 def tones(colours: np.ndarray) -> Tones:
-    """Return the colours to send so that the browser shows given ones as closely as it can.
+    """Return the colours to send so that the browser shows the given colours.
 
-    ``colours`` are uint8, shape [count, 3]. Saturated colours can be outside its range.
+    ``colours`` are uint8, shape [count, 3]. A saturated colour can be out of range; the nearest is
+    then shown.
     """
     mapped = np.clip(np.linalg.solve(_OUT, _linear(colours).T).T, 0.0, 1.0)
     # the larger root of the quadratic equation for v

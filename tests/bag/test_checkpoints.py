@@ -104,7 +104,7 @@ def test_raises_without_a_checkpoint(tmp_path: Path) -> None:
     with pytest.raises(LavaError, match=r'with \.mcap files; this one has none'):
         newest_checkpoint(tmp_path)
     (tmp_path / 'text.mcap').write_text('not a bag at all')
-    with pytest.raises(LavaError, match='does not start like one'):
+    with pytest.raises(LavaError, match='this one has another format'):
         newest_checkpoint(tmp_path)
     with pytest.raises(LavaError, match='with a checkpoint in it; this one has none'):
         newest_checkpoint(small_bag(tmp_path / 'bag').path)

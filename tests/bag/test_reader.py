@@ -177,7 +177,7 @@ def test_decompression_bombs_do_not_exceed_the_memory_limit(
     try:
         reader = BagReader(path)
         if claimed == 2**22 and count > 1:
-            with pytest.raises(LavaError, match='at most 8388608 bytes of messages of one time'):
+            with pytest.raises(LavaError, match='at most 8388608 bytes of messages at one time'):
                 list(reader.messages())
         else:
             assert len(list(reader.messages())) == 1 + (claimed == 2**22)
@@ -231,7 +231,7 @@ def test_limit_of_memory_counts_whole_messages(
     monkeypatch.setattr('lava_ros.bag.mcap_file.MAX_HELD', 2**22 - 2**16)
     path = tmp_path / 'tiny.mcap'
     write_tiny(path, payload)
-    with pytest.raises(LavaError, match='at most 4128768 bytes of messages of one time'):
+    with pytest.raises(LavaError, match='at most 4128768 bytes of messages at one time'):
         list(BagReader(path).messages())
 
 
@@ -239,9 +239,9 @@ def test_limit_of_memory_counts_whole_messages(
     ('gone', None, 'a bag directory or an .mcap file that exists'),
     ('bag/a', b'', 'this one has none'),
     ('bag', b'', 'this one is empty'),
-    ('bag', b'SQLite format 3', 'does not start like one'),
-    ('bag/metadata.yaml', b'{', 'metadata that rosbag2 wrote'),
-    ('bag/metadata.yaml', b'a: 1', 'metadata that rosbag2 wrote'),
+    ('bag', b'SQLite format 3', 'this one has another format'),
+    ('bag/metadata.yaml', b'{', 'metadata written by rosbag2'),
+    ('bag/metadata.yaml', b'a: 1', 'metadata written by rosbag2'),
     ('bag/metadata.yaml', b'%storage_identifier: sqlite3}', 'mcap; `ros2 bag convert`'),
     ('bag/metadata.yaml', b'%storage_identifier: mcap, compression_mode: FILE}', '^comp'),
     (

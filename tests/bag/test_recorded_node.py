@@ -36,11 +36,11 @@ TEXT = 'std_msgs/msg/String'
 TIMES = {'/etna/lava': (200.0, 400.0, 600.0), '/stromboli/lava': (1000.0, 1100.0, 1200.0)}
 
 #: Commands that read the maps of one node, with their arguments and the file that they write.
-NODE_COMMANDS: dict[str, tuple[str, ...]] = {
-    'info': (), 'report': ('-o', 'out.html'), 'plot': ('-o', 'out.png'), 'places': ('huts.csv',),
-    'animate': ('-o', 'out.gif', '--seconds', '0.5'), 'export': ('-o', 'out'),
-    'watch': ('--port', '0'),
-}
+NODE_COMMANDS: tuple[tuple[str, ...], ...] = (
+    ('bag info',), ('map', '-o', 'out.html'), ('map', '-o', 'out.png'),
+    ('map', '-o', 'out.gif', '--seconds', '0.5'), ('places', 'huts.csv'), ('export', '-o', 'out'),
+    ('watch', '--port', '0'),
+)
 
 
 @pytest.fixture(scope='module')
@@ -81,28 +81,28 @@ def test_every_command_that_reads_maps_of_a_bag_has_the_option() -> None:
         if {'bag', 'node'} <= {action.dest for action in parser_of(name)._actions}
     }
     # a replay needs no choice
-    assert having == {*NODE_COMMANDS, 'replay'}
+    assert having == {*(name for name, *_ in NODE_COMMANDS), 'ros replay'}
 
 
-@pytest.mark.parametrize('command', NODE_COMMANDS)
+@pytest.mark.parametrize('words', NODE_COMMANDS, ids=' '.join)
 def test_command_reads_the_named_node(
-    both: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+    both: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
+    command, *arguments = words
     monkeypatch.chdir(tmp_path)
     server = Mock()
     monkeypatch.setattr('lava_ros.watch.server.Server', server)
     monkeypatch.setattr('signal.signal', lambda *_: None)
     (tmp_path / 'huts.csv').write_text('name,x,y\nhut,-47.5,95\n')
-    arguments = NODE_COMMANDS[command]
     names = '/etna/lava, /stromboli/lava'
     # the page shows the error, because a bag may still be recording
     if command != 'watch':
-        if command == 'info':
+        if command == 'bag info':
             out = done(command, both)
             assert f'{names}; --node' in out and 'simulated ' not in out
         else:
             error = refused(command, both, *arguments)
-            assert f'expected a bag of one node, or --node with one of {names}' in error
+            assert f'contains several nodes. Choose one: --node with one of {names}' in error
         error = refused(command, both, *arguments, '--node', '/vesuvius')
         assert error.startswith(f"lava {command}: --node is '/vesuvius'") and names in error
     out = done(command, both, *arguments, '--node', '/stromboli/lava')
@@ -110,7 +110,7 @@ def test_command_reads_the_named_node(
         frames = server.call_args.args[0]
         frames.poll()
         assert frames.times == list(TIMES['/stromboli/lava'])
-    if command == 'info':
+    if command == 'bag info':
         assert 'simulated  1200.000 s' in out
 
 
@@ -180,8 +180,8 @@ def test_replay_asks_for_a_node_of_the_bag(
     data = {**own.custom_data, **RecordedNode('/etna/lava', '/etna', {}).description}
     described = changed(own.path, tmp_path / 'bag', lambda _, message: message, data)
     for path, names in ((both, '/etna/lava, /stromboli/lava'), (described, '/etna/lava')):
-        error = refused('replay', path, '--node', '/vesuvius')
-        assert error.startswith("lava replay: --node is '/vesuvius'") and names in error
+        error = refused('ros', 'replay', path, '--node', '/vesuvius')
+        assert error.startswith("lava ros replay: --node is '/vesuvius'") and names in error
     # all messages of a bag that describes a single node
     assert player.play(BagReader(described), node='/etna', rate=1e9) == own.message_count
 

@@ -93,7 +93,7 @@ def test_schedule_raises_for_invalid_arguments(
     with pytest.raises(LavaError) as caught:
         schedule(BagReader(bag[0]), **options)
     assert caught.value.field == field
-    with pytest.raises(LavaError, match='at least one message'):
+    with pytest.raises(LavaError, match='contains no messages'):
         schedule(small_bag(tmp_path / 'empty'))
 
 

@@ -23,8 +23,8 @@ def write_ensemble_scene(folder: Path, discharge: float, uncertainty: dict[str, 
 
 def ensemble_words(folder: Path, members: int) -> list[object]:
     """Return the command of an ensemble of the scene in a folder."""
-    words = ['ensemble', folder / 'scene.yaml', '-o', folder / 'members', '--members', members]
-    return [*words, '--horizon', '3min', '--workers', 1, '--device', 'cpu']
+    words = ['run', folder / 'scene.yaml', '-o', folder / 'members', '--members', members]
+    return [*words, '--until', '3min', '--workers', 1, '--device', 'cpu']
 
 
 def write_outline(path: Path, south_west: Any, north_east: Any) -> Path:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava accuracy`, `verify`, `bench` and `effects`: printed and written tables."""
+"""`lava check accuracy`, `verify`, `bench` and `effects`: printed and written tables."""
 
 import csv
 from dataclasses import replace
@@ -75,7 +75,7 @@ def table(path: Path) -> list[dict[str, str]]:
 
 @pytest.mark.nightly
 def test_accuracy_writes_its_report_without_optional_packages(tmp_path):
-    words = ['accuracy', '--quick', '--case', 'fixed_volume', '--device', 'cpu']
+    words = ['check', 'accuracy', '--quick', '--case', 'fixed_volume', '--device', 'cpu']
     places = ['--output', str(tmp_path / 'a/b'), '--json', str(tmp_path / 'a.json')]
     ended = subprocess.run(
         [sys.executable, '-c', BARE, *words, *places],
@@ -86,13 +86,13 @@ def test_accuracy_writes_its_report_without_optional_packages(tmp_path):
     rows = table(tmp_path / 'a/b/cpu.csv')
     assert {row['case'] for row in rows} == {'fixed_volume'}
     assert {row['command'] for row in rows} == {f'lava {" ".join(words)}'}
-    assert len(json.loads((tmp_path / 'a.json').read_text())) == len(rows)
+    assert len(json.loads((tmp_path / 'a.json').read_text())['rows']) == len(rows)
     assert '100 %' in ended.stdout and 'draft' in ended.stdout
 
 
 def test_accuracy_replaces_only_the_rows_of_named_cases(tmp_path, one_setting, monkeypatch):
     monkeypatch.setattr('lava_ros.verification.chart.draw', lambda *_: None)
-    words = ['accuracy', '--device', 'cpu', '--repetitions', '1', '--output', tmp_path]
+    words = ['check accuracy', '--device', 'cpu', '--repetitions', '1', '--output', tmp_path]
     for names in (('fixed_volume', 'dam_break'), ('slope_fixed_area',), ('fixed_volume',)):
         done(*words, *(word for name in names for word in ('--case', name)))
     rows = read_csv(tmp_path / 'cpu.csv')
@@ -109,13 +109,13 @@ def test_interrupted_accuracy_keeps_finished_cases(tmp_path, one_setting, monkey
     monkeypatch.setitem(measure.CASES, 'dam_break', stopped)
     words = ['--quick', '--device', 'cpu', '--output', tmp_path]
     words += ['--case', 'fixed_volume', '--case', 'dam_break']
-    assert lava('accuracy', *words)[0] == 130
+    assert lava('check', 'accuracy', *words)[0] == 130
     assert {row.case for row in read_csv(tmp_path / 'cpu.csv')} == {'fixed_volume'}
 
 
 def test_verify_reports_a_case_with_its_bounds(tmp_path):
     path = tmp_path / 'a.json'
-    words = ['verify', '--preset', 'draft', '--case', 'sheet', '--device', 'cpu']
+    words = ['check solver', '--preset', 'draft', '--case', 'sheet', '--device', 'cpu']
     line, last = done(*words, '--json', path).splitlines()
     assert line.startswith('sheet ') and line.endswith(' ok')
     assert last == '3 of 3 quantities are within their bounds'
@@ -131,7 +131,7 @@ def test_verify_reports_a_case_with_its_bounds(tmp_path):
 def test_verify_shows_progress_before_a_case_runs(monkeypatch):
     stopped = Case('fake', 'a fake', 'nobody', Mock(side_effect=KeyboardInterrupt))
     monkeypatch.setattr(cases, 'CASES', {'fake': stopped})
-    status, _, printed = lava('verify', '--device', 'cpu')
+    status, _, printed = lava('check', 'solver', '--device', 'cpu')
     assert (status, printed) == (130, '  0 %  1 of 1: a fake\n')
 
 
@@ -149,7 +149,7 @@ def test_verify_fails_when_an_error_exceeds_its_bound(errors, words, status, mon
     monkeypatch.setattr(cases, 'CASES', {'fake': known})
     limits = (0.02, 0.01)  # draft, other presets
     monkeypatch.setattr(bounds, 'BOUNDS', {'fake': {'q': limits, 'r': limits}})
-    ended, out, _ = lava('verify', '--device', 'cpu', *words)
+    ended, out, _ = lava('check', 'solver', '--device', 'cpu', *words)
     assert ended == status
     if '--json' in words:
         assert json.loads(out)['within_bounds'] is False
@@ -167,12 +167,12 @@ def test_effects_lists_every_effect(tmp_path):
             (line,) = [line for line in lines if line.startswith(name + ' ')]
             assert effect.admits in line
         assert ' x ' in line or ' ? ' in line
-    report = {item['effect']: item for item in json.loads(path.read_text())}
+    report = {item['effect']: item for item in json.loads(path.read_text())['effects']}
     assert report['steep']['on']
     assert report['steep']['value'] > report['steep']['threshold']
     # the lava of this paper has no yield strength
     done('effects', '--material', 'kedadry2023', '--json', path)
-    report = {item['effect']: item for item in json.loads(path.read_text())}
+    report = {item['effect']: item for item in json.loads(path.read_text())['effects']}
     assert report['yielding']['value'] is None and not report['yielding']['on']
     assert report['green']['threshold'] is None and not report['green']['on']
 
@@ -192,7 +192,7 @@ def test_bench_effects_writes_its_table(tmp_path, monkeypatch):
         effects, 'effect_sets', lambda: {name: sets[name] for name in ('bare', 'green')}
     )
     output, text = tmp_path / 'effects.csv', tmp_path / 'effects.json'
-    words = 'bench effects --device cpu --repetitions 2 --particles 400'
+    words = 'check speed effects --device cpu --repetitions 2 --particles 400'
     assert 'green' in done(*words.split(), '--output', output, '--json', text)
     rows = table(output)
     assert [row['benchmark'] for row in rows] == ['bare', 'green']
@@ -201,14 +201,14 @@ def test_bench_effects_writes_its_table(tmp_path, monkeypatch):
     bare, green = (float(row['value']) for row in rows)
     assert float(rows[1]['ratio']) == pytest.approx(green / bare, rel=1e-4)
     assert rows[0]['command'] == f'lava {words}'
-    assert len(json.loads(text.read_text())) == 2
+    assert len(json.loads(text.read_text())['rows']) == 2
 
 
 def test_bench_members_measures_a_batch(tmp_path, monkeypatch):
     monkeypatch.setattr(members, 'MEMBERS', {'cpu': (2,)})
     monkeypatch.setattr(members, 'SETS', ('bare',))
-    words = 'bench members --device cpu --particles 300 --repetitions 2 --json'
+    words = 'check speed members --device cpu --particles 300 --repetitions 2 --json'
     done(*words.split(), tmp_path / 'members.json')
-    rows = json.loads((tmp_path / 'members.json').read_text())
+    rows = json.loads((tmp_path / 'members.json').read_text())['rows']
     assert [row['benchmark'] for row in rows] == ['bare: 2 members']
     assert all(row['low'] > 0.0 for row in rows)

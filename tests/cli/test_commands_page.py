@@ -8,16 +8,16 @@ import re
 
 import pytest
 
-from lava_ros.cli.parser import command_line_parser, COMMANDS
+from lava_ros.cli.parser import COMMANDS
 from scripts import load_script
 
 PAGE = Path(__file__).parents[2] / 'docs/commands.md'
 SCRIPT = load_script(PAGE.with_suffix('.py'))
 
 
-def test_page_of_commands_is_up_to_date() -> None:
-    text = PAGE.read_text(encoding='utf-8')
-    assert SCRIPT.page(text) == text, 'run python docs/commands.py'
+def test_tables_of_commands_are_up_to_date() -> None:
+    for path, text in SCRIPT.pages().items():
+        assert path.read_text(encoding='utf-8') == text, 'run python docs/commands.py'
     listed = [name for names in SCRIPT.JOBS.values() for name in names]
     assert sorted(listed) == sorted(COMMANDS)
 
@@ -26,11 +26,3 @@ def test_page_of_commands_is_up_to_date() -> None:
 def test_page_of_commands_has_an_example_of_each_command(name: str) -> None:
     blocks = re.findall(r'```sh\n(.*?)```', PAGE.read_text(encoding='utf-8'), re.DOTALL)
     assert any(re.search(rf'(?m)^lava {name}\b', block) for block in blocks)
-
-
-def test_page_of_results_describes_the_json_of_each_command() -> None:
-    text = PAGE.with_name('results.md').read_text(encoding='utf-8')
-    (table,) = re.findall(r'(?s)## JSON of the commands.*?\n\n\| command (.*?)\n\n', text)
-    listed = set(re.findall(r'`(\w+)`', ' '.join(re.findall(r'(?m)^\| (`.*?) \|', table))))
-    commands = command_line_parser().commands
-    assert listed == {name for name in COMMANDS if '--json' in commands[name].options}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava demo`, and the child processes of commands."""
+"""`lava ros demo`, and the child processes of commands."""
 
 import os
 from pathlib import Path
@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 def start(directory: Path, *words: str) -> subprocess.Popen[str]:
     """Start the demo on the CPU, without a terminal."""
     return subprocess.Popen(
-        [sys.executable, '-m', 'lava_ros.cli.main', 'demo', '--device', 'cpu', *words],
+        [sys.executable, '-m', 'lava_ros.cli.main', 'ros', 'demo', '--device', 'cpu', *words],
         cwd=directory, env=os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'},
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )
@@ -52,7 +52,7 @@ def test_demo_keeps_the_bags_of_earlier_demos(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.nightly
 def test_demo_reports_a_failed_node_with_its_log(tmp_path):
-    demo = start(tmp_path, '--device', 'cuda:77', '--duration', '600')
+    demo = start(tmp_path, '--device', 'cuda:77', '--until', '600')
     _, errors = demo.communicate(timeout=300)
     assert demo.returncode == 1
     assert 'the node' in errors
@@ -62,7 +62,7 @@ def test_demo_reports_a_failed_node_with_its_log(tmp_path):
 
 @pytest.mark.nightly
 def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
-    demo = start(tmp_path, '--duration', '7200')
+    demo = start(tmp_path, '--until', '7200')
     assert demo.stdout is not None
     line = ''
     deadline = time.monotonic() + 300.0

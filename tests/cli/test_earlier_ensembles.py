@@ -73,7 +73,7 @@ def test_page_names_what_an_earlier_version_did_not_write(
 ) -> None:
     folder = Path(shutil.copytree(ensemble, tmp_path / 'members'))
     remove(folder, names)
-    done('report', folder, '-o', tmp_path / 'page.html')
+    done('map', folder, '-o', tmp_path / 'page.html')
     page = html.unescape((tmp_path / 'page.html').read_text())
     assert 'wrote this folder without them' in page
     for name in names:
@@ -86,7 +86,7 @@ def test_page_names_what_an_earlier_version_did_not_write(
 def test_page_of_this_version_lacks_nothing(
     ensemble: Path, tmp_path: Path, undrawn: None
 ) -> None:
-    done('report', ensemble, '-o', tmp_path / 'page.html')
+    done('map', ensemble, '-o', tmp_path / 'page.html')
     assert 'wrote this folder' not in (tmp_path / 'page.html').read_text()
 
 
@@ -94,4 +94,4 @@ def test_page_of_this_version_lacks_nothing(
 def test_page_needs_the_maps_of_all_versions(name: str, ensemble: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(ensemble, tmp_path / 'members'))
     (folder / f'{name}.tif').unlink()
-    assert f'{name}.tif' in refused('report', folder, '-o', tmp_path / 'page.html')
+    assert f'{name}.tif' in refused('map', folder, '-o', tmp_path / 'page.html')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava ensemble`: maps from a scene file, resumed runs, barriers and errors."""
+"""`lava run --members`: maps from a scene file, resumed runs, barriers and errors."""
 
 import json
 from pathlib import Path
@@ -74,7 +74,7 @@ def read(path: Path) -> np.ndarray:
 
 def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
     out, report = tmp_path / 'out', tmp_path / 'report.json'
-    words = ['ensemble', scene, '-o', out, '--horizon', '12min', '--members', '2']
+    words = ['run', scene, '-o', out, '--until', '12min', '--members', '2']
     words += ['--workers', '1', '--device', 'cpu', '--json', report, '--barriers', lines]
     words += ['--places', tmp_path / 'hut.csv', '--barriers-at', '2min']
     output = done(*words)
@@ -110,14 +110,15 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
 
 @pytest.mark.parametrize(('words', 'named'), [
     (('--barriers-at', '1h'), '--barriers-at'),
-    (('--places', 'none.csv'), '--places'),
+    (('--places', 'none.csv', '--barriers', 'dams.csv'), '--places'),
+    (('--seed', '3', '--at', '1h'), '--at and --members exclude'),
     (('--barriers', 'hut.csv'), 'a line'),
     (('--emplaced-as', 'ground'), '--emplaced-as'),
     (('--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'), 'at least one area'),
     (('--terrain-at', '1h', 'none.tif'), 'none.tif'),
     (('--terrain-at', '-1h', 'ground.npz'), '--terrain-at'),
     (('--members', '0'), 'members'),
-    (('--horizon', 'soon'), '--horizon'),
+    (('--until', 'soon'), '--until'),
     (('--workers', '0'), '--workers'),
     (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
     (('--observed', 'outline.tif'), '--observed-at'),
@@ -126,14 +127,14 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
 ])
 def test_refuses_unusable_options(scene, lines, tmp_path, monkeypatch, words, named):
     monkeypatch.chdir(tmp_path)
-    error = refused('ensemble', scene, '-o', 'out', *words)
-    assert error.startswith('lava ensemble: ') and named in error
+    error = refused('run', scene, '-o', 'out', '--members', '4', *words)
+    assert error.startswith('lava run: ') and named in error
     assert not (tmp_path / 'out').exists()
 
 
 def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     out, report = tmp_path / 'out', tmp_path / 'report.json'
-    words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
+    words = ['run', scene, '-o', out, '--until', '10min', '--workers', '1']
     words += ['--device', 'cpu', '--json', report]
     done(*words, '--members', '2', '--formats', 'gpkg', 'nc', 'shp')
     # of an area that the next maps do not have
@@ -183,7 +184,7 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
         np.testing.assert_array_equal(file.read(1)[::-1], probability)
     for path in (out / 'lava.gpkg', out / 'inundation_probability.shp'):
         # probability and area, of a Shapefile with names of 10 letters
-        rows = [list(item.properties.values()) for item in load_features('--overlay', path)]
+        rows = [list(item.properties.values()) for item in load_features('--places', path)]
         assert [50.0, 0.1, (probability >= 50.0).sum() * 400.0] in rows
     assert (out / 'arrival_time_p90.csv').read_text() != 'old'
 
@@ -222,7 +223,7 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     np.testing.assert_array_equal(grids[0], occupancy(probability))
     assert not np.array_equal(*grids)
     page = tmp_path / 'page.json'
-    words = ['plot', out, out / 'weighted', '--layers', 'inundation_probability', '--json', page]
+    words = ['map', out, out / 'weighted', '--layers', 'inundation_probability', '--json', page]
     done(*words, '-o', tmp_path / 'page.png')
     notes = json.loads(page.read_text())['notes']
     assert 'outline.tif, 600 s' in notes['weighted by']
@@ -239,7 +240,7 @@ def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
     described['uncertainty']['exact'] = 'all'
     scene.write_text(yaml.safe_dump(described))
     out, report = tmp_path / 'out', tmp_path / 'report.json'
-    words = ['ensemble', scene, '-o', out, '--horizon', '15min', '--workers', '1']
+    words = ['run', scene, '-o', out, '--until', '15min', '--workers', '1']
     words += ['--device', 'cpu', '--json', report, '--members', '1']
     status, output, warned = lava(*words)
     assert status == 0
@@ -266,26 +267,26 @@ def test_interrupted_ensemble_explains_how_to_resume(scene, tmp_path, monkeypatc
     def interrupted(*args: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr('lava_ros.forecast.ensemble.run_ensemble', interrupted)
-    words = ['--workers', '1', '--device', 'cpu']
-    status, _, output = lava('ensemble', scene, '-o', tmp_path / 'out', *words)
+    monkeypatch.setattr('lava_ros.cli.run_ensemble.run_ensemble', interrupted)
+    words = ['--members', '4', '--workers', '1', '--device', 'cpu']
+    status, _, output = lava('run', scene, '-o', tmp_path / 'out', *words)
     assert status == 130 and 'the same command' in output
 
 
 def test_parses_times_with_and_without_units():
     known = {'6h': 21600.0, '90min': 5400.0, '1.5 d': 129600.0, '30': 30.0, '1e3s': 1000.0}
-    assert {text: seconds_of('--horizon', text) for text in known} == known
-    assert seconds_of('--time', '0', may_be_zero=True) == 0.0
+    assert {text: seconds_of('--until', text) for text in known} == known
+    assert seconds_of('--at', '0', may_be_zero=True) == 0.0
     for text in ('', '6 hours', '0h', '-1h', 'nan', '1h30'):
-        with pytest.raises(LavaError, match='--horizon'):
-            seconds_of('--horizon', text)
+        with pytest.raises(LavaError, match='--until'):
+            seconds_of('--until', text)
 
 
 def test_ensemble_of_a_case_is_scored(tmp_path):
     case = write_case(tmp_path / 'valley', hours=1)
-    words = ['ensemble', case, '-o', tmp_path / 'out', '--members', '2']
+    words = ['run', case, '-o', tmp_path / 'out', '--members', '2']
     words += ['--device', 'cpu', '--workers', '1', '--spacing', '40']
-    assert '--horizon does not apply to' in refused(*words, '--horizon', '1h')
+    assert '--until does not apply to' in refused(*words, '--until', '1h')
     output = done(*words, '--json', tmp_path / 'report.json')
     report = json.loads((tmp_path / 'report.json').read_text())
     assert (report['case'], report['horizon_s']) == ('valley', 3600.0)
@@ -303,9 +304,9 @@ def test_susceptibility_map_places_the_vents(scene, tmp_path):
     likelihood[5:8, 3] = 1.0
     where = raster(tmp_path / 'where.tif', likelihood)
     (tmp_path / 'rates.csv').write_text('date,q\n2021-09-19T12:00Z,10\n2021-09-19T13:00Z,10\n')
-    words = ['ensemble', scene, '-o', tmp_path / 'out', '--horizon', '10min']
+    words = ['run', scene, '-o', tmp_path / 'out', '--until', '10min']
     words += ['--effusion-rate', tmp_path / 'rates.csv']
-    words += ['--eruption-start', '2021-09-19T14:00:00+02:00']
+    words += ['--start', '2021-09-19T14:00:00+02:00']
     done(*words, '--members', '1', '--workers', '1', '--device', 'cpu', '--susceptibility', where)
     # maps have dates if the command states the start of the eruption
     with rasterio.open(tmp_path / 'out/inundation_probability.tif') as file:
@@ -321,7 +322,7 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     described['uncertainty']['exact'] = ['density', 'terrain', *crust]
     scene.write_text(yaml.safe_dump(described))
     out, report = tmp_path / 'out', tmp_path / 'report.json'
-    words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1']
+    words = ['run', scene, '-o', out, '--until', '10min', '--workers', '1']
     words += ['--device', 'cpu', '--json', report, '--members', '16', '--spacing', '30']
     output = done(*words)
     found = json.loads(report.read_text())
@@ -348,11 +349,11 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
 
 def test_ensemble_with_too_coarse_particles_says_that_it_is_not_usable(scene, lines, tmp_path):
     out, report, table = (tmp_path / name for name in ('out', 'report.json', 'table.json'))
-    words = ['ensemble', scene, '-o', out, '--horizon', '10min', '--workers', '1', '--members']
+    words = ['run', scene, '-o', out, '--until', '10min', '--workers', '1', '--members']
     output = done(*words, '1', '--spacing', '40', '--device', 'cpu', '--json', report)
     error = json.loads(report.read_text())['spacing_error']
-    assert error['spacing'] == 40.0 and not error['is_usable']
-    said = f'a spacing of {error["usable_spacing"]:g} m would do'
+    assert error['spacing_m'] == 40.0 and not error['is_usable']
+    said = f'a spacing of {error["usable_spacing_m"]:g} m would do'
     assert 'the probabilities are not usable' in output and said in output
     found = read_run(out)
     assert found.title.endswith(', not usable') and said in found.facts['warning']
@@ -361,4 +362,4 @@ def test_ensemble_with_too_coarse_particles_says_that_it_is_not_usable(scene, li
     assert places['spacing_error'] == error and said in places['note']
     with rasterio.open(out / 'inundation_probability.tif') as file:
         assert file.tags()['is_usable'] == 'false' and said in file.tags()['spacing_error']
-    assert 0.0 < error['usable_spacing'] < 40.0
+    assert 0.0 < error['usable_spacing_m'] < 40.0

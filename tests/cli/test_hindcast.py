@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava hindcast`, `lava calibrate`, `lava barrier` and `lava materials`."""
+"""`lava run CASE`, `lava calibrate`, `lava barrier` and `lava materials`."""
 
 import json
 from pkgutil import resolve_name
@@ -27,13 +27,13 @@ LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_streng
 def valley(tmp_path):
     """Write a case; return the first words of a short hindcast of it."""
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
-    words = ['hindcast', case, '-o', tmp_path / 'out', '--preset', 'draft', '--spacing', '20']
+    words = ['run', case, '-o', tmp_path / 'out', '--preset', 'draft', '--spacing', '20']
     return [*words, '--device', 'cpu', '--maps', '1']
 
 
 def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     case, out = write_case(tmp_path / 'valley', hours=1, yaml=LAVA), tmp_path / 'out'
-    words = ['hindcast', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
+    words = ['run', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
     done(*words, '--maps', '3', '-o', out, '--json', tmp_path / 'out.json')
     data = json.loads((tmp_path / 'out.json').read_text())
     assert data == json.loads((out / 'hindcast.json').read_text())
@@ -41,9 +41,9 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert [data[name] for name in names] == ['valley', 'etna_basalt', 'draft']
     score = data['score']
     assert score['precision'] > 0.9 and score['recall'] > 0.2
-    assert data['volume']['error'] < 1e-5
-    assert data['simulated_s'] == pytest.approx(3600.0)
-    assert data['lava']['viscosity'] == 2e4
+    assert data['volume_error'] < 1e-5
+    assert data['simulated_time_s'] == pytest.approx(3600.0)
+    assert {'name': 'viscosity', 'value': 2e4, 'unit': 'Pa s'} in data['lava']
     assert data['particles_emitted'] > 20
     assert not (out / '.unfinished').exists()
 
@@ -66,7 +66,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     for code, name in ((HIT, 'hits'), (MISS, 'misses'), (FALSE_ALARM, 'false_alarms')):
         assert (codes == code).sum() == score[name]
     np.testing.assert_array_equal((codes == HIT) | (codes == MISS), footprint() > 0.0)
-    assert grids['thickness'].sum() * CELL**2 == pytest.approx(score['volume'], rel=1e-5)
+    assert grids['thickness'].sum() * CELL**2 == pytest.approx(score['volume_m3'], rel=1e-5)
     assert grids['temperature'].max() < 1100.0
 
     # the page has the score and the sources of constants, and escapes markup
@@ -92,11 +92,11 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert described_node(bag.custom_data) == RecordedNode(
         '/lava', '/', {topic.removeprefix('/'): topic for topic in bag.topics}
     )
-    assert done('info', out / 'bag').count('nodes      /lava\n') == 1
+    assert done('bag', 'info', out / 'bag').count('nodes      /lava\n') == 1
     times = [frame.time for frame in Recording(out / 'bag').frames()]
     dues = (1200, 2400, 3600)
     late = np.subtract(times, dues)
-    assert late.min() >= 0.0 and late.max() <= data['accuracy']['longest_step']
+    assert late.min() >= 0.0 and late.max() <= data['accuracy']['longest_step_s']
     frame = Recording(out / 'bag').frame_at()
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
@@ -116,8 +116,8 @@ def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
         done(*valley, '--json', tmp_path / 'out.json', *more)
         found.append(json.loads((tmp_path / 'out.json').read_text()))
     assert [vent['name'] for vent in found[0]['vents']] == ['fissure', 'cone']
-    assert found[0]['vents'][0]['end'] is not None and found[0]['vents'][1]['end'] is None
-    emitted = [item['volume']['emitted'] for item in found]
+    assert found[0]['vents'][0]['end_m'] is not None and found[0]['vents'][1]['end_m'] is None
+    emitted = [item['volume_emitted_m3'] for item in found]
     assert emitted == pytest.approx([15.0 * 1800, 12.0 * 1800])
     refused(*valley, '--vent', '1,2')
 
@@ -154,11 +154,11 @@ def test_page_and_numbers_list_the_oxides_of_a_composition(tmp_path):
     assert 'Giordano' in sources[int(number) - 1]
     assert by_name['vft_b'][1] == f'{case.scene.lava.vft_b:g}'
     words = ['--preset', 'draft', '--spacing', '40', '--device', 'cpu', '--maps', '1']
-    output = done('hindcast', tmp_path / 'valley', '-o', tmp_path / 'out', *words)
+    output = done('run', tmp_path / 'valley', '-o', tmp_path / 'out', *words)
     expected = r'lava +basalt \(changed: vft_a, vft_b, vft_c\); at the vent .* \(1442 K\)'
     assert re.search(expected, output)
     data = json.loads((tmp_path / 'out/hindcast.json').read_text())
-    assert data['composition'] == oxides
+    assert data['composition_percent'] == oxides
 
 
 def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
@@ -170,7 +170,7 @@ def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     with rasterio.open(tmp_path / 'out/runs.tif') as file:
         percent = file.read(1)
     assert set(np.unique(percent)) <= {0.0, 50.0, 100.0}
-    assert (percent >= 50.0).sum() * CELL**2 == pytest.approx(runs['majority']['area'])
+    assert (percent >= 50.0).sum() * CELL**2 == pytest.approx(runs['majority']['area_m2'])
     page = (tmp_path / 'out/hindcast.html').read_text()
     assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
     assert not (tmp_path / 'out/.unfinished').exists()
@@ -211,13 +211,13 @@ def test_refuses_unusable_cases_and_folders_of_others(tmp_path):
     case, out = write_case(tmp_path / 'valley'), tmp_path / 'out'
     out.mkdir()
     (out / 'thesis.txt').write_text('mine')
-    assert 'new, empty or of a hindcast' in refused('hindcast', case, '-o', out)
+    assert 'new, empty or of a hindcast' in refused('run', case, '-o', out)
     assert 'new, empty or of a calibration' in refused('calibrate', case, '-o', out)
     (case / 'vent.csv').unlink()
-    for command in ('hindcast', 'calibrate'):
+    for command in ('run', 'calibrate'):
         output = refused(command, case, '-o', tmp_path / 'new')
         assert output.startswith(f'lava {command}: case is') and output.count('\n') == 1
-        assert 'also holds vent.csv' in output and not (tmp_path / 'new').exists()
+        assert 'also contains vent.csv' in output and not (tmp_path / 'new').exists()
     assert [path.name for path in out.iterdir()] == ['thesis.txt']
 
 
@@ -244,12 +244,12 @@ def test_calibration_reports_near_best_sets(valley, tmp_path):
     assert '--directions' in output and '2 as in' in output
     for more, named in (
         (['--spacing', '50'], '--spacing is 50.0'), (['--preset', 'fine'], "--preset is 'fine'"),
-        (['--low-pass', '30'], '--low-pass is 30.0'), ([], 'case valley is'),
+        (['--low-pass', '30'], '--low-pass is 30.0'), ([], 'The case valley has changed'),
     ):
         if not more:
             (valley[1] / 'case.yaml').write_text(LAVA.replace('200', '300'))
         output = refused(*words, '2', *more)
-        assert named in output and 'as it was for the runs in' in output
+        assert named in output and 'the runs in' in output
     assert (tmp_path / 'out/runs.csv').read_text() == table
 
 
@@ -327,10 +327,13 @@ def test_materials_are_listed():
     output = done('materials')
     for part in ('etna_basalt: Etna basalt', '1143 K', '[1] Kedadry', 'SiO2', '50.41 wt%'):
         assert part in output
-    (one,) = json.loads(done('materials', 'reunion_basalt', '--json'))
-    assert one['constants']['vft_b']['value'] == 5558.0 and not one['composition']
-    (one,) = json.loads(done('materials', 'basalt', '--json'))
-    assert one['composition']['MgO']['value'] == 7.69
+    for name, constant, value, unit in (
+        ('reunion_basalt', 'vft_b', 5558.0, 'K'), ('basalt', 'MgO', 7.69, 'wt%')
+    ):
+        (one,) = json.loads(done('materials', name, '--json'))['materials']
+        found = {item['name']: item for item in one['constants']}
+        assert (found[constant]['value'], found[constant]['unit']) == (value, unit)
+        assert ('MgO' in found) == (name == 'basalt')
     assert 'etna_basalt' in refused('materials', 'obsidian')
 
 
@@ -352,9 +355,9 @@ def test_calibration_cross_validates_two_cases(tmp_path):
 
 def test_a_case_in_degrees_runs_without_a_warning(tmp_path):
     folder, _ = write_case_in_degrees(tmp_path / 'degrees', hours=0.5)
-    words = ['hindcast', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
+    words = ['run', folder, '--preset', 'draft', '--device', 'cpu', '--maps', '1']
     status, out, err = lava(*words, '-o', tmp_path / 'out')
-    output = [line for line in err.splitlines() if line.startswith('lava hindcast: ')]
+    output = [line for line in err.splitlines() if line.startswith('lava run: ')]
     ground, rates = output
     assert 'EPSG:4326 taken to EPSG:32633' in ground
     assert '2 intervals of mean rates, 0 to 1800 s, 2.7e+04 m3 in all' in rates

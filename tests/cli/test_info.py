@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava info` and `lava recover`."""
+"""`lava bag info` and `lava bag recover`."""
 
 from dataclasses import replace
 import json
@@ -14,6 +14,7 @@ import pytest
 from command_line import done, lava, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
+from lava_ros.cli.console import with_units
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 import recording
@@ -38,8 +39,9 @@ def bag(tmp_path):
 
 
 def info(path: Path) -> tuple[list[str], dict[str, Any]]:
-    """Return the lines and the JSON that `lava info` prints about a bag."""
-    return done('info', path).splitlines(), json.loads(done('info', path, '--json', '-'))
+    """Return the lines and the JSON that `lava bag info` prints about a bag."""
+    plain = json.loads(done('bag info', path, '--json', '-'))
+    return done('bag info', path).splitlines(), plain
 
 
 def test_info_lists_the_contents_of_a_bag(bag):
@@ -53,26 +55,26 @@ def test_info_lists_the_contents_of_a_bag(bag):
 
 
 def test_info_as_json(bag, tmp_path):
-    done('info', bag, '--json', tmp_path / 'info.json')
+    done('bag', 'info', bag, '--json', tmp_path / 'info.json')
     data = json.loads((tmp_path / 'info.json').read_text())
     assert data['scene'] == SCENE
     assert data['topics'][0]['qos']['durability'] == 'transient_local'
-    assert (data['message_count'], data['recovered'], data['duration']) == (3, False, 2.0)
+    assert (data['message_count'], data['recovered'], data['duration_s']) == (3, False, 2.0)
     assert info(bag)[1] == data
-    refused('info', bag, '--json', tmp_path / 'gone' / 'info.json')
+    refused('bag', 'info', bag, '--json', tmp_path / 'gone' / 'info.json')
 
 
 def test_truncated_bag_is_described_and_recovered(bag, tmp_path):
     path = bag / 'bag_0.mcap'
     path.write_bytes(path.read_bytes()[:-50])
     (bag / 'metadata.yaml').unlink()
-    assert 'cut off' in done('info', bag)
-    assert '3 messages' in done('recover', bag, tmp_path / 'whole')
+    assert 'cut off' in done('bag', 'info', bag)
+    assert '3 messages' in done('bag', 'recover', bag, '-o', tmp_path / 'whole')
     assert not BagReader(tmp_path / 'whole').recovered
-    assert 'choose another name' in refused('recover', bag, tmp_path / 'whole')
+    assert 'choose another name' in refused('bag', 'recover', bag, '-o', tmp_path / 'whole')
     # cut off within the first chunk
     path.write_bytes(path.read_bytes()[:100])
-    status, *texts = lava('recover', bag, tmp_path / 'empty')
+    status, *texts = lava('bag', 'recover', bag, '-o', tmp_path / 'empty')
     assert status == 1 and 'no message' in ''.join(map(str, texts))
 
 
@@ -86,8 +88,8 @@ def test_info_lists_checkpoints(tmp_path):
     assert lines[start].endswith('; resume takes the newest')
     assert lines[start + 1] == '  at 600.000 s simulated, 6.000 s, 6 particles'
     stored = report['checkpoints']
-    assert [item['time'] for item in stored] == [100.0 * count for count in range(7)]
-    assert stored[6]['size'] == len(checkpoint.to_bytes())
+    assert [item['time_s'] for item in stored] == [100.0 * count for count in range(7)]
+    assert stored[6]['size_bytes'] == len(checkpoint.to_bytes())
 
 
 def test_info_warns_of_a_volume_that_is_nan(tmp_path, monkeypatch):
@@ -121,7 +123,7 @@ def test_info_shows_effects_and_the_source_of_a_resumed_run(name, value, shown, 
     place = lines.index(shown[0])
     assert lines[place : place + len(shown)] == shown
     assert 'custom data' not in lines
-    assert report[name] == value
+    assert report[name] == with_units(value, s='time')
 
 
 @pytest.mark.parametrize(('name', 'text'), [

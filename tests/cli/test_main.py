@@ -18,9 +18,10 @@ import pytest
 from command_line import done, lava, refused
 import lava_ros
 from lava_ros.cli import main as cli
-from lava_ros.cli import options, plot, scene_options
+from lava_ros.cli import map as drawing
+from lava_ros.cli import options, scene_options
 from lava_ros.cli.console import Progress
-from lava_ros.cli.parser import COMMANDS, parse_command_line
+from lava_ros.cli.parser import command_of, COMMANDS, parse_command_line, RENAMED
 from lava_ros.cli.scenes import scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.layers import layer
@@ -36,39 +37,39 @@ TIME = "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min"
 
 
 @pytest.mark.parametrize(('line', 'named'), [
-    ('plot none -o a.png', 'bag is'),
-    ('info none', 'bag is'),
+    ('map none -o a.png', 'bag is'),
+    ('bag info none', 'bag is'),
     # YAML's message of several lines becomes one
     ('effects file', "scene is 'file', expected"),
-    ('feed --terrain none', 'none'),
-    ('demo --duration -1', '--duration is'),
-    ('demo --max-speed 0', '--max-speed is'),
-    ('demo --domain 500', '--domain is'),
-    ('demo --members 8 --forecast', '--forecast is gone: run examples/narrow_forecast.py'),
-    ('accuracy --case none', '--case is'),
-    ('accuracy --repetitions 0', '--repetitions is'),
-    ('accuracy --output file/folder', '--output is'),
-    ('verify --preset as-published', '--preset is'),
-    ('verify --case sheet none', '--case is'),
-    ('verify --device tpu', '--device is'),
-    ('bench effects --repetitions 0', '--repetitions is'),
-    ('bench effects --json .', '--json is'),
-    ('bench steps --device cpu --particles 400 3', '--particles is'),
+    ('ros feed --terrain none', 'none'),
+    ('ros demo --until -1', '--until is'),
+    ('ros demo --max-speed 0', '--max-speed is'),
+    ('ros demo --domain 500', '--domain is'),
+    ('ros demo --members 8 --forecast', '--forecast is gone: run examples/narrow_forecast.py'),
+    ('check accuracy --case none', '--case is'),
+    ('check accuracy --repetitions 0', '--repetitions is'),
+    ('check accuracy --output file/folder', '--output is'),
+    ('check solver --preset as-published', '--preset is'),
+    ('check solver --case sheet none', '--case is'),
+    ('check solver --device tpu', '--device is'),
+    ('check speed effects --repetitions 0', '--repetitions is'),
+    ('check speed effects --json .', '--json is'),
+    ('check speed steps --device cpu --particles 400 3', '--particles is'),
     ('watch --port 70000', '--port is 70000'),
     ('watch bag --namespace /etna', '--namespace and a bag or an ensemble exclude each other'),
     ('watch --namespace "/no good"', '--namespace is'),
     # all commands parse times alike
-    ('demo --duration "1 hour"', TIME),
-    ('plan --within 9s --horizon "1 hour"', TIME),
-    ('plot bag -o a.png --time "1 hour"', TIME),
-    ('replay bag --start-offset "1 hour"', TIME),
+    ('ros demo --until "1 hour"', TIME),
+    ('plan --within 9s --until "1 hour"', TIME),
+    ('map bag -o a.png --at "1 hour"', TIME),
+    ('ros replay bag --start-offset "1 hour"', TIME),
 ])
 def test_errors_are_one_sentence(line, named, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'file').write_text('terrain: {file: a\nvents: [')
     words = shlex.split(line)
     output = refused(*words)
-    assert output.startswith(f'lava {words[0]}: ') and named in output
+    assert output.startswith(f'lava {command_of(words)}: ') and named in output
     assert output.count('\n') == 1
     assert [path.name for path in tmp_path.iterdir()] == ['file']
 
@@ -78,7 +79,7 @@ def test_ros_arguments_reach_the_node(monkeypatch):
     monkeypatch.setattr('lava_ros.ros.node.main', lambda args: received.append(args) or 7)
     words = ['--ros-args', '-p', 'time_scale:=5.0', '-r', '__ns:=/etna', '--log-level', 'debug']
     for more in (words, ['--resume', 'bags/my "old" bag: #1', *words], []):
-        assert lava('node', *more)[0] == 7
+        assert lava('ros', 'node', *more)[0] == 7
     resume = ['--ros-args', '-p', r'resume:="bags/my \"old\" bag: #1"']
     assert received == [words, [*words, *resume], []]
 
@@ -92,11 +93,11 @@ def test_ros_arguments_reach_a_replay(monkeypatch):
     words = ['--ros-args', '-r', '__ns:=/etna', '-r', 'hazard:=/map']
     sample = str(ROOT / 'bags/sample')
     for more in (words, []):
-        assert lava('replay', sample, '--rate', '2', *more)[0] == 0
+        assert lava('ros', 'replay', sample, '--rate', '2', *more)[0] == 0
     assert received == [(2.0, words), (2.0, [])]
 
 
-@pytest.mark.parametrize('words', [['feed'], ['replay', str(ROOT / 'bags/sample')]])
+@pytest.mark.parametrize('words', [['ros feed'], ['ros replay', str(ROOT / 'bags/sample')]])
 @pytest.mark.parametrize('wrong', [['-r', '__ns:=no slash'], ['--nope']])
 def test_refuses_invalid_ros_arguments(words, wrong):
     assert wrong[-1] in refused(*words, '--ros-args', *wrong)
@@ -146,14 +147,14 @@ def test_effusion_rates_of_a_table_are_divided_among_vents(island, tmp_path):
     (tmp_path / 'rates.csv').write_text('date;TADR;error\n2021-09-19;20;5\n2021-09-20;40;10\n')
     (tmp_path / 'vents.csv').write_text('X,Y,share\n365300,7650400,1\n365500,7650400,2\n')
     words = ('--terrain', island, '--effusion-rate', str(tmp_path / 'rates.csv'))
-    start = ('--eruption-start', '2021-09-18T23:00:00Z', '--porosity', '0.25')
+    start = ('--start', '2021-09-18T23:00:00Z', '--porosity', '0.25')
     scene = scene_of(*words, *start, '--vents', str(tmp_path / 'vents.csv'))
     first, second = scene.vents
     assert first.series[:2] == ((3600.0, pytest.approx(40.0 / 3.0)), (90000.0, 0.0))
     assert second.peak == pytest.approx(80.0 / 3.0)
     assert scene.uncertainty.discharge is not None
     for rate in ((), ('--effusion-rate', '5')):
-        with pytest.raises(LavaError, match='share of .vent 1. is 2.0, expected none without a'):
+        with pytest.raises(LavaError, match='share of .vent 1. has no effect without a table'):
             scene_of('--terrain', island, '--vents', str(tmp_path / 'vents.csv'), *rate)
     (summit,) = scene_of(*words).vents
     assert summit.discharge == ((0.0, 30.0), (86400.0, 0.0))
@@ -234,7 +235,7 @@ def test_refuses_unusable_vents(words, sentence, island):
 
 
 @pytest.mark.parametrize(('words', 'text'), [
-    ('effects', 'because'), ('plot {sample} -o map.png', 'drawn to map.png'),
+    ('effects', 'because'), ('map {sample} -o map.png', 'drawn to map.png'),
     ('places {sample} hut.csv', 'lava at least 0.1 m thick'),
 ])
 def test_stdout_has_only_json_when_it_is_asked_for(words, text, tmp_path, monkeypatch):
@@ -253,7 +254,7 @@ def test_broken_pipe_ends_quietly(monkeypatch):
     replaced: list[tuple[int, int]] = []
     monkeypatch.setattr(cli.os, 'dup2', lambda a, b: replaced.append((a, b)))
     monkeypatch.setattr(sys.stdout, 'fileno', lambda: 1, raising=False)
-    assert cli.main(['info', 'bag']) == 141
+    assert cli.main(['bag', 'info', 'bag']) == 141
     assert replaced
 
 
@@ -261,25 +262,32 @@ def test_help_lists_every_command():
     assert done('--version') == f'lava_ros {lava_ros.__version__}\n'
     page = done('--help')
     for name in COMMANDS:
-        assert re.search(rf'^    {name}\s+[a-z]\w+ ', page, re.MULTILINE), name
+        assert re.search(rf'^  {name}\s+[a-z]\w+ ', page, re.MULTILINE), name
         assert done(name, '--help').startswith(f'usage: lava {name} ')
 
 
 @pytest.mark.parametrize(('words', 'sentence'), [
     ((), 'lava: COMMAND is missing, expected one of run, '),
     (('dance',), "lava: COMMAND is 'dance', expected one of run, "),
-    (('replay',), 'lava replay: bag is missing, expected bag directory or .mcap file; '),
-    (('replay', 'b', '--rate', 'x'), "lava replay: --rate is 'x', expected a finite number; "),
-    (('replay', 'bag', '--rte', '2'), 'lava replay: --rte: unknown option; did you mean --rate?'),
-    (('info', 'a', '\x1b[31m'), "lava info: unexpected argument '\\x1b[31m'; "),
-    (('info', '\udcff'), "lava: an argument is '\\udcff', expected text in UTF-8; "),
-    (('demo', '--preset', 'none'), "lava demo: --preset is 'none', expected one of draft, "),
+    (('ros replay',), 'lava ros replay: bag is missing, expected folder of a run, '),
+    (('ros replay', 'b', '--rate', 'x'), "lava ros replay: --rate is 'x', expected a finite "),
+    (('ros replay', 'b', '--rte', '2'), 'lava ros replay: --rte: unknown option; did you mean '),
+    (('bag info', 'a', '\x1b[31m'), "lava bag info: unexpected argument '\\x1b[31m'; "),
+    (('bag info', '\udcff'), "lava: an argument is '\\udcff', expected text in UTF-8; "),
+    (('ros demo', '--preset', 'none'), "lava ros demo: --preset is 'none', expected one of "),
 ])
 def test_wrong_usage_is_one_line(words, sentence):
     output = refused(*words)
     assert output.count('\n') == 1
     assert output.startswith(sentence)
     assert output.endswith("--help' lists the arguments\n")
+
+
+@pytest.mark.parametrize('name', RENAMED)
+def test_old_name_of_a_command_names_the_new_one(name):
+    line = RENAMED[name]
+    assert refused(name, 'x', '-o', 'y') == f'lava: lava {name} is now lava {line}\n'
+    assert command_of(line.split()) in COMMANDS
 
 
 #: Packages that are too slow to import for `lava COMMAND --help`.
@@ -295,7 +303,7 @@ from io import StringIO
 import sys
 from lava_ros.cli.main import main
 from lava_ros.cli.parser import COMMANDS
-for words in ([], *([name] for name in COMMANDS)):
+for words in ([], *(name.split() for name in COMMANDS)):
     with suppress(SystemExit), redirect_stdout(StringIO()):
         main([*words, '--help'])
     print('lava', *words, *(name for name in sys.modules if '.' not in name))
@@ -317,7 +325,7 @@ def test_help_imports_nothing_heavy():
     (options.MAPS, export.MAPS),
     (options.SOURCES, layer.SOURCES),
     (options.FORMATS, export.FORMATS),
-    (plot.DRAWN, tuple(dict.fromkeys((*layer.SOURCES, 'arrival', *run_page.ENSEMBLE_MAPS)))),
+    (drawing.DRAWN, tuple(dict.fromkeys((*layer.SOURCES, 'arrival', *run_page.ENSEMBLE_MAPS)))),
     (scene_options.GAPS, effusion_rates.GAPS),
     (scene_options.RATE_METHODS, tuple(measurements.RATE_ERRORS)),
     (scene_options.EMPLACED_KINDS, emplaced.KINDS),
@@ -328,7 +336,8 @@ def test_constants_of_the_parser_equal_those_of_the_package(declared, known):
 
 
 @pytest.mark.parametrize(('line', 'words'), [
-    ('lava do', {'doctor'}), ('lava demo --preset dr', {'draft'}),
+    ('lava mat', {'materials'}), ('lava check in', {'install'}),
+    ('lava ros demo --preset dr', {'draft'}),
     ('lava effects et', {'etna.yaml'}),
 ])
 def test_shell_completes_commands_options_choices_and_files(line, words, tmp_path):

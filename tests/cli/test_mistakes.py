@@ -32,18 +32,41 @@ FILES = {
 
 #: Mistakes on the command line: the line, and parts of the error. BAG is a bag.
 LINES = {
-    'mistyped command': ('ensembel scene.yaml', "COMMAND is 'ensembel'", 'did you mean ensemble?'),
+    'mistyped command': ('efects scene.yaml', "COMMAND is 'efects'", 'did you mean lava effects?'),
+    'mistyped command of two words': (
+        'check instal', "COMMAND is 'instal'", 'did you mean lava check install?'),
+    'command without its first word': ('recove', "is 'recove'", 'did you mean lava bag recover?'),
+    'command of another family': ('bag replay BAG', "is 'replay'", 'mean lava ros replay?'),
+    'mistyped old name': ('hindcats valley', "is 'hindcats'", 'did you mean lava run CASE?'),
+    'family alone': ('check', 'COMMAND is missing', 'one of install, solver, accuracy, speed'),
+    'old name of an option': ('map BAG -o a.png --time 1h', '--time: unknown', 'is now --at'),
+    'scene as an option': (
+        'effects --scene scene.yaml', '--scene: unknown option', 'give the SCENE without'),
+    'option of other commands': (
+        'export BAG -o out --members 4', '--members: unknown option here',
+        'belongs to lava run, lava plan'),
+    'option of an ensemble': (
+        'run scene.yaml --seed 3', '--seed has no effect without --members', 'Add --members'),
+    'option of a mapped eruption': (
+        'run scene.yaml --runs 4', '--runs has no effect without', 'folder of a mapped eruption'),
+    'two targets': (
+        'run scene.yaml --within 60s --error 10%', '--within and --error exclude', 'Leave out'),
+    'error above all': (
+        'run scene.yaml --error 200%', "--error is '200%'", 'at most 100'),
+    'option of an animation': (
+        'map BAG -o a.png --fps 3', '--fps does not apply to .png', 'Leave it out'),
+    'several runs in an animation': ('map BAG BAG -o a.gif', 'RUN is', 'one run, for an'),
     'command that does not exist': ('help', "COMMAND is 'help'", "'lava --help' lists"),
     'option before the command': (
         '--preset fine effects scene.yaml', '--preset: unknown option', 'lava COMMAND --preset'),
     'mistyped option': (
         'effects scene.yaml --materiel basalt', '--materiel: unknown', 'did you mean --material?'),
     'mistyped option in place of a required one': (
-        'plot BAG --otput a.png', '--otput: unknown option', 'did you mean --output?'),
+        'map BAG --otput a.png', '--otput: unknown option', 'did you mean --output?'),
     'long option with one dash': (
         'effects scene.yaml -preset fine', '-preset: unknown option', 'did you mean --preset?'),
     'long option with one dash, as a short one': (
-        'plot BAG -output a.png', '-output: unknown option', 'did you mean --output?'),
+        'map BAG -output a.png', '-output: unknown option', 'did you mean --output?'),
     'mistyped choice': (
         'effects scene.yaml --preset fin', "--preset is 'fin'", 'one of draft', 'mean fine?'),
     'format by another name': (
@@ -53,25 +76,26 @@ LINES = {
     'option without its value': (
         'effects scene.yaml --preset', '--preset: expected one argument', 'one of draft'),
     'too few values': (
-        'plot BAG -o a.png --extent 1 2 3', '--extent: expected 4 arguments', 'in metres of the'),
+        'map BAG -o a.png --extent 1 2 3', '--extent: expected 4 arguments', 'in metres of the'),
     'time without its file': (
         'effects scene.yaml --terrain-at 2h', '--terrain-at: expected 2', 'elevation at and'),
     'required option': ('plan scene.yaml', '--within is missing', 'wall time to use: 30s, 10min'),
-    'required output': ('ensemble scene.yaml', '--output is missing', 'folder for members'),
+    'required output': (
+        'run scene.yaml --members 4', '--output is missing', 'folder for the members'),
     'required file': ('places BAG', 'FILE is missing', '.csv with x,y or lon,lat'),
     'a second scene': (
         'effects scene.yaml other.yaml', "unexpected argument 'other.yaml'", 'effects --help'),
     'time of two words': (
         'plan scene.yaml --within 10 minutes', "argument 'minutes'", 'put quotes around'),
     'unknown unit': ('plan scene.yaml --within 10mins', "--within is '10mins'", 'min, h, d: 6h'),
-    'negative time': ('plot BAG -o a.png --time -1h', "--time is '-1h'", 'at least 0', 'unit: 6h'),
-    'time beyond the bag': ('plot BAG -o a.png --time 5d', "--time is '5d'", '0 to 43200 s'),
+    'negative time': ('map BAG -o a.png --at -1h', "--at is '-1h'", 'at least 0', 'unit: 6h'),
+    'time beyond the bag': ('map BAG -o a.png --at 5d', "--at is '5d'", '0 to 43200 s'),
     'no time at all': ('plan scene.yaml --within 0', "--within is '0'", 'above 0'),
     'number as a word': (
-        'ensemble scene.yaml -o out --members ten', "--members is 'ten'", 'a whole number'),
-    'no members': ('ensemble scene.yaml -o out --members 0', '--members is 0', 'from 1 to 10'),
+        'run scene.yaml -o out --members ten', "--members is 'ten'", 'a whole number'),
+    'no members': ('run scene.yaml -o out --members 0', '--members is 0', 'from 1 to 10'),
     'fraction of a seed': (
-        'ensemble scene.yaml -o out --seed 1.5', "--seed is '1.5'", 'a whole number'),
+        'run scene.yaml -o out --members 4 --seed 1.5', "--seed is '1.5'", 'a whole number'),
     'name of a zone as EPSG code': (
         'effects scene.yaml --epsg UTM40S', "--epsg is 'UTM40S'", 'an EPSG code such as 32633'),
     'decimal comma': (
@@ -98,7 +122,7 @@ LINES = {
     'other suffix': ('effects scene.yml', "scene is 'scene.yml'", 'did you mean scene.yaml?'),
     'folder as a file': ('effects --terrain full', "is 'full'", 'a file; this is a folder'),
     'folder that is not a case': (
-        'effects full', "case is 'full'", 'a folder that also holds elevation.asc'),
+        'effects full', "case is 'full'", 'a folder that also contains elevation.asc'),
     'elevation twice': (
         'effects ground.npz --terrain ground.npz', 'elevation ground.npz and --terrain exclude',
         'Leave out one of them.'),
@@ -109,16 +133,16 @@ LINES = {
     'effect on and off': (
         'effects scene.yaml --on vft --off vft', '--on vft and --off vft exclude', 'Leave out'),
     'format of a picture': (
-        'plot BAG -o map.jpg', "--output is 'map.jpg'", 'ends with .png or .pdf or .svg'),
+        'map BAG -o map.jpg', "--output is 'map.jpg'", 'ends with .png or .pdf or .svg'),
     'folder that does not exist': (
-        'plot BAG -o missing/map.png', "--output is 'missing/map.png'", 'a folder that exists'),
+        'map BAG -o missing/map.png', "--output is 'missing/map.png'", 'a folder that exists'),
     'folder that is full': ('export BAG -o full', "output is 'full'", 'new or empty'),
     'date of another country': (
-        'plot BAG -o a.png --onset 14.07.2006', "--onset is '14.07.2006'", 'as 2006-07-14T22:00Z'),
+        'map BAG -o a.png --start 14.07.2006', "--start is '14.07.2006'", 'as 2006-07-14T22:00Z'),
     'missing value with a unit': (
         'effects scene.yaml --nodata -9999m', "--nodata is '-9999m'", 'a number, or none'),
-    'bag that is none': ('info scene.yaml', "bag is 'scene.yaml'", 'expected an MCAP file'),
-    'folder without a bag': ('info full', "bag is 'full'", 'a directory with .mcap files'),
+    'bag that is none': ('bag info scene.yaml', "bag is 'scene.yaml'", 'expected an MCAP file'),
+    'folder without a bag': ('bag info full', "bag is 'full'", 'a directory with .mcap files'),
     'beginning of a name': ('materials etna', "is 'etna'", 'did you mean etna_basalt?'),
 }
 

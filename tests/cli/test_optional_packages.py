@@ -22,15 +22,15 @@ MISSING = [
     ('rasterio', f'export {SAMPLE} -o maps', 'pip install rasterio'),
     ('rasterio', f'export {SAMPLE} -o maps --formats geojson', 'pip install rasterio'),
     ('rasterio', 'effects --terrain model.tif --vent 5,5', 'pip install rasterio'),
-    ('rasterio', 'ensemble --terrain flat.npz --vent 50,50 -o out', 'pip install rasterio'),
+    ('rasterio', 'run --members 2 --terrain flat.npz --vent 50,50 -o out', 'pip install rasterio'),
     ('pyogrio', f'export {SAMPLE} -o maps --formats gpkg', 'pip install pyogrio'),
     ('pyogrio', f'places {SAMPLE} places.gpkg', 'pip install pyogrio'),
     ('viser', f'watch {SAMPLE}', 'pip install viser'),
-    ('distributed', 'ensemble --terrain flat.npz --vent 50,50 --effusion-rate 1 --horizon 1min '
-     '-o out --scheduler tcp://localhost:1', 'pip install distributed'),
-    ('rclpy', 'node', "pip install '.[ros]' in the folder of the source"),
-    ('nav_msgs', 'demo', "pip install '.[ros]' in the folder of the source"),
-    ('rclpy', 'feed', "pip install '.[ros]' in the folder of the source"),
+    ('distributed', 'run --members 2 --terrain flat.npz --vent 50,50 --effusion-rate 1 '
+     '--until 1min -o out --scheduler tcp://localhost:1', 'pip install distributed'),
+    ('rclpy', 'ros node', "pip install '.[ros]' in the folder of the source"),
+    ('nav_msgs', 'ros demo', "pip install '.[ros]' in the folder of the source"),
+    ('rclpy', 'ros feed', "pip install '.[ros]' in the folder of the source"),
 ]
 
 

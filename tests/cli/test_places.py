@@ -115,7 +115,7 @@ def test_table_of_a_run_equals_its_geotiff(bag: Path, tmp_path: Path) -> None:
 def test_arrivals_have_dates_if_the_start_is_known(given: str, tmp_path: Path) -> None:
     stated = {'onset': '2006-07-14T22:00:00Z'} if given == 'recording' else {}
     bag = record(tmp_path / 'flow', custom_data=stated)
-    words = () if stated else ('--onset', '2006-07-15T00:00+02:00')
+    words = () if stated else ('--start', '2006-07-15T00:00+02:00')
     zone = ('--timezone', 'Pacific/Auckland')
     words = ('places', bag, write_places(tmp_path / 'a.geojson'), *words, *zone)
     text = done(*words, '--json', tmp_path / 'a.json', '-o', tmp_path / 'a.csv')
@@ -134,13 +134,13 @@ def test_arrivals_have_dates_if_the_start_is_known(given: str, tmp_path: Path) -
     assert ', 2006-07-14 22:13 UTC (2006-07-15 10:13 NZST)' in text
     assert 'the start is 2006-07-14 22:00 UTC' in text
     assert ',2006-07-14T22:13:20Z,' in (tmp_path / 'a.csv').read_text()
-    error = refused('places', bag, tmp_path / 'a.geojson', '--onset', 'yesterday')
-    assert '--onset is' in error
+    error = refused('places', bag, tmp_path / 'a.geojson', '--start', 'yesterday')
+    assert '--start is' in error
 
 
 def test_table_up_to_a_time_leaves_out_later_arrivals(bag: Path, tmp_path: Path) -> None:
     places = write_places(tmp_path / 'a.geojson')
-    late, early = (table(bag, places, *more, folder=tmp_path) for more in ((), ('--time', 450)))
+    late, early = (table(bag, places, *more, folder=tmp_path) for more in ((), ('--at', 450)))
     for name in POINTS:
         time = late[name]['arrival_p50_s']
         has_come = time is not None and time <= 450.0
@@ -148,8 +148,8 @@ def test_table_up_to_a_time_leaves_out_later_arrivals(bag: Path, tmp_path: Path)
         assert (early[name]['front_distance_m'] == 0.0) is has_come
     assert early['post -33']['arrival_p50_s'] is not None
     assert early['post -18']['arrival_p50_s'] is None
-    error = refused('places', bag, places, '--time', 900)
-    assert '--time is 900.0, expected a finite number at most 800 s' in error
+    error = refused('places', bag, places, '--at', 900)
+    assert "--at is '900', expected a finite number at most 800 s" in error
 
 
 @pytest.fixture(scope='module')
@@ -193,14 +193,14 @@ def test_table_uses_the_weights_of_members(ensemble: Path, tmp_path: Path) -> No
     for name in POINTS:
         assert found[name]['probability_percent'] == likely[name]
     for text, words in (
-        ('[1, 1]', 'a folder with 6 members'), ('{', 'the weights'),
-        ('[1, 1, 1, 1, 1, 1]', 'maps with the weights of its members'),
+        ('[1, 1]', 'are of 6 members'), ('{', 'the weights'),
+        ('[1, 1, 1, 1, 1, 1]', 'do not have the weights of its members'),
     ):
         (ensemble / 'weights.json').write_text(text)
         assert words in refused('places', ensemble, tmp_path / 'a.geojson')
 
 
-def test_ensemble_writes_the_table_of_its_maps(ensemble: Path, tmp_path: Path) -> None:
+def test_ensemble_prints_the_table_of_its_maps(ensemble: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(ensemble.parent, tmp_path / 'ensemble'))
     places, report = write_places(tmp_path / 'a.geojson'), tmp_path / 'report.json'
     outline = write_outline(
@@ -213,8 +213,6 @@ def test_ensemble_writes_the_table_of_its_maps(ensemble: Path, tmp_path: Path) -
         written = json.loads(report.read_text())
         expected = table(maps, places, folder=tmp_path)
         assert {item['name']: item for item in written['places']} == expected
-        assert (maps / 'places.csv').read_text() == (tmp_path / 'table.csv').read_text()
-        assert str(maps / 'places.csv') in written['files']
         assert printed.endswith(done('places', maps, places))
 
 
@@ -222,7 +220,7 @@ def test_reports_contain_the_table(ensemble: Path, tmp_path: Path, undrawn: None
     places, page = write_places(tmp_path / 'a.geojson'), tmp_path / 'page.html'
     bag = record(tmp_path / 'flow', times=(200.0, 400.0))
     for runs in ([bag], [bag, ensemble]):
-        done('report', *runs, '-o', page, '--overlay', places)
+        done('map', *runs, '-o', page, '--places', places)
         text = page.read_text()
         assert text.count('Arrival at places') == 1
         assert text.count('>farm<') == len(runs)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Output for people: `lava plot`, `report`, `export` and `info`."""
+"""Output for people: `lava map`, `report`, `export` and `info`."""
 
 from dataclasses import replace
 import json
@@ -31,7 +31,7 @@ from recording import GRIDS, record, TERRAIN
 
 def plot(folder: Path, *words: object) -> dict[str, Any]:
     """Draw a page, and return its JSON description."""
-    done('plot', *words, '-o', folder / 'map.png', '--json', folder / 'output.json')
+    done('map', *words, '-o', folder / 'map.png', '--json', folder / 'output.json')
     return json.loads((folder / 'output.json').read_text())
 
 
@@ -69,7 +69,7 @@ def test_plot_describes_a_bag(bag, tmp_path, undrawn):
         'coordinates': 'WGS 84 / UTM zone 33N (EPSG:32633)', 'volume emitted': '6,170 m³',
     }.items()
     output = plot(
-        tmp_path, bag, '--layers', 'arrival', '--time', '400', '--volcano', 'Etna',
+        tmp_path, bag, '--layers', 'arrival', '--at', '400', '--volcano', 'Etna',
         '--source', 'INGV 2014', '--date', '2026-11-23',
     )
     assert output['title'] == 'Etna: Lava flow after 7 min'
@@ -104,7 +104,7 @@ def pages_of(run: Path, folder: Path) -> dict[str, tuple[dict[str, Any], str]]:
     hut = folder / 'hut.csv'
     hut.write_text('x,y,name\n500050,4180100,hut\n')
     drawn = plot(folder, run)
-    done('report', run, '-o', folder / 'page.html')
+    done('map', run, '-o', folder / 'page.html')
     page = (folder / 'page.html').read_text()
     done('places', run, hut, '--json', folder / 'places.json')
     return {
@@ -181,8 +181,8 @@ def test_plot_compares_runs_by_folder(bag, ensemble, tmp_path, undrawn):
     compound = replace(TERRAIN, wkt=CRS.from_user_input('EPSG:32633+5773').to_wkt())
     plot(tmp_path, bag, record(tmp_path / 'compound', terrain=compound))
     picture = tmp_path / 'no.png'
-    assert 'the same for all' in refused('plot', bag, nowhere, '-o', picture)
-    assert 'different names' in refused('plot', bag, bag, '-o', picture)
+    assert 'different coordinate systems' in refused('map', bag, nowhere, '-o', picture)
+    assert 'have the same name' in refused('map', bag, bag, '-o', picture)
     assert not picture.exists()
 
 
@@ -190,7 +190,7 @@ def test_plot_draws_overlays_and_counts_those_off_the_map(bag, tmp_path, caplog,
     plain = plot(tmp_path, bag, '--layers', 'hazard')
     before = imread(tmp_path / 'map.png')
     (tmp_path / 'stations.csv').write_text('x,y,name\n499980,4180090,a\n1,2,b\n')
-    words = ('--overlay', tmp_path / 'stations.csv', '--observed', outline)
+    words = ('--places', tmp_path / 'stations.csv', '--observed', outline)
     assert plot(tmp_path, bag, '--layers', 'hazard', *words) == plain
     assert 'stations: 1 of 2 features lie outside' in caplog.text
     blue = [
@@ -202,24 +202,24 @@ def test_plot_draws_overlays_and_counts_those_off_the_map(bag, tmp_path, caplog,
 
 @pytest.mark.parametrize(('words', 'named'), [
     (('--layers', 'inundation_probability'), 'one of thickness, temperature, hazard'),
-    (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
-    (('--time', '9h'), 'time is'),
+    (('--places', 'none.csv'), '--places is .none.csv., expected a file that exists'),
+    (('--at', '9h'), '--at is .9h.'),
     (('--extent', '5', '1', '4', '2'), '--extent is .5 1 4 2., expected WEST SOUTH EAST'),
-    (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent with'),
+    (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent that overlaps'),
     (('--scale', '1:0'), '--scale is .0., expected'),
     (('--scale', '1:20'), '--scale is .1:20., expected 1:[0-9]+ or smaller'),
-    (('--onset', '2006-07-14T22:00'), '--onset is .*offset from UTC'),
-    (('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Etna'), '--timezone is'),
-    (('--timezone', 'Europe/Rome'), '--timezone has no effect without --onset'),
+    (('--start', '2006-07-14T22:00'), '--start is .*offset from UTC'),
+    (('--start', '2006-07-14T22:00Z', '--timezone', 'Europe/Etna'), '--timezone is'),
+    (('--timezone', 'Europe/Rome'), '--timezone has no effect without --start'),
     (('--logo', 'none.png'), '--logo is .none.png., expected a PNG or JPEG'),
 ])
 def test_plot_refuses_unusable_options(bag, tmp_path, words, named):
-    assert re.search(named, refused('plot', bag, '-o', tmp_path / 'a.png', *words))
+    assert re.search(named, refused('map', bag, '-o', tmp_path / 'a.png', *words))
     assert not (tmp_path / 'a.png').exists()
 
 
 def test_maps_older_than_the_requested_time_are_noted(bag, tmp_path, caplog, undrawn):
-    output = plot(tmp_path, bag, '--time', '550s')
+    output = plot(tmp_path, bag, '--at', '550s')
     assert output['title'] == 'Lava flow after 7 min'
     note = 'maps at 7 min (400 s), the newest of the recording at or before 9 min (550 s)'
     assert output['notes']['time'] == note and note in caplog.text
@@ -234,12 +234,12 @@ def test_onset_of_a_bag_gives_dates(tmp_path, caplog, undrawn):
     stated = {'onset': '2006-07-14T22:00:00Z'}
     bag = record(tmp_path / 'flow', config=GRIDS, custom_data=stated)
     zone = ('--timezone', 'Europe/Rome')
-    notes = plot(tmp_path, bag, '--time', '600', *zone)['notes']
+    notes = plot(tmp_path, bag, '--at', '600', *zone)['notes']
     assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
     assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
-    notes = plot(tmp_path, bag, '--onset', '2026-01-01T12:00Z', *zone)['notes']
+    notes = plot(tmp_path, bag, '--start', '2026-01-01T12:00Z', *zone)['notes']
     assert notes['maps show'].startswith('2026-01-01 12:13 UTC')
-    done('report', bag, '-o', tmp_path / 'a.html')
+    done('map', bag, '-o', tmp_path / 'a.html')
     page = (tmp_path / 'a.html').read_text()
     assert '<dt>maps show</dt><dd>2006-07-14 22:13 UTC' in page
     done('export', bag, '-o', tmp_path / 'maps', '--formats', 'tif', 'geojson', 'nc')
@@ -258,10 +258,8 @@ def test_onset_of_a_bag_gives_dates(tmp_path, caplog, undrawn):
 
 def test_observed_lava_off_the_map_is_refused(bag, ensemble, tmp_path):
     far = write_outline(tmp_path / 'far.geojson', (0, 0), (100, 100))
-    for command, run, page in (
-        ('plot', ensemble, 'a.png'), ('plot', bag, 'a.png'), ('report', ensemble, 'a.html')
-    ):
-        output = refused(command, run, '-o', tmp_path / page, '--observed', far)
+    for run, page in ((ensemble, 'a.png'), (bag, 'a.png'), (ensemble, 'a.html')):
+        output = refused('map', run, '-o', tmp_path / page, '--observed', far)
         assert re.search('--observed is .*far.geojson.*observed lava on the terrain', output)
         assert not (tmp_path / page).exists()
 
@@ -280,10 +278,10 @@ def test_extents_in_degrees_and_metres_agree(bag, tmp_path, monkeypatch):
 
 def test_refuses_an_unfinished_ensemble(ensemble, tmp_path):
     (tmp_path / 'ensemble.json').write_text((ensemble / 'ensemble.json').read_text())
-    refused('plot', tmp_path, '-o', tmp_path / 'a.png')
-    refused('plot', ensemble, '--time', '1h', '-o', tmp_path / 'a.png')
+    refused('map', tmp_path, '-o', tmp_path / 'a.png')
+    refused('map', ensemble, '--at', '1h', '-o', tmp_path / 'a.png')
     (tmp_path / 'ensemble.json').write_text('[]')
-    refused('report', tmp_path, '-o', tmp_path / 'a.html')
+    refused('map', tmp_path, '-o', tmp_path / 'a.html')
 
 
 @pytest.mark.parametrize(('name', 'value', 'limits'), [
@@ -296,21 +294,21 @@ def test_impossible_values_of_an_ensemble_are_refused(ensemble, tmp_path, name, 
         values = file.read(1)
         values[0, 0] = value
         file.write(values, 1)
-    for words in (('plot', '-o', 'a.png'), ('report', '-o', 'a.html')):
-        output = refused(words[0], folder, words[1], tmp_path / words[2])
+    for page in ('a.png', 'a.html'):
+        output = refused('map', folder, '-o', tmp_path / page)
         assert f'{name}.tif has {value:g}, expected {limits}' in output
 
 
 def test_reports_contain_maps_and_facts(bag, ensemble, tmp_path, outline, undrawn):
     page = tmp_path / 'a.html'
-    done('report', ensemble, '-o', page, '--observed', outline)
+    done('map', ensemble, '-o', page, '--observed', outline)
     text = page.read_text()
     assert 'data:image/png;base64,' in text and 'brier score of members' in text
     assert 'Simulation, not verified.' in text
-    done('report', bag, ensemble, '-o', page)
+    done('map', bag, ensemble, '-o', page)
     assert 'members: Expected peak thickness of the lava' in page.read_text()
     page.unlink()
-    done('report', bag, '-o', page, '--observed', outline, '--author', 'A. Nonymous')
+    done('map', bag, '-o', page, '--observed', outline, '--author', 'A. Nonymous')
     assert '<dt>author</dt><dd>A. Nonymous</dd>' in page.read_text()
 
 
@@ -328,7 +326,7 @@ def test_export_lists_or_counts_its_files(bag, tmp_path):
 
 def test_info_has_the_simulated_time_and_volumes(bag):
     volume = 250.0 * (8 * 3.26 - 0.05 * 28)
-    lines = done('info', bag).splitlines()
+    lines = done('bag', 'info', bag).splitlines()
     assert 'simulated  800.000 s' in lines
     place = lines.index('volumes') + 1
     stated = dict(line.strip().split('  ', 1) for line in lines[place : place + 8])
@@ -338,28 +336,28 @@ def test_info_has_the_simulated_time_and_volumes(bag):
         'waiting in the vents': '0 m3', 'overdue in the vents': '0 m3',
         'unaccounted for': 'below 1e-15',
     }
-    output = json.loads(done('info', bag, '--json', '-'))['simulation']
+    output = json.loads(done('bag', 'info', bag, '--json', '-'))['simulation']
     assert output['time'] == 800.0
     assert output['volume_held_m3'] == pytest.approx(volume, rel=1e-6)
 
 
 def test_onset_gives_dates_in_utc_and_local_time(ensemble, tmp_path, undrawn):
-    onset = ('--onset', '2006-07-14T22:00Z', '--timezone', 'Europe/Rome')
+    onset = ('--start', '2006-07-14T22:00Z', '--timezone', 'Europe/Rome')
     bag = record(tmp_path / 'flow', config=GRIDS)
-    notes = plot(tmp_path, bag, '--layers', 'arrival', '--time', '600', *onset)['notes']
+    notes = plot(tmp_path, bag, '--layers', 'arrival', '--at', '600', *onset)['notes']
     assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
     assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
     assert notes['isochrones'].startswith('5 min: 2006-07-14 22:05 UTC (2006-07-15 00:05 CEST)')
-    notes = plot(tmp_path, ensemble, '--onset', '2026-01-01T13:00+01:00', *onset[2:])['notes']
+    notes = plot(tmp_path, ensemble, '--start', '2026-01-01T13:00+01:00', *onset[2:])['notes']
     assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
 
 
 def test_report_refuses_wrong_page_options(bag, tmp_path):
     for option, value, words in (
-        ('--overlay', 'a.csv', "is 'a.csv', expected a file that exists"),
-        ('--scale', '1:2000', 'applies to paper'),
+        ('--places', 'a.csv', "is 'a.csv', expected a file that exists"),
+        ('--scale', '1:2000', 'does not apply to .html, a page for a screen'),
         ('--logo', 'a.png', "is 'a.png', expected a PNG or JPEG picture"),
     ):
-        error = refused('report', bag, '-o', tmp_path / 'a.html', option, value)
+        error = refused('map', bag, '-o', tmp_path / 'a.html', option, value)
         assert f'{option} {words}' in error
     assert not (tmp_path / 'a.html').exists()

@@ -55,7 +55,7 @@ def interrupted(
     (['lava', '--help'], 'lava_ros.cli.main'),
     (['lava', '--help'], 'argparse'),
     # imports of the command itself
-    (['lava', 'info', 'none'], 'mcap'),
+    (['lava', 'bag', 'info', 'none'], 'mcap'),
     (['lava_node'], 'rclpy'),
 ])
 def test_program_interrupted_at_its_start_prints_nothing(words: list[str], module: str) -> None:
@@ -84,8 +84,8 @@ sys.exit({function}())
     (['lava_node'], 'rclpy'),
     (['lava_node'], 'yaml'),
     (['lava_node'], 'nav_msgs'),
-    (['lava', 'info', 'none'], 'mcap'),
-    (['lava', 'demo'], 'numpy'),
+    (['lava', 'bag', 'info', 'none'], 'mcap'),
+    (['lava', 'ros', 'demo'], 'numpy'),
 ])
 def test_program_names_a_missing_package_in_one_sentence(words: list[str], package: str) -> None:
     start, function = PROGRAMS[words[0]]
@@ -145,9 +145,9 @@ def started(module: str, error: str, *words: str) -> subprocess.CompletedProcess
      f'ImportError({NO_FILE!r})'),
     # of ctypes
     (['lava_node'], 'warp', f'OSError({NO_FILE!r})'),
-    (['lava', 'replay', str(ROOT / 'bags/sample')], 'rclpy._rclpy_pybind11',
+    (['lava', 'ros', 'replay', str(ROOT / 'bags/sample')], 'rclpy._rclpy_pybind11',
      f'ImportError({OF_RCLPY!r})'),
-    (['lava', 'info', 'none'], 'zstandard', f'ImportError({NO_FILE!r})'),
+    (['lava', 'bag', 'info', 'none'], 'zstandard', f'ImportError({NO_FILE!r})'),
 ])
 def test_program_names_a_shared_library_that_cannot_be_loaded(
     words: list[str], module: str, error: str

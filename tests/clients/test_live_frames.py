@@ -183,7 +183,7 @@ def test_status_reports_each_fault(live, monkeypatch):
     live.deliver_status(2, 200.0)
     assert live.status.level is not Level.ERROR
     monkeypatch.setattr(live_frames, 'PATIENCE', -1.0)
-    assert 'the node has been silent for' in live.status.words
+    assert 'no message from the node for' in live.status.words
     # the node is back
     monkeypatch.setattr(live_frames, 'PATIENCE', 1e6)
     live.deliver_status(3, 0.0)

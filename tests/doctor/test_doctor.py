@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of the machine and the ROS graph, and the report of `lava doctor`."""
+"""Checks of the machine and the ROS graph, and the report of `lava check install`."""
 
 from collections import namedtuple
 import importlib.metadata
@@ -30,7 +30,7 @@ def one(check: Results) -> Finding:
     (result,) = check
     found = Finding('check', *result)
     assert found.text
-    assert found.way_out or found.level == OK
+    assert found.remedy or found.level == OK
     return found
 
 
@@ -103,7 +103,7 @@ def test_gpus_are_listed(monkeypatch):
     monkeypatch.setattr(doctor.shutil, 'which', lambda name: None)
     monkeypatch.setattr(doctor.Path, 'exists', lambda path: False)
     found = one(doctor.check_gpu())
-    assert found.level == WARN and found.text.startswith('none: the CPU does the work, on ')
+    assert found.level == WARN and found.text.startswith('none: the simulation runs on the CPU')
     monkeypatch.setattr(doctor.shutil, 'which', lambda name: '/usr/bin/nvidia-smi')
     assert 'cannot use' in one(doctor.check_gpu()).text
 
@@ -128,7 +128,7 @@ def test_kernel_cache_is_measured(tmp_path, monkeypatch):
     monkeypatch.setattr(doctor, '_warp', lambda: warp(0, '/proc/none'))
     found = one(doctor.check_kernel_cache())
     assert found.level == FAIL
-    assert 'WARP_CACHE_PATH' in found.way_out
+    assert 'WARP_CACHE_PATH' in found.remedy
 
 
 @pytest.mark.parametrize(
@@ -176,12 +176,12 @@ def test_ros_distribution_is_checked(monkeypatch):
     monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
     found = one(doctor.check_ros({}))
     assert found.level == FAIL
-    assert "pip install '.[ros]'" in found.way_out
+    assert "pip install '.[ros]'" in found.remedy
 
 
 @pytest.mark.parametrize(('environment', 'level', 'words'), [
-    ({}, OK, 'domain 0, range SUBNET: every machine of the subnet'),
-    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, OK, 'this machine alone'),
+    ({}, OK, 'domain 0, range SUBNET: every machine in the subnet'),
+    ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}, OK, 'only this machine'),
     ({'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}, FAIL, 'no machine'),
     (
         {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF', 'ROS_STATIC_PEERS': '10.0.0.7'},
@@ -220,7 +220,7 @@ def test_layers_with_a_weak_policy_are_reported():
     layers = layers_from_dict({'layers': {'mask': layer, 'hidden': hidden, 'raw': image}})
     levels, texts, ways_out = zip(*doctor.check_qos(layers), strict=True)
     assert levels == (WARN,) * 2 * len(doctor.CONSUMERS)
-    assert all('of mask' in text for text in texts)
+    assert all('receive mask' in text for text in texts)
     assert set(ways_out) == {
         'set layers.mask.qos.reliability to reliable',
         'set layers.mask.qos.durability to transient_local',
@@ -240,11 +240,11 @@ def test_middleware_that_cannot_start_is_reported(monkeypatch):
     assert found.level == FAIL
     assert 'rmw_of_nobody' in found.text
     monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
-    assert one(doctor.check_round_trip()).text == 'not tried: no rclpy'
+    assert one(doctor.check_round_trip()).text == 'not tested: rclpy is not installed'
 
 
 @pytest.mark.parametrize(('code', 'words'), [
-    ('import time; time.sleep(60)', 'nothing came back within 0.5 s'),
+    ('import time; time.sleep(60)', 'no message returned within 0.5 s'),
     ('import os; os.abort()', 'ended with status -6'),
     ('print("""{"error": "a latched message did not arrive within 20 s"}""")', 'latched'),
 ])
@@ -263,29 +263,29 @@ def test_middleware_that_hangs_or_crashes_is_reported(code, words, monkeypatch):
 def findings(monkeypatch):
     """Replace the doctor's checks by a list of findings that a test fills."""
     found: list[Finding] = []
-    monkeypatch.setattr('lava_ros.cli.doctor._findings', lambda args: iter(found))
+    monkeypatch.setattr('lava_ros.cli.install._findings', lambda args: iter(found))
     return found
 
 
 def test_findings_are_lines(findings):
     findings += [Finding('python', OK, '3.11'), Finding('gpu', WARN, 'none [x]', 'buy one')]
     lines = ['OK    python        3.11', 'WARN  gpu           none [x]', f'{"":20}-> buy one', '']
-    assert lava('doctor') == (0, '\n'.join(lines), '')
+    assert lava('check', 'install') == (0, '\n'.join(lines), '')
     # a FAIL sets the exit status
     findings.append(Finding('dds', FAIL, 'nothing came back', 'see the firewall'))
-    status, output, _ = lava('doctor')
+    status, output, _ = lava('check', 'install')
     assert status == 1 and 'FAIL' in output
 
 
 def test_findings_are_written_as_json(findings, tmp_path):
     findings += [Finding('disk', WARN, '2.0 GB', 'make room')]
-    expected = [{'check': 'disk', 'level': 'WARN', 'text': '2.0 GB', 'way_out': 'make room'}]
+    found = [{'check': 'disk', 'level': 'WARN', 'text': '2.0 GB', 'remedy': 'make room'}]
     path = tmp_path / 'doctor.json'
-    assert lava('doctor', '--json', path) == (0, '', '')
-    assert json.loads(path.read_text()) == expected
-    status, output, _ = lava('doctor', '--json', '-')
-    assert status == 0 and json.loads(output) == expected
-    status, _, output = lava('doctor', '--json', tmp_path / 'no/such')
+    assert lava('check', 'install', '--json', path) == (0, '', '')
+    assert json.loads(path.read_text())['checks'] == found
+    status, output, _ = lava('check', 'install', '--json', '-')
+    assert status == 0 and json.loads(output)['checks'] == found
+    status, _, output = lava('check', 'install', '--json', tmp_path / 'no/such')
     assert status == 2 and '--json' in output
 
 
@@ -294,11 +294,11 @@ def test_every_check_runs_without_ros(monkeypatch, tmp_path):
     monkeypatch.setattr(doctor, 'find_spec', lambda name: None)
     for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs'):
         monkeypatch.setitem(sys.modules, name, None)
-    status, output, errors = lava('doctor', '--json', '-', '--msg-config', 'none.yaml')
+    status, output, errors = lava('check', 'install', '--json', '-', '--msg-config', 'none.yaml')
     assert status == 1, errors
-    levels = {item['check']: item for item in json.loads(output)}
+    levels = {item['check']: item for item in json.loads(output)['checks']}
     names = 'python packages ros discovery dds qos gpu kernel_cache disk clock'
     assert set(levels) == {name.replace('_', ' ') for name in names.split()}
     assert levels['ros']['level'] == levels['dds']['level'] == FAIL
     assert 'none.yaml' in levels['qos']['text']
-    assert all(item['way_out'] for item in levels.values() if item['level'] != OK)
+    assert all(item['remedy'] for item in levels.values() if item['level'] != OK)

@@ -62,7 +62,7 @@ def temperature(simulation):
 
 
 def test_every_effect_that_transports_heat_has_a_balance():
-    """Viscous heating needs motion; its case in ``lava verify`` has exact solutions."""
+    """Viscous heating needs motion; its case in ``lava check solver`` has exact solutions."""
     found = {name for name in EFFECTS if hasattr(load(name), 'terms')} - {'viscous_heating'}
     assert DELETED or found | {'wind', 'latent_heat', 'steep'} == set(BALANCES)
 

@@ -26,7 +26,7 @@ COMPLETE = {
     'a heading in docs/MODEL.md':
         {name for line in re.findall('^#+ .*', MODEL, re.MULTILINE)
          for name in re.findall('`(.+?)`', line)},
-    'a row in the table of lava bench effects': {*step_costs()},
+    'a row in the table of lava check speed effects': {*step_costs()},
 }
 
 

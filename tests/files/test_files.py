@@ -106,7 +106,7 @@ def test_file_to_write_checks_the_path_without_a_change(tmp_path, caplog, alarm)
     os.mkfifo(tmp_path / 'pipe')
     names = ['none/a.json', 'file/a.json', 'pipe', 'a\0b']
     for path in (tmp_path, Path('/dev/null'), *(tmp_path / name for name in names)):
-        with pytest.raises(LavaError, match='^--json is .* a file (to write|in a folder)'):
+        with pytest.raises(LavaError, match='^--json is .* a (writable file|file in a folder)'):
             file_to_write('--json', path)
     with pytest.raises(LavaError, match="bag.mcap', expected a file whose name ends with .json"):
         file_to_write('--json', tmp_path / 'bag.mcap', ('.json',))
@@ -131,7 +131,7 @@ def test_does_not_write_through_links_at_old_temporary_names(bag, tmp_path):
     precious = tmp_path / 'precious'
     precious.write_text('precious')
     (tmp_path / '.run.html.partial').symlink_to(precious)
-    assert lava('report', bag, '-o', tmp_path / 'run.html')[0] == 0
+    assert lava('map', bag, '-o', tmp_path / 'run.html')[0] == 0
     with BagWriter(tmp_path / 'new', custom_data={}):
         (tmp_path / 'new/metadata.yaml.partial').symlink_to(precious)
     assert precious.read_text() == 'precious'
@@ -141,7 +141,7 @@ def test_does_not_write_through_links_at_old_temporary_names(bag, tmp_path):
 def test_rejects_output_that_would_replace_its_input(bag, tmp_path):
     path = bag / 'bag_0.mcap'
     before = path.read_bytes()
-    for command, option in (('info', '--json'), ('report', '-o'), ('plot', '-o')):
+    for command, option in (('bag info', '--json'), ('map', '-o')):
         status, _, message = lava(command, bag, option, path)
         assert (status, 'whose name ends with' in message) == (2, True)
     assert path.read_bytes() == before
@@ -155,11 +155,11 @@ def test_rejects_output_that_would_replace_its_input(bag, tmp_path):
         ('effects', scene, '--json', tmp_path / 'other.json'),
         # of several values, and of an option that may be repeated
         ('places', bag, scene, huts, '-o', huts),
-        ('report', bag, bag, '--overlay', huts, '--overlay', scene, '-o', scene),
+        ('map', bag, bag, '--places', huts, '--places', scene, '-o', scene),
     ):
         ground.write_text('precious')
         status, _, message = lava(*words)
-        assert (status, 'expected another file than' in message) == (2, True), message
+        assert (status, 'expected a file other than' in message) == (2, True), message
         assert (ground.read_text(), scene.read_text()) == ('precious', '{}')
         assert huts.read_text().startswith('name,x,y')
 
@@ -174,10 +174,10 @@ def test_escapes_control_characters_of_a_bag_in_output(tmp_path):
             name = topic.name if 'diag' not in topic.name else '/x\x1b[2J' + topic.name
             writer.write(name, topic.message_type, item.data, item.stamp_ns, qos=topic.qos)
     for words in (
-        ('info', tmp_path / 'bag'),
-        ('info', tmp_path / 'bag', '--json', '-'),
-        ('recover', tmp_path / 'bag', tmp_path / 'new'),
-        ('info', tmp_path / evil),
+        ('bag info', tmp_path / 'bag'),
+        ('bag info', tmp_path / 'bag', '--json', '-'),
+        ('bag recover', tmp_path / 'bag', '-o', tmp_path / 'new'),
+        ('bag info', tmp_path / evil),
     ):
         _, out, message = lava(*words)
         assert (out + message).replace('\n', '').isprintable()
@@ -197,10 +197,10 @@ def test_escapes_what_the_encoding_of_the_output_lacks(encoding, shown):
 
 def test_full_disk_is_an_error_and_leaves_no_file(bag, tmp_path):
     """Some libraries, such as GDAL, only print that they have failed."""
-    commands = {'export': 'maps', 'plot': 'a.png', 'report': 'a.html'}
+    commands = [('export', 'maps'), ('map', 'a.png'), ('map', 'a.html')]
     code = 'import resource, sys; from lava_ros.cli.main import main;'
     code += 'resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64));'
-    code += f'print([main([word, {str(bag)!r}, "-o", name]) for word, name in {commands}.items()])'
+    code += f'print([main([word, {str(bag)!r}, "-o", name]) for word, name in {commands}])'
     (tmp_path / 'out').mkdir()
     words = [sys.executable, '-B', '-c', code]
     done = subprocess.run(
@@ -208,7 +208,7 @@ def test_full_disk_is_an_error_and_leaves_no_file(bag, tmp_path):
         env=os.environ | {'PYTHONPATH': str(Path(__file__).parents[2])},
     )
     assert done.stdout == '[2, 2, 2]\n', done.stderr
-    for name in commands.values():
+    for _, name in commands:
         assert re.search(f'{re.escape(name)}.*File too large', done.stderr), done.stderr
     assert [item for item in (tmp_path / 'out').rglob('*') if item.is_file()] == []
 
@@ -218,9 +218,9 @@ def test_command_ends_with_one_error_when_the_disk_is_full(monkeypatch, tmp_path
         raise OSError(errno.ENOSPC, 'No space left on device')
 
     monkeypatch.setattr('numpy.savez', full)
-    status, _, message = lava('demo', '--output', tmp_path / 'demo', '--device', 'cpu')
+    status, _, message = lava('ros', 'demo', '--output', tmp_path / 'demo', '--device', 'cpu')
     assert status == 2
-    assert 'lava demo: no room is left: [Errno 28] No space left on device' in message
+    assert 'lava ros demo: no room is left: [Errno 28] No space left on device' in message
 
 
 @pytest.fixture

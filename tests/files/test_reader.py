@@ -95,7 +95,7 @@ def read(path: Path) -> Any:
         return read_raster('picture', path, PICTURES, max_bands=4)
     if path.suffix in (*suffixes, '.npz') or path.name == 'ground.gpkg':
         return load_terrain(path)
-    return load_features('--overlay', path)
+    return load_features('--places', path)
 
 
 def test_there_are_at_least_60_forms_of_references():

@@ -217,7 +217,7 @@ def test_an_outline_waits_for_an_ensemble_or_is_refused(moments: list[Checkpoint
     elsewhere[0, -1] = True
     bench.ensembles.observe(4, Outline(outline.time, elsewhere, outline.known))
     (refused,) = bench.take_answers()
-    assert 'no member touches' in refused['error'].value
+    assert 'No member touches' in refused['error'].value
     # an outline that waits when the scene changes is refused
     bench.order(2, moments[0], changes=2)
     bench.ensembles.advance(0.05)

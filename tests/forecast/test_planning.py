@@ -17,7 +17,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast import pilot_runs, pilot_search, planning
 from lava_ros.forecast.pilot_runs import Pilot
 from lava_ros.forecast.pilot_search import FINEST, PLANNING_FRACTION
-from lava_ros.forecast.planning import plan_within, PLANNED_TIME_FRACTION, USEFUL
+from lava_ros.forecast.planning import plan_runs, PLANNED_TIME_FRACTION, USEFUL
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict
 from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
@@ -73,7 +73,7 @@ def _wall_time(refinement, base=2e-4, each=1e-7):
 
 
 def _plan(spent, within, scene=SCENE, **options):
-    return plan_within(scene, **{
+    return plan_runs(scene, **{
         'within': within, 'horizon': 3600.0, 'device': 'cpu', 'clock': lambda: spent[0], **options
     })
 
@@ -94,6 +94,22 @@ def test_plan_uses_its_time_and_states_both_parts_of_its_error(monkeypatch, with
     assert plan.error == area.total
     assert plan.spacing == pilot_runs.spacing_at(SCENE, plan.refinement, 3600.0)
     assert (plan.members, plan.sampling_error) == (1, 0.0)
+
+
+@pytest.mark.parametrize('error', [0.1, 0.03])
+def test_plan_finds_the_coarsest_run_below_an_error(monkeypatch, error):
+    spent = _machine(monkeypatch)
+    plan = plan_runs(SCENE, error=error, horizon=3600.0, device='cpu', clock=lambda: spent[0])
+    assert 0.97 * error <= plan.error <= error
+    coarser = [item for item in plan.options if item.refinement < 0.97 * plan.refinement]
+    assert coarser and all(item.error.inundated.total > error for item in coarser)
+    assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.15)
+
+
+def test_error_below_that_of_the_finest_run_is_refused(monkeypatch):
+    spent = _machine(monkeypatch)
+    with pytest.raises(LavaError, match=r'error is 0.001, expected at least .* %, that of'):
+        plan_runs(SCENE, error=0.001, horizon=3600.0, device='cpu', clock=lambda: spent[0])
 
 
 def test_plan_is_no_finer_than_the_ground_makes_useful(monkeypatch):
@@ -177,27 +193,27 @@ def scene_file(tmp_path):
 
 def test_command_names_a_time_that_is_too_short_as_typed(monkeypatch, scene_file):
     _machine(monkeypatch)
-    words = ('plan', scene_file, '--within', '0.01s', '--horizon', '1h', '--device', 'cpu')
+    words = ('plan', scene_file, '--within', '0.01s', '--until', '1h', '--device', 'cpu')
     assert "--within is '0.01s'" in refused(*words)
 
 
 @pytest.mark.nightly
 def test_command_plans_with_real_pilots(scene_file, tmp_path):
-    words = ['plan', scene_file, '--within', '3s', '--horizon', '10min', '--device', 'cpu']
+    words = ['plan', scene_file, '--within', '3s', '--until', '10min', '--device', 'cpu']
     assert lava(*words, '--json', tmp_path / 'plan.json')[0] == 0
-    assert 0.0 < json.loads((tmp_path / 'plan.json').read_text())['wall_time'] <= 3.0
+    assert 0.0 < json.loads((tmp_path / 'plan.json').read_text())['wall_time_s'] <= 3.0
 
 
 def test_command_prints_a_table_and_the_plan(monkeypatch, scene_file, tmp_path):
     _machine(monkeypatch)
-    words = ['plan', scene_file, '--within', '2s', '--horizon', '1h', '--device', 'cpu']
+    words = ['plan', scene_file, '--within', '2s', '--until', '1h', '--device', 'cpu']
     status, printed, _ = lava(*words, '--json', tmp_path / 'plan.json')
     assert status == 0
     plan = json.loads((tmp_path / 'plan.json').read_text())
-    assert f'plan: preset {plan["preset"]}, spacing {plan["spacing"]:.3g} m\n' in printed
+    assert f'plan: preset {plan["preset"]}, spacing {plan["spacing_m"]:.3g} m\n' in printed
     rows = re.findall(ROW, printed, re.MULTILINE)
     assert [float(spacing) for spacing, *_ in rows] == pytest.approx(
-        [item['spacing'] for item in plan['options']], rel=5e-3
+        [item['spacing_m'] for item in plan['options']], rel=5e-3
     )
     assert printed.count('<- plan') == 1
     for name, item in plan['inputs'].items():

@@ -139,7 +139,7 @@ def test_ensemble_keeps_the_spacing_of_its_members(tmp_path):
         tmp_path, SCENE.terrain.elevation, 10.0,
         {'vents': [vent], 'lava': lava_of, 'uncertainty': {'position': {'deviation': 10.0}}},
     )
-    words = ('ensemble', scene, '--horizon', '5min', '--device', 'cpu', '-o', tmp_path / 'runs')
+    words = ('run', scene, '--until', '5min', '--device', 'cpu', '-o', tmp_path / 'runs')
     status, printed, error = lava(*words, '--members', '2', '--workers', '1')
     assert status == 0, error
     assert 'm, a first guess: ' in printed

@@ -62,19 +62,19 @@ def test_hostile_bags(in_part: Any, sound: Path, folder: Callable[[], Path], tri
         path = folder()
         hostile_bag(chance, sound, path / 'bag')
         commands = [
-            ('info', path / 'bag'),
-            ('info', path / 'bag', '--json', path / 'out.json'),
-            ('replay', path / 'bag'),
-            ('plot', path / 'bag', '-o', path / 'out.png'),
-            ('report', path / 'bag', '-o', path / 'out.html'),
+            ('bag info', path / 'bag'),
+            ('bag info', path / 'bag', '--json', path / 'out.json'),
+            ('ros replay', path / 'bag'),
+            ('map', path / 'bag', '-o', path / 'out.png'),
+            ('map', path / 'bag', '-o', path / 'out.html'),
             ('export', path / 'bag', '-o', path / 'out', '--every'),
-            ('recover', path / 'bag', path / 'new'),
+            ('bag recover', path / 'bag', '-o', path / 'new'),
         ]
         with trial('bags') as row:
             statuses = [call(*words)[0] for words in chance.sample(commands, 2)]
             row['refused'] += any(statuses)
             if (path / 'new').exists():
-                status, output = call('info', path / 'new')
+                status, output = call('bag', 'info', path / 'new')
                 assert (status, 'damaged (' in output) == (0, False), output
 
     in_part(is_read_or_refused, BAGS, number=st.integers(0, 2**63))

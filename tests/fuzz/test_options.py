@@ -31,22 +31,24 @@ SAMPLE = Path(__file__).parents[2] / 'bags/sample'
 
 #: Commands that compute or draw, with their required arguments.
 COMMANDS = {
-    'accuracy': [],
-    'animate': [str(SAMPLE), '-o', 'film.gif'],
+    'check accuracy': [],
     'barrier': ['ground.npz', '-o', 'ground.tif', '--line', '0,100', '400,150', '--height', '5'],
-    'bench': ['steps'],
+    'check solver': [],
+    'check speed': ['steps'],
     'calibrate': ['valley'],
-    'demo': [],
+    'ros demo': [],
     'effects': ['scene.yaml'],
-    'ensemble': ['scene.yaml', '-o', 'out'],
     'export': [str(SAMPLE), '-o', 'maps'],
-    'hindcast': ['valley'],
     'materials': [],
     'places': [str(SAMPLE), 'places.csv'],
     'plan': ['scene.yaml', '--within', '1min'],
-    'plot': [str(SAMPLE), '-o', 'frame.png'],
-    'verify': [],
+    'run': ['scene.yaml', '-o', 'out'],
+    'map': [str(SAMPLE), '-o', 'frame.png'],
 }
+
+#: Other required arguments of a command: an ensemble, and a mapped eruption.
+MORE = {'run': [['scene.yaml', '-o', 'out', '--members', '4'], ['valley'], [
+    'valley', '-o', 'out', '--members', '4']]}
 
 #: Functions that start the work, after arguments and files are checked.
 WORK = (
@@ -95,7 +97,7 @@ def options(command: str) -> list[argparse.Action]:
 def command_lines(draw: st.DrawFn) -> list[str]:
     """Draw a command with up to three of its options, and values that may suit them."""
     command = draw(st.sampled_from(sorted(COMMANDS)))
-    words = [command, *COMMANDS[command]]
+    words = [command, *draw(st.sampled_from([COMMANDS[command], *MORE.get(command, [])]))]
     known = options(command)
     for action in draw(st.lists(st.sampled_from(known), max_size=3)) if known else ():
         flag = action.option_strings[-1]
@@ -167,14 +169,14 @@ def test_command_lines_are_accepted_or_refused(in_part: Any, place: None, trial:
 
 @pytest.mark.parametrize('words', [
     ['calibrate', 'valley', '--seed=-1'],
-    ['hindcast', 'valley', '--runs=0'],
-    ['hindcast', 'valley', '--runs=1000000000'],
+    ['run', 'valley', '--runs=0'],
+    ['run', 'valley', '--runs=1000000000'],
     ['plan', 'scene.yaml', '--within', '1min', '--members', '9' * 5000],
     ['plan', 'scene.yaml', '--within', '1e305d'],
-    ['bench', 'steps', '--repetitions=1000000000'],
-    ['accuracy', '--repetitions=1000000000'],
-    ['verify', '--json', 'x' * 300],
-    ['demo', '--output', 'x' * 300],
+    ['check speed', 'steps', '--repetitions=1000000000'],
+    ['check accuracy', '--repetitions=1000000000'],
+    ['check solver', '--json', 'x' * 300],
+    ['ros demo', '--output', 'x' * 300],
     ['export', str(SAMPLE), '-o', '\udcff'],
     ['barrier', 'ground.npz', '-o', 'new.tif', '--height=5', '--line', '0,0', '0,1e-200'],
     ['export', str(SAMPLE), '-o', 'maps', '--at=nan'],

@@ -222,8 +222,8 @@ moved = partial(write_grid, values=footprint(), corner=(CORNER[0] + 10_000.0, CO
 #: Changes of the files of a valid case, and words of the resulting error. A change is another
 #: text, a grid, an old and a new part of the text, a function of the path, or None without file.
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
-    'no elevation': ({ELEVATION: None}, 'also holds ... elevation.asc'),
-    'no footprint': ({FOOTPRINT: None}, 'also holds ... footprint.asc'),
+    'no elevation': ({ELEVATION: None}, 'also contains ... elevation.asc'),
+    'no footprint': ({FOOTPRINT: None}, 'also contains ... footprint.asc'),
     'elevation upside down': ({ELEVATION: elevation()[::-1]}, 'above all vents ... upside down'),
     'both grids upside down': (
         {ELEVATION: elevation()[::-1], FOOTPRINT: footprint()[::-1]}, UPSIDE_DOWN,
@@ -248,7 +248,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     'vent of another eruption': (
         {FOOTPRINT: ELSEWHERE},
-        'the footprint ... m from the nearest vent ... not of the same eruption',
+        'The footprint ... m from the nearest vent ... of the same eruption',
     ),
     'footprint somewhere else': ({FOOTPRINT: moved}, 'the footprint ... data on the terrain'),
     'areas in degrees without a coordinate system of the terrain': (
@@ -264,7 +264,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         {FOOTPRINT: 3.5 * footprint()},
         'a cell of the footprint ... 3.5 ... 0 (not covered) and 1 (covered)',
     ),
-    'empty footprint': ({FOOTPRINT: np.zeros(SHAPE)}, 'the footprint ... without one ... covered'),
+    'empty footprint': ({FOOTPRINT: np.zeros(SHAPE)}, 'The footprint ... covers no cell'),
     'no-data value that the header does not declare': (
         {ELEVATION: lambda path: _change(_change(path, _holed()), ('value -9999', 'value -1'))},
         'elevation of elevation.asc ... -9999 in ... --nodata -9999',

@@ -159,7 +159,7 @@ def test_paths_of_steepest_descent_spread_by_the_noise_of_the_ground():
 def test_calibration_forecasts_later_outlines(mapped, tmp_path):
     words = ['calibrate', mapped[0], '--device', 'cpu', '--spacing', '40', '--runs', '4']
     words += ['--unknown', 'viscosity=1e4:4e4', '-o', tmp_path / 'out']
-    text = done(*words, '--until', '1000')
+    text = done(*words, '--fit-until', '1000')
     assert 'forecast of valley 1800 s: Jaccard' in text
     result = json.loads((tmp_path / 'out/calibration.json').read_text())
     assert result['fitted'] == ['valley 900 s']
@@ -181,19 +181,19 @@ def test_calibration_forecasts_later_outlines(mapped, tmp_path):
     case = load_case(mapped[0])
     early, late = (item.footprint for item in case.outlines)
     assert forecast['persistence'] == pytest.approx(early.sum() / late.sum())
-    assert '--until' in refused(*words, '--until', '2000')
-    assert 'after the first outline' in refused(*words, '--until', '10', '--fresh')
+    assert '--fit-until' in refused(*words, '--fit-until', '2000')
+    assert 'after the first outline' in refused(*words, '--fit-until', '10', '--fresh')
 
 
-def test_until_needs_outlines(tmp_path):
+def test_fit_until_needs_outlines(tmp_path):
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
-    text = refused('calibrate', case, '--until', '900', '-o', tmp_path / 'out')
-    assert "lava calibrate: --until is '900', expected cases with dated outlines" in text
+    text = refused('calibrate', case, '--fit-until', '900', '-o', tmp_path / 'out')
+    assert '--fit-until does not apply to cases without dated outlines' in text
     assert not (tmp_path / 'out').exists()
 
 
 def test_hindcast_reports_each_outline(mapped, tmp_path):
-    words = ['hindcast', mapped[0], '--preset', 'draft', '--spacing', '40', '--device', 'cpu']
+    words = ['run', mapped[0], '--preset', 'draft', '--spacing', '40', '--device', 'cpu']
     text = done(*words, '-o', tmp_path / 'out', '--maps', '1')
     assert 'Jaccard on 900 s' in text and 'Jaccard on 1800 s' in text
     scores = json.loads((tmp_path / 'out/hindcast.json').read_text())['outlines']
@@ -205,7 +205,7 @@ def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(mapped, tm
     case = Path(shutil.copytree(mapped[0], tmp_path / 'valley'))
     with (case / 'case.yaml').open('a') as file:
         file.write('uncertainty: {discharge: {distribution: uniform, low: 0.2, high: 2.0}}\n')
-    words = ['ensemble', case, '-o', tmp_path / 'out', '--members', '12', '--spacing', '15']
+    words = ['run', case, '-o', tmp_path / 'out', '--members', '12', '--spacing', '15']
     words += ['--device', 'cpu', '--workers', '1', '--json', tmp_path / 'report.json']
     assert '--observed' in refused(*words, '--posterior', '12')
     text = done(*words)

@@ -19,7 +19,7 @@ import tempfile
 ROOT = Path(__file__).parents[2]
 
 #: Arguments for the program of the image, and text that its output contains.
-QUESTIONS = ((['--version'], 'lava_ros '), (['demo', '--help'], 'usage: lava demo'))
+QUESTIONS = ((['--version'], 'lava_ros '), (['ros', 'demo', '--help'], 'usage: lava ros demo'))
 
 
 def instructions(path=ROOT / 'Dockerfile'):

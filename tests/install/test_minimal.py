@@ -16,14 +16,14 @@ from install.installed_node import install, outside, TERRAIN
 SCENE = '--terrain slope.npz --vent 50,100 --effusion-rate 10 --preset draft --device cpu'
 COMMANDS = f"""
 run {SCENE} --until 5min -o run
-plot run -o run.pdf
-report run -o run.html
-animate run -o run.gif
+map run -o run.pdf
+map run -o run.html
+map run -o run.gif
 places run places.csv -o arrivals.csv
 export run -o maps
-ensemble {SCENE} --horizon 5min --members 4 --workers 1 -o members
-plot members -o members.png
-report members -o members.html
+run {SCENE} --until 5min --members 4 --workers 1 -o members
+map members -o members.png
+map members -o members.html
 places members places.csv -o probable.csv
 """
 

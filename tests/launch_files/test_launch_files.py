@@ -95,12 +95,12 @@ def test_accepts_further_arguments_of_an_including_file(monkeypatch):
 def test_replay_replaces_the_node(monkeypatch):
     processes, _ = start(monkeypatch, LAVA, replay='bags/demo', replay_rate='10', rviz='true')
     assert [process.command for process in processes] == [
-        ['lava_ros:lava', 'replay', 'bags/demo', '--rate', '10'],
+        ['lava_ros:lava', 'ros', 'replay', 'bags/demo', '--rate', '10'],
         ['rviz2:rviz2', '-d', str(ROOT / 'rviz/lava.rviz')],
     ]
     assert processes[1].parameters == {}
     args = parse_command_line(processes[0].command[1:])
-    assert (args.command, args.bag, args.rate) == ('replay', 'bags/demo', 10.0)
+    assert (args.command, args.bag, args.rate) == ('ros replay', 'bags/demo', 10.0)
     assert [process.namespace for process in processes] == ['', '']
     processes, _ = start(monkeypatch, LAVA, replay='bags/demo', rviz='true', namespace='etna')
     assert [process.namespace for process in processes] == ['etna', 'etna']

@@ -139,8 +139,8 @@ def test_places_off_the_map_have_no_arrival(found: Places, off_map: float) -> No
 
 
 @pytest.mark.parametrize(('wrong', 'words'), [
-    (feature('LineString', [(5.0, 5.0), (5.0, 5.0)], name='road'), 'road is .a line of no'),
-    (feature('LineString', [(5.0, 5.0)], name='road'), 'two or more places that differ'),
+    (feature('LineString', [(5.0, 5.0), (5.0, 5.0)], name='road'), 'road is .a line of size 0'),
+    (feature('LineString', [(5.0, 5.0)], name='road'), 'at least two different points'),
     (feature('Polygon', box(5.0, 5.0, 5.0, 25.0), name='farm'), 'farm is .*an area above 0'),
 ])
 def test_rejects_features_without_a_size(wrong: Feature, words: str) -> None:

@@ -191,7 +191,7 @@ def test_forecast_is_stale_above_its_maximum_age(bench):
     bench.forecaster.want(False)
     bench.rules = replace(RULES, max_age=2.0)
     wait_until(lambda: bench.worker.request_snapshot() or bench.staleness())
-    assert bench.staleness().endswith('s old, at most 2 s are good')
+    assert bench.staleness().endswith('s old, and valid for at most 2 s')
     assert bench.forecaster.age(bench.forecaster.latest) > 2.0
 
 

@@ -35,10 +35,10 @@ def test_terrain_starts_the_simulation(bench):
 
 
 def test_pause_holds_time_and_a_step_is_exact(bench):
-    with pytest.raises(LavaError, match='step'):
+    with pytest.raises(LavaError, match='is waiting for terrain'):
         bench.run(bench.worker.step(1.0))
     bench.run(bench.worker.set_terrain(TERRAIN))
-    with pytest.raises(LavaError, match='a paused simulation'):
+    with pytest.raises(LavaError, match='Pause it first'):
         bench.run(bench.worker.step(1.0))
     bench.go_on()
     bench.run(bench.worker.pause(True))
@@ -311,7 +311,7 @@ def test_simulation_that_catches_up_says_so(bench):
 
 
 def test_rejected_inputs_change_nothing(bench):
-    with pytest.raises(LavaError, match='a terrain before'):
+    with pytest.raises(LavaError, match='Publish a terrain first'):
         bench.run(bench.worker.add_vent(VENT))
     bench.start()
     for command in (
@@ -386,7 +386,7 @@ def test_every_effect_has_a_reason():
     assert {name: is_on(text) for name, text in known.items()} == asdict(effects_for(scene))
     assert known['steep'].startswith('on: slope = 0.5 > 0.087')
     assert known['yielding'] == 'off: the material has none'
-    assert known['merging'] == 'off: never chosen, only forced'
+    assert known['merging'] == 'off: never chosen automatically'
     # forced
     known = table(steep=False, helmholtz=True, merging=True)
     assert known['steep'] == 'off: forced'

@@ -208,7 +208,7 @@ def test_rejects_too_many_commands():
     for _ in range(3):
         put(commands, 'click')
     refused = put(commands, 'click')
-    with pytest.raises(LavaError, match='3 waiting'):
+    with pytest.raises(LavaError, match='3 commands are waiting'):
         refused.result(0.0)
     for _ in range(100):
         put(commands, 'vents', 'vents')

@@ -166,7 +166,7 @@ def test_bag_without_coordinate_system_is_in_the_map_frame(tmp_path):
     ({'threshold': 0.01}, 'threshold is 0.01'),
     ({'threshold': float('nan')}, 'threshold is nan'),
     ({'maps': ['depth']}, 'maps'),
-    ({'every': True, 'formats': ['nc', 'kml']}, "formats is 'nc, kml', expected also tif"),
+    ({'every': True, 'formats': ['nc', 'kml']}, "Only GeoTIFF files can contain every frame"),
 ])
 def test_rejects_invalid_arguments(grids, tmp_path, options, words):
     with pytest.raises(LavaError, match=words):
@@ -324,7 +324,7 @@ def test_vector_formats_keep_features_and_positions(ending, bag, tmp_path):
     exported = export_bag(bag, out, formats=[ending])
     assert sorted(exported.files) == sorted(out.iterdir())
     paths = [path for path in exported.files if path.suffix == f'.{ending}']
-    found = [item for path in paths for item in load_features('--overlay', path)]
+    found = [item for path in paths for item in load_features('--places', path)]
     areas = [item for item in found if item.kind == 'Polygon']
     (outline,) = (item for item in areas if 'time_s' not in item.properties)
     times = {float(item.properties['time_s']) for item in areas if item is not outline}
@@ -376,7 +376,7 @@ def test_dates_of_isochrones_keep_their_zone(ending, tmp_path):
     paths = export_bag(bag, tmp_path / 'out', formats=[ending]).files
     found = [
         item.properties['date_utc'] for path in paths if path.suffix == f'.{ending}'
-        for item in load_features('--overlay', path) if item.properties.get('time_s')
+        for item in load_features('--places', path) if item.properties.get('time_s')
     ]
     if ending == 'geojson':
         # its reader parses dates
@@ -412,8 +412,8 @@ def with_infinite_values(topic: str, message: Any) -> Any:
 
 @pytest.mark.parametrize(('change', 'topic', 'words'), [
     (with_hazard_text, '/hazard', 'the bag has std_msgs/msg/String, the layer is a nav_msgs/msg/'),
-    (with_fewer_rows, '/hazard', 'a map of 40 x 29 cells is on no terrain'),
-    (with_other_corner, '/hazard', r'a map at (-45, 20) in cells of 5 m is on no terrain'),
+    (with_fewer_rows, '/hazard', 'a map of 40 x 29 cells fits no terrain'),
+    (with_other_corner, '/hazard', r'a map at (-45, 20) in cells of 5 m fits no terrain'),
     (with_infinite_values, '/height', 'a map has infinite values'),
 ])
 def test_layer_that_cannot_be_used_is_named(tmp_path, change, topic, words):

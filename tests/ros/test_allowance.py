@@ -83,8 +83,8 @@ def test_service_calls_above_the_limit_are_rejected(name):
     services.now += 100.0 * period
     answers = [ASKED[name](services) for _ in range(N_CALLS)]
     assert [answer.success for answer in answers] == [True] * calls + [False] * (N_CALLS - calls)
-    expected = f'at most {calls} at once and one more each {period:g} s; try again later'
-    assert answers[-1].message == f"{name} is 'too often', expected {expected}"
+    limit = f'at most {calls} at once and one more every {period:g} s'
+    assert answers[-1].message == f'Too many requests: {limit}. Try again later.'
     level, values = services.status()
     assert level == WARN
     assert values[f'rejected.{name}'] == str(N_CALLS - calls)

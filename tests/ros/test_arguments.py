@@ -42,7 +42,7 @@ MISTAKES = {
     ('--params-file', 'open.yaml'): "--params-file is 'open.yaml', expected a file of parameters",
     ('--params-file', 'mixed.yaml'): "--params-file is 'mixed.yaml', expected a file of param",
     ('--params-file', 'type.yaml'): 'preset is 3, expected a string',
-    ('--params-file', 'whole.yaml'): 'time_scale is 60, expected a double; a whole number is wr',
+    ('--params-file', 'whole.yaml'): 'time_scale is 60, expected a double; write a whole number',
     ('--params-file', 'list.yaml'): 'effects_off is 3, expected a list of effects',
     ('--params-file',): '--params-file is missing, expected a value after it',
     ('-r', '__ns:=/fleet-1'): "-r is '__ns:=/fleet-1', expected FROM:=TO, __ns:=/NAMESPACE",
@@ -69,8 +69,8 @@ MISTAKES = {
     ('-p', 'use_sim_time:=3'): "Trying to set parameter 'use_sim_time' to '3'",
     ('-p', 'layers_on:=3'): 'layers_on is 3, expected a list of layers',
     ('-p', 'discharge:=60.0'): (
-        '-p discharge is 60.0, expected a parameter that this node has; similar names: '
-        'default_discharge; vents come by the scene file'
+        "This node has no parameter 'discharge'; similar names: default_discharge; set vents with "
+        'the scene file'
     ),
     ('-p', 'layers_on:=[points]'): "layers_on is 'points', expected one of height, temp",
     ('-p', 'scene:=nothing.yaml'): "scene is 'nothing.yaml', expected ",
@@ -103,7 +103,7 @@ def test_unexpected_error_is_the_last_line_after_warnings_of_parameters(run, mon
     assert all('[WARN]' in line for line in warnings)
     discharge, qos, scale = warnings
     assert "this node has no parameter 'discharge'" in discharge
-    assert 'similar names: default_discharge; vents come by the scene file (scene)' in discharge
+    assert 'similar names: default_discharge; set vents with the scene file (scene)' in discharge
     assert "'time_scales'" in scale and 'vents' not in scale
     assert 'similar names: time_scale' in scale
     assert qos.endswith("no parameter 'qos_overrides.a': its value has no effect")
@@ -144,7 +144,7 @@ def test_rejects_words_outside_ros_args(run, words):
     assert status == 2
 
 
-@pytest.mark.parametrize('command', [name for name in COMMANDS if name != 'node'])
+@pytest.mark.parametrize('command', [name for name in COMMANDS if name != 'ros node'])
 def test_other_commands_reject_ros_arguments(command):
     status, out, err = lava(command, '--ros-args', '-r', '__ns:=/fleet-1')
     assert (status, out) == (2, '')
@@ -157,6 +157,6 @@ def test_rejects_an_invalid_ros_domain_id(monkeypatch, domain):
     monkeypatch.setenv('ROS_DOMAIN_ID', domain)
     with pytest.raises(LavaError, match='^ROS_DOMAIN_ID is .*, expected a whole number from 0 to'):
         start_ros([])
-    status, out, err = lava('replay', BAG)
+    status, out, err = lava('ros', 'replay', BAG)
     assert (status, out) == (2, '')
-    assert err.startswith('lava replay: ROS_DOMAIN_ID is ')
+    assert err.startswith('lava ros replay: ROS_DOMAIN_ID is ')

@@ -91,7 +91,7 @@ def test_input_log_is_an_error_while_the_newest_message_is_rejected():
     assert 'at most 1' in _values(log.status())['last_error']
     log.reject('message', LavaError('message', 'x', 'y'))
     assert log.status().level == ERROR
-    log.forgive('message')
+    log.downgrade('message')
     assert (log.status().level, *_counts(log, 'rejected.message')) == (WARN, '1')
 
 
@@ -128,7 +128,7 @@ LOST = {'held': 5.0, 'left': 5.0, 'in_holes': 4.0}
             {'is_behind': True},
             '10 % of the lava was lost over the border: it is on no map; '
             '40 % of the lava was lost in no-data cells: it is on no map; '
-            'running slower than the clock asks for',
+            'running slower than the clock',
         ),
         ({}, LONG, 'a step takes 3.2 s or more; waiting for it: reset, snapshot'),
         (
@@ -259,7 +259,7 @@ def test_failed_recording_is_an_error():
     file.error = 'disk full'
     blind = diagnostics.recorder_status(recording)
     assert (blind.level, blind.message) == (
-        WARN, 'recording; a restart would not know how far the maps have come: disk full',
+        WARN, 'recording; a restart would not know the time of the newest maps: disk full',
     )
     file.error = ''
     recorder.state, recorder.error = 'off', 'disk full'

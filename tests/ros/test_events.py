@@ -105,7 +105,7 @@ def test_child_gets_the_same_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     ('words', 'named'),
     [
-        (['--emplaced-flow', 'flow.asc'], 'no topic has it'),
+        (['--emplaced-flow', 'flow.asc'], 'cannot be sent on a topic'),
         (['--terrain-at', '1h', 'none.npz'], 'none.npz'),
         (['--vent', '20,20'], '--vent and --no-vents exclude each other'),
         (['--vents', 'vents.csv'], '--vents and --no-vents exclude each other'),
@@ -119,4 +119,4 @@ def test_feed_rejects_what_it_would_not_publish(
     Path('flow.asc').write_text(
         'ncols 2\nnrows 2\nxllcorner 10\nyllcorner 10\ncellsize 5\n1 2\n0 3\n'
     )
-    assert named in refused('feed', '--terrain', 'ground.npz', '--no-vents', *words)
+    assert named in refused('ros', 'feed', '--terrain', 'ground.npz', '--no-vents', *words)

@@ -289,7 +289,7 @@ def scene_on(path):
 
 @contextmanager
 def feeding(path, *rules):
-    """Publish a scene on a terrain, as ``lava feed`` does."""
+    """Publish a scene on a terrain, as ``lava ros feed`` does."""
     words = ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
     rclpy.init(
         args=words, domain_id=own_domain('local'), signal_handler_options=SignalHandlerOptions.NO
@@ -407,7 +407,7 @@ def test_two_nodes_in_a_graph_have_their_own_georeferences(local, tmp_path):
 
 def test_lava_feed_gives_the_node_its_georeference(graph, tmp_path):
     path = raster(tmp_path / 'x.tif', 'EPSG:32633')
-    feed = graph.process('-m', 'lava_ros.cli.main', 'feed', '--terrain', str(path))
+    feed = graph.process('-m', 'lava_ros.cli.main', 'ros', 'feed', '--terrain', str(path))
     node = graph.node(
         record=True, bag_directory='bag', device='cpu', preset='draft', time_scale=60.0
     )

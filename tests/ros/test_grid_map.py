@@ -136,8 +136,8 @@ def spoilt(**changes):
     ('changes', 'message_start'),
     [
         ({'header__frame_id': 'odom'}, "header.frame_id is 'odom'"),
-        ({'layers': ['height']}, "layers is ['height'], expected with the layer"),
-        ({'layers': ['elevation', 'more']}, "data is '1 arrays', expected as many"),
+        ({'layers': ['height']}, "layers is ['height'], expected a list with the layer"),
+        ({'layers': ['elevation', 'more']}, "data is '1 arrays', expected 2 arrays"),
         ({'outer_start_index': 4}, 'outer_start_index is 4, expected 0 to 3'),
         ({'inner_start_index': 3}, 'inner_start_index is 3, expected 0 to 2'),
         ({'info__resolution': 0.0}, 'info.resolution is 0.0'),

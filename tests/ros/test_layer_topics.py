@@ -52,10 +52,10 @@ def test_layer_with_a_topic_of_the_node_is_refused(local, tmp_path):
     assert node.change('cleanup'), node.log
     for topic in sorted(taken):
         layer_file(tmp_path, mine={**THICKNESS, 'topic': topic})
-        assert refused(node).startswith(f"layers.mine.topic is '/{topic}', expected a topic ")
+        assert refused(node).startswith(f"layers.mine.topic is '/{topic}', expected a ")
     for topic in sorted(forecasts):
         layer_file(tmp_path, **{topic: THICKNESS})
-        expected = f"layers.{topic}.topic is '/{topic}', expected a topic of its own"
+        expected = f"layers.{topic}.topic is '/{topic}', expected a different topic"
         assert refused(node).startswith(expected)
     # the node continues with a valid file
     layer_file(tmp_path, thickness=THICKNESS)
@@ -82,5 +82,5 @@ def test_remapping_may_not_join_two_topics(local, tmp_path, rules, field, other)
     reason = node.log.splitlines()[-1].partition('cannot configure: ')[2]
     assert reason.startswith(f'{field} is '), node.log
     assert reason.endswith(
-        f'expected a topic of its own, also after remapping; that of {other} is the same'
+        f'expected a different topic; {other} has the same one after remapping'
     )

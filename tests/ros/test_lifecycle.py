@@ -108,7 +108,7 @@ def test_inactive_node_accepts_inputs_while_time_stands_still(start):
     for name, data in (('step', False), ('save', False), ('record', True)):
         answer = node.call(name, data)
         assert not answer['success']
-        assert f"{name} is 'inactive', expected an active node" in answer['message']
+        assert answer['message'].startswith('The node is inactive. Activate it')
     recorder = node.status_now('recorder')
     assert (recorder['state'], recorder['bag']) == ('recording', 'bag')
     simulated = node.simulated
@@ -224,7 +224,7 @@ def test_configuration_waits_for_the_last_step_of_the_previous_simulation(start,
         node.wait_until(begun.is_set)
         change(node, 'deactivate', 'cleanup')
         assert not node.names() & CONFIGURED
-        refuse(node, 'configure', 'configure again in a while', 'unconfigured')
+        refuse(node, 'configure', 'Configure the node again later', 'unconfigured')
     finally:
         may_end.set()
     # the step ends at its next check, which may be late on a busy machine

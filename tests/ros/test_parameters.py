@@ -124,7 +124,7 @@ def test_empty_list_can_be_set_and_loaded(node_with):
             {'effects_on': ['green', 'inertia']},
             "effects_on is ['green', 'inertia'], expected green false with inertia",
         ),
-        ({'effects_on': ['vft']}, "effects_on is 'vft', expected an effect that the material has"),
+        ({'effects_on': ['vft']}, "effects_on is 'vft', expected an effect for which lava"),
         ({'effects_on': ['arrhenius'], 'lava.vft_b': 5000.0}, "effects_on is 'arrhenius'"),
         # combinations that ranges cannot express
         ({'frame_id': ''}, 'frame_id is'),

@@ -132,6 +132,6 @@ def test_places_without_a_coordinate_system_are_only_an_error(local, folder):
     status = node.status_now('places', lambda item: item['level'] == 2)
     assert 'line 2 (hut)' in status['message']
     assert 'coordinates of the terrain, which has no coordinate system' in status['message']
-    assert node.log.count('places cannot be put on this terrain') == 1
+    assert node.log.count('places cannot be located on this terrain') == 1
     node.run(1.0)
     assert node.status_now('simulation')['state'] == 'running'

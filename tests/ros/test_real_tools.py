@@ -222,7 +222,7 @@ def test_rosbag2_recording_can_be_played_and_plotted(tools):
     tools.end(recorder)
     assert f'Topic: {tools.prefix}/terrain |' in tools.ros2('bag', 'info', bag)
     tools.ros2('bag', 'play', bag, '--rate', '50', '--topics', f'{tools.prefix}/terrain')
-    plot = tools.graph.process('-m', 'lava_ros.cli.main', 'plot', bag, '-o', f'{bag}.png')
+    plot = tools.graph.process('-m', 'lava_ros.cli.main', 'map', bag, '-o', f'{bag}.png')
     assert plot.wait_for_end(PATIENCE) == 0, plot.log
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Georeference and static transform of ``lava feed`` and of a node, read by the tools of ROS."""
+"""Georeference and static transform of ``lava ros feed`` and of a node, read by tools of ROS."""
 
 import os
 import re
@@ -83,7 +83,7 @@ def test_tools_receive_the_georeference_and_the_transform(
     place = {'crs': f'EPSG:{epsg}', 'cell': CELL, 'north_west': CORNER}
     path = str(write_raster(tmp_path / 'x.tif', elevation()[::-1], **place))
     if source == 'feed':
-        programs.python('lava_ros.cli.main', 'feed', '--terrain', path, '--frame', 'lava')
+        programs.python('lava_ros.cli.main', 'ros', 'feed', '--terrain', path, '--frame', 'lava')
     else:
         words = ('-p', f'terrain_file:={path}', '-p', 'frame_id:=lava', '-p', 'device:=cpu')
         programs.python('lava_ros.ros.node', '--ros-args', *words)

@@ -52,7 +52,7 @@ def fill_disk(node, patch):
     patch.setattr(BagWriter, '_open_file', fail)
     patch.setattr(restart, 'replacing', fail)
     node.run(2.0)
-    status = node.status_now('recorder', lambda item: 'how far' in item['message'])
+    status = node.status_now('recorder', lambda item: 'newest maps' in item['message'])
     assert (status['level'], status['state']) == (2, 'off')
     assert 'No space left on device' in node.log
 
@@ -248,7 +248,7 @@ def test_run_that_cannot_be_resumed_starts_again(local, tmp_path, damage):
     activate(again)
     if damage == 'no scene':
         # the checkpoint has it
-        assert 'not compared with' in again.log and again.worker.view.origin is not None
+        assert 'cannot be compared with' in again.log and again.worker.view.origin is not None
         return
     assert again.worker.view.origin is None
     assert ('cannot resume' in again.log) is (damage != 'no checkpoint')

@@ -89,7 +89,7 @@ def test_process_resumes_from_the_bag_of_a_killed_process(graph, tmp_path):
     steps = Simulation.resume(checkpoint, device='cpu').steps
 
     node = graph.node(
-        program=('-c', QUICK_MODULE.format('cli.main'), 'node', '--resume', str(first_bag)),
+        program=('-c', QUICK_MODULE.format('cli.main'), 'ros', 'node', '--resume', str(first_bag)),
         device='cpu', time_scale=50.0, record=True, bag_directory=str(second_bag),
     )
     node.wait_for_log(f'resuming at {checkpoint.time:.3f} s simulated')

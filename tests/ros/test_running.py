@@ -236,7 +236,7 @@ def test_input_limits_can_be_changed(paused):
     paused.publish('vents')
     paused.run_commands()
     for name, limit, case, words in (
-        ('max_vents', 1, 'click', 'one more vent'),
+        ('max_vents', 1, 'click', 'already has 1 vents'),
         ('max_terrain_cells', 1199, 'terrain', '40 x 30'),
         ('max_input_bytes', 4799, 'terrain', '4800 bytes'),
     ):

@@ -127,7 +127,7 @@ def test_epsg_code_replaces_the_system_of_a_file(tmp_path, crs, caplog):
 
 
 def test_unknown_epsg_code_is_refused_without_a_warning(tmp_path, caplog):
-    with pytest.raises(LavaError, match='epsg is 5000, expected a coordinate system GDAL knows'):
+    with pytest.raises(LavaError, match='epsg is 5000, expected a coordinate system that GDAL'):
         load_terrain(write(tmp_path / 'a.tif', NATIONAL), epsg=5000)
     assert not caplog.records
 

@@ -74,7 +74,7 @@ def test_time_0_is_the_given_start_or_the_first_date(tmp_path, caplog):
 @pytest.mark.parametrize(('start', 'lost'), [
     ('2021-09-19', ''), ('2021-09-19T12:00:00', '8.64e+05 of 2.59e+06 m3 before'),
     ('2021-09-19T12:00:00-12:00', '1.73e+06 of 2.59e+06 m3 before'),
-    ('2021-09-22', '2.59e+06 of 2.59e+06 m3 before'),
+    ('2021-09-22', 'All lava of vents[0].effusion_rate comes out before the start'),
 ])
 def test_lava_before_the_start_is_left_out_with_a_warning(start, lost, tmp_path, caplog):
     (tmp_path / 'days.csv').write_text(WHOLE['dates'])
@@ -82,7 +82,7 @@ def test_lava_before_the_start_is_left_out_with_a_warning(start, lost, tmp_path,
     text = f'vents: [{{position: [300.0, 300.0], effusion_rate: {rate}}}]'
     path = write_scene(tmp_path, np.zeros((60, 60)), 10.0, text)
     if start == '2021-09-22':
-        with pytest.raises(LavaError, match=re.escape(f"effusion_rate is '{lost}")):
+        with pytest.raises(LavaError, match=re.escape(lost)):
             scene_from_yaml(path)
         return
     scene_from_yaml(path)
@@ -126,7 +126,7 @@ def test_rejects_cells_without_a_rate_unless_gaps_is_set(cell, tmp_path):
         read(tmp_path, text)
     for gaps, rate in (('zero', 0.0), ('interpolate', 3.0)):
         assert read(tmp_path, text, gaps=gaps)[1].discharge == rate
-    with pytest.raises(LavaError, match='no value.*expected at least two instants'):
+    with pytest.raises(LavaError, match='has no value. Give the rates at two or more times'):
         read(tmp_path, f'time,q\n0,{cell}\n100,{cell}\n', gaps='interpolate')
     text = f'time,q\n0,2\n100,{cell}\n300,4\n400,4\n'
     assert [item.discharge for item in read(tmp_path, text, gaps='zero')] == [0.0, 0.0, 4.0]
@@ -152,7 +152,7 @@ def test_uncertainty_is_the_relative_error_of_volume(header, cells, tmp_path):
 
 def test_warns_of_unknown_columns(tmp_path, caplog):
     read(tmp_path, 'start,end,q,satellite,remark\n0,1,2,MODIS,x\n')
-    assert 'not understood are ignored: satellite, remark' in caplog.text
+    assert 'unknown columns are ignored: satellite, remark' in caplog.text
 
 
 @pytest.mark.parametrize(('text', 'words'), [
@@ -161,13 +161,13 @@ def test_warns_of_unknown_columns(tmp_path, caplog):
     ('start,end,q\n0,100,3\n50,200,3\n', 'line 3, start is 50.0, expected at least 100 s'),
     ('start,end,q\n0,2021-09-19,3\n', "line 2, end is '2021-09-19', expected dates in all"),
     ('start,end,q\n2021-13-01,1,3\n', "start is '2021-13-01', expected a finite number, or"),
-    ('time,q\n0,1\n', 'line 2 is .the only row., expected at least two instants'),
+    ('time,q\n0,1\n', 'line 2 is the only row. Give the rates at two or more times'),
     ('time,q\n5,1\n5,2\n', 'line 3, time is 5.0, expected a time after the row before, 5 s'),
     ('time,volume\n0,5\n5,2\n', 'line 3, volume is 2.0, expected at least that of the row'),
     ('time_fortnights,q\n0,1\n', 'first line is .time_fortnights,q., expected the columns'),
     ('time (fortnights),q\n0,1\n', "rates.csv is 'fortnights', expected a unit such as s"),
     ('start,end,q,volume\n0,1,2,3\n', 'expected the columns start, end and effusion_rate or'),
-    ('start,end,q\n0,1,0\n', 'a table without lava'),
+    ('start,end,q\n0,1,0\n', 'contains no effusion rate above 0'),
     ('time_s;q\n0;1.250\n60;12,5\n', 'line 3 is .12,5., expected the decimal mark of 1.250'),
     ('time_s;q\n0;1,250\n60;12.5\n', 'line 3 is .12.5., expected the decimal mark of 1,250'),
     *(

@@ -132,7 +132,7 @@ def test_flow_is_ground_or_an_outline_with_one_thickness(tmp_path):
     _outline(tmp_path / 'wide.geojson', 400.0)
     raised, _ = _read(tmp_path, file='wide.geojson', thickness=2.0, **{'as': 'ground'})
     assert float((raised.elevation - GROUND.elevation).max()) == pytest.approx(2.0, abs=1e-4)
-    with pytest.raises(LavaError, match=r'flows\[0\].file .*elsewhere.*on the terrain'):
+    with pytest.raises(LavaError, match=r'flows\[0\].file: .*off the terrain.*on the terrain'):
         _read(tmp_path, file='wide.geojson', thickness=2.0)
 
 
@@ -145,8 +145,8 @@ def test_flow_is_ground_or_an_outline_with_one_thickness(tmp_path):
     (_flow() * np.float32(100.0), {}, r'is 529\..*at most 500 m'),
     (_ground().elevation, {}, 'a thickness, not an elevation: it differs by only'),
     (_ground().elevation + np.float32(4.0), {}, 'a thickness, not an elevation: it differs'),
-    (_flow(), {'corner': (600_000.0, 4_180_000.0)}, '100 % of it elsewhere.*on the terrain'),
-    (_flow(), {'corner': (500_200.0, 4_180_000.0)}, '% of it elsewhere.*on the terrain'),
+    (_flow(), {'corner': (600_000.0, 4_180_000.0)}, '100 % of a.tif is off the terrain'),
+    (_flow(), {'corner': (500_200.0, 4_180_000.0)}, '% of a.tif is off the terrain'),
     (0.0 * _flow(), {}, 'a flow with a cell on the terrain'),
     (_flow().astype(np.uint8), {}, 'thickness: uint8 is the type of a picture'),
     (np.stack([_flow()] * 2), {}, 'one band of thickness'),

@@ -35,12 +35,12 @@ def test_warns_of_features_without_a_geometry(tmp_path, caplog):
     gone = feature('Point', (), name='gone') | {'geometry': None}
     path.write_text(json.dumps({'type': 'FeatureCollection', 'features': [gone]}))
     with pytest.raises(LavaError, match='at least one point'):
-        read_features('--overlay', path, TERRAIN)
+        read_features('--places', path, TERRAIN)
     assert 'feature 0 (gone) has no geometry and is left out' in caplog.text
     for place in ((*DEGREES, 1200.0), DEGREES):
         here = feature('Point', place, name='here')
         path.write_text(json.dumps({'type': 'FeatureCollection', 'features': [gone, here]}))
-        (found,) = load_features('--overlay', path)
+        (found,) = load_features('--places', path)
         np.testing.assert_allclose(found.on(TERRAIN).rings[0], METRES, atol=1e-3)
     assert (found.name, found.system) == ('here', 'EPSG:4326')
     with pytest.raises(LavaError, match=r'feature 1 \(here\) is .*no coordinate system'):
@@ -82,7 +82,7 @@ def test_polygon_marks_cells_by_their_centre_except_in_holes(tmp_path):
 def test_rejects_invalid_files(tmp_path, name, text, words):
     (tmp_path / name).write_text(text)
     with pytest.raises(LavaError, match=words):
-        read_features('--overlay', tmp_path / name, TERRAIN)
+        read_features('--places', tmp_path / name, TERRAIN)
 
 
 GROUND = Terrain(
@@ -179,7 +179,7 @@ def test_barrier_and_filter_keep_cells_without_data():
 
 @pytest.mark.parametrize(('change', 'word'), [
     ({'line': ((0.0, 0.0),)}, 'two or more places'),
-    ({'line': ((0.0, 0.0), (0.0, 0.0))}, 'that differ'),
+    ({'line': ((0.0, 0.0), (0.0, 0.0))}, 'two or more different points'),
     ({'line': '0,0 1,1'}, 'two or more places'),
     ({'line': ((0.0, 0.0), (1.0, np.nan))}, r'barrier.line\[1\]'),
     ({'height': -5.0}, 'barrier.height'),

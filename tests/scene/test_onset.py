@@ -71,7 +71,7 @@ def test_onset_without_a_time_zone_is_refused(onset):
 
 @pytest.mark.parametrize(('words', 'rates'), [
     (['--start', START, '--effusion-rate', '5'], [3.0]),
-    (['--eruption-start', START], [3.0]),
+    (['--start', START], [3.0]),
     (['--effusion-rate', 'rates.csv'], [3.0]),
     (['--effusion-rate', 'rates.csv', '--start', START], [3.0]),
     ([], [{'file': 'rates.csv'}]),

@@ -148,7 +148,7 @@ SLIPS = {
     ),
     'elevations in feet': Slip(
         {'elevation': (SLOPE + 5000.0) * 3.2808}, {'elevation': SLOPE + 5000.0},
-        'feet times 0.3048',
+        'multiply feet by 0.3048',
     ),
     'cells in cm': Slip(
         {'elevation': SLOPE, 'cell': 2500.0}, {'elevation': SLOPE, 'cell': 25.0},
@@ -302,7 +302,7 @@ def test_user_may_insist(tmp_path):
 ])
 def test_dates_are_compared_with_the_clock(date, words, caplog):
     now = datetime(2026, 6, 1, tzinfo=timezone.utc)
-    check_date('--eruption-start', datetime.fromisoformat(date), now)
+    check_date('--start', datetime.fromisoformat(date), now)
     assert words in caplog.text if words else not caplog.text
 
 

@@ -56,7 +56,7 @@ REFUSED = [
     ('events: [{time: 9, terrain: ground.npz}, {time: 9, terrain: ground.npz}]',
      'scene.events[1].time', 'a time after the event before'),
     ('events: [{time: 9, terrain: other.npz}]', f'{FIRST}.terrain',
-     'the grid of the ground before: 30 x 24 ... -tr'),
+     'the grid of the previous ground: 30 x 24 ... -tr'),
     ('events: [{time: 9, terrain: north.npz}]', f'{FIRST}.terrain',
      'EPSG:32634 ... EPSG:32633 ... -tr 20 20 -te 500000'),
     ('events: [{time: 9, terrain: hole.npz}]', 'vents[0].position', 'on the terrain'),

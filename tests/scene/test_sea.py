@@ -182,7 +182,7 @@ def test_cells_at_zero_need_no_nodata_with_a_sea(tmp_path, caplog):
     # a cliff of 20 m at the coast would be missing data without a sea level
     height = np.where(HEIGHT > 0.0, HEIGHT + 20.0, 0.0)
     np.savez(tmp_path / 'cliff.npz', elevation=height, resolution=10.0)
-    with pytest.raises(LavaError, match='heights like those around them'):
+    with pytest.raises(LavaError, match='elevations like those around them'):
         load_terrain(tmp_path / 'cliff.npz')
     terrain = load_terrain(tmp_path / 'cliff.npz', sea_level=0.0)
     assert terrain.is_sea.mean() == 0.5 and 'ends the flow at the coast' not in caplog.text

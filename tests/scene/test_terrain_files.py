@@ -216,10 +216,10 @@ def test_npz_files_need_no_gdal(tmp_path, monkeypatch):
         'at most 84 degrees',
     ),
     # higher than any mountain
-    (FLOATS + 10_000, {}, {}, r'at most 9000: feet times 0\.3048'),
+    (FLOATS + 10_000, {}, {}, r'at most 9000 m; multiply feet by 0\.3048'),
     (FLOATS, {}, {'epsg': 1}, 'an EPSG code'),
     (FLOATS, {}, {'resolution': -1.0}, 'terrain.resolution'),
-    (FLOATS, {}, {'resolution': 1e6}, 'cells a side'),
+    (FLOATS, {}, {'resolution': 1e6}, 'cells per side'),
     (FLOATS, {}, {'offset': (1.0,)}, 'terrain.offset'),
     (FLOATS, {}, {'window': (0, 0, 1, 1)}, 'the file, which covers x 500000 to 500030 m'),
     (FLOATS, {}, {'window': (0.0, 0.0)}, 'x0, y0, x1, y1'),

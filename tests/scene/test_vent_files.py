@@ -91,8 +91,8 @@ def test_reads_vents_barriers_and_areas_of_every_format(ending, tmp_path, caplog
     np.testing.assert_allclose([second.place, second.other_end], FISSURE[1], atol=0.02)
     assert (first.discharge, second.discharge) == pytest.approx((7.5, 22.5), rel=1e-4)
     assert (first.name, first.radius, first.temperature) == ('Fessura', 25.0, 1350.0)
-    assert 'not understood are ignored: remark (' in caplog.text
-    found = read_features('--overlay', path, TERRAIN)
+    assert 'are ignored: remark (' in caplog.text
+    found = read_features('--places', path, TERRAIN)
     assert [item.name for item in found] == ['Fessura', 'Fessura']
     assert len({item.where for item in found}) == 1
     path = write(tmp_path / f'b.{ending}', 'MultiPoint', POINTS, KNOWN)
@@ -104,7 +104,7 @@ def test_reads_vents_barriers_and_areas_of_every_format(ending, tmp_path, caplog
     one, other = read_barriers('--lines', path, TERRAIN, usual)
     np.testing.assert_allclose(one.line, FISSURE[0], atol=0.02)
     assert (one.height, one.width, one.slope, other.height) == (12.0, 10.0, 1.0, 12.0)
-    assert 'not understood are ignored: owner (' in caplog.text
+    assert 'are ignored: owner (' in caplog.text
     path = write(tmp_path / f'd.{ending}', 'MultiPolygon', [SQUARE], {})
     lava, known_cells = observed_in_file(path, TERRAIN)
     assert known_cells.all() and lava.sum() == 100 and lava[5:15, 5:15].all()
@@ -205,7 +205,7 @@ def test_reads_a_vent_table_of_lava2d(tmp_path):
     ('x,y,time\n500100,4180100,5\n', 'an effusion rate, and a point'),
     ('x,y,start_date\n500100,4180100,44458\n', 'is .44458., expected a header without the word'),
     ('x,y\n510100,4180100\n', 'a.csv is .*a place on the terrain, which covers'),
-    ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of no length'),
+    ('x,y,x_end,y_end\n500100,4180100,500100,4180100\n', 'a line of length 0'),
 ])
 def test_rejects_invalid_vents(text, words, tmp_path):
     (tmp_path / 'a.csv').write_text(text)
@@ -272,12 +272,12 @@ def test_warns_of_a_missing_system(tmp_path, caplog):
 
 
 @pytest.mark.parametrize(('old', 'new', 'words'), [
-    ('"properties"', '"propertys"', 'members that are not understood are ignored: propertys'),
-    ('"crs"', '"srs"', 'members that are not understood are ignored: srs'),
-    ('"Point"', '"Point", "q": 5', 'members that are not understood are ignored: q'),
+    ('"properties"', '"propertys"', 'unknown members are ignored: propertys'),
+    ('"crs"', '"srs"', 'unknown members are ignored: srs'),
+    ('"Point"', '"Point", "q": 5', 'unknown members are ignored: q'),
     ('{"name": "a"}', '12', 'properties is 12, expected an object, or null'),
     ('"a"', 'Infinity', 'name is inf, expected a finite number'),
-    ('"name": "a"', '"q": 1, "q": 2', "q is 'given twice', expected each member once"),
+    ('"name": "a"', '"q": 1, "q": 2', "contains an object with two members 'q'"),
 ])
 def test_reports_members_that_gdal_ignores(old, new, words, tmp_path, caplog):
     text = json.dumps({
@@ -314,12 +314,12 @@ def test_places_are_degrees_if_they_are_then_on_the_terrain(ending, tmp_path):
         write(path, 'Point', POINTS[0], {'name': 'a'})
         path.with_suffix('.prj').unlink()
     (vent,) = vents_of(path)
-    (point,) = read_features('--overlay', path, TERRAIN)
+    (point,) = read_features('--places', path, TERRAIN)
     np.testing.assert_allclose([vent.place, point.rings[0][0]], [(x, y)] * 2, atol=0.02)
     # eastings and northings near the origin of the system
     local = Terrain(np.zeros((50, 50)), 2.0, epsg=32633)
     (tmp_path / 'b.csv').write_text('x,y\n15.0,37.7\n')
-    (point,) = read_features('--overlay', tmp_path / 'b.csv', local)
+    (point,) = read_features('--places', tmp_path / 'b.csv', local)
     assert point.rings[0].tolist() == [[15.0, 37.7]]
     (vent,) = GivenVents(['15.0,37.7'], None, 1.0, {}, str).rows(local)
     assert vent.place == (15.0, 37.7)

@@ -12,7 +12,7 @@ from lava_ros.simulation.batch import Batch, side_by_side
 from lava_ros.verification.benchmarks.effects import effect_sets
 from solver import incline, simulated
 
-#: Sets of effects of ``lava bench effects`` that use different kernels, and map times [s].
+#: Sets of effects of ``lava check speed effects`` that use different kernels, and map times [s].
 SETS = ('everything with green', 'helmholtz', 'inertia', 'merging', 'conduction', 'solidification')
 ENDS = (0.25, 0.5)
 

@@ -45,7 +45,7 @@ def measured():
             Setting(f'refinement {n:g}', Accuracy(refinement=n)) for n in (0.5, 1.0, 2.0)
         ]
         pairs = [(case, item) for case in cases for item in settings]
-        found = measure(pairs, device='cpu', command='lava accuracy', **options)
+        found = measure(pairs, device='cpu', command='lava check accuracy', **options)
         return [row for group in found for row in group]
 
     return rows
@@ -61,7 +61,7 @@ def row():
             'error': 0.01, 'measured': 1.0, 'exact': 1.0, 'unit': 'm', 'particles': 8000,
             'steps': 10, 'evaluations': 100, 'simulated_s': 360.0, 'wall_s': 1.0,
             'wall_s_per_simulated_hour': 10.0, 'device': 'cpu', 'machine': 'a machine',
-            'command': 'lava accuracy', 'repetitions': 1, 'low': 1.0, 'high': 1.0,
+            'command': 'lava check accuracy', 'repetitions': 1, 'low': 1.0, 'high': 1.0,
         }
         return Row(**{**usual, **changes})
 

@@ -223,7 +223,7 @@ def test_offers_the_maps_that_there_are(visitor, page, frames):
     visitor.wait(lambda: '[%]' in page.legend.content)
     frames.frame(5).layers[PROBABILITY].values[:] = np.nan
     frames.version += 1
-    visitor.wait(lambda: 'nothing on this map now' in page.title.content)
+    visitor.wait(lambda: 'this map is empty at this time' in page.title.content)
     visitor.press(page.slider, 0)
     visitor.wait(lambda: page.choice.options == names)
     visitor.press(page.choice, 'Hazard index')

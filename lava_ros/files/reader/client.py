@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The side of the reader process in commands and nodes.
+"""The client of the reader process, used in commands and nodes.
 
 A process starts its reader with its first file, and all its threads share it. A request has the
 name of a task, its options, and files by descriptor: the reader opens none. The answer is JSON and
@@ -50,7 +50,7 @@ _CODE = (
 #: Folder of the package, which a hook may import from elsewhere than ``sys.path``.
 _FOLDER = str(Path(lava_ros.__file__).parents[1])
 
-#: A file for the reader: its name there, and its path or its bytes.
+#: A file for the reader: its name in the reader, and its path or its bytes.
 File = tuple[str, Path | bytes]
 
 
@@ -82,7 +82,7 @@ class _Reader:
 
     @property
     def is_usable(self) -> bool:
-        """True if the process runs and belongs to this one, not to its parent."""
+        """True if the reader runs and was started by this process, not by its parent."""
         return self.owner == os.getpid() and self.process.poll() is None
 
     def end(self) -> int:
@@ -139,7 +139,7 @@ def _running() -> _Reader:
 def read_in_process(
     field: str, value: object, task: str, files: Iterable[File], **options: Any
 ) -> Answer:
-    """Let the reader process do a task with files.
+    """Run a task with files in the reader process.
 
     Args:
         field: Name of the field in errors.
@@ -163,19 +163,20 @@ def read_in_process(
             _readers.clear()
             if isinstance(error, EOFError) and status > 0:
                 problem = f'The process that reads {field} {value} ended with status {status}'
-                raise RefusalError(field, problem, "Run 'lava doctor'") from error
+                raise RefusalError(field, problem, "Run 'lava check install'") from error
             if isinstance(error, EOFError):
                 raise LavaError(field, str(value), _limit(status)) from error
             raise
     for name, level, message in answer.data.get('log', ()):
         logging.getLogger(str(name)).log(int(level), '%s', message)
     if 'error' in answer.data:
-        raise LavaError(*answer.data['error'])
+        kind = RefusalError if answer.data.get('is_refusal') else LavaError
+        raise kind(*answer.data['error'])
     return answer
 
 
 def _limit(status: int) -> str:
-    """Describe a valid file by the way in which the reader ended."""
+    """Describe a valid file, given the exit status of the reader that failed."""
     if -status == signal.SIGXCPU:
         return TIME_LIMIT
     if -status in (signal.SIGKILL, signal.SIGABRT, 0):
@@ -213,7 +214,7 @@ def _receive(channel: socket.socket, size: int) -> bytes:
 
 def _read_answer(shared: BinaryIO, place: int, length: int) -> Answer:
     if hasattr(os, 'memfd_create'):
-        # access to memory that the reader cuts off would end this process
+        # if the reader shrank the file, access to its memory would end this process
         fcntl.fcntl(shared, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)
     size = os.fstat(shared.fileno()).st_size
     if not place + length <= size <= MAX_ANSWER:

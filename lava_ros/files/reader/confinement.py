@@ -3,7 +3,7 @@
 
 """Limits of the process that reads untrusted files: no network, no programs, no other files.
 
-A system call filter (seccomp) denies sockets and programs for good, on Linux. While a file is
+A system call filter (seccomp) permanently denies sockets and programs, on Linux. While a file is
 read, the process may have no new file descriptor (``RLIMIT_NOFILE``), which also denies files and
 sockets on every other system.
 """
@@ -52,13 +52,13 @@ _SET_NO_NEW_PRIVILEGES, _SET_SECCOMP, _FILTER = 38, 22, 2
 
 
 def deny_network_and_programs() -> bool:
-    """Deny sockets and programs to this process for good; return False if the system cannot."""
+    """Permanently deny sockets and programs to this process; return False if the system cannot."""
     arch, denied = _DENIED.get(os.uname().machine, (0, ()))
     if not sys.platform.startswith('linux') or not denied:
         return False
     count = len(denied)
     lines = [
-        # another architecture has other numbers
+        # other architectures have other numbers
         (_LOAD, 0, 0, 4), (_IF_EQUAL, 0, count + 3, arch), (_LOAD, 0, 0, 0),
         (_IF_AT_LEAST, count + 1, 0, _X32),
         *((_IF_EQUAL, count - index, 0, number) for index, number in enumerate(denied)),

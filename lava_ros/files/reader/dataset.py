@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rasters by the functions of GDAL in C.
+"""Reading of rasters with the C functions of GDAL.
 
-rasterio would read the same, but to import it and NumPy takes three times as long as to start the
-reader process without them.
+rasterio would give the same result, but importing it and NumPy takes three times as long as
+starting the reader process without them.
 """
 
 from collections.abc import Callable, Iterator
@@ -90,7 +90,7 @@ class RasterGdal(Gdal):
         self.declare(_FUNCTIONS)
         self.warnings: list[str] = []
         self._failure = ''
-        # a reference, because GDAL has none
+        # keep a reference, because GDAL keeps none
         self._handler = _HANDLER(self._receive)
         self.CPLSetErrorHandler(self._handler)
         system = self.OSRNewSpatialReference(None)
@@ -168,7 +168,7 @@ class Dataset:
 
     @property
     def subdatasets(self) -> list[str]:
-        """Names of the rasters of a file with several."""
+        """Names of the rasters in a file that contains several."""
         tags = self.tags(b'SUBDATASETS')
         return [value.replace('"', '') for key, value in tags.items() if key.endswith('_NAME')]
 

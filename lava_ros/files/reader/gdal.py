@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""GDAL as a package contains it: its drivers, and files in its memory.
+"""The GDAL library inside a Python package: its drivers, and files in its memory.
 
-rasterio and pyogrio have a GDAL each, with drivers and a memory of its own.
+rasterio and pyogrio each contain a GDAL with its own drivers and memory.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ from importlib.util import find_spec
 import os
 from typing import Any
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import RefusalError
 from lava_ros.files.reader.memory import Content
 
 #: Folder of the files in memory.
@@ -48,8 +48,8 @@ VIEWS = (
 def check_tables(field: str, views: Sequence[str]) -> None:
     """Raise LavaError if a GeoPackage has views, which can run without end."""
     if views:
-        expected = 'a GeoPackage whose layers are tables (ogr2ogr writes the result of a view)'
-        raise LavaError(field, f'a view: {", ".join(map(str, views))}', expected)
+        problem = f'The GeoPackage contains views: {", ".join(map(str, views))}'
+        raise RefusalError(field, problem, 'Write them as tables with ogr2ogr')
 
 
 def names_in_c(names: Collection[bytes]) -> Any:
@@ -58,7 +58,7 @@ def names_in_c(names: Collection[bytes]) -> Any:
 
 
 class Gdal:
-    """The GDAL library of a package, which is loaded without the package: that takes longer."""
+    """The GDAL library of a package, loaded without importing the package, which takes longer."""
 
     def __init__(self, package: str, module: str) -> None:
         """Load the library with which an extension module of a package is linked."""
@@ -69,7 +69,7 @@ class Gdal:
         paths = [os.path.join(folders[0], module + suffix) for suffix in EXTENSION_SUFFIXES]
         self._call = ctypes.CDLL(next(filter(os.path.exists, paths), paths[0]))
         self.declare(_FUNCTIONS)
-        # wheels contain the data; other GDALs know where their own are
+        # wheels contain the data files; other builds of GDAL know where theirs are
         data, systems = (os.path.join(folders[0], name) for name in ('gdal_data', 'proj_data'))
         if os.path.isdir(data) and 'GDAL_DATA' not in os.environ:
             self._call.CPLSetConfigOption(b'GDAL_DATA', os.fsencode(data))
@@ -87,7 +87,7 @@ class Gdal:
         return getattr(self._call, name)
 
     def keep_drivers(self, names: Collection[str]) -> None:
-        """Remove all other drivers, which files could use by references."""
+        """Remove all other drivers, because a file could use them by reference."""
         self._call.GDALAllRegister()
         drivers = [
             self._call.GDALGetDriver(number) for number in range(self._call.GDALGetDriverCount())

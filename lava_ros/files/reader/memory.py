@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Memory that the reader process shares with the process that asked: files and answers."""
+"""Memory that the reader process shares with its client: files and answers."""
 
 import ctypes
 import math
@@ -12,10 +12,10 @@ from typing import Any
 
 from lava_ros.files.reader.confinement import opening
 
-#: Length of a request; place and length of the JSON of an answer.
+#: Length of a request; position and length of the JSON in an answer.
 REQUEST, ANSWER = struct.Struct('<I'), struct.Struct('<QQ')
 
-#: Flags of shared memory: all pages at once, where the system can.
+#: Flags of shared memory: all pages at once, if the system supports it.
 MAP_FLAGS = mmap.MAP_SHARED | getattr(mmap, 'MAP_POPULATE', 0)
 
 #: Flags of a file in memory. GDAL needs its address, which Python states only for a writable
@@ -72,7 +72,7 @@ class Output:
         return (ctypes.c_char * len(memory)).from_buffer(memory)
 
     def write(self, text: bytes) -> tuple[int, int]:
-        """Add a text, and return its place and length."""
+        """Add a text, and return its position and length."""
         place = self._size
         os.lseek(self._file, place, os.SEEK_SET)
         written = 0

@@ -12,7 +12,7 @@ import sys
 import threading
 from typing import Any
 
-from lava_ros.errors import LavaError, refusing
+from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files.reader import confinement
 from lava_ros.files.reader.gdal import FOLDER
 from lava_ros.files.reader.memory import ANSWER, Content, Output, REQUEST
@@ -44,7 +44,7 @@ def _plain(text: str) -> str:
 
 
 def main(channel: int) -> None:
-    """Answer requests from a socket until it ends."""
+    """Answer requests from a socket until it is closed."""
     confinement.deny_network_and_programs()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     log = _Log()
@@ -57,7 +57,7 @@ def main(channel: int) -> None:
 
 
 def _end_with_parent() -> None:
-    """Wait for the end of the pipe from the parent, and end."""
+    """End this process when the parent closes its pipe."""
     os.read(sys.stdin.fileno(), 1)
     os._exit(0)
 
@@ -95,6 +95,7 @@ def _answer(connection: socket.socket, request: dict[str, Any], log: _Log) -> No
         value = error.value
         is_plain = isinstance(value, str | int | float | None)
         data['error'] = error.field, value if is_plain else repr(value), _plain(error.expected)
+        data['is_refusal'] = isinstance(error, RefusalError)
     except MemoryError:
         data['error'] = field, path, confinement.MEMORY_LIMIT
     data |= {'log': log.found, 'arrays': output.arrays}

@@ -65,7 +65,7 @@ def tile_names(files: Mapping[str, Content], _: Output, *, field: str, path: str
     """Return the names of the files of a virtual raster.
 
     Raises:
-        LavaError: If it has other parts than files in its folder.
+        LavaError: If it refers to anything but files in its folder.
     """
     with opening():
         from xml.etree import ElementTree
@@ -101,13 +101,13 @@ def read(
 
     Args:
         files: The raster and the files that belong to it.
-        output: Gets the bands, [bands, rows, columns], and which cells have data if some may not,
-            uint8, 0 without data.
+        output: Receives the bands, [bands, rows, columns], and, if cells may lack data, a mask of
+            uint8 that is 0 where data are missing.
         field: Name of the field in errors.
         path: Path of the raster in errors.
         drivers: GDAL driver of the raster.
         tiles: Driver of each file of a virtual raster by its name.
-        kind: Type of the values, None for that of the file.
+        kind: Type of the values, None for the type in the file.
         max_bands: Maximum number of bands.
         max_side: Maximum number of rows and columns; a larger raster is thinned.
 
@@ -171,7 +171,7 @@ def _opened(
             lines = re.findall(rb'^\s*(\S+)[ \t]*(\S*)', text, re.MULTILINE)
             _check_header(field, header, lines)
         if numbers not in (None, cells):
-            expected = f'{cells}, as many as the header has cells'
+            expected = f'{cells}, the number of cells in the header'
             raise LavaError(f'number of values in {shown}', numbers, expected)
         yield source
 
@@ -204,7 +204,7 @@ def _check_size(field: str, name: str, found: int, source: Dataset) -> None:
         # GDAL derives the type from the size
         needed = 4 * source.width * source.height
     if found < needed:
-        raise LavaError(field, f'{found} bytes in {name}', f'{needed} bytes, as its header')
+        raise LavaError(field, f'{found} bytes in {name}', f'{needed} bytes, as its header states')
 
 
 def _check_header(field: str, name: str, lines: Sequence[tuple[bytes, bytes]]) -> None:

@@ -14,7 +14,7 @@ import re
 from typing import Any
 import warnings
 
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.reader.gdal import check_tables, FOLDER, Gdal, VIEWS
 from lava_ros.files.reader.memory import Content, Output
@@ -41,7 +41,7 @@ _GEOMETRY = ('type', 'coordinates', 'geometries', 'bbox')
 
 @cache
 def prepare() -> None:
-    """Load GDAL, and open the files that it needs itself."""
+    """Load GDAL, and open the data files that it needs."""
     from pyogrio import raw
     own = {name for item in FORMATS.values() for name in item.readers}
     gdal().keep_drivers({*own, 'CSV', 'MEM', 'Memory'})
@@ -64,7 +64,7 @@ def read(files: Mapping[str, Content], _: Output, *, field: str, path: str) -> l
     Args:
         files: Contents of files of one format, which is the suffix of their names.
         field: Name of the field in errors.
-        path: Path of the whole in errors.
+        path: Path of the file or archive in errors.
 
     Raises:
         LavaError: If a file cannot be read.
@@ -126,7 +126,7 @@ def _read(field: str, known: Format, data: bytes, path: Path) -> list[Item]:
             continue
         driver = read_info(data, layer=index)['driver']
         if driver not in known.readers:
-            raise LavaError(str(path), f'a file of {driver}', f'a file of {known.name}')
+            raise LavaError(f'format of {path}', driver, known.name)
         meta, _, geometry, values = raw.read(data, layer=index, force_2d=True)
         # without a folder in a KML file, the layer has the name of the file in memory
         has_name = known.has_layers and not str(layer).startswith('pyogrio_')
@@ -144,8 +144,8 @@ def _read(field: str, known: Format, data: bytes, path: Path) -> list[Item]:
 def _check_members(path: Path, data: bytes) -> str | None:
     """Warn of GeoJSON members that GDAL ignores, and raise LavaError for ambiguous ones.
 
-    Returns the coordinate system in a file before RFC 7946: GDAL replaces an unknown one by
-    degrees.
+    Returns the coordinate system that a file in the format before RFC 7946 states; GDAL would
+    treat an unknown one as degrees.
     """
     others: list[str] = []
 
@@ -154,7 +154,8 @@ def _check_members(path: Path, data: bytes) -> str | None:
         if len(members) < len(pairs):
             names = [name for name, _ in pairs]
             twice = next(name for name in names if names.count(name) > 1)
-            raise LavaError(f'{path}, {twice}', 'given twice', 'each member once')
+            problem = f'{path} contains an object with two members {twice!r}'
+            raise RefusalError(str(path), problem, 'Remove one of them')
         for name, value in members.items():
             if isinstance(value, float) and not math.isfinite(value):
                 raise LavaError(f'{path}, {name}', value, 'a finite number')

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run as one page of HTML that needs nothing else."""
+"""The report of a run: one self-contained HTML page."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""HTML pages about runs: `lava report`."""
+"""HTML pages about runs: `lava map`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -124,7 +124,7 @@ def _places(
     overlays = options.get('overlays', ())
     dates = {name: options.get(name) for name in ('node', 'onset', 'zone')}
     return sections.place_tables({
-        str(path): table_of(path, overlays, field='--overlay', **dates)
+        str(path): table_of(path, overlays, field='--places', **dates)
         for path in paths if overlays
     })
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cost of effects: the time of a step with an effect over that of the bare step.
+"""Cost of effects: the time of a step with an effect over the time of the bare step.
 
 Every step is one stage of fixed length, so each includes the full cost of the passes at the end of
 a step, and no effect changes the number of steps.
@@ -25,32 +25,32 @@ from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.rows import OnProgress, row_of
 
-#: Default number of particles: on a GPU, which fewer do not fill, and on a CPU.
+#: Default number of particles on a GPU, enough to keep it busy, and on a CPU.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
 
 #: Minimum time of one measurement [s].
 MIN_MEASURED_TIME = 0.5
 
-#: Steps that a GPU takes at once: idle ones past the last would be measured.
+#: Number of steps that a GPU takes at once, chosen so that no idle step is measured.
 _AT_ONCE = 16
 
 #: Particle spacing and thickness of the lava [m].
 SPACING, THICKNESS = 2.0, 2.0
 
-#: Length of a step [s]: nothing moves far, so every set of effects steps the same lava.
+#: Length of a step [s]: nothing moves far, so every set of effects is measured on the same lava.
 STEP = 1e-3
 
-#: Lava that has every constant, hot enough not to solidify.
+#: Lava with a value for every constant, too hot to solidify.
 _NUMBERS = {key: value for one in EFFECTS.values() for key, value in one.benchmark.items()}
 _AROUND = {key: _NUMBERS.pop(key) for one in EFFECTS.values() for key in one.environment}
 LAVA = Lava.paper(viscosity=1e5, liquidus=1500.0, **_NUMBERS)
 
 
 def effect_sets() -> dict[str, Effects]:
-    """Return the measured sets of effects, by name: none, each alone, and combinations."""
+    """Return the measured sets of effects, by name: none, each effect alone, and combinations."""
     sets = {'bare': compatible(()), **{name: compatible([name]) for name in EFFECTS}}
     for motion in ('green', 'inertia'):
-        # a partial crust excludes a whole one
+        # a partial crust excludes a complete one
         names = sorted(EFFECTS, key=lambda name: (name != motion, name == 'cover'))
         sets[f'everything with {motion}'] = compatible(drop_superseded(names))
     return sets
@@ -76,7 +76,7 @@ def lava_field(
     middle = 0.5 * extent
     ticks = middle + (np.arange(count) + 0.5) * SPACING - 0.5 * side
     places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
-    # off the lattice, as in a flow
+    # displaced from the lattice, as in a flow
     places += np.random.default_rng(2).uniform(-0.2 * SPACING, 0.2 * SPACING, places.shape)
     return Simulation(
         Scene(ground, (Vent((middle, middle), 10.0),), LAVA, **_AROUND),

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Speed of ensemble members in a batch, from one to many.
+"""Speed of batches of one to many ensemble members.
 
-The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage.
+The lava is the same as in ``benchmarks/effects.py``, in steps of fixed length of one stage.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def measure(
         what = f'{name}: {members} members'
         steps = min(STEPS[kind], int(1e10 / count))
         rates = [_rate(simulations, steps, device) for _ in range(repetitions + 1)]
-        # the first one compiles and captures
+        # the first measurement includes compiling and graph capture
         yield row_of(what, number, rates[1:], 'M particle-steps/s')
         memory = (used_memory(device) - before) / count
         if memory:

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Time of a step, from few particles to many, and of other operations that a user waits for.
+"""Time of a step with few to many particles, and of other operations that a user waits for.
 
-The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage.
+The lava is the same as in ``benchmarks/effects.py``, in steps of fixed length of one stage.
 """
 
 from __future__ import annotations
@@ -85,11 +85,11 @@ def _steps(
     simulation = lava_field(number, sets[SETS[0]], device)
     for index, name in enumerate(SETS):
         show(name, index / (len(SETS) + 1))
-        # reuse the lava: creating ten million particles takes longer than measuring them
+        # reuse the lava, because creating ten million particles takes longer than measuring them
         if index:
             simulation.set_effects(asdict(sets[name]))
         if simulation.effects != sets[name]:
-            raise LavaError('effects', name, 'a set that steps of fixed length can have')
+            raise LavaError('effects', name, 'a set that works with steps of fixed length')
         each, count = step_times(simulation, repetitions, MIN_MEASURED_TIME)
         yield from _pace(name, count, each)
         memory = (used_memory(device) - before) / count
@@ -140,7 +140,7 @@ def _starts(device: str, repetitions: int) -> list[float]:
     for _ in range(repetitions + 1):
         start = wall_clock.perf_counter()
         try:
-            # it may have to compile
+            # it may have to compile kernels
             subprocess.run(command, check=True, capture_output=True, timeout=300.0, text=True)
         except subprocess.SubprocessError as error:
             output = getattr(error, 'stderr', None) or str(error)
@@ -151,7 +151,7 @@ def _starts(device: str, repetitions: int) -> list[float]:
 
 
 def used_memory(device: str) -> int:
-    """Return the memory that a GPU's pool has handed out [B], 0 without a pool."""
+    """Return the allocated memory of a GPU's pool [B], 0 without a pool."""
     found = wp.get_device(device)
     if not found.is_mempool_enabled:
         return 0

@@ -19,7 +19,7 @@ from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.snapshot import ParticleSample
 
-#: Isothermal lava: nothing but weight and viscosity.
+#: Isothermal lava with weight and viscosity only.
 ISOTHERMAL = Lava.paper(
     density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0
 )
@@ -35,7 +35,7 @@ FRONT = 0.1
 
 
 def only(*names: str) -> Effects:
-    """Return the named effects, as far as they exist, without all others."""
+    """Return effects in which only the named ones are on, as far as they exist."""
     return compatible(name for name in EFFECTS if name in names)
 
 
@@ -60,7 +60,7 @@ class Measurement:
 
     @property
     def error(self) -> float:
-        """Relative difference; NaN, which no bound admits, if nothing was measured."""
+        """Relative difference; NaN, which exceeds every bound, if nothing was measured."""
         return float(abs(self.measured - self.exact) / abs(self.scale or self.exact))
 
 
@@ -90,8 +90,8 @@ class Run:
 class Case:
     """A flow whose exact solution is known, with the reference of the solution.
 
-    ``measure`` runs the case at an accuracy on a Warp device. The spacing is the case's own over
-    ``accuracy.refinement``. ``effects`` are those that it switches on.
+    ``measure`` runs the case at an accuracy on a Warp device. The spacing is that of the case
+    divided by ``accuracy.refinement``. ``effects`` are those that it switches on.
     """
 
     name: str
@@ -189,7 +189,7 @@ class Trial:
         self, scene: Scene, accuracy: Accuracy, device: str, *, effects: Effects = FLAT,
         particles: Particles | None = None, **knobs: Any,
     ) -> None:
-        """Compile the kernels, create the simulation; ``knobs`` replace fields of ``accuracy``."""
+        """Compile the kernels and create the simulation; ``knobs`` replace ``accuracy`` fields."""
         make = partial(
             Simulation, effects=effects, accuracy=replace(accuracy, **knobs), device=device
         )
@@ -201,7 +201,7 @@ class Trial:
         self._measurements: list[Measurement] = []
 
     def start(self, make: Callable[[Scene], Simulation], scene: Scene) -> Simulation:
-        """Return the simulation of a scene that ``make`` makes."""
+        """Create and return the simulation of the scene from ``make``."""
         return make(scene)
 
     def advance(self, until: float) -> None:
@@ -307,11 +307,11 @@ def layer(
 ) -> Trial:
     """Return a square layer of uniform vertical thickness [m] around (0, 0) on a slope [rad].
 
-    ``side`` is that of the layer [m]; that of the ground is twice as long. The spacing [m] is that
+    ``side`` is the side of the layer [m]; the ground is twice as long. The spacing [m] is that
     at a refinement of 1. The temperature is in kelvin.
     """
     spacing /= accuracy.refinement
-    # keeps the middle of a coarse layer away from its edge
+    # keep the middle of a coarse layer away from its edge
     side = max(side, 8.0 * spacing)
     count = max(2, int(side / spacing))
     particles = Particles(lattice(count, count, spacing), thickness * spacing**2, temperature)

@@ -29,8 +29,8 @@ LENGTH, MIDDLE = 12.0, 2.0
 #: Side of the terrain and of its cells [m].
 SIDE, CELL = 100.0, 2.0
 
-#: Times of measuring the pond [s]: an hour after filling, and an hour of rest later on. Films that
-#: run off the shores slow down as one over the time, whatever their viscosity.
+#: Times of measuring the pond [s]: an hour after filling, and after a further hour of rest. Films
+#: that run off the shores slow down in proportion to 1 / t, whatever their viscosity.
 HOUR, REST = 3600.0, 30.0 * 3600.0
 
 
@@ -79,7 +79,7 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
     def run(width: float, effect: str, across_half: float, **knobs: Any) -> case.Run:
         spacing = 0.5 * width / max(2, round(across_half))
         if effect == 'green':
-            # the support is the kernel radius: if it is fixed, finer means more neighbours
+            # the kernel radius is fixed, so a finer spacing has more neighbours
             knobs['ratio'] = 6.25 / math.sqrt(LATERAL_DRAG) / spacing
         finer = replace(accuracy, spacing=spacing, **knobs)
         trial, found = channel_velocity(width, effect=effect, accuracy=finer, device=device)
@@ -87,15 +87,16 @@ def _run_channel(accuracy: Accuracy, device: str) -> case.Run:
 
     finer = accuracy.refinement
     runs = [run(width, 'helmholtz', count * finer) for width, count in WIDTHS.items()]
-    # up to a limit; differences would smooth the jump of the slope at a wall over the support
+    # up to a limit, because differences would smooth the jump of the slope at a wall over the
+    # kernel
     return case.joined([*runs, run(6.0, 'green', 9 * min(1.0, finer), gradient='energy')])
 
 
 def rough_bowl() -> Terrain:
     """Return a paraboloid with bumps of a few decimetres: 16 waves of 6 cm.
 
-    Wavelengths [m], directions and phases of the waves are even over their ranges, in no order:
-    multiples of irrational numbers, modulo 1.
+    Wavelengths [m], directions and phases of the waves cover their ranges evenly, in an irregular
+    order: multiples of irrational numbers, modulo 1.
     """
     count = round(SIDE / CELL)
     ticks = (np.arange(count) + 0.5 - 0.5 * count) * CELL
@@ -131,7 +132,7 @@ def pond(accuracy: Accuracy, device: str = 'cpu') -> case.Trial:
     """Return lava filled into the rough bowl up to 3 m; this sets spacing and thickness."""
     terrain = rough_bowl()
     spacing = 2.0 / accuracy.refinement
-    # off the grid of the terrain's cells
+    # not on the grid of the terrain's cells
     ticks = np.arange(-0.4 * SIDE, 0.4 * SIDE, spacing) + 0.15 * CELL
     position = case.places(ticks, ticks)
     depth = 3.0 - ground_at(terrain, position)
@@ -148,9 +149,9 @@ def stillness(
 ) -> tuple[case.Measurement, case.Measurement]:
     """Return speed of the fastest particle and scatter of the surface of a pond.
 
-    The speed is relative to that of a fall from the surface to the bottom, the scatter of the
-    surface, where it is deeper than 1 m, relative to the largest depth. ``when`` is appended to
-    the names of the quantities.
+    The speed is relative to the speed of a fall from the surface to the bottom; the scatter of the
+    surface, where the pond is deeper than 1 m, is relative to the largest depth. ``when`` is
+    appended to the names of the quantities.
     """
     sample = trial.sample()
     deep, depth = sample.thickness > 1.0, float(sample.thickness.max())
@@ -163,7 +164,7 @@ def stillness(
 
 
 def _run_pond(accuracy: Accuracy, device: str) -> case.Run:
-    # only the limits of stability bound the steps of a pond at rest
+    # only stability limits the steps of a pond at rest
     trial = pond(replace(accuracy, longest_step=HOUR), device)
     trial.advance(HOUR)
     filled = stillness(trial, ' after an hour')

@@ -93,8 +93,8 @@ def _steady(
 def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
     """Compare thickness and temperature along the middle while half of the sheet is replaced.
 
-    They are means over some moments, and over bands of 5 m across the sheet: particles at one
-    place differ.
+    They are means over some moments, and over bands of 5 m across the sheet: single particles at
+    one place scatter.
     """
     runs = []
     first, last, half = 10.0, 80.0, 40.0
@@ -146,7 +146,7 @@ def _run_front(accuracy: Accuracy, device: str) -> case.Run:
 def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
     """Compare area and front of a point source's flow where it is thicker than 0.1 m."""
     vent = Vent((0.0, 0.0), DISCHARGE, radius=RADIUS, temperature=HOT)
-    # groups of symmetric particles would stay on the axes, and the front would fall behind
+    # groups of symmetric particles would stay on the axes, and the front would lag behind
     accuracy = replace(accuracy, symmetric=False)
     trial = case.Trial(
         Scene(case.plane(WINDOW, MAP, SLOPE), (vent,), STIFFENING, ambient_temperature=COLD),

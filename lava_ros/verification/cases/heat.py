@@ -45,7 +45,7 @@ def _sheet(
 ) -> case.Case:
     """Return the case of temperatures in the middle of a sheet at rest.
 
-    Errors are relative to the loss of temperature if ``is_of_loss``, else to the temperature.
+    Errors are relative to the loss of temperature if ``is_of_loss``, otherwise to the temperature.
     """
 
     def measure(accuracy: Accuracy, device: str) -> case.Run:
@@ -94,7 +94,7 @@ def _run_steep(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_viscous(accuracy: Accuracy, device: str) -> case.Run:
-    # a small heat capacity, to warm by degrees
+    # a small heat capacity, so that the lava warms by several kelvin
     lava = replace(ISOTHERMAL, specific_heat=1.0)
     warming = partial(exact.warming_by_descent, gravity=GRAVITY, specific_heat=1.0)
     slope, thickness, duration = math.radians(10.0), 1.0, 20.0
@@ -126,7 +126,7 @@ def _run_viscous(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_conduction(accuracy: Accuracy, device: str) -> case.Run:
-    # conducts so well that a temperature front is wider than the kernel
+    # the conductivity is so large that a temperature front is wider than the kernel
     lava = replace(STILL, density=1000.0, specific_heat=1000.0, conductivity=1000.0)
     diffusivity, time = 1e-3, 1.6e4
     length, width = 60.0, 14.0
@@ -153,7 +153,7 @@ def _run_conduction(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_current(accuracy: Accuracy, device: str) -> case.Run:
-    # Garel et al. measured it with silicone oil; this is lava
+    # Garel et al. used silicone oil; this case uses lava
     lava = replace(ISOTHERMAL, emissivity=0.9, convection=50.0)
     discharge = 1.0
     solution = exact.CoolingCurrent(lava, initial=HOT, ambient=COLD, discharge=discharge)
@@ -180,7 +180,7 @@ def _run_current(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_freezing(accuracy: Accuracy, device: str) -> case.Run:
-    # too stiff to flow, cools by convection alone
+    # too stiff to flow, and cools by convection only
     lava = replace(STILL, density=2600.0, viscosity=1e9, convection=25.0, solidus=1300.0)
     lens = exact.FreezingLens(lava, depth=3.0, radius=60.0, first=HOT, ambient=COLD)
     half, spacing = 90.0, 3.0 / accuracy.refinement
@@ -214,7 +214,7 @@ def _run_freezing(accuracy: Accuracy, device: str) -> case.Run:
     deposit = trial.simulation.snapshot().frozen
     assert deposit is not None
     trial.compare_mean(deposit, lens.thickness(np.hypot(x, y)), 'deposit')
-    # all lava is solid, no particle is left
+    # all lava is solid, and no particle remains
     return replace(trial.run(), particles=int(wet.sum()))
 
 
@@ -229,8 +229,8 @@ def _run_oil(accuracy: Accuracy, device: str) -> case.Run:
     surface, for an isoviscous current with one temperature per column. The loss to the plate is
     omitted.
     """
-    # Vents have no lava as cold. With a loss proportional to the difference, and constant
-    # viscosity, the scale of temperatures is free.
+    # Vents cannot emit lava as cold as this. With a loss proportional to the difference, and
+    # constant viscosity, the scale of temperatures is free.
     hot, cold = 700.0, 600.0
     capacity = DENSITY * SPECIFIC_HEAT
     spread = exact.ConstantFluxSpread(DISCHARGE, VISCOSITY, GRAVITY)

@@ -17,7 +17,7 @@ from lava_ros.verification.cases import case
 from lava_ros.verification.cases.case import GRAVITY
 from lava_ros.verification.cases.confined import ground_at
 
-#: Momentum and drag alone.
+#: Effects: momentum and drag only.
 INERTIAL = case.only('inertia')
 
 #: Lava with negligible drag.
@@ -70,8 +70,8 @@ def _broken_dams(
 
     ``bed`` is the thickness of that layer [m], 0 for a dry bed. The layer extends so far that its
     outer ends disturb nothing within ``ahead`` [m] of the dams by the end; nor do the strip's long
-    sides affect the sampled band. On a dry bed particles are half as far apart next to the dams,
-    because the tip, which comes from there, thins out to less than a single particle.
+    sides affect the sampled band. On a dry bed the particle spacing next to the dams is halved,
+    because the lava of the tip comes from there, and it thins to less than a single particle.
 
     Returns:
         The trial, which ends when the fans meet and has been compared from where the fan begins to
@@ -173,7 +173,7 @@ def swing(
         longest_step=solution.period / STEPS,
     )
     times = solution.period * np.arange(1 + round(periods * samples)) / samples
-    # velocities belong to the middle of a step, so each sample follows a very short step
+    # velocities are those in the middle of a step, so each sample follows a very short step
     instant = 1e-5 * solution.period
     spread, energy = [], []
     # a paraboloid of liquid at rest: its centre of mass is at 2/3 of its depth above the bottom
@@ -197,7 +197,7 @@ def swing(
 
 
 def _fitted_period(times: np.ndarray, spread: np.ndarray, expected: float) -> float:
-    """Return the best fitting period [s] of a mean of r^2: a cosine, possibly damped."""
+    """Return the best-fitting period [s] of a mean of r^2, for a cosine that may be damped."""
 
     def misfit(period: float) -> float:
         phase = 2.0 * math.pi * times / period

@@ -25,7 +25,7 @@ SLOPE = math.radians(10.0)
 #: Temperature at which strength and viscosity are given [K].
 REFERENCE = ISOTHERMAL.reference_temperature
 
-#: Time of measuring slumps, in mu / tau_y: the remainder of their motion falls as 1 / t.
+#: Time of measuring slumps, in mu / tau_y: the remaining motion decreases as 1 / t.
 SLUMP = 1e4
 
 #: Initial radius, or half-width, of slumps over the final one: all of the lava moves at first.
@@ -173,7 +173,7 @@ def _run_laws(accuracy: Accuracy, device: str) -> case.Run:
         factor = exact.crystal_factor(0.375, lava.packing, exponent)
         sheets.append((law, lava, 1323.0, lava.viscosity * factor, 0.0))
     weak = 0.2 * WEIGHT * math.sin(SLOPE)
-    # twice as strong, at a hundred kelvin less
+    # twice as strong, at a temperature 100 K lower
     lava = replace(ISOTHERMAL, yield_strength=weak, yield_rate=math.log(2.0) / 100.0)
     sheets.append(('strength', lava, REFERENCE - 100.0, lava.viscosity, 2.0 * weak))
     return case.joined(
@@ -191,8 +191,8 @@ def _run_laws(accuracy: Accuracy, device: str) -> case.Run:
 def _run_crust(accuracy: Accuracy, device: str) -> case.Run:
     """Compare the speeds of sheets 2 m thick that a crust holds back, up to an age of weeks.
 
-    The stress of the crust is sigma delta / d, that of the sheet rho g d sin b. The lava is so
-    viscous that it moves by millimetres.
+    The stress of the crust is sigma delta / d, and the stress of the sheet rho g d sin b. The lava
+    is so viscous that it moves only by millimetres.
     """
     runs, thickness = [], 2.0
     for degrees in (10.0, 30.0, 45.0):

@@ -95,7 +95,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> case.Run:
 def response(
     form: str, radius: float, wavelength: float, accuracy: Accuracy, device: str = 'cpu'
 ) -> case.Run:
-    """Velocity amplitude relative to that of ``local``, in a layer 1 m thick driven by cos(q x).
+    """Velocity amplitude relative to ``local``, in a layer 1 m thick driven by cos(q x).
 
     ``form`` is one of ``FORMS``, ``radius`` that of the kernel and ``wavelength`` 2 pi / q [m].
     The ratio of the accuracy gives the spacing, its refinement the number of particles. No
@@ -143,7 +143,7 @@ def response(
 def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
     """Return ground that falls along y by cos(q x), larger than a layer of given sides [m]."""
     x, y = (0.5 * side + 2.0 * spacing for side in sides)
-    # a fortieth of a wave resolves its slope; cells smaller than the spacing add nothing
+    # cells of a fortieth of a wave resolve its slope; cells smaller than the spacing add nothing
     cell = min(2.0 * math.pi / q / 40.0, max(spacing, 0.1))
     terrain = case.plane((-x, -y, x, y), cell)
     rows, columns = (
@@ -163,12 +163,12 @@ def _evaluation_time(simulation: Simulation) -> float:
         with wp.ScopedCapture(device=device) as capture:
             simulation.evaluate()
         evaluate = partial(wp.capture_launch, capture.graph)
-    # the first launch of a graph uploads it
+    # the first launch of a graph uploads it to the device
     return median([timed(simulation.device, evaluate) for _ in range(EVALUATIONS + 1)][1:])
 
 
 def _run_green(accuracy: Accuracy, device: str) -> case.Run:
-    # the support is the kernel radius: if it is fixed, finer means more neighbours
+    # the kernel radius is fixed, so a finer spacing has more neighbours
     ratio = min(12.0, max(1.5, accuracy.ratio * accuracy.refinement))
     accuracy = replace(accuracy, ratio=ratio)
     return case.joined(

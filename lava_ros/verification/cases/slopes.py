@@ -28,7 +28,7 @@ COSINE = math.cos(SLOPE)
 
 
 def _run_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
-    """Compare a strip on 20 degrees, finally sixty run-outs h cot b long, along its middle."""
+    """Compare a strip along its middle on a slope of 20 degrees, up to a length of 60 h cot b."""
     thickness = 1.0
     run_out = thickness / math.tan(SLOPE)
     last = 60.0 * run_out
@@ -45,7 +45,7 @@ def _run_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
     window = (-8.0 * run_out, -width, (last + 8.0 * run_out) * COSINE, width)
     trial = case.Trial(
         Scene(case.plane(window, 1.5 * run_out, SLOPE), lava=ISOTHERMAL), accuracy, device,
-        # a plan area holds as much as the slope's: h_vertical dx_plan = h dx
+        # the area in plan equals the area along the slope: h_vertical dx_plan = h dx
         particles=Particles(np.column_stack([x, y]), area * width / len(fraction), 1400.0),
         effects=SLOPING, spacing=spacing, thickness=mean,
     )
@@ -84,7 +84,7 @@ def _run_flux(accuracy: Accuracy, device: str) -> case.Run:
         grid = trial.field(window)
         line = grid.along_x(4.0 * solution.run_out) * COSINE
         fronts.append(case.front(grid.x, line, threshold) / COSINE)
-    # NaN, an error, if the front is not between the first and the last
+    # NaN, which counts as an error, if the front is not between the first and the last
     measured = np.interp(gauge, fronts, times, left=math.nan, right=math.nan)
     trial.compare('arrival', measured, arrival, 's')
     trial.compare('speed', case.slope_of(times, np.array(fronts)), solution.speed, 'm/s')
@@ -92,7 +92,7 @@ def _run_flux(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
-    """Compare arrivals below a fissure on 20 degrees with those of a fork.
+    """Compare arrivals below a fissure on a slope of 20 degrees with the arrivals in a fork.
 
     The fork starts when the front is 3 of 10 run-outs h cot b below the fissure. Compared are the
     cells from 5 to 10 run-outs down, in a band whose distance from the fissure's ends is 8.
@@ -121,7 +121,7 @@ def _run_ahead(accuracy: Accuracy, device: str) -> case.Run:
         [solution.arrival(place, threshold) for place in x[here[1][0]]], measured.shape
     )
     trial.compare('arrival', measured.mean(), exactly.mean(), 's')
-    # NaN, an error, where the front did not arrive
+    # NaN, which counts as an error, where the front did not arrive
     worst = np.unravel_index(np.argmax(np.abs(measured / exactly - 1.0)), measured.shape)
     trial.compare('worst cell', measured[worst], exactly[worst], 's')
     run, steps = trial.run(), ahead.simulation.snapshot().steps
@@ -208,7 +208,7 @@ def _run_smith(accuracy: Accuracy, device: str) -> case.Run:
         axes.append(across[np.abs(grid.y) < 0.5 * unit].mean())
         position = trial.sample().position
         here = position[np.abs(position[:, 0] / cosine - x) < 2.0 * unit]
-        # over the width at their own distance: the band is wider further down
+        # relative to the width at their distance, because the flow is wider further down
         shares = [y / solution.half_width(down / cosine) for down, y in here]
         squares.append(np.mean(np.square(shares)))
     trial.compare('half-width', np.mean(halves), solution.half_width(x, threshold), 'm')

@@ -83,7 +83,7 @@ def _run_constant_flux(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> case.Run:
-    """Compare a strip 3.5 times as wide as its end is far, along its middle."""
+    """Compare a strip along its middle; its width is 3.5 times the final distance of the front."""
     area, first, growth = 100.0, 100.0, 1.3
     solution = exact.PlaneFixedArea(area, NU, GRAVITY)
     start = solution.time_of_length(first)

@@ -23,7 +23,7 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 def column_on_ground(
     lava: Lava, time: float, *, initial: float, ground: float, thickness: float
 ) -> float:
-    """T [K] of a mixed column that loses heat to a half-space of ground and to nothing else.
+    """Return T [K] of a mixed column that loses heat only to a half-space of ground.
 
     rho c h T' = -q and the ground's surface is at T. In Laplace space (ground temperature over
     Tg: (T - Tg) exp(-z sqrt(s / a))) q = kg sqrt(s / a) (T - Tg), so
@@ -135,8 +135,9 @@ class CoolingCurrent:
     F = eps sigma (T^4 - Ta^4) + lambda (T - Ta), whatever the thickness and the viscosity are. So
     r^2 = (rho c Q / pi) int_T^T0 dT / F. For F = lambda (T - Ta) that is
     T - Ta = (T0 - Ta) exp(-pi lambda r^2 / (rho c Q)), the thermal radius sqrt(rho c Q / (pi
-    lambda)). A source that is a disc, too: within it the difference is 1 / (1 + a^2 / rT^2), which
-    is the point source's at its edge up to half of the square of a^2 / rT^2.
+    lambda)). This also holds for a source that is a disc of radius a: within it the difference is
+    1 / (1 + a^2 / rT^2), which equals that of a point source at the edge to within half of the
+    square of a^2 / rT^2.
 
     The surface loses rho c Q (T0 - Ta) in all: the heat that the source supplies.
 
@@ -175,9 +176,9 @@ class CoolingSpread:
     column and no loss to the ground. The flow is Huppert's (``ConstantFluxSpread``), whatever the
     temperature. Lava emitted at t0 is at r(t) with dr/dt = q / (2 pi r h), q the flux through its
     circle, and its excess temperature falls at lambda / (rho c h). In x = r / R(t) and s = t / t0
-    that is one curve for all: d(x^2 s)/ds = q / (pi (R^2 / t) h), and the logarithm of the excess
-    falls by lambda t0 / (rho c) int_1^s ds / h. So near the source the temperature approaches that
-    of ``CoolingCurrent``, while the front advances.
+    this is one curve for all lava: d(x^2 s)/ds = q / (pi (R^2 / t) h), and the logarithm of the
+    excess falls by lambda t0 / (rho c) int_1^s ds / h. Near the source the temperature therefore
+    approaches that of ``CoolingCurrent``, while the front advances.
     """
 
     #: Maximum t / t0: earlier lava is in the last thousandth of the radius.
@@ -193,7 +194,7 @@ class CoolingSpread:
         area = math.pi * spread.coefficient**2
 
         def rates(age: float, state: np.ndarray) -> np.ndarray:
-            # the flow is similar to itself: as at one second
+            # the flow is self-similar, so evaluate it at one second
             place = np.array(spread.coefficient * math.sqrt(max(state[0], 0.0) / age))
             height = max(float(spread.thickness(place, 1.0)), 1e-12)
             flux = float(spread.flux(place, 1.0))
@@ -204,7 +205,7 @@ class CoolingSpread:
         self._shares = np.sqrt(squares / self._ages)
 
     def difference(self, distance: np.ndarray, time: float) -> np.ndarray:
-        """Return T - Ta over that of the source, at distances [m] and a time [s]."""
+        """Return T - Ta over its value at the source, at distances [m] and a time [s]."""
         scaled = np.asarray(distance) / self._spread.radius(time)
         ages = np.interp(scaled, self._shares, self._ages)
         falls = np.interp(ages, self._ages, self._falls)
@@ -316,9 +317,9 @@ class CoolingSheet:
 
         q = (rho g h d^2 s / 3 mu(T)) (1 - 3 B / 2 + B^3 / 2),   B = tau_y(T) / (rho g d s).
 
-    That is an ordinary differential equation of h. Going down the slope its deviations grow, so it
-    is integrated up the slope, from a place at twice the length at which dh/dx is neglected. There
-    is no lava above x = 0, where T is that of the source.
+    That is an ordinary differential equation of h. Its deviations grow down the slope, so it is
+    integrated up the slope, from a place at twice the length at which dh/dx is neglected. There is
+    no lava above x = 0, where T is that of the source.
     """
 
     def __init__(

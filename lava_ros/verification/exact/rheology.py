@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Exact solutions of lava with a yield strength, or whose stress follows a power of the strain.
+"""Exact solutions of lava with a yield strength, or whose stress is a power of the strain rate.
 
 The stress at the base of a layer is rho g d sin b on a slope and rho g h |grad h| on a plane, and
 falls linearly to 0 at the surface; where it is below the strength tau_y nothing is sheared.
@@ -55,7 +55,7 @@ def crystal_factor(fraction: float, packing: float, exponent: float) -> float:
 
 
 class BinghamDome:
-    """The final dome of a volume that spread on a plane.
+    """The final dome of a volume that has spread on a plane.
 
     It rests where rho g h |dh/dr| = tau_y everywhere: h^2 = k^2 (R - r), k^2 = 2 tau_y / (rho g),
     and the volume is 2 pi k times the integral of r (R - r)^(1/2), 8 pi k R^(5/2) / 15.

@@ -15,7 +15,7 @@ import numpy as np
 
 
 class SlopeFixedArea:
-    """A fixed area A down a slope, late (Huppert 1982, Nature 300).
+    """A fixed area A down a slope at late times (Huppert 1982, Nature 300).
 
     Long after the release h_x is small against tan b: h_t + (g sin b / nu) h^2 h_x = 0. From a
     point, each h travels at g sin b h^2 / nu, so h = [nu x / (g sin b t)]^(1/2), and
@@ -111,8 +111,8 @@ class ListerScales:
     """The scales of a point source on a slope (Lister 1992, J. Fluid Mech. 242).
 
     With h0 = [3 nu Q / (g cos b)]^(1/4), L = h0 cot b and T = 3 nu L / (g sin b h0^2) the equation
-    has no constants left but the source's: h_t + (h^3)_x = div(h^3 grad h), source 1. So spreading
-    balances flow down the slope at h0 and L, and Q T = L^2 h0.
+    has no constants left but the source's: h_t + (h^3)_x = div(h^3 grad h), source 1. Spreading
+    therefore balances flow down the slope at h0 and L, and Q T = L^2 h0.
     """
 
     def __init__(self, discharge: float, slope: float, nu: float, gravity: float) -> None:

@@ -165,7 +165,7 @@ class ConstantFluxSpread:
 
 
 class PlaneFixedArea:
-    """A fixed area A a side, released along a line (Huppert 1982, J. Fluid Mech. 121, plane).
+    """A fixed area A per side, released along a line (Huppert 1982, J. Fluid Mech. 121, plane).
 
     x = x_N(t) s turns the equation into (h^3 h')' = -(x_N' x_N^2 / alpha) (s h)' (x_N scaled
     out), which integrates to h = h0 (1 - s^2)^(1/3) with
@@ -205,7 +205,7 @@ class PlaneFixedArea:
 
 
 class DamBreak:
-    """A step of height h0 released at x = 0, viscous and early: before its far end feels it.
+    """A viscous step of height h0 released at x = 0, before its far end is affected.
 
     Cordonnier, Lev & Garel 2015 (Geol. Soc. London Spec. Publ. 426), benchmark BM1.
     h = h0 f(eta), eta = x / sqrt(alpha h0^3 t) gives (f^3 f')' + eta f' / 2 = 0 with f = 1 far

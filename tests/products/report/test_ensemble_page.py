@@ -33,7 +33,7 @@ def page(tmp_path_factory):
     rows = [f'{x + 10 * index},{y + 95},a place with a long name {index}' for index in range(6)]
     places = folder / 'places.csv'
     places.write_text('\n'.join(['x,y,name', *rows, f'{x + 90_000},{y},town']) + '\n')
-    done('report', folder / 'members', '-o', folder / 'page.html', '--overlay', places)
+    done('map', folder / 'members', '-o', folder / 'page.html', '--places', places)
     return folder / 'page.html'
 
 

@@ -55,7 +55,7 @@ def test_node_waits_for_the_clock_of_a_replay_and_follows_it(graph, tmp_path):
             data = serialize_message(String(data=f'{second}'))
             stamp = (START + second) * SECOND
             writer.write('/text', 'std_msgs/msg/String', data, stamp, qos=QosProfile())
-    words = ('replay', '--rate', f'{RATE}', str(tmp_path / 'bag'))
+    words = ('ros', 'replay', '--rate', f'{RATE}', str(tmp_path / 'bag'))
     player = graph.process('-m', 'lava_ros.cli.main', *words)
     found = listener.newest(
         'depth', 'danger',

@@ -39,9 +39,9 @@ def start(graph, bag):
 
 
 def recovered(graph, bag):
-    """Return the output of `lava recover`, and the recovered (topic, stamp, digest of cells)."""
+    """Return the output of `lava bag recover`, and its (topic, stamp, digest of cells)."""
     copy = bag.with_name(f'{bag.name}_recovered')
-    process = graph.process('-m', 'lava_ros.cli.main', 'recover', str(bag), str(copy))
+    process = graph.process('-m', 'lava_ros.cli.main', 'bag', 'recover', str(bag), '-o', str(copy))
     assert process.wait_for_end() == 0, process.log
     reader = BagReader(copy)
     assert not reader.recovered

@@ -30,7 +30,7 @@ def rows_of(path):
 
 def test_command_writes_csv_json_and_text(tmp_path, capsys, monkeypatch, brief):
     output, text = tmp_path / 'steps.csv', tmp_path / 'steps.json'
-    words = 'bench steps --device cpu --repetitions 3 --particles 100 400'
+    words = 'check speed steps --device cpu --repetitions 3 --particles 100 400'
     assert cli.main([*words.split(), '--output', str(output), '--json', str(text)]) == 0
     rows = rows_of(output)
     table = {(row['benchmark'], int(row['particles'])): row for row in rows}
@@ -44,7 +44,7 @@ def test_command_writes_csv_json_and_text(tmp_path, capsys, monkeypatch, brief):
     columns = 'benchmark,particles,value,unit,low,high,repetitions,device,machine,command'
     assert list(rows[0]) == columns.split(',')
     assert {row['command'] for row in rows} == {f'lava {words}'}
-    assert len(json.loads(text.read_text())) == len(rows)
+    assert len(json.loads(text.read_text())['rows']) == len(rows)
     assert 'green: rate' in capsys.readouterr().out
 
 
@@ -56,5 +56,6 @@ def test_committed_rows_have_unit_machine_command_and_range():
         names = {row['benchmark'] for row in rows}
         assert {'bare: rate', 'everything with green: memory'} <= names
         for row in rows:
-            assert row['unit'] and row['machine'] and row['command'].startswith('lava bench steps')
+            assert row['unit'] and row['machine']
+            assert row['command'].startswith('lava check speed steps')
             assert float(row['low']) <= float(row['value']) <= float(row['high'])

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava verify`: the solver against exact solutions."""
+"""`lava check solver`: the solver against exact solutions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import Progress, write_json
+from lava_ros.cli.console import accuracy_as_dict, Progress, with_units, write_json
 from lava_ros.cli.options import argument, command, DEFAULT_PRESET, device_named
 from lava_ros.verification.bounds import bound, BOUNDED_PRESETS
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     argument('--case', 'NAME', 'cases to run (default: all)', action='extend', nargs='+'),
     '--device', '--json',
 )
-def verify(args: argparse.Namespace) -> int:
+def solver(args: argparse.Namespace) -> int:
     """Compare the solver with exact solutions.
 
     The command runs flows whose exact solution is known. It prints the quantity of each that is
@@ -57,8 +57,12 @@ def verify(args: argparse.Namespace) -> int:
     within = sum(item['within'] for item in quantities)
     print(f'{within} of {len(quantities)} quantities are within their bounds')
     outside = within < len(quantities)
-    report = {'preset': args.preset, 'accuracy': asdict(accuracy), 'device': device}
-    write_json({**report, 'within_bounds': not outside, 'runs': results}, args.json)
+    report = {
+        'preset': args.preset, 'device': device, 'within_bounds': not outside,
+        'accuracy': accuracy_as_dict(accuracy),
+        'runs': with_units(results, s='simulated_time wall_time'),
+    }
+    write_json(report, args.json)
     return int(outside)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava doctor`: check the installation."""
+"""`lava check install`: check the installation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     ),
     '--json',
 )
-def doctor(args: argparse.Namespace) -> int:
+def install(args: argparse.Namespace) -> int:
     """Check Python, ROS, DDS, GPU, disk and clock, and print what to correct.
 
     The command checks what the package needs: Python, packages, ROS, discovery, a message that
@@ -40,8 +40,11 @@ def doctor(args: argparse.Namespace) -> int:
         findings.append(finding)
         if args.json is None:
             _print(finding)
-    write_json([asdict(finding) for finding in findings], args.json)
-    return int(any(finding.level == FAIL for finding in findings))
+    fails = any(finding.level == FAIL for finding in findings)
+    write_json(
+        {'works': not fails, 'checks': [asdict(finding) for finding in findings]}, args.json
+    )
+    return int(fails)
 
 
 def _findings(args: argparse.Namespace) -> Iterator[Finding]:
@@ -81,6 +84,6 @@ def _print(finding: Finding) -> None:
     lines = [Text.assemble(
         (f'{finding.level:6}', style), f'{finding.check:13} {printable(finding.text)}'
     )]
-    if finding.way_out:
-        lines.append(Text(f'{"":20}-> {printable(finding.way_out)}', style='dim'))
+    if finding.remedy:
+        lines.append(Text(f'{"":20}-> {printable(finding.remedy)}', style='dim'))
     terminal(soft_wrap=True, highlight=False).print(*lines, sep='\n')

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava bench`: computing time and memory."""
+"""`lava check speed`: computing time and memory."""
 
 import argparse
 from importlib import import_module
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lava_ros import validation
 from lava_ros.cli.console import Progress, table_lines, write_json
-from lava_ros.cli.options import argument, command, device_named, repeating_command
+from lava_ros.cli.options import argument, command, device_named, output_option, repeating_command
 from lava_ros.files import file_to_write
 
 #: The benchmarks, each a module of ``lava_ros.verification.benchmarks``.
@@ -21,9 +21,9 @@ BENCHMARKS = ('effects', 'steps', 'members')
     '--device', '--json',
     argument('--particles', 'N', 'numbers of particles (default: by the device)', int, nargs='+'),
     argument('--repetitions', 'N', 'number of measurements', 5),
-    argument('--output', 'FILE', 'write the table as CSV'),
+    output_option('FILE', 'table to write: .csv'),
 )
-def bench(args: argparse.Namespace) -> int:
+def speed(args: argparse.Namespace) -> int:
     """Measure computing time and memory.
 
     effects: time of a step with each effect, and with all effects, relative to a step without.
@@ -47,7 +47,7 @@ def bench(args: argparse.Namespace) -> int:
     origin = {
         'device': device,
         'machine': measure.machine_name(device),
-        'command': repeating_command(f'bench {name}', {'device': device, **options}),
+        'command': repeating_command(f'check speed {name}', {'device': device, **options}),
     }
     module = import_module(f'lava_ros.verification.benchmarks.{name}')
     rows = []
@@ -65,5 +65,5 @@ def bench(args: argparse.Namespace) -> int:
     ]
     sides = ''.join('<' if column in ('benchmark', 'unit') else '>' for column in columns)
     print('\n'.join(table_lines([columns, *(line[: len(columns)] for line in cells)], sides)))
-    write_json(as_plain(rows), args.json)
+    write_json({'rows': as_plain(rows)}, args.json)
     return 0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`lava hindcast`: simulate a mapped eruption, and compare."""
+"""One run of a mapped eruption, or several, for `lava run`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,15 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import made_folder, Progress, write_json
-from lava_ros.cli.options import argument, command, forced_effects
-from lava_ros.cli.scene_options import vent_arguments
+from lava_ros.cli.arrivals import arrivals_at, print_arrivals
+from lava_ros.cli.console import (
+    accuracy_as_dict,
+    made_folder,
+    Progress,
+    with_units,
+    write_json,
+)
+from lava_ros.cli.options import forced_effects
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
@@ -30,27 +36,8 @@ if TYPE_CHECKING:
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
 
 
-@command(
-    argument('case', 'CASE_DIR', 'folder of the case'),
-    '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh', '--json',
-    argument(
-        '-o --output', 'DIR', 'folder for maps, bag and page (default: hindcasts/<case>_<preset>)'
-    ),
-    *vent_arguments('case'),
-    argument(
-        '--runs', 'N', 'make N more runs, rotated and mirrored, and report their scatter and the '
-        'area that at least half of them cover; from 2 to 8, which are all directions (default: '
-        'none)', 1,
-    ),
-    argument('--maps', 'N', 'number of maps of the run, which does not change the flow', 24),
-)
-def hindcast(args: argparse.Namespace) -> int:
-    """Simulate a mapped eruption, and compare the flow with the map.
-
-    The folder of the case has elevation.asc, vent.csv, effusion_rate.csv, footprint.asc and, if
-    needed, case.yaml (docs/VALIDATION.md). The command compares the area that the simulated lava
-    covers with the footprint. The same command continues an interrupted run.
-    """
+def run_case(args: argparse.Namespace) -> int:
+    """Simulate a mapped eruption, compare it with the map, and return the exit status."""
     from lava_ros.cli.scenes import WORDS
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
@@ -68,7 +55,7 @@ def hindcast(args: argparse.Namespace) -> int:
         expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
         raise LavaError('--effusion-rate', args.discharge, expected)
     case = load_case(
-        args.case,
+        args.scene,
         material=args.material,
         low_pass=args.low_pass,
         vent=args.vent or (),
@@ -79,7 +66,7 @@ def hindcast(args: argparse.Namespace) -> int:
     settings = Settings(
         args.preset, args.spacing, args.device, forced_effects(args), args.maps
     )
-    output = Path(args.output or Path('hindcasts') / f'{case.name}_{args.preset}')
+    output = Path(args.output or Path('runs') / f'{case.name}_{args.preset}')
     _prepare(output)
     unfinished = output / UNFINISHED
     if args.fresh:
@@ -128,8 +115,12 @@ def hindcast(args: argparse.Namespace) -> int:
     data = _as_dict(case, settings, result, judged, error)
     if several is not None:
         data['runs'] = several.as_dict()
+        data['runs']['majority'] = _score_as_dict(several.majority)
     if outlines:
         data['outlines'] = outlines
+    table = arrivals_at(args, output / BAG)
+    if table is not None:
+        data['places'] = table.as_dict()['places']
     write_json(data, output / RESULT, args.json)
     print(case.title)
     rows = [('lava', EruptingLava.of(case.scene).text())]
@@ -137,8 +128,9 @@ def hindcast(args: argparse.Namespace) -> int:
     rows += [(f'volume {term}', value) for term, value in result.snapshot.budget.rows()]
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
         print(f'  {term:26} {value}')
+    print_arrivals(table)
     for item in warnings(case, result):
-        print(f'lava hindcast: {item}', file=sys.stderr)
+        print(f'lava run: {item}', file=sys.stderr)
     print('\n'.join(f'written to {path}' for path in [*files, output / RESULT]))
     return 0
 
@@ -153,7 +145,9 @@ def _dated(
         return [], {}
     scores = score_outlines(case, [item.snapshot for item in results])
     references = refer(case, {item.outline: item.area_error for item in scores})
-    plain = [asdict(item) | asdict(references[item.outline]) for item in scores]
+    plain = [
+        with_units(asdict(item), s='time') | asdict(references[item.outline]) for item in scores
+    ]
     return plain, {
         f'Jaccard on {item.outline}': f'{item.jaccard:.3f} (area {100 * item.area_error:+.0f} %; '
         f'{references[item.outline].words})'
@@ -175,10 +169,13 @@ def _as_dict(
 ) -> dict[str, Any]:
     from lava_ros.hindcast.page import warnings
     from lava_ros.scene.erupting_lava import EruptingLava
+    from lava_ros.scene.lava import constant_units
     from lava_ros.simulation.selection import decision_as_dict
 
     snapshot, budget = result.snapshot, result.snapshot.budget
+    resolution = result.resolution
     return {
+        'kind': 'case',
         'case': case.name,
         'title': case.title,
         'material': case.material.name,
@@ -186,9 +183,9 @@ def _as_dict(
         'warnings': warnings(case, result),
         'preset': settings.preset,
         'device': result.device,
-        'simulated_s': snapshot.time,
-        'score': asdict(judged),
-        'volume': {**asdict(budget), 'error': budget.error},
+        'simulated_time_s': snapshot.time,
+        'score': _score_as_dict(judged),
+        **{name: float(text) for name, text in budget.texts().items()},
         'wall_time_s': round(result.wall_time, 3),
         'steps': snapshot.steps.count,
         'evaluations': snapshot.steps.evaluations,
@@ -198,13 +195,33 @@ def _as_dict(
         ),
         'effects': list(result.effects),
         'decisions': [decision_as_dict(item) for item in result.decisions],
-        'accuracy': asdict(result.accuracy),
-        'resolution': asdict(result.resolution),
+        'accuracy': accuracy_as_dict(result.accuracy),
+        'resolution': {
+            'spacing_m': resolution.spacing, 'flow_width_m': resolution.width,
+            'particles_across': resolution.across,
+        },
+        'flow_kind': None if resolution.kind is None else resolution.kind.text(),
         'numerical_error': error.as_dict(),
         'effects_error': result.effects_error,
         'cell_m': case.scene.terrain.resolution * settings.coarseness(case),
-        'composition': {name: one.value for name, one in case.material.composition.items()},
-        'lava': asdict(case.scene.lava),
-        'vents': [asdict(vent) for vent in case.scene.vents],
+        'composition_percent': {
+            name: one.value for name, one in case.material.composition.items()
+        },
+        'lava': [
+            {'name': name, 'value': value, 'unit': constant_units()[name]}
+            for name, value in asdict(case.scene.lava).items()
+        ],
+        'vents': with_units(
+            [asdict(vent) for vent in case.scene.vents], m='position end radius', k='temperature',
+            m3_per_s='discharge', m_per_s='velocity',
+        ),
         'low_pass_m': case.low_pass,
     }
+
+
+def _score_as_dict(judged: Score) -> dict[str, Any]:
+    lengths = 'length mapped_length mean_thickness median_thickness thickest mapped_thickness'
+    plain = with_units(
+        asdict(judged), m=lengths, m2='area standing_area mapped_area', m3='volume'
+    )
+    return dict(plain)

@@ -1,0 +1,628 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The shapes of ``--json``, as JSON Schemas, which docs/json_outputs.py writes.
+
+A number has its unit at the end of its key. Without a unit it is a count, or its description says
+what it is: a fraction, a ratio, an index, or a value in the `unit` beside it.
+"""
+
+from collections.abc import Mapping
+import json
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parents[1] / 'schemas'
+
+Schema = dict[str, Any]
+
+
+def text(meaning: str = '') -> Schema:
+    """Return the schema of a text."""
+    return {'type': 'string', 'description': meaning}
+
+
+def number(meaning: str) -> Schema:
+    """Return the schema of a number."""
+    return {'type': 'number', 'description': meaning}
+
+
+def count(meaning: str) -> Schema:
+    """Return the schema of a whole number."""
+    return {'type': 'integer', 'description': meaning}
+
+
+def flag(meaning: str) -> Schema:
+    """Return the schema of true or false."""
+    return {'type': 'boolean', 'description': meaning}
+
+
+def free(meaning: str) -> Schema:
+    """Return the schema of plain data that the description explains."""
+    return {'description': meaning}
+
+
+def either(*values: str, meaning: str) -> Schema:
+    """Return the schema of one of some texts."""
+    return {'enum': list(values), 'description': meaning}
+
+
+def each(item: Schema, meaning: str = '') -> Schema:
+    """Return the schema of a list."""
+    return {'type': 'array', 'items': item, 'description': meaning or item.get('description', '')}
+
+
+def named(item: Schema, meaning: str = '') -> Schema:
+    """Return the schema of an object whose keys are names."""
+    meaning = meaning or item.get('description', '')
+    return {'type': 'object', 'additionalProperties': item, 'description': meaning}
+
+
+def unknown(schema: Schema) -> Schema:
+    """Return a schema that also admits null."""
+    if isinstance(schema.get('type'), str):
+        return {**schema, 'type': [schema['type'], 'null']}
+    return {'anyOf': [schema, {'type': 'null'}], 'description': schema.get('description', '')}
+
+
+def keys(meaning: str, known: Mapping[str, Schema], *groups: Mapping[str, Schema]) -> Schema:
+    """Return the schema of an object; a key that ends with ? may be missing."""
+    every = {name: schema for part in (known, *groups) for name, schema in part.items()}
+    return {
+        'type': 'object',
+        'description': meaning,
+        'properties': {name.rstrip('?'): schema for name, schema in every.items()},
+        'required': [name for name in every if not name.endswith('?')],
+        'additionalProperties': False,
+    }
+
+
+NAME = text('Name')
+WARNINGS = each(text(), 'What a reader of the maps must know')
+DEVICE = text('Computing device')
+PRESET = text('Preset of the accuracy')
+
+
+def area_error(meaning: str) -> Schema:
+    """Return the schema of the numerical error of an area."""
+    return keys(meaning, {
+        'particles?': number('Fraction: part of the particles'),
+        'ground?': unknown(number("Fraction: part of the ground's cells; null: unknown")),
+        'total': number('Fraction: both parts'),
+    })
+
+
+ERROR = keys('Numerical error', {
+    'inundated': area_error('Error of the inundated area'),
+    'standing': area_error('Error of the area with lava at the end'),
+    'spacing_m?': number('Particle spacing'),
+    'cell_m?': number('Side of a cell'),
+    'time_s': number('Simulated time at which it was measured'),
+})
+
+LAVA = keys('Lava at the vents', {
+    'material': unknown(text('Most similar material; null: none')),
+    'changed_constants': each(text(), 'Constants that differ from the material'),
+    'vents': each(keys('A vent', {
+        'name': NAME, 'temperature_k': number('Temperature'),
+        'viscosity_pa_s': number('Viscosity'),
+    })),
+})
+
+#: What a reader needs to judge a result.
+QUALITY = {
+    'erupting_lava': unknown(LAVA), 'numerical_error': unknown(ERROR), 'warnings': WARNINGS,
+}
+
+VOLUMES = {
+    **{
+        f'volume_{name}_m3': number(f'Volume of lava: {meaning}') for name, meaning in {
+            'emitted': 'emitted by the vents, and present at the start',
+            'held': 'in the simulation', 'pending': 'part of held that waits in the vents',
+            'left': 'over the border, in cells without data, or in the sea',
+            'frozen': 'solidified', 'late': 'part of pending that is overdue',
+            'in_holes': 'part of left in cells without data',
+            'in_sea': 'part of left in the sea', 'thin': 'too thin to count as inundation',
+        }.items()
+    },
+    'volume_error': number('Fraction of the emitted volume that is unaccounted for'),
+}
+
+RESOLUTION = keys('Resolution of the flow', {
+    'spacing_m': number('Particle spacing'), 'flow_width_m': number('Width of the flow'),
+    'particles_across': number('Number of particles across the flow'),
+})
+
+ACCURACY = keys('Settings of the solver', {
+    'spacing_m': unknown(number('Particle spacing')),
+    'refinement': number('Ratio of the spacing of the preset standard to the spacing'),
+    'thickness_m': unknown(number('Thickness scale, which sets the volume of a particle')),
+    'ratio': number('Ratio of the radius of the kernel to the spacing'),
+    'kernel': text('Smoothing kernel'),
+    'raster_ratio': number('Ratio of the radius of the kernel of the maps to the spacing'),
+    'diffusion_number': number('Ratio of a time step to the stable one'),
+    'courant_number': number('Ratio of the displacement in a step to the cell size'),
+    'longest_step_s': unknown(number('Maximum time step')),
+    'fixed_step_s': unknown(number('Constant time step')),
+    'gradient': text("Form of the surface's gradient"),
+    'formulation': text('Formulas of the velocity'),
+    'deterministic': flag('True if repeated runs are bitwise identical'),
+    'symmetric': flag('True if the numerical scheme is symmetric'),
+    'integrator': text('Time integration'),
+    'precision': text('Precision of numbers'),
+    'threshold_m': unknown(number('Thickness at or above which lava has arrived')),
+})
+
+DECISION = {
+    'effect': NAME, 'title': text('Name for people'), 'on': flag('True if the effect is on'),
+    'forced': flag('True if the user chose it'),
+    'number': text('Dimensionless number that decides'),
+    'value': unknown(number('Number that is expected')),
+    'measured': unknown(number('Number in a run')),
+    'threshold': unknown(number('Number above which the effect is on')),
+    'on_since_s': unknown(number('Simulated time at which it was switched on')),
+    'reason': text('Why it is on or off'),
+    'without_it': text('What leaving it out changes at the threshold'),
+    'footprint_without_it': unknown(number('Fraction of the inundated area, likewise')),
+    'thickness_without_it': unknown(number('Fraction of the thickness, likewise')),
+    'source': text('Source of the law'),
+}
+
+_PARTS = {
+    f'arrival_p{part}_{unit}': unknown(kind(f'Arrival in {part} % of the members, or in the run'))
+    for part in (10, 50, 90) for unit, kind in (('s', number), ('utc', text))
+}
+
+PLACES = each(keys('A place', {
+    'name': NAME, 'kind': text('point, line or area'),
+    'off_map_percent': number('Part of the place on cells without data'),
+    'probability_percent': unknown(number('Probability that lava arrives')),
+    'probability_text': unknown(text('The probability in words')),
+    'arrival_earliest_s': unknown(number('Earliest arrival in any member')),
+    'front_distance_m': unknown(number('Distance of the place from the lava of a run')),
+    **_PARTS,
+    **{
+        f'{name}{unit}?': unknown(number(meaning))
+        for measure, unit in (('length', '_m'), ('area', '_m2'))
+        for name, meaning in (
+            (measure, f'Whole {measure}'),
+            *((f'inundated_{measure}_p{part}', f'Inundated {measure} in {part} % of the members')
+              for part in (10, 50, 90)),
+        )
+    },
+}), 'When lava arrives at the places of --places')
+
+SCORE = {
+    'jaccard': number('Index: cells in both flows over cells in either'),
+    'recall': number('Fraction of the mapped cells that are simulated'),
+    'precision': number('Fraction of the simulated cells that are mapped'),
+    'fit': number('Index: square root of jaccard'),
+    'hits': count('Cells of both flows'), 'misses': count('Cells of the mapped flow only'),
+    'false_alarms': count('Cells of the simulated flow only'),
+    'area_m2': number('Inundated area'), 'standing_area_m2': number('Area with lava at the end'),
+    'mapped_area_m2': number('Mapped area'), 'length_m': number('Runout length'),
+    'mapped_length_m': number('Mapped runout length'), 'volume_m3': number('Volume on the map'),
+    'mean_thickness_m': number('Mean thickness'), 'median_thickness_m': number('Median thickness'),
+    'thickest_m': number('Largest thickness'),
+    'mapped_thickness_m': number('Emitted volume over the mapped area'),
+    'length_error': number('Fraction: relative error of the length'),
+    'area_error': number('Fraction: relative error of the area'),
+}
+
+BRIER = {
+    'cells': count('Cells with lava in a member or on the map'),
+    'base_rate': number('Fraction of these cells with mapped lava'),
+    'brier_score': number('Index: mean square of probability minus outcome'),
+    'brier_skill': number('Index: 1 minus the ratio of brier_score to that of the base rate'),
+    'brier_skill_of_terrain': number('Index: the same over all cells'),
+    'largest_gap': unknown(number('Fraction: largest error of a probability')),
+    'reliability?': each(keys('A range of probabilities', {
+        'low': number('Fraction: lowest probability'),
+        'high': number('Fraction: highest probability'),
+        'forecast': number('Fraction: mean probability'), 'observed': number('Fraction with lava'),
+        'count': count('Number of cells'),
+    })),
+}
+
+_PERSISTENCE = {
+    'brier_persistence': unknown(number('Index: brier_score of the outline before')),
+    'brier_skill_persistence': unknown(number('Index: skill over the outline before')),
+}
+
+DATES = keys('Scores at dated outlines', BRIER, _PERSISTENCE, {
+    'dates': each(keys('An outline', {'date': text('Date or time')}, BRIER, _PERSISTENCE)),
+})
+
+SUMMARY = {
+    'members': count('Number of members'), 'resumed': count('Members from earlier commands'),
+    'effective_members': number('Number of members of equal weight'),
+    'sampling_error_percent': number('Standard error of a probability of 50 %'),
+    'unseen_percent': number('Largest probability where no member has lava'),
+    'arrives_before_percent': named(number('Probability of an arrival before each quantile')),
+    'spacing_error': unknown(keys('Error of the particle spacing', {
+        'spacing_m': number('Particle spacing'), 'pairs': count('Number of pairs of runs'),
+        'delay': number('Logarithm of the ratio of arrival times'),
+        'delay_spread': number('Logarithm: standard uncertainty of delay'),
+        'growth': number('Logarithm of the ratio of areas'),
+        'growth_spread': number('Logarithm: standard uncertainty of growth'),
+        'area_error': number('Fraction of the area'),
+        'is_usable': flag('True if the probabilities are usable'),
+        'usable_spacing_m': number('Particle spacing with which they would be'),
+    })),
+    'horizon_s': number('Simulated time at which the members end'),
+    'arrival_error_s': number('Error of the arrival times'),
+    'members_beyond': count('Members whose lava left the map'),
+    'threshold_m': number('Thickness at or above which lava has arrived'),
+    'preset': PRESET, 'effects': each(text(), 'Effects that are on'),
+    'switched_on': each(keys('An effect that the flow called for', {
+        'effect': NAME, 'number': number('Number that was measured'),
+        'threshold': number('Number above which it is on'), 'member': count('Member'),
+        'time_s': number('Simulated time'),
+    })),
+    'seed': count('Seed of the random numbers'),
+    'workers?': count('Number of processes'), 'scheduler?': text('Address of the scheduler'),
+    'device': unknown(DEVICE), 'wall_time_s': number('Wall time of the members'),
+    'members_per_s': unknown(number('Members that ran in a second')),
+    'area_m2': named(number('Area by probability of inundation')),
+}
+_CASE_SCORES = {'score?': keys('Score at the end', BRIER), 'dates?': DATES}
+_OBSERVED = {
+    'jaccard_mean': number('Index: mean agreement of the members with the observation'),
+}
+
+ENSEMBLE = keys('An ensemble', {
+    'kind': {'const': 'ensemble'},
+    **SUMMARY,
+    'inputs': keys('Uncertain quantities', {
+        'drawn': named(keys('A quantity', {
+            'distribution': text('Distribution'), 'source': text('Source'),
+        })),
+        'exact': named(text('Reason')),
+    }),
+    'influence': keys('Quantities that decide', {
+        'rows': each(keys('A quantity', {
+            'quantity': NAME, 'area': number('Fraction: change of the inundated area'),
+            'area_error': number('Fraction: standard error of area'),
+            'mismatch': number('Index: 1 - J of the areas before and after a change'),
+            'mismatch_error': number('Index: standard error of mismatch'),
+            'together': each(text(), 'Quantities that change with it'),
+        })),
+        'rest': unknown(number('Fraction of the variance of terrain and interaction')),
+        'members': count('Number of members'), 'needed': count('Number of members needed'),
+    }),
+    **QUALITY,
+    'difference_of_members': number('Index: mean 1 - J of two members'),
+    'eruptions_cut_off?': count('Eruptions that last beyond the horizon'),
+    'case?': text('Name of the mapped eruption'),
+    'uncertainty?': free('Section `uncertainty` of the mapped eruption'),
+    **_CASE_SCORES,
+    'observed?': keys('Agreement with --observed', {
+        'observation': text('File and time'), **_OBSERVED,
+        'jaccard_best': number('Index: best agreement of a member'),
+        'sharpness': number('Factor of the weights'),
+    }),
+    'posterior?': keys('Members of --posterior', SUMMARY, _OBSERVED, _CASE_SCORES, {
+        'effective_parents': number('Number of first members of equal weight'),
+    }),
+    'barriers?': keys('Comparison with --barriers', {
+        'built_s': number('Simulated time at which they are built'),
+        'barriers': each(keys('A barrier', {
+            'name': NAME, 'length_m': number('Length'), 'height_m': number('Height'),
+            'width_m': number('Width of the crest'), 'volume_m3': number('Volume of earth'),
+        })),
+        'effects': each(text(), 'Effects that are on'),
+        'area_m2': named(keys('Areas', {
+            'without': number('Area without barriers'), 'with': number('Area with barriers'),
+        }), 'Areas by probability of inundation'),
+        'places': each(keys('A place', {
+            'name': NAME, 'kind': text('point, line or area'),
+            **{
+                f'{name}_{case}': unknown(number(f'{meaning}, {case} barriers'))
+                for name, meaning in {
+                    'probability_percent': 'Probability that lava arrives',
+                    **{f'arrival_p{part}_s': f'Arrival in {part} % of the members'
+                       for part in (10, 50, 90)},
+                }.items()
+                for case in ('without', 'with')
+            },
+        })),
+    }),
+    'files': each(text(), 'Written files'),
+    'places?': PLACES,
+})
+
+CASE = keys('A mapped eruption', {
+    'kind': {'const': 'case'}, 'case': NAME, 'title': text('Title'), 'material': text('Material'),
+    **QUALITY,
+    'preset': PRESET, 'device': DEVICE,
+    'simulated_time_s': number('Simulated time'), 'score': keys('Comparison with the map', SCORE),
+    **VOLUMES,
+    'wall_time_s': number('Wall time'), 'steps': count('Number of time steps'),
+    'evaluations': count('Number of velocity evaluations'),
+    'particles_at_most': count('Largest number of particles'),
+    'particles_emitted': count('Number of emitted particles'),
+    'effects': each(text(), 'Effects that are on'),
+    'decisions': each(keys('An effect', DECISION)),
+    'accuracy': ACCURACY, 'resolution': RESOLUTION,
+    'flow_kind': unknown(text('Kind of the flow, with its numbers')),
+    'effects_error': number('Fraction of the area, because of effects that are off'),
+    'cell_m': number('Side of a simulated cell'),
+    'composition_percent': named(number('Oxides of the melt, by weight')),
+    'lava': each(keys('A constant', {
+        'name': NAME, 'value': free('In `unit`, or the choice of a law'), 'unit': text('Unit'),
+    })),
+    'vents': each(keys('A vent', {
+        'name': NAME, 'position_m': each(number('Position in the map frame')),
+        'end_m': unknown(each(number('Other end of a fissure'))),
+        'discharge_m3_per_s': free('Effusion rate, or pairs of a time [s] and a rate'),
+        'temperature_k': number('Temperature'), 'radius_m': number('Radius'),
+        'velocity_m_per_s': each(number('Velocity of the emitted lava')),
+    })),
+    'low_pass_m': number('Standard deviation of the filter of the elevation'),
+    'runs?': keys('Rotated and mirrored runs', {
+        'count': count('Number of runs'), 'chance': number('Index: mean 1 - J of two runs'),
+        'jaccard': each(number('Index of each run')), 'mean': number('Index: mean of jaccard'),
+        'standard_deviation': number('Index: standard deviation of jaccard'),
+        'lowest': number('Index: lowest jaccard'), 'highest': number('Index: highest jaccard'),
+        'length_error': each(number('Fraction: relative error of the length of each run')),
+        'majority': keys('Score of the cells that half of the runs inundate', SCORE),
+    }),
+    'outlines?': each(keys('A dated outline', {
+        'outline': text('Date or time'), 'time_s': number('Time since the start'),
+        **{name: SCORE[name] for name in (
+            'jaccard', 'recall', 'precision', 'area_error', 'length_error')},
+        'persistence': unknown(number('Index: jaccard of the outline before')),
+        'descent': number('Index: jaccard of steepest descent'),
+    })),
+    'places?': PLACES,
+})
+
+SAMPLE = keys('A set of values', {
+    'values': named(number('Values by constant, each in the `unit` of `unknowns`')),
+    'numbers': named(keys('Results by case', {
+        **{name: SCORE[name] for name in (
+            'jaccard', 'recall', 'precision', 'length_error', 'area_error')},
+        'single': number('Index: jaccard of the first run'),
+        'fitted': number('Number: 1 if the result was fitted'),
+        'directions': number('Number of runs'), 'wall_time_s': number('Wall time'),
+    })),
+})
+
+CALIBRATION = keys('A calibration', {
+    'cases': each(text(), 'Names of the cases'), 'preset': PRESET, 'runs': count('Sets of values'),
+    'moved': each(text(), 'Constants that were searched'),
+    'kept': each(text(), 'Constants that the cases state'),
+    'erupting_lava': named(LAVA),
+    'usual': SAMPLE, 'best': SAMPLE, 'near_best': each(SAMPLE),
+    'leave_one_out': each(keys('A case', {
+        'case': NAME, 'values': SAMPLE['properties']['values'],
+        'jaccard': number('Index with the set that is best for the other cases'),
+        'best': number('Index with its own best set'),
+    })),
+    'fitted': each(text(), 'Cases and outlines that were fitted'),
+    'forecasts': each(keys('An outline that was not fitted', {
+        'outline': text('Case and date'), 'jaccard': number('Index of the best set'),
+        'persistence': unknown(number('Index of the last fitted outline')),
+        'descent': number('Index of steepest descent'),
+    })),
+    'unknowns': each(keys('A constant', {
+        'unknown': keys('The constant', {
+            'name': NAME, 'unit': text('Unit'),
+            'low': number('Lowest published value, in `unit`'),
+            'high': number('Highest published value, in `unit`'),
+            'usual': number('Value without calibration, in `unit`'), 'source': text('Source'),
+            'is_log': flag('True if its logarithm is searched'),
+        }),
+        'best': number('Best value, in `unit`'),
+        'low': number('Lowest value of a near-best set, in `unit`'),
+        'high': number('Highest value of a near-best set, in `unit`'),
+        'spread': number('Fraction of the published range'),
+        'correlation': unknown(number('Index: rank correlation with the score')),
+        'is_sensitive': flag('True if the score depends on it'),
+        'quantiles': each(number('Quantiles of 5, 50 and 95 %, in `unit`')),
+    })),
+    'effective_sets': number('Number of sets of equal weight'),
+})
+
+PLAN = keys('A plan', {
+    'until_s': number('Simulated time at which a run ends'),
+    'preset': PRESET, 'spacing_m': number('Particle spacing'),
+    'refinement': number('Ratio of the spacing of the preset standard to the spacing'),
+    'members': count('Number of runs'), 'wall_time_s': number('Expected time of all runs'),
+    'numerical_error': ERROR,
+    'sampling_error': number('Fraction: standard error of a probability of one half'),
+    'is_finest': flag('True if more time would hardly reduce the error'),
+    'pilots': count('Number of pilot runs'), 'spent_s': number('Time of the pilot runs'),
+    'options': each(keys('A possible run', {
+        'refinement': number('Ratio of the spacing of the preset standard to the spacing'),
+        'spacing_m': number('Particle spacing'), 'wall_time_s': number('Expected time'),
+        'error': ERROR,
+    })),
+    'presets': named(number('Ratio: refinement of each preset')),
+    'inputs': named(keys('Effect of an uncertain quantity', {
+        'area': number('Fraction: change of the inundated area'),
+        'mismatch': number('Index: 1 - J of the areas before and after'),
+    })),
+    'erupting_lava': LAVA,
+})
+
+RUN_FILE = json.loads((FOLDER / 'run.schema.json').read_text(encoding='utf-8'))
+SCENE = keys('One run of a scene', {
+    'kind': {'const': 'scene'}, 'folder': text('Folder of the run'), 'places?': PLACES,
+    **{
+        name + '?' * (name not in RUN_FILE['required']): schema
+        for name, schema in RUN_FILE['properties'].items() if name != 'version'
+    },
+})
+SCENE['definitions'] = RUN_FILE.get('definitions', {})
+
+MAP = keys('Drawn maps', {
+    'output': text('File'),
+    'frames?': count('Number of pictures of an animation'),
+    'size_bytes?': count('Size of an HTML page'),
+    'title?': text('Title of a page to print'), 'summary?': text('Line below it'),
+    'banner?': text('Statement on every page'), 'notes?': named(text('Facts by term')),
+    'maps?': each(text(), 'Titles of the maps'),
+    'scores?': named(keys('Scores of an ensemble against --observed', {
+        'brier_score': BRIER['brier_score'], 'brier_skill': BRIER['brier_skill'],
+    })),
+    'runs?': named(keys('A run', QUALITY)),
+})
+
+ARRIVALS = keys('Arrival at places', {
+    'threshold_m': number('Thickness at or above which lava has arrived'),
+    'time_s?': number('Simulated time of the maps of a run'),
+    'horizon_s?': number('Simulated time at which the members end'),
+    **{f'{name}?': SUMMARY[name] for name in (
+        'members', 'effective_members', 'unseen_percent', 'arrives_before_percent',
+        'spacing_error', 'arrival_error_s',
+    )},
+    'note?': text('What a reader of the table must know'),
+    'onset_utc': unknown(text('Date of simulated time 0')),
+    'places': PLACES,
+    **{f'{name}?': schema for name, schema in QUALITY.items()},
+})
+
+SPAN = {
+    'start_ns': unknown(count('Time of the first message')),
+    'end_ns': unknown(count('Time of the last message')),
+    'message_count': count('Number of messages'),
+}
+
+INFO = keys('A bag', {
+    'path': text('The bag'), 'size_bytes': count('Size'),
+    'recovered': flag('True if the recording was cut off'), **SPAN,
+    'duration_s': number('Time from the first to the last message'),
+    'damage': each(text(), 'Damaged parts'),
+    'files': each(keys('A file', {
+        'name': NAME, 'size_bytes': count('Size'), 'finished': flag('False if it was cut off'),
+        **SPAN,
+    })),
+    'topics': each(keys('A topic', {
+        'name': NAME, 'type': text('Type of the messages'),
+        'type_hash': unknown(text('Hash of the type')), 'count': count('Number of messages'),
+        'qos': free('QoS, as rosbag2 writes it'),
+    })),
+    'nodes': each(text(), 'Nodes whose maps the bag has'),
+    'simulation': unknown(keys('The end of the only simulation', {
+        'time_s': unknown(number('Simulated time')),
+        **{f'{name}?': unknown(schema) for name, schema in VOLUMES.items()},
+        'numerical_error': unknown(ERROR), 'warnings': WARNINGS,
+    })),
+    'checkpoints': each(keys('A checkpoint', {
+        'time_s': number('Simulated time'), 'log_time_ns': count('ROS time'),
+        'particle_count': count('Number of particles'), 'size_bytes': count('Size'),
+    })),
+    'erupting_lava': unknown(LAVA),
+    'scene': free('The scene, as the node recorded it'),
+    'effects': unknown(each(keys('A change of effects', {
+        'time_s': number('Simulated time'), 'stamp_ns?': count('ROS time'),
+        'effects': named(text('on or off, and the reason')),
+    }))),
+    'resumed_from': unknown(free('Bag and simulated time of the checkpoint')),
+    'custom_data': named(text('Description of the bag, as recorded')),
+})
+
+DEMO = keys('A demo', {
+    'simulated_time_s': number('Simulated time'), 'particles': count('Number of particles'),
+    'spacing_m': number('Particle spacing'),
+    'particles_across': number('Number of particles across the flow'),
+    'numerical_error_text': text('The numerical error in words'),
+    **{f'numerical_error_{name}?': number(f'Fraction: {meaning}') for name, meaning in {
+        'inundated': 'error of the inundated area', 'standing': 'error of the standing area',
+        'particles': 'part of the particles', 'ground': "part of the ground's cells",
+    }.items()},
+    'numerical_error_time_s?': number('Simulated time at which it was measured'),
+    'inundated_area_m2': number('Inundated area'),
+    'standing_area_m2': number('Area with lava at the end'), **VOLUMES,
+    'warnings': WARNINGS, 'steps': count('Number of time steps'),
+    'speed': number('Ratio of simulated time to wall time'),
+    'speed_is_limited': flag('True if --max-speed limited it'), 'device': DEVICE,
+    'height_maps_received': count('Number of maps of thickness received'),
+    'erupting_lava': LAVA, 'wall_time_s': number('Wall time'), 'bag': text('The bag'),
+    'picture': text('The picture'),
+})
+
+INSTALL = keys('Checks of the installation', {
+    'works': flag('False if a check fails'),
+    'checks': each(keys('A check', {
+        'check': NAME, 'level': either('OK', 'WARN', 'FAIL', meaning='Result'),
+        'text': text('What was found'), 'remedy': text('What to do'),
+    })),
+})
+
+SOLVER = keys('Comparison with exact solutions', {
+    'preset': PRESET, 'device': DEVICE, 'accuracy': ACCURACY,
+    'within_bounds': flag('True if every quantity is within its bound'),
+    'runs': each(keys('A case', {
+        'case': NAME, 'particles': count('Number of particles at the end'),
+        'steps': count('Number of time steps'),
+        'evaluations': count('Number of velocity evaluations'),
+        'simulated_time_s': number('Simulated time'), 'wall_time_s': number('Wall time'),
+        'measurements': each(keys('A quantity', {
+            'quantity': NAME, 'measured': number('Measured value, in `unit`'),
+            'exact': number('Exact value, in `unit`'), 'unit': text('Unit'),
+            'scale': unknown(number('Scale of the error, in `unit`')),
+            'error': number('Fraction: relative error'),
+            'bound': number('Fraction: largest error that is accepted'),
+            'within': flag('True if the error is within the bound'),
+        })),
+    })),
+})
+
+_MACHINE = {'device': DEVICE, 'machine': text('Machine'), 'command': text('Command')}
+
+ROWS = keys('Errors and times', {'rows': each(keys('A quantity of a case at a setting', {
+    'case': NAME, 'setting': text('Setting'), 'preset': text('Preset, if it is one'),
+    'quantity': text('Quantity'), 'error': unknown(number('Fraction: relative error')),
+    'measured': unknown(number('Measured value, in `unit`')),
+    'exact': number('Exact value, in `unit`'), 'unit': text('Unit'),
+    'particles': count('Number of particles at the end'), 'steps': count('Number of time steps'),
+    'evaluations': count('Number of velocity evaluations'),
+    'simulated_s': number('Simulated time'), 'wall_s': number('Median of the wall times'),
+    'wall_s_per_simulated_hour': number('Wall time for an hour of simulated time'),
+    'repetitions': count('Number of repetitions'), 'low_s': number('Shortest wall time'),
+    'high_s': number('Longest wall time'), **_MACHINE,
+}))})
+
+SPEED = keys('Times and memory', {'rows': each(keys('A measurement', {
+    'benchmark': NAME, 'particles': count('Number of particles'),
+    'value': number('Median, in `unit`'), 'unit': text('Unit'),
+    'low': number('Lowest value, in `unit`'), 'high': number('Highest value, in `unit`'),
+    'repetitions': count('Number of repetitions'),
+    'ratio?': number('Ratio to a step without effects'), **_MACHINE,
+}))})
+
+EFFECTS = keys('Effects of a scene', {
+    'until_s': number('Simulated time at which a run ends'),
+    'flow_kind': unknown(text('Kind of the flow, with its numbers')),
+    'effects': each(keys('An effect', DECISION, {
+        'step_time_over_bare': unknown(number('Ratio of a step with it to one without effects')),
+    })),
+})
+
+MATERIALS = keys('Named lavas', {'materials': each(keys('A lava', {
+    'name': NAME, 'title': text('Title'),
+    'constants': each(keys('A constant', {
+        'name': NAME, 'unit': text('Unit'),
+        'value': {'type': ['number', 'string'], 'description': 'In `unit`, or the name of a law'},
+        'source': text('Source'),
+        'range': unknown(each(number('Published range, in `unit`'))),
+        'range_source': text('Source of the range'),
+        'follows': text('Constant with the same, or after - the opposite, rank'),
+    })),
+}))})
+
+#: Shapes that several commands have, by their heading in the page.
+SHARED: Mapping[str, Schema] = {
+    'Numerical error': ERROR, 'Lava at the vents': LAVA, 'Settings of the solver': ACCURACY,
+    'Places': PLACES,
+}
+
+#: The shapes of the JSON of each command.
+COMMANDS: Mapping[str, tuple[Schema, ...]] = {
+    'run': (SCENE, ENSEMBLE, CASE), 'calibrate': (CALIBRATION,), 'plan': (PLAN,),
+    'effects': (EFFECTS,), 'materials': (MATERIALS,), 'map': (MAP,), 'places': (ARRIVALS,),
+    'ros demo': (DEMO,), 'bag info': (INFO,), 'check install': (INSTALL,),
+    'check solver': (SOLVER,), 'check accuracy': (ROWS,), 'check speed': (SPEED,),
+}

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The ensemble that the arguments of `lava run --members` ask for."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from lava_ros import validation
+from lava_ros.cli.options import device_named, forced_effects, seconds_of
+from lava_ros.cli.planned import planned, target_of
+from lava_ros.cli.scenes import log_resolution, scene_as_given
+from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
+from lava_ros.forecast.assimilation import Outline
+from lava_ros.forecast.ensemble import (
+    default_workers,
+    run_here,
+    run_in_processes,
+    run_on_cluster,
+)
+from lava_ros.forecast.member_scenes import median_scene
+from lava_ros.forecast.members import make_plan
+from lava_ros.forecast.observations import observed_in_file
+from lava_ros.forecast.preset_spacing import choose_spacing
+from lava_ros.forecast.sampling import MAX_MEMBERS, Susceptibility
+from lava_ros.forecast.store import stored_spacing
+from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.probabilistic_score import plan_of
+from lava_ros.hindcast.run import Settings
+from lava_ros.scene.on_terrain import read_raster_on
+from lava_ros.simulation.presets import preset_accuracy
+
+if TYPE_CHECKING:
+    from lava_ros.forecast.members import Plan
+    from lava_ros.hindcast.case import Case
+    from lava_ros.scene import Terrain
+
+
+def check_observation(args: argparse.Namespace) -> None:
+    """Check the options about an observation, before any file is read.
+
+    Raises:
+        LavaError: If one of them is not valid.
+    """
+    if args.observed is None and args.observed_at is not None:
+        raise validation.dependence('--observed-at', '--observed')
+    if args.observed is not None and args.observed_at is None:
+        raise LavaError('--observed-at', None, 'the time of the observation: 6h, 90min')
+    if args.posterior is not None:
+        validation.whole('--posterior', args.posterior, at_least=1, at_most=MAX_MEMBERS)
+        if args.observed is None:
+            raise validation.dependence('--posterior', '--observed')
+
+
+def observation_of(args: argparse.Namespace, terrain: Terrain) -> tuple[Outline | None, str]:
+    """Return the observed lava, None for none, and its description."""
+    if args.observed is None:
+        return None, 'none'
+    seen = seconds_of('--observed-at', args.observed_at)
+    outline = Outline(seen, *observed_in_file(args.observed, terrain))
+    return outline, f'{Path(args.observed).name}, {seen:g} s after the start'
+
+
+def susceptibility_of(args: argparse.Namespace, terrain: Terrain) -> Susceptibility | None:
+    """Return the likelihood that the vent opens in a cell, None for none."""
+    if args.susceptibility is None:
+        return None
+    likelihood = read_raster_on(
+        terrain, args.susceptibility, field='--susceptibility', method='average'
+    )
+    return Susceptibility(terrain, likelihood)
+
+
+def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
+    """Return the plan of the members and, if the scene is the folder of a case, the case.
+
+    Raises:
+        LavaError: If an argument or a file is not valid.
+    """
+    forced = forced_effects(args)
+    if args.scene is None or not Path(args.scene).is_dir():
+        scene = scene_as_given(args)
+        if args.susceptibility is not None and scene.uncertainty.position is None:
+            # the map is the distribution of the place
+            fixed = scene.uncertainty.fixing(['position'])
+            scene = replace(scene, uncertainty=fixed)
+        plan = make_plan(
+            scene,
+            horizon=seconds_of('--until', args.until),
+            accuracy=preset_accuracy(args.preset, spacing=args.spacing),
+            effects=forced,
+            threshold=args.threshold,
+        )
+        log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, args.threshold)
+        return plan, None
+    case = load_case(args.scene, material=args.material)
+    settings = Settings(args.preset, args.spacing, args.device, forced)
+    return plan_of(case, settings, threshold=args.threshold), case
+
+
+def with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
+    """Return the plan with the spacing of the preset, and how it was found.
+
+    Members that are already in the folder have their spacing.
+
+    Raises:
+        LavaError: If the folder cannot be read, or no spacing can be found.
+    """
+    if args.spacing is not None:
+        return plan, ''
+    spacing, text = stored_spacing(Path(args.output)), ''
+    if spacing is None and (target := target_of(args)):
+        spacing = planned(
+            median_scene(plan.scene), target, plan.horizon, plan.forced or {}, args.device,
+            members=args.members,
+        ).spacing
+    elif spacing is None:
+        choice = choose_spacing(
+            median_scene(plan.scene), args.preset, plan.accuracy, effects=plan.effects,
+            horizon=plan.horizon, runs=args.members, device=args.device,
+        )
+        spacing, text = choice.spacing, choice.text()
+    return replace(plan, accuracy=replace(plan.accuracy, spacing=spacing)), text
+
+
+def runner_of(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
+    """Return the function that runs the members, and its description for the report.
+
+    Raises:
+        LavaError: If an argument is not valid, or a package is missing.
+    """
+    workers = args.workers
+    if workers is not None:
+        workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
+        if args.scheduler is not None:
+            raise validation.conflict('--workers', '--scheduler')
+    if args.scheduler is not None:
+        require('distributed', '--scheduler', args.scheduler)
+        where = {'scheduler': args.scheduler, 'device': args.device}
+        return partial(run_on_cluster, **where), where
+    if workers is None:
+        # one process for a named GPU
+        workers = 1 if args.device not in (None, 'cpu') else default_workers()
+    where = {'workers': workers, 'device': device_named(args.device)}
+    if workers == 1:
+        return partial(run_here, device=args.device), where
+    return partial(run_in_processes, workers=workers, device=args.device), where

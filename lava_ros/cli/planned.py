@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The plan of runs for ``--within`` and ``--error``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import Any, TYPE_CHECKING
+
+from lava_ros import validation
+from lava_ros.cli.options import seconds_of
+from lava_ros.errors import LavaError
+
+if TYPE_CHECKING:
+    from lava_ros.forecast.planning import RunPlan
+    from lava_ros.scene import Scene
+
+def target_of(args: argparse.Namespace) -> dict[str, float]:
+    """Return the wall time [s] or the error [fraction] that the arguments ask for, if any.
+
+    Raises:
+        LavaError: If a value is not valid.
+    """
+    if args.within is not None:
+        return {'within': seconds_of('--within', args.within)}
+    if args.error is not None:
+        try:
+            number = validation.number(
+                '--error', args.error.strip().removesuffix('%'), above=0.0, at_most=100.0, unit='%'
+            )
+        except LavaError as error:
+            raise LavaError('--error', args.error, error.expected) from None
+        return {'error': 0.01 * number}
+    return {}
+
+
+def planned(
+    scene: Scene, target: Mapping[str, float], until: float, forced: Mapping[str, bool],
+    device: str | None, *, members: int | None = 1, **options: Any,
+) -> RunPlan:
+    """Plan runs of a scene for a target, and print the plan.
+
+    Args:
+        scene: The scene; for an ensemble, the one with median inputs.
+        target: The wall time or the error (``target_of``).
+        until: Simulated time at which a run ends [s].
+        forced: Effects forced on or off, by name.
+        device: Warp device; None for the first GPU, or the CPU without one.
+        members: Number of successive runs; None for the number with the smallest error.
+        options: Other arguments of ``plan_runs``.
+
+    Raises:
+        LavaError: If no run meets the target.
+    """
+    from lava_ros.forecast.planning import plan_runs
+
+    try:
+        found = plan_runs(
+            scene, within=target.get('within'), error=target.get('error'), horizon=until,
+            members=members, forced=forced, device=device, **options,
+        )
+    except LavaError as error:
+        if error.field not in target:
+            raise
+        value = error.value if error.field == 'within' else f'{100.0 * target["error"]:g}%'
+        raise LavaError(f'--{error.field}', value, error.expected) from None
+    print(f'plan: preset {found.preset}, spacing {found.spacing:.3g} m')
+    return found

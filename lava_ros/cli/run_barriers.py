@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Barriers of `lava run --barriers`: their file, the scene with them, and the comparison."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from lava_ros import validation
+from lava_ros.cli.console import made_folder
+from lava_ros.cli.options import seconds_of
+from lava_ros.layers.places import places_on
+from lava_ros.scene.events import TerrainEvent
+from lava_ros.scene.features import read_features
+from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
+
+if TYPE_CHECKING:
+    from lava_ros.products.gis import Provenance
+    from lava_ros.scene import Scene, Terrain
+
+#: Folder of the comparison.
+COMPARISON = 'comparison'
+
+
+def barriers_of(args: argparse.Namespace, terrain: Terrain) -> list[Barrier]:
+    """Return the barriers that the arguments name, if any, and print them.
+
+    Raises:
+        LavaError: If an argument or a file is not valid.
+    """
+    if not args.barriers:
+        if args.barriers_at is not None:
+            raise validation.dependence('--barriers-at', '--barriers')
+        return []
+    if args.observed:
+        raise validation.conflict('--barriers', '--observed')
+    usual = {'height': None, 'width': None, 'slope': Barrier.slope}
+    barriers = read_barriers('--barriers', args.barriers, terrain, usual)
+    for file in args.places:
+        # raises for an invalid file before the runs
+        places_on(read_features('--places', file, terrain), terrain)
+    # raises for an invalid time, or a barrier off the terrain, before the runs
+    built_at(args)
+    with_barriers(terrain, barriers)
+    for item in barriers:
+        print(item.text())
+    return barriers
+
+
+def built_at(args: argparse.Namespace) -> float:
+    """Return the simulated time at which the barriers are built [s]."""
+    return seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True)
+
+
+def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
+    """Return the scene with barriers at the start, or with an event that builds them later [s]."""
+    if not built:
+        raised = with_barriers(scene.terrain, barriers, is_told=False)
+        return replace(scene, terrain=raised)
+    event = TerrainEvent(built, f'{len(barriers)} barriers', barriers=tuple(barriers))
+    events = sorted((*scene.events, event), key=lambda item: item.time)
+    return replace(scene, events=tuple(events))
+
+
+def compare(
+    args: argparse.Namespace, output: Path, folder: Path, barriers: Sequence[Barrier],
+    origin: Provenance,
+) -> tuple[dict[str, Any], list[str]]:
+    """Compare the ensembles without and with barriers; return plain data and the files.
+
+    Args:
+        args: The arguments of the command.
+        output: Folder of the ensemble without barriers.
+        folder: Folder of the ensemble with barriers.
+        barriers: The barriers.
+        origin: Origin of the maps, for their tags.
+    """
+    from lava_ros.products.comparison import compare_ensembles
+
+    built = built_at(args)
+    compared = compare_ensembles(
+        output, folder, made_folder(output / COMPARISON), places=args.places,
+        lines=[args.barriers] if built else (), built=built, origin=origin,
+    )
+    files = compared.pop('files')
+    described = [
+        {
+            'name': item.name, 'length_m': item.length, 'height_m': item.height,
+            'width_m': item.width, 'volume_m3': item.volume,
+        }
+        for item in barriers
+    ]
+    return {
+        'built_s': built, 'barriers': described, 'effects': list(origin.effects or ()), **compared
+    }, files

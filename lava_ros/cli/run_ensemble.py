@@ -1,0 +1,281 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""An ensemble of runs for `lava run --members`: its folders, maps, bags and report."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+import json
+from pathlib import Path
+import sys
+import time
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros.cli import run_barriers
+from lava_ros.cli.arrivals import arrivals_at, print_arrivals
+from lava_ros.cli.console import made_folder, Progress, with_units, write_json
+from lava_ros.cli.ensemble_report import (
+    describe_agreement,
+    print_report,
+    score_against_case,
+    summarize,
+)
+from lava_ros.cli.ensemble_request import (
+    check_observation,
+    observation_of,
+    plan_of_arguments,
+    runner_of,
+    susceptibility_of,
+    with_spacing,
+)
+from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
+from lava_ros.forecast.atlas_bag import write_atlas_bag
+from lava_ros.forecast.ensemble import Ensemble, run_ensemble
+from lava_ros.forecast.ensemble_error import measure_ensemble_error
+from lava_ros.forecast.influence import Influences, influences_of
+from lava_ros.forecast.member_scenes import check_members
+from lava_ros.forecast.sampling import draw_members, Member, Posterior
+from lava_ros.forecast.store import Store
+from lava_ros.products.ensemble_files import write_atlas
+from lava_ros.products.gis import Provenance, require_formats, usual_formats
+from lava_ros.products.run_warnings import warnings_of_plan
+from lava_ros.scene.erupting_lava import EruptingLava
+from lava_ros.scene.onset import Onset
+from lava_ros.scene.projection import coordinate_system
+from lava_ros.scene.ranges import describe_inputs
+from lava_ros.scene.uncertainty import uncertainty_to_dict
+from lava_ros.simulation.numerical_error import mean_difference, NOT_MEASURED, NumericalError
+
+if TYPE_CHECKING:
+    from lava_ros.forecast.assimilation import Outline
+    from lava_ros.forecast.members import Plan
+    from lava_ros.hindcast.case import Case
+    from lava_ros.layers.forecast import HazardMaps
+
+#: Folder of the bag in the output, and folders of the maps that are weighted by an observation
+#: and, with its time, of new members near those that agree with it.
+BAG, WEIGHTED, POSTERIOR = 'atlas', 'weighted', 'posterior'
+
+#: Folder of the same members with barriers.
+WITH_BARRIERS = 'with_barriers'
+
+
+@dataclass
+class _Runs:
+    """The runs of a command, which have everything in common but their members and folders.
+
+    Attributes:
+        args: The arguments.
+        case: The mapped eruption; None for another scene.
+        runner: Function that runs the members.
+        where: Description of the machine for the report.
+        outline: Observed lava; None for none.
+        error: Numerical error of a member, once it is measured.
+        influences: The quantities that decide the inundated area, once they are known.
+        files: The written files.
+    """
+
+    args: argparse.Namespace
+    case: Case | None
+    runner: Any
+    where: dict[str, Any]
+    outline: Outline | None
+    error: NumericalError | None = None
+    influences: Influences | None = None
+    files: list[str] = field(default_factory=list)
+
+    def run(
+        self, store: Store, folder: Path, members: Sequence[Member], which: str
+    ) -> tuple[Ensemble, float]:
+        """Run members, and return them with the wall time [s]; maps are written at intervals."""
+        started = time.monotonic()
+        try:
+            with Progress() as progress:
+                progress.show(f'{which} begin', 0.0)
+                done = run_ensemble(
+                    members,
+                    store,
+                    runner=self.runner,
+                    outline=self.outline,
+                    on_finished=lambda done, resumed: progress.show(
+                        f'{done} of {len(members)} {which}',
+                        (done - resumed) / (len(members) - resumed),
+                    ),
+                    on_maps=lambda maps: self.write_maps(store.plan, maps, folder),
+                )
+        except KeyboardInterrupt:
+            print('lava run: interrupted; the same command continues', file=sys.stderr)
+            raise
+        return done, time.monotonic() - started
+
+    def origin(self, plan: Plan, seen: str = 'none') -> Provenance:
+        """Return the origin of maps, for their tags."""
+        name = Path(self.args.scene or self.args.terrain or 'demo').name
+        return Provenance(
+            name, tuple(plan.effects), self.args.preset, observation=seen,
+            onset=Onset.of(plan.scene),
+        )
+
+    def write_maps(
+        self, plan: Plan, maps: HazardMaps, folder: Path, seen: str = 'none'
+    ) -> list[str]:
+        """Write maps to a folder, and return the files."""
+        tags = {
+            'seed': str(self.args.seed),
+            'numerical_error': NOT_MEASURED if self.error is None else self.error.brief(),
+        }
+        if self.influences is not None:
+            tags['influence'] = json.dumps(self.influences.as_dict())
+        origin = self.origin(plan, seen)
+        return [
+            str(path) for path in write_atlas(folder, maps, plan, origin, tags, self.args.formats)
+        ]
+
+    def keep(
+        self, plan: Plan, maps: HazardMaps, folder: Path, report: dict[str, Any],
+        seen: str = 'none',
+    ) -> None:
+        """Write maps and a bag with a report to a folder."""
+        self.files += self.write_maps(plan, maps, folder, seen)
+        effects = [{'time': 0.0, 'effects': plan.explain_effects()}]
+        data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}
+        bag = folder / BAG
+        write_atlas_bag(bag, maps, plan, stamp_ns=time.time_ns(), custom_data=data)
+        self.files.append(str(bag))
+
+    def scores(
+        self, store: Store, count: int, folder: Path, weights: list[float] | None = None
+    ) -> dict[str, Any]:
+        """Return the scores against a mapped eruption, which are none for another scene."""
+        if self.case is None:
+            return {}
+        return score_against_case(
+            self.case, store.plan, store.finished(count), folder,
+            weights=weights, outline=self.outline,
+        )
+
+
+def run_members(args: argparse.Namespace) -> int:
+    """Run the ensemble of the arguments, and return the exit status of `lava run`."""
+    if args.output is None:
+        raise LavaError('--output', None, 'a folder for the members and the maps')
+    check_observation(args)
+    require('rasterio', 'GeoTIFF', str(args.output))
+    plan, case = plan_of_arguments(args)
+    terrain, output = plan.scene.terrain, Path(args.output)
+    barriers = run_barriers.barriers_of(args, terrain)
+    crs = coordinate_system(terrain.epsg, terrain.wkt)
+    require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
+    outline, observation = observation_of(args, terrain)
+    kept = {'seed': args.seed, 'susceptibility': susceptibility_of(args, terrain)}
+    members = draw_members(plan.scene, args.members, **kept)
+    check_members(plan.scene, members)
+    runs = _Runs(args, case, *runner_of(args), outline)
+    plan, found = with_spacing(args, plan)
+    store = Store(output, plan, **kept)
+    if found:
+        print(found)
+    done, wall = runs.run(store, output, members, 'members')
+    plan = store.plan
+    if args.scheduler is None:
+        runs.error = measure_ensemble_error(plan, done.maps.members, output, device=args.device)
+    runs.influences = influences_of(plan.scene, members, store.finished(len(members)))
+    report = summarize(args, plan, done.maps, done, wall, runs.where)
+    report |= _described(plan, members, done, runs)
+    report |= runs.scores(store, len(members), output)
+    runs.keep(plan, done.maps, output, report)
+    if done.weighted is not None:
+        report |= _weighted(runs, store, done, wall, observation)
+    if args.posterior:
+        report['posterior'] = _posterior(runs, plan, members, done, observation, kept)
+    if barriers:
+        folder, built = output / WITH_BARRIERS, run_barriers.built_at(args)
+        # keep the effects that sentinels have switched on for the members without barriers
+        scene = run_barriers.dammed(plan.scene, barriers, built)
+        other = Store(folder, replace(plan, scene=scene, switched_on=()), **kept)
+        again, wall = runs.run(other, folder, members, 'members with barriers')
+        result = summarize(args, other.plan, again.maps, again, wall, runs.where)
+        runs.keep(other.plan, again.maps, folder, result)
+        report['barriers'], files = run_barriers.compare(
+            args, output, folder, barriers, runs.origin(other.plan)
+        )
+        runs.files += files
+    report['files'] = runs.files
+    table = arrivals_at(args, output / WEIGHTED if args.observed else output)
+    if table is not None:
+        report['places'] = table.as_dict()['places']
+    # the bag and the tags of the maps have the error of the spacing as it is read from them
+    plain = with_units(report, m='spacing usable_spacing')
+    write_json({'kind': 'ensemble', **plain}, args.json)
+    print_report(report, plan, runs.error)
+    print_arrivals(table)
+    return 0
+
+
+def _described(
+    plan: Plan, members: Sequence[Member], done: Ensemble, runs: _Runs
+) -> dict[str, Any]:
+    """Return what was drawn, and how far the maps can be trusted."""
+    assert runs.influences is not None
+    scene, case = plan.scene, runs.case
+    report: dict[str, Any] = {
+        'inputs': describe_inputs(scene),
+        'influence': runs.influences.as_dict(),
+        'numerical_error': None if runs.error is None else runs.error.as_dict(),
+        'erupting_lava': EruptingLava.of(scene).as_dict(),
+        'warnings': warnings_of_plan(plan),
+        'difference_of_members': mean_difference(
+            0.01 * np.nan_to_num(done.maps.probability), done.maps.members
+        ),
+    }
+    if scene.uncertainty.eruption:
+        lengths = [member.eruption[0] for member in members if member.eruption]
+        report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
+    if case is not None:
+        report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
+    return report
+
+
+def _weighted(
+    runs: _Runs, store: Store, done: Ensemble, wall: float, observation: str
+) -> dict[str, Any]:
+    """Write the maps weighted by an observation to a folder of their own; return their report."""
+    assert done.weighted is not None and done.weights is not None
+    args, plan = runs.args, store.plan
+    folder = made_folder(Path(args.output) / WEIGHTED)
+    store.write_manifest(folder)
+    store.keep_weights(done.weights, folder)
+    report = summarize(args, plan, done.weighted, done, wall, runs.where)
+    report['observed'] = describe_agreement(done, observation)
+    report |= runs.scores(store, args.members, folder, done.weights.values.tolist())
+    runs.keep(plan, done.weighted, folder, report, observation)
+    return report
+
+
+def _posterior(
+    runs: _Runs, plan: Plan, members: Sequence[Member], done: Ensemble, observation: str,
+    kept: dict[str, Any],
+) -> dict[str, Any]:
+    """Run new members near those that agree with the observation; return their report."""
+    assert runs.outline is not None and done.weights is not None
+    args = runs.args
+    folder = Path(args.output) / f'{POSTERIOR}_{runs.outline.time:.10g}s'
+    posterior = Posterior(tuple(members), done.weights.values)
+    drawn = draw_members(plan.scene, args.posterior, posterior=posterior, **kept)
+    check_members(plan.scene, drawn)
+    # keep the effects that sentinels have switched on for the first members
+    store = Store(folder, replace(plan, switched_on=()), posterior=posterior, **kept)
+    again, wall = runs.run(store, folder, drawn, 'new members')
+    assert again.weights is not None
+    result = summarize(args, store.plan, again.maps, again, wall, runs.where)
+    result['effective_parents'] = posterior.effective_members
+    result['jaccard_mean'] = float(again.weights.jaccard.mean())
+    result |= runs.scores(store, len(drawn), folder)
+    runs.keep(store.plan, again.maps, folder, result, observation)
+    return result
