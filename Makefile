@@ -44,11 +44,13 @@ nightly: $(STAMP)  ## Run the fuzzers with thousands of examples, the tests mark
 	@failed=; export LAVA_FUZZ_FIGURES=build/fuzz.json; \
 	$(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly --numprocesses auto --dist load $(ARGS) \
 	  || failed="$$failed fuzz"; \
-	$(VENV)/bin/python -m pytest tests -m nightly --numprocesses auto --dist loadfile || failed="$$failed marked"; \
+	$(VENV)/bin/python -m pytest tests -m nightly --numprocesses auto --dist loadfile \
+	  --junitxml=build/nightly.xml || failed="$$failed marked"; \
 	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py || failed="$$failed install"; \
 	$(VENV)/bin/python tests/install/image.py || failed="$$failed image"; \
 	make --no-print-directory audit || failed="$$failed audit"; \
-	$(VENV)/bin/python tests/mutation.py --minutes 30 || failed="$$failed mutation"; \
+	$(VENV)/bin/python tests/mutation.py --minutes 30 > build/mutation.txt || failed="$$failed mutation"; \
+	cat build/mutation.txt; \
 	$(VENV)/bin/python tests/fuzz/table.py build/fuzz.json || failed="$$failed table"; \
 	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 

@@ -19,7 +19,7 @@ import pytest
 
 from deleted_effects import is_left_out
 from recording import GRIDS, record
-from ros_domain import own_domain
+from ros_domain import leave_network, own_domain
 from volume import volume_errors
 
 #: Context of one trial of a kind, by its name; gives the figures of the kind.
@@ -31,6 +31,7 @@ def pytest_configure() -> None:
 
     Background programs of a shell without job control ignore Ctrl+C, and so do their children.
     """
+    leave_network()
     os.environ['ROS_DOMAIN_ID'] = str(own_domain())
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

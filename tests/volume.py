@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from lava_ros.simulation import Snapshot
 
 #: Maximum difference between a map and the budget, as a fraction of the volume on the map: the
-#: rounding of float32 (docs/MODEL.md).
-MAP_TOLERANCE = 1e-6
+#: rounding of float32 where a kernel covers thousands of cells, elsewhere 1e-6 (docs/MODEL.md).
+MAP_TOLERANCE = 1.5e-6
 
 #: Rounding of the budget, as a fraction of the emitted volume.
 BUDGET_ROUNDING = 1e-12

@@ -56,7 +56,7 @@ RULES = {
 
 def shift(simulation: Simulation, vent: np.ndarray) -> None:
     """Move the particles towards an even distribution, at the same distances from the vent."""
-    radius = simulation.radius
+    radius = simulation.accuracy.radius
     simulation.evaluate()
     share = simulation.sample().volume / simulation.sample().thickness
     rows = simulation.solver.state.read_particles()

@@ -16,19 +16,8 @@ Warp, or its substitute on the host (``laws.HOST``), ``real`` the scalar type, `
     warmed(wp, real, constants)               temperature after given heat   step/effects
     cosine(slope), cosine_squared(real), factor(real), along(real, climbs=)   a layer on a slope
 
-The part of an effect that launches kernels of its own is in ``simulation/step/effects``, or in
-its file:
-
-    compute_velocity(state, way, accuracy)         turns the local balance into the velocity
-    accelerate(state, way, accuracy)               before the motion
-    move_particles(state, neighbors, way, choice)  replaces the motion
-    step_limit(scene, accuracy, reach)             longest step [s]
-    AfterStep                                      a pass at the end of a step
-
-``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, way)``, called after the
-motion in every stage: its kernels return at once unless ``counts[IS_LAST]`` is 1, and the step is
-``clock[STEP]``. ``state.ordered`` holds the particles before the motion, and ``state.particle``
-the same particles in the same order after it.
+An effect that launches kernels of its own, or limits the step, also has a file of the same name
+in ``simulation/step/effects``, with a subclass of ``DevicePart``.
 
 To add an effect, add its file and its test; to delete an effect, delete its files.
 """

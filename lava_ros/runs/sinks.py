@@ -13,7 +13,7 @@ from lava_ros.runs.drive import Sink
 
 if TYPE_CHECKING:
     # importing the solver loads Warp
-    from lava_ros.simulation.output.looks import Seen
+    from lava_ros.simulation.output.peaks import PeakMaps
     from lava_ros.simulation.output.snapshot import Snapshot
     from lava_ros.simulation.simulation import Simulation
 
@@ -88,7 +88,7 @@ class PeakSink(ScheduledSink):
             LavaError: If there are too many particles.
         """
         super().__init__([simulation.time, *times])
-        self._looks = simulation.looks(threshold, len(self.times))
+        self._peaks = simulation.start_peaks(threshold)
         self._max_particles, self._of = max_particles, of
         self._check_size(simulation.particle_count)
 
@@ -100,22 +100,22 @@ class PeakSink(ScheduledSink):
     def observe(self, simulation: 'Simulation', time: float) -> Iterator[None]:
         """Add the flow to the peaks; ``seen`` raises the error about an unusable flow."""
         self._check_size(simulation.most_particles)
-        yield from simulation.looking(self._looks)
+        yield from simulation.observing(self._peaks)
         self._note_time(time)
 
-    def seen(self, simulation: 'Simulation', *, where_wet: bool = False) -> 'Seen':
+    def seen(self, simulation: 'Simulation', *, where_wet: bool = False) -> 'PeakMaps':
         """Return the observations so far, of all cells or of the rectangle around wet cells.
 
         Raises:
             LavaError: If the flow cannot be shown as a map.
         """
-        seen = simulation.seen(self._looks, where_wet=where_wet)
+        seen = simulation.read_peaks(self._peaks, where_wet=where_wet)
         self._check_flow(seen.flaw)
         return seen
 
     def check(self) -> None:
         """Raise LavaError if the flow of an observation cannot be shown as a map."""
-        self._check_flow(self._looks.flaw())
+        self._check_flow(self._peaks.flaw())
 
     def _check_size(self, count: int) -> None:
         if self._max_particles is not None and count > self._max_particles:

@@ -6,6 +6,8 @@
 from dataclasses import dataclass, fields
 import math
 
+import numpy as np
+
 from lava_ros import validation
 from lava_ros.effects.effect import check_fields, choice, flag, number
 from lava_ros.scene import Scene
@@ -116,6 +118,21 @@ class Accuracy:
             LavaError: If a field is not valid.
         """
         check_fields('accuracy', self)
+
+    @property
+    def radius(self) -> float:
+        """Radius of the smoothing kernel [m]; the spacing must be known."""
+        assert self.spacing is not None
+        return self.ratio * self.spacing
+
+    @property
+    def particle_volume(self) -> float:
+        """Volume of the particles that vents emit [m3]; spacing and thickness must be known.
+
+        It is a float32, so that the sum of the particles' volumes is their number times this.
+        """
+        assert self.spacing is not None and self.thickness is not None
+        return float(np.float32(self.spacing**2 * self.thickness))
 
     @property
     def inundation_threshold(self) -> float:

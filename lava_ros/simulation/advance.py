@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loop that advances a solver to a time, alone or within a batch."""
+"""The loop that advances a solver to a time, alone or as a member of a batch."""
 
 from collections import deque
 from collections.abc import Generator
@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lava_ros.simulation.batch import at_work, Batch
+from lava_ros.simulation.batch import Batch, current_batch
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.solver import Solver
 
 #: Launches in flight, by whether the device is a GPU, while the target is far enough away.
 _IN_FLIGHT = {True: 2, False: 1}
 
-#: Largest part of a launch's progress that rounding may change.
+#: Maximum fraction of a launch's progress that rounding may change.
 _ROUNDING = 1e-3
 
 #: Copies of the clock and the counts of a ``State``.
@@ -27,44 +27,44 @@ _Readback = tuple[np.ndarray, np.ndarray]
 
 
 class Stop(NamedTuple):
-    """The end of a part of a simulation.
+    """Where a solver has stopped.
 
     Attributes:
         time: Simulated time reached [s].
-        step: Length of the next step if ``is_waiting``, otherwise of the latest step without the
-            limits by stops and by single particles [s].
-        is_waiting: True if the next step would end too late and has therefore not begun.
+        step: Length of the next step if ``is_step_pending``, otherwise of the latest step, as it
+            would be without stops and without particles that are due within it [s].
+        is_step_pending: True if the next step has not begun because it would end too late.
     """
 
     time: float
     step: float
-    is_waiting: bool
+    is_step_pending: bool
 
 
 def advancing_to(
     solver: Solver, until: float, end: float | None, deadline: float, max_end: float = math.inf
 ) -> Generator[None, None, Stop]:
-    """Advance to a time, in parts, or to the step after which no lava is left.
+    """Advance to a time, or to the step after which no lava is left; yield between launches.
 
     After the deadline the last step may be incomplete. The next call continues it; with the
-    present time as ``until`` it only completes that step.
+    current time as ``until`` it only completes that step.
 
     Args:
         solver: The solver.
         until: Simulated time to reach [s].
-        end: Simulated time that no step may pass [s]; None for that of the previous call.
+        end: Simulated time that no step may pass [s]; None keeps the previous one.
         deadline: Time of ``time.monotonic`` after which to stop early [s].
-        max_end: Simulated time after which no step may end [s]: a step that would end later is
-            not begun. Not in a batch.
+        max_end: Simulated time after which no step may end [s]: a step that would end later does
+            not begin. Infinite for a member of a batch.
 
     Returns:
-        The end of this part; its time is the last end of a step.
+        Where it stopped; the time is the end of the last complete step.
     """
     state = solver.state
     state.write_target(until, end, max_end)
-    batch, is_waiting = at_work(), False
+    batch, is_step_pending = current_batch(), False
     if batch is None:
-        clock, counts, is_waiting = yield from _advance_alone(solver, until, deadline)
+        clock, counts, is_step_pending = yield from _advance_alone(solver, until, deadline)
     else:
         assert max_end == math.inf
         clock, counts = yield from _advance_in_batch(solver, batch, until, deadline)
@@ -75,9 +75,9 @@ def advancing_to(
         solver.run_stages()
         yield
         clock, counts = state.read_clock()
-    # a part that ends with its first stage makes room as well
+    # also needed if the first stage has reached the time
     solver.make_room(counts)
-    return Stop(float(clock[at.TIME]), float(clock[at.FULL_STEP]), is_waiting)
+    return Stop(float(clock[at.TIME]), float(clock[at.FULL_STEP]), is_step_pending)
 
 
 def _advance_alone(
@@ -92,7 +92,7 @@ def _advance_alone(
     clock, counts = state.read_clock()
     # a GPU computes the next stages while the host reads the results of the previous ones
     in_flight: deque[Any] = deque()
-    gain, is_waiting = math.inf, False
+    gain, is_step_pending = math.inf, False
     while clock[at.TIME] < until and wall_clock.monotonic() < deadline:
         is_free = len(in_flight) < _IN_FLIGHT[solver.device.is_cuda]
         # the launches in flight may reach the target within rounding: more of them would idle
@@ -106,8 +106,8 @@ def _advance_alone(
         clock, counts = in_flight.popleft()()
         gain = clock[at.TIME] - former
         # stages after the last step idle: the next step would end too late
-        is_waiting = clock[at.TIME] < until and not counts[at.CURRENT]
-        if solver.note(counts) or is_waiting:
+        is_step_pending = clock[at.TIME] < until and not counts[at.CURRENT]
+        if solver.count_particles(counts) or is_step_pending:
             break
         if state.needs_room(counts) or counts[at.NEAR_BORDER]:
             while in_flight:
@@ -116,21 +116,22 @@ def _advance_alone(
     while in_flight:
         clock, counts = in_flight.popleft()()
         # also after a slice that is shorter than a launch
-        is_waiting = clock[at.TIME] < until and not counts[at.CURRENT]
-    return clock, counts, is_waiting
+        is_step_pending = clock[at.TIME] < until and not counts[at.CURRENT]
+    return clock, counts, is_step_pending
 
 
 def _advance_in_batch(
     solver: Solver, batch: Batch, until: float, deadline: float
 ) -> Generator[None, None, _Readback]:
-    """Advance with others: the batch reads all clocks at once."""
+    """Advance as a member of a batch, which reads the clocks of all members at once."""
     while True:
         solver.bin()
-        launches = partial(solver.record_launches, solver.take_stages)
-        batch.bring(solver.state, launches, until)
+        state = solver.state
+        record = partial(state.launches.record, solver.take_stages, state.capacity)
+        batch.advance(state, record, until)
         yield
-        clock, counts = batch.seen
-        is_over = solver.note(counts)
+        clock, counts = batch.readback
+        is_over = solver.count_particles(counts)
         if clock[at.TIME] >= until:
             return clock, counts
         if is_over:

@@ -51,13 +51,13 @@ _Ready = tuple[Iterator[None], tuple[np.ndarray, np.ndarray] | None]
 _here = local()
 
 
-def at_work() -> 'Batch | None':
+def current_batch() -> 'Batch | None':
     """Return the batch whose member currently runs in this thread."""
     return getattr(_here, 'batch', None)
 
 
 @quick_kernel
-def _look(
+def _read_back(
     thread: int,
     row: int,
     clock: wp.array(dtype=wp.float64),
@@ -80,7 +80,7 @@ class _Group:
         self._stages = BatchedLaunches(launches, rows, device)
         self._clocks = wp.zeros((rows, *state.clock.shape), dtype=wp.float64, device=device)
         self._counts = wp.zeros((rows, *state.counts.shape), dtype=wp.int32, device=device)
-        self._looks = BatchedLaunches(self._look_of(0, state), rows, device)
+        self._readback_launches = BatchedLaunches(self._readback_of(0, state), rows, device)
         self._copies = deque(Readback((self._clocks, self._counts)) for _ in range(3))
         self._until = np.full(rows, np.inf)
         self._room = np.zeros(rows)
@@ -93,15 +93,15 @@ class _Group:
         #: discarded.
         self._asked = np.zeros(rows, dtype=np.int64)
         self._selected: set[int] = set()
-        self._has_new_looks = False
+        self._has_new_readbacks = False
         #: State of each row, and the value of its ``launches.forgotten`` when it was assigned.
         self._put: dict[int, tuple[State, int]] = {}
         self.under_way: dict[int, Iterator[None]] = {}
         self.free = list(reversed(range(rows)))
 
-    def _look_of(self, row: int, state: State) -> list[Launch]:
+    def _readback_of(self, row: int, state: State) -> list[Launch]:
         arguments = [row, state.clock, state.counts, self._clocks, self._counts]
-        return [Launch(_look, state.counts.size, 32, False, arguments)]
+        return [Launch(_read_back, state.counts.size, 32, False, arguments)]
 
     def put(self, row: int, launches: Sequence[Launch], state: State) -> None:
         """Assign a row to a member."""
@@ -110,8 +110,8 @@ class _Group:
         if self._put.get(row, (None, 0))[0] is not state:
             # assume a full state until the first readback
             self._particles[row], self._is_guess[row] = state.capacity, True
-            self._looks.put(row, self._look_of(row, state))
-            self._has_new_looks = True
+            self._readback_launches.put(row, self._readback_of(row, state))
+            self._has_new_readbacks = True
         self._put[row] = state, state.launches.forgotten
         # it may have more threads than the previous member
         self._selected.clear()
@@ -123,7 +123,7 @@ class _Group:
         self._selected.clear()
         self.free.append(row)
 
-    def bring(self, row: int, until: float, route: Iterator[None]) -> None:
+    def advance(self, row: int, until: float, route: Iterator[None]) -> None:
         """Advance the member of a row to a time [s]; its route continues when it is there."""
         self._until[row] = until
         self._asked[row] += 1
@@ -142,11 +142,11 @@ class _Group:
             # capacity for new particles: one eighth, rounded up to whole blocks
             self._threads = BLOCK * -(-(self._particles + self._particles // 8) // BLOCK)
             self._stages.select(rows, self._threads[rows])
-        if self._has_new_looks:
+        if self._has_new_readbacks:
             # idle members as well: another list would cost more
             rows = np.array(sorted(self._put), dtype=np.int64)
-            self._looks.select(rows, self._threads[rows])
-            self._has_new_looks = False
+            self._readback_launches.select(rows, self._threads[rows])
+            self._has_new_readbacks = False
 
     def launch_once(self) -> list[_Ready]:
         """Run the launches of all waiting rows once, and return their routes."""
@@ -160,7 +160,7 @@ class _Group:
         """Start a round of stages; return a function that waits and returns the due routes."""
         self._select(_IDLE)
         self._stages.launch(_STAGES[self._device.is_cuda])
-        self._looks.launch()
+        self._readback_launches.launch()
         asked = self._asked.copy()
         self._copies.rotate()
         copied = self._copies[0].begin()
@@ -192,11 +192,11 @@ class Batch:
     """Simulations that run their stages together on one device.
 
     Attributes:
-        seen: Clock and counts (``State``) of the simulation that continues after ``bring``: its
-            current ones if it has arrived, otherwise those of some stages ago.
+        readback: Clock and counts (``State``) of the simulation that continues after ``advance``:
+            the current values if it has arrived, otherwise values of some stages ago.
     """
 
-    seen: Any
+    readback: Any
 
     def __init__(self, *, at_once: int = AT_ONCE) -> None:
         """Create an empty batch with at most ``at_once`` active simulations."""
@@ -208,8 +208,8 @@ class Batch:
         self._route: Iterator[None] | None = None
         self._has_asked = False
 
-    def bring(
-        self, state: State, taken_down: Callable[[], list[Launch]], until: float
+    def advance(
+        self, state: State, record: Callable[[], list[Launch]], until: float
     ) -> None:
         """Advance the simulation of the current route to a time [s], once the route yields.
 
@@ -218,26 +218,26 @@ class Batch:
 
         Args:
             state: State of the simulation.
-            taken_down: Function that records the launches of one of its stages.
+            record: Function that records the launches of one of its stages.
             until: The time [s].
         """
-        group, row = self._place(state, taken_down, True)
+        group, row = self._place(state, record, True)
         assert self._route is not None
-        group.bring(row, until, self._route)
+        group.advance(row, until, self._route)
 
-    def launch(self, state: State, taken_down: Callable[[], list[Launch]]) -> None:
+    def launch(self, state: State, record: Callable[[], list[Launch]]) -> None:
         """Run launches once for the current route, once the route yields.
 
         Args:
             state: State of its simulation.
-            taken_down: Function that records the launches.
+            record: Function that records the launches.
         """
-        group, row = self._place(state, taken_down, False)
+        group, row = self._place(state, record, False)
         assert self._route is not None
         group.under_way[row] = self._route
 
     def _place(
-        self, state: State, taken_down: Callable[[], list[Launch]], is_stage: bool
+        self, state: State, record: Callable[[], list[Launch]], is_stage: bool
     ) -> tuple[_Group, int]:
         """Return the group and row for launches of the current route."""
         assert self._route is not None
@@ -246,7 +246,7 @@ class Batch:
         group, row, of, forgotten = self._places.get(key, (None, 0, None, 0))
         if group is None or of is not state or forgotten != state.launches.forgotten:
             self._leave(*key)
-            launches = taken_down()
+            launches = record()
             kind = is_stage, kind_of(launches)
             group = self._groups.get(kind)
             if group is None:
@@ -306,10 +306,10 @@ class Batch:
                 elif not new:
                     return
 
-    def _has_ended(self, route: Iterator[None], seen: Any, ready: deque[_Ready]) -> bool:
+    def _has_ended(self, route: Iterator[None], readback: Any, ready: deque[_Ready]) -> bool:
         """Continue a route; return True if it has ended."""
-        self._route, self.seen, self._has_asked = route, seen, False
-        former, _here.batch = at_work(), self
+        self._route, self.readback, self._has_asked = route, readback, False
+        former, _here.batch = current_batch(), self
         try:
             is_at_end = next(route, _END) is _END
         finally:
@@ -318,7 +318,7 @@ class Batch:
             self._leave(route, True)
             self._leave(route, False)
         elif not self._has_asked:
-            ready.append((route, seen))
+            ready.append((route, readback))
         return is_at_end
 
     def _leave(self, route: Iterator[None], is_stage: bool) -> None:

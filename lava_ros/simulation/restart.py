@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays of a solver for a checkpoint, and a solver that continues from one."""
+"""The arrays of a checkpoint, copied from a solver and restored to one."""
 
 import numpy as np
 
@@ -18,10 +18,10 @@ from lava_ros.simulation.step.vents import Emission
 
 
 def arrays_of(solver: Solver) -> dict[str, np.ndarray]:
-    """Copy all arrays that a solver needs to continue, between two steps, by name.
+    """Copy all arrays from which a solver can be resumed, between two steps, by name.
 
-    A GPU captures the next stages again, as it does for a resumed simulation: both then idle
-    alike past the next target.
+    A GPU then captures the next stages again, as it does for a resumed simulation: both idle for
+    the same number of stages past the next target.
     """
     solver.state.launches.forget()
     arrays = {f'state.{name}': array for name, array in solver.state.save().items()}
@@ -33,7 +33,7 @@ def arrays_of(solver: Solver) -> dict[str, np.ndarray]:
 
 
 def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
-    """Let a new solver of a checkpoint's scene, effects and accuracy continue from there.
+    """Restore the arrays of a checkpoint to a new solver of its scene, effects and accuracy.
 
     Raises:
         LavaError: If an array is missing, does not belong to the scene and the effects, or has
@@ -60,12 +60,12 @@ def restore_arrays(solver: Solver, checkpoint: Checkpoint) -> None:
         solver.covered.load(arrived)
     if parts:
         raise LavaError('checkpoint.arrays', sorted(parts), 'those of a simulation')
-    if solver.time != checkpoint.time:
-        right = f'that of the clock, {solver.time:g} s'
-        raise LavaError('checkpoint.time', checkpoint.time, right)
+    time = solver.state.time
+    if time != checkpoint.time:
+        raise LavaError('checkpoint.time', checkpoint.time, f'that of the clock, {time:g} s')
     solver.volume_before = checkpoint.emitted
-    # the solver was made without the particles
+    # the neighbour grid was created without the particles
     solver.cover()
     if arrived is None:
-        solver.note_lava()
+        solver.record_covered_ground()
     check_conserved(solver.budget())

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
+"""The simulation of a scene: algorithm 1 of the paper, with time steps of variable length."""
 
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
@@ -19,11 +19,11 @@ from lava_ros.scene.terrain import is_same_ground
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.advance import advancing_to
 from lava_ros.simulation.backend.memory import within_memory
-from lava_ros.simulation.batch import at_work
+from lava_ros.simulation.batch import current_batch
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint, warn_of_other_model
-from lava_ros.simulation.output.looks import Looks, Seen
 from lava_ros.simulation.output.measurement import measured_scales
+from lava_ros.simulation.output.peaks import PeakMaps, Peaks
 from lava_ros.simulation.output.snapshot import (
     Particles,
     particles_of,
@@ -55,14 +55,15 @@ from lava_ros.simulation.step.vents import check_rates
 
 
 class Simulation:
-    """Lava flowing over a terrain.
+    """Lava that flows over a terrain.
 
-    A simulation belongs to the thread that made it: work of a second thread on the device would
-    invalidate a CUDA graph that is being captured.
+    Only the thread that created a simulation may use it: launches of a second thread would
+    invalidate a CUDA graph during its capture.
 
     Attributes:
-        accuracy: The resolution, without automatic values.
-        step: Length of the step that is waited for (``advance``), or of the latest step [s].
+        accuracy: The resolution, with all automatic values filled in.
+        step: Length of the latest step, or of the next one if ``advance`` has not begun it because
+            it would end too late [s].
     """
 
     @within_memory()
@@ -80,18 +81,17 @@ class Simulation:
 
         Args:
             scene: Terrain, vents and lava.
-            effects: The physics to switch on. When left out it is chosen from the scene, and again
-                when vents or terrain change it; a mapping forces some effects on or off by name.
-            accuracy: The resolution; automatic when left out.
-            device: ``cpu`` or ``cuda:0``; the first CUDA device when there is one, else the CPU.
-            horizon: How far ahead the choice of effects and of the spacing looks [s].
-            particles: Lava that is on the terrain at the start; when left out, the emplaced flows
-                of the scene.
+            effects: The effects to switch on. By default they are chosen from the scene, and again
+                when its vents or terrain change. A mapping forces some of them on or off by name.
+            accuracy: The resolution, by default automatic.
+            device: ``cpu`` or ``cuda:0``; by default the first CUDA device, or the CPU without.
+            horizon: Time span for the choice of effects and of the spacing [s].
+            particles: Lava on the terrain at the start, by default the scene's emplaced flows.
 
         Raises:
-            LavaError: The device does not exist, a particle is not on the terrain, an effect is
+            LavaError: If the device does not exist, a particle is not on the terrain, an effect is
                 unknown or contradicts the formulation, or spacing or thickness is out of range.
-            OutOfMemoryError: The simulation does not fit into memory; all methods may raise it.
+            OutOfMemoryError: If the simulation does not fit into memory. All methods may raise it.
         """
         self._prepare(scene, effects, accuracy or Accuracy(), device, horizon)
         if particles is None:
@@ -103,10 +103,11 @@ class Simulation:
         self, scene: Scene, effects: Effects | Mapping[str, bool] | None, given: Accuracy,
         device: str | None, horizon: float,
     ) -> None:
-        """Choose resolution and effects, and allocate a solver that has no vents yet."""
+        """Choose resolution and effects, and allocate a solver without vents."""
         self._owner = threading.get_ident()
         self.step = 0.0
-        self._is_waiting, self._asked = False, -math.inf
+        # the next step would end after the requested time, and has not begun
+        self._is_step_pending, self._requested_time = False, -math.inf
         used = device_of(device)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
@@ -124,12 +125,12 @@ class Simulation:
         """The particles, grids and kernels on the device.
 
         Raises:
-            RuntimeError: If another thread than the one that made the simulation asks for it.
+            RuntimeError: If the current thread did not create the simulation.
         """
         if threading.get_ident() != self._owner:
             raise RuntimeError(
                 f'thread {threading.current_thread().name!r} has used a simulation of another '
-                'thread; only the thread that made it may use it'
+                'thread; only the thread that created it may use it'
             )
         return self._solver
 
@@ -141,17 +142,7 @@ class Simulation:
     @property
     def effects(self) -> Effects:
         """The effects that are on."""
-        return self.solver.effects
-
-    @property
-    def particle_volume(self) -> float:
-        """Volume of the particles that vents emit [m3]."""
-        return self.solver.particle_volume
-
-    @property
-    def radius(self) -> float:
-        """Radius of the smoothing kernel [m]."""
-        return self.solver.radius
+        return self.solver.state.effects
 
     @property
     def device(self) -> str:
@@ -161,7 +152,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self.solver.time
+        return self.solver.state.time
 
     @property
     def particle_count(self) -> int:
@@ -170,7 +161,7 @@ class Simulation:
 
     @property
     def most_particles(self) -> int:
-        """Largest number of particles at any readback so far; needs no access to the device."""
+        """Maximum number of particles at any readback so far, known without device access."""
         return self.solver.most_particles
 
     @property
@@ -186,28 +177,27 @@ class Simulation:
         wall_limit: float | None = None,
         whole_steps: bool = False,
     ) -> float:
-        """Simulate up to a time, or to the first end of a time step after it.
+        """Simulate until the end of the first time step at or after a time.
 
-        With the same ``limit`` the flow is the same to the bit however many stops there are before
-        it, when the simulation is deterministic.
+        A deterministic simulation with a given ``limit`` gives bitwise identical results however
+        many calls reach it.
 
         Args:
-            until: Simulated time to reach [s]; a time that has passed changes nothing.
-            limit: Time that no step may pass [s]. The last step before it is shortened; when left
-                out, this is ``until``, or with ``whole_steps`` there is none.
-            wall_limit: Stop early after this wall time [s] and at most one more launch or review
-                of the effects. A step that is then incomplete is completed by the next call with
-                a later ``until``, which it may pass, or before anything else reads or changes the
-                flow.
-            whole_steps: Do not begin a step that would end after ``until``. The time reached is
-                then earlier by less than this ``step``. A later change of vents, terrain or
-                effects takes place at ``until``: it shortens the step.
+            until: Simulated time to reach [s]. A time in the past has no effect.
+            limit: Time that no step may pass [s]: the last step before it is shortened. By default
+                this is ``until``; with ``whole_steps`` there is no limit.
+            wall_limit: Wall time after which to stop early [s], after at most one more launch or
+                review of the effects. An incomplete step is completed by the next call with a
+                later ``until``, which it may pass, or before the flow is read or changed.
+            whole_steps: Do not begin a step that would end after ``until``; ``step`` is then its
+                length. If vents, terrain or effects change before it begins, a shorter step ends
+                at ``until``.
 
         Returns:
             The simulated time reached [s].
 
         Raises:
-            LavaError: ``until`` is not a finite number, or ``limit`` is before it.
+            LavaError: If ``until`` is not a finite number, or ``limit`` is before it.
         """
         for _ in self.advancing(
             until, limit=limit, wall_limit=wall_limit, whole_steps=whole_steps
@@ -223,26 +213,26 @@ class Simulation:
         wall_limit: float | None = None,
         whole_steps: bool = False,
     ) -> Generator[None, None, float]:
-        """Simulate up to a time, in parts, as ``advance`` does in one go.
+        """Generator form of ``advance``, which yields after each batch of launches.
 
-        The events of the scene change the ground at their times, which no step passes; that of
-        ``until`` itself comes with the next part.
+        The caller can overlap other work with the GPU (``batch.side_by_side``). The simulation can
+        be read or changed only when the generator is exhausted.
 
-        After each part there is time for something else: a GPU is at work on it
-        (``batch.side_by_side``). Only when all parts are taken the simulation is at rest.
+        No step passes the time of an event of the scene, at which the ground changes. An event at
+        ``until`` takes place in the next call.
         """
         until = validation.number('until', until, unit='s')
         if limit is not None:
             limit = validation.number('limit', limit, at_least=until, unit='s')
         end, max_end = until if limit is None else limit, math.inf
-        self._asked = -math.inf
+        self._requested_time = -math.inf
         if whole_steps:
             end, max_end = math.inf if limit is None else limit, until
             now = self.time
-            if self._is_waiting and until < min(now + self.step, end):
-                self._asked = until
+            if self._is_step_pending and until < min(now + self.step, end):
+                self._requested_time = until
                 return now
-        self._is_waiting = False
+        self._is_step_pending = False
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         if self._is_interrupted and until <= self.time:
             return self.time
@@ -252,15 +242,15 @@ class Simulation:
                 change = self.scene.events[0].time if self.scene.events else math.inf
                 stop, last = min(until, change), min(end, change)
                 self.solver.raise_top(until=last)
-                if self.solver.is_bare:
-                    self.solver.rest(stop, last)
-                # reviews are at ends of natural steps: they change no step
+                if self.solver.is_empty:
+                    self.solver.skip_to(stop, last)
+                # reviews follow the ends of natural steps, and change none
                 due = min(stop, self._review_due)
-                reached, self.step, self._is_waiting = yield from advancing_to(
+                reached, self.step, self._is_step_pending = yield from advancing_to(
                     self.solver, due, last, deadline, max_end
                 )
-                if self._is_waiting:
-                    self._asked = until
+                if self._is_step_pending:
+                    self._requested_time = until
                     return reached
                 if wall_clock.monotonic() >= deadline:
                     self._is_interrupted = True
@@ -273,7 +263,7 @@ class Simulation:
                     return reached
 
     def _complete(self) -> None:
-        """Complete the step and the review at which a wall limit has interrupted ``advance``."""
+        """Complete the step and the review that the wall limit of ``advance`` interrupted."""
         if self._is_interrupted:
             self._is_interrupted = False
             for _ in advancing_to(self.solver, self.time, None, math.inf):
@@ -286,7 +276,7 @@ class Simulation:
         """Map the current flow to the terrain's cells."""
         self._complete()
         self.solver.sort()
-        return self.solver.begin_snapshot(beside=False).result()
+        return self.solver.begin_snapshot(overlaps=False).result()
 
     @within_memory()
     def begin_snapshot(self) -> PendingSnapshot:
@@ -296,15 +286,14 @@ class Simulation:
         """
         self._complete()
         self.solver.order()
-        return self.solver.begin_snapshot(beside=True)
+        return self.solver.begin_snapshot(overlaps=True)
 
     @within_memory()
-    def looks(self, threshold: float, most: int) -> Looks:
-        """Prepare observations of lava, the first of which is at the current time.
+    def start_peaks(self, threshold: float) -> Peaks:
+        """Prepare to gather peak values by observations, the first of which is of this time.
 
         Args:
-            threshold: Minimum thickness of lava that has arrived [m]: that of the simulation.
-            most: Maximum number of observations, which take no memory.
+            threshold: Thickness at or above which lava has arrived [m].
 
         Raises:
             LavaError: If the simulation has another threshold.
@@ -312,39 +301,39 @@ class Simulation:
         own = self.accuracy.inundation_threshold
         if not math.isclose(threshold, own):
             raise LavaError('threshold', threshold, f'{own:g} m, that of the simulation')
-        return Looks(self.scene.terrain, own, self.time, self.solver.device)
-
-    def looking(self, looks: Looks) -> Iterator[None]:
-        """Take a look as ``look`` does, in parts as ``advancing``."""
-        batch = at_work()
-        if batch is None:
-            self.look(looks)
-            return
-        self._complete()
-        self.solver.bin()
-        take = partial(self.solver.take_look, looks)
-        batch.launch(self.solver.state, partial(self.solver.record_launches, take))
-        yield
+        return Peaks(self.scene.terrain, own, self.time, self.solver.device)
 
     @within_memory()
-    def look(self, looks: Looks) -> None:
-        """Add the current flow to looks, without a copy to the host.
+    def observe(self, peaks: Peaks) -> None:
+        """Raise peaks to the values of the current flow, without a copy to the host.
 
         Raises:
             LavaError: If too many particles are in one place.
         """
         self._complete()
         self.solver.bin()
-        self.solver.take_look(looks)
+        self.solver.observe(peaks)
         self.solver.neighbors.refuse_crowds()
 
-    def seen(self, looks: Looks, *, where_wet: bool = False) -> Seen:
-        """Return the results of looks so far, for all cells or those that lava can reach."""
+    def observing(self, peaks: Peaks) -> Iterator[None]:
+        """Generator form of ``observe``, which yields to the other members of a batch."""
+        batch = current_batch()
+        if batch is None:
+            self.observe(peaks)
+            return
+        self._complete()
+        self.solver.bin()
+        state, observe = self.solver.state, partial(self.solver.observe, peaks)
+        batch.launch(state, partial(state.launches.record, observe, state.capacity))
+        yield
+
+    def read_peaks(self, peaks: Peaks, *, where_wet: bool = False) -> PeakMaps:
+        """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
         solver, (rows, columns) = self.solver, self.scene.terrain.shape
         part = slice(0, rows), slice(0, columns)
         if where_wet:
             part = solver.raster.window.rectangle(solver.state)
-        return looks.seen(solver.state, part)
+        return peaks.read(solver.state, part)
 
     @within_memory()
     def budget(self) -> VolumeBudget:
@@ -362,9 +351,9 @@ class Simulation:
 
     @within_memory()
     def evaluate(self) -> None:
-        """Compute thickness and velocity of the particles, including the search for neighbours.
+        """Compute thickness and velocity of the particles, including the neighbour search.
 
-        Nothing is read back and nothing moves: this is the cost of a stage of a time step.
+        Nothing is read back and nothing moves: this measures the cost of a stage of a time step.
         """
         self._complete()
         self.solver.neighbors.rebuild(self.solver.state)
@@ -375,73 +364,73 @@ class Simulation:
     def set_vents(self, vents: Iterable[Vent]) -> None:
         """Replace the vents from now on.
 
-        A vent that is the same as before (``scene.vents.match_vents``) keeps what is in its
-        conduit and its sequence of places at which particles come out. The conduit of a vent that
-        closes is emptied at once.
+        A vent that continues (``scene.vents.match_vents``) keeps the lava in its conduit and its
+        sequence of emission places. The conduit of a vent that closes is emptied at once.
 
         Raises:
-            LavaError: A vent is not on the terrain, its lava solid, its discharge more than the
-                particles can be, or the spacing too small for the distances of the vents; the old
-                vents stay.
+            LavaError: If a vent is not on the terrain, its lava is solid, its discharge needs too
+                many particles, or the spacing is too small for the distances between the vents.
+                The previous vents then remain.
         """
         vents = check_vents(vents, self.scene.terrain, self.scene.lava)
         if vents != self.solver.vents.vents:
-            check_rates(vents, self.particle_volume)
+            check_rates(vents, self.accuracy.particle_volume)
             self._catch_up()
-            parting = self.solver.replace_vents(replace(self.scene, vents=vents))
+            last_particles = self.solver.replace_vents(replace(self.scene, vents=vents))
             self._update_effects()
-            self.solver.add_particles(parting)
+            self.solver.add_particles(last_particles)
             self.solver.state.launches.forget()
 
     @within_memory()
     def set_terrain(self, terrain: Terrain) -> None:
-        """Replace the ground under the flow; lava outside the new one has left.
+        """Replace the ground under the flow; lava outside the new terrain counts as lost.
 
-        A terrain is the ground without lava: solidified lava stays on top of it.
+        A terrain is the ground without lava: solidified lava remains on top of it.
 
         Raises:
-            LavaError: A vent or a barrier to come does not lie on the new terrain, or the spacing
-                is too small for it; the old one stays.
+            LavaError: If a vent or a future barrier is not on the new terrain, or the spacing is
+                too small for it. The previous terrain then remains.
         """
         later, scene = terrain, replace(self.scene, terrain=terrain)
         for event in scene.events:
             later = event.ground(later)
         if is_same_ground(terrain, self.scene.terrain):
-            # only the georeference is new, of which the solver knows nothing
+            # only the georeference differs, which the solver does not use
             self.solver.scene = scene
             return
         self._catch_up()
         self._replace_terrain(scene)
 
     def _replace_terrain(self, scene: Scene) -> None:
-        """Replace the terrain by that of another scene, and choose the effects again."""
+        """Replace the terrain by the terrain of another scene, and choose the effects again."""
         self.solver.replace_terrain(scene)
         self._update_effects()
         self.solver.sort()
         self.solver.lower_top()
 
     def _catch_up(self) -> None:
-        """Complete the step, or end one that is waited for early, at the time asked for."""
+        """Complete the step; if one is pending, advance to the requested time by a shorter one."""
         self._complete()
-        if self._is_waiting:
-            self.advance(max(self._asked, self.time))
+        if self._is_step_pending:
+            self.advance(max(self._requested_time, self.time))
 
     def _change_ground(self) -> None:
-        """Let the next event of the scene change the ground."""
+        """Change the ground by the next event of the scene."""
         event, *later = self.scene.events
         ground = event.ground(self.scene.terrain)
         self._replace_terrain(replace(self.scene, terrain=ground, events=tuple(later)))
 
     @within_memory()
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
-        """Choose the effects again from now on; solidified lava stays ground.
+        """Choose the effects again from now on; solidified lava remains ground.
 
         Args:
-            forced: Effects switched on or off whatever the scene says, by name.
-            horizon: How far ahead is looked [s].
+            forced: Effects to force on or off regardless of the scene, by name.
+            horizon: Time span for the choice [s].
 
         Raises:
-            LavaError: An effect is unknown, or two do not go together; the old ones stay.
+            LavaError: If an effect is unknown, or two exclude each other. The previous effects
+                then remain.
         """
         self._complete()
         former = self._forced, self._horizon
@@ -457,7 +446,7 @@ class Simulation:
 
     @within_memory()
     def checkpoint(self) -> Checkpoint:
-        """Copy everything that is needed to continue from the current time."""
+        """Return a copy of all data from which a simulation can be resumed at this time."""
         self._complete()
         self.solver.order()
         return Checkpoint(
@@ -478,7 +467,7 @@ class Simulation:
     @classmethod
     @within_memory()
     def resume(cls, checkpoint: Checkpoint, *, device: str | None = None) -> 'Simulation':
-        """Return a simulation that continues from a checkpoint, on the same device to the bit.
+        """Return a simulation resumed from a checkpoint, bitwise identical on the same device.
 
         Raises:
             LavaError: If the checkpoint is inconsistent, or the device does not exist.
@@ -501,11 +490,11 @@ class Simulation:
 
     @property
     def resolution(self) -> Resolution:
-        """How many particles lie across the flow of the scene as it is now."""
+        """Number of particles across the flow of the current scene, and its spacing."""
         return resolution_of(self.scene, self.accuracy, self._all_forced, horizon=self._horizon)
 
     def decisions(self) -> tuple[Decision, ...]:
-        """Say what decides about each effect now; of those that exclude each other one is on."""
+        """Return the current decision about each effect, with its number and its threshold."""
         decisions = decide(
             self.scene, self._all_forced, accuracy=self.accuracy, horizon=self._horizon
         )
@@ -519,7 +508,7 @@ class Simulation:
 
     @within_memory()
     def measure_scales(self) -> Scales | None:
-        """Measure the scales of the flow as it is now; None without flowing lava."""
+        """Measure the scales of the current flow; None without flowing lava."""
         self._complete()
         self.solver.sort()
         grids, sample = self.solver.draw_maps(), self.solver.read_sample()
@@ -535,11 +524,11 @@ class Simulation:
 
     @property
     def _all_forced(self) -> dict[str, bool]:
-        """Effects that the user has switched on or off, by name: all of a fixed set."""
+        """Effects that the user has forced on or off, by name; all effects of a fixed set."""
         return asdict(self.effects) if self._forced is None else self._forced
 
     def _watch(self, *, is_due: bool = False) -> None:
-        """Find out which effects reviews evaluate, and when the next review ``is_due``."""
+        """Schedule the next review of the effects, for now if it ``is_due``."""
         self._watched = [] if self._forced is None else watched_effects(
             self.scene, self.effects, self._forced
         )
@@ -549,10 +538,10 @@ class Simulation:
             self._review_due = time if is_due else next_review(time, self._horizon)
 
     def review(self, names: Iterable[str] | None = None) -> None:
-        """Measure the numbers of effects now, and switch on those that the flow calls for.
+        """Measure the numbers of effects now, and switch on those above their thresholds.
 
         Args:
-            names: The effects; when left out, those that are off and not forced.
+            names: The effects, by default those that are off and not forced.
         """
         self._complete()
         scales = self.measure_scales()
@@ -567,31 +556,31 @@ class Simulation:
         self._watch()
 
     def _choose_effects(self, scene: Scene) -> Effects:
-        """The effects that a scene calls for, with what the user forces."""
+        """Return the effects that a scene needs, with those that the user forces."""
         return effects_for(scene, self._forced, accuracy=self.accuracy, horizon=self._horizon)
 
-    def _update_effects(self, kept: Iterable[str] | None = None) -> None:
-        """Choose the effects anew where they follow the scene.
+    def _update_effects(self, remaining: Iterable[str] | None = None) -> None:
+        """Choose the effects again, unless the user has given all of them.
 
-        Once there is lava, the effects that are on stay on, or those ``kept``: what the lava has
-        become is their work.
+        Once there is lava, active effects, or those in ``remaining``, stay on: they have shaped
+        it.
         """
         if self._forced is None:
             return
-        if kept is None:
-            kept = self.effects if self.time > 0.0 or self.particle_count else ()
+        if remaining is None:
+            remaining = self.effects if self.time > 0.0 or self.particle_count else ()
         chosen = self._choose_effects(self.scene)
         on = [name for name in chosen if name in self._forced]
-        kept = [name for name in kept if self._forced.get(name, True)]
-        for name in (*kept, *chosen):
+        remaining = [name for name in remaining if self._forced.get(name, True)]
+        for name in (*remaining, *chosen):
             if not any(excluded_by(name, other) for other in on):
                 on.append(name)
-        self._switch_to(replace(chosen, **{name: name in on for name in (*kept, *chosen)}))
+        self._switch_to(replace(chosen, **{name: name in on for name in (*remaining, *chosen)}))
         self._watch()
 
     def _switch_to(self, effects: Effects) -> None:
         """Continue with other effects."""
         effects = formulated(effects, self.accuracy)
         if effects != self.effects:
-            self._is_waiting = False
+            self._is_step_pending = False
             self.solver.switch_effects(effects)

@@ -3,8 +3,8 @@
 
 """The device side of a simulation: particles, grids and kernels for one scene and set of effects.
 
-``Simulation`` decides what to simulate, and ``advance.py`` how far. The solver holds the arrays
-and runs single stages.
+``Simulation`` decides what to simulate, and ``advance.py`` how far. The solver owns the arrays and
+runs single stages.
 """
 
 from collections.abc import Callable
@@ -19,19 +19,22 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.streams import Reader
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.covered_maps import CoveredCells, note_lava, show_covered_cells
+from lava_ros.simulation.output.covered_maps import (
+    CoveredCells,
+    record_covered_ground,
+    show_covered_cells,
+)
 from lava_ros.simulation.output.diagnostics import (
     FlowDiagnostics,
     moment_of,
     SHOWN,
     snapshot_of,
 )
-from lava_ros.simulation.output.looks import Looks
+from lava_ros.simulation.output.peaks import Peaks
 from lava_ros.simulation.output.rasterization import Raster
 from lava_ros.simulation.output.snapshot import (
     Particles,
@@ -45,7 +48,6 @@ from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.solidified import RaisedTerrain
 from lava_ros.simulation.particles.state import room_for, State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
-from lava_ros.simulation.step.effects import device_parts
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
 
@@ -71,57 +73,43 @@ class Solver:
 
     Attributes:
         scene: The current scene.
-        effects: The effects that are on.
-        accuracy: The resolution, without automatic values.
+        accuracy: The resolution, with all automatic values filled in.
         device: The Warp device.
-        particle_volume: Volume of the particles that vents emit [m3].
-        radius: Radius of the smoothing kernel [m].
         state: Arrays of the particles, and the clock.
-        terrain: The ground on the device, which simulations on the same terrain share.
+        terrain: The ground on the device, shared by simulations on the same terrain.
         covered: What lava has covered of each cell of the terrain.
-        raised: ``terrain`` if lava can solidify onto it or has done so: then only this simulation
-            has it; None otherwise.
+        raised: ``terrain``, no longer shared, if lava can solidify or has solidified onto it;
+            otherwise None.
         neighbors: The grid of cells in which neighbours are found.
         raster: The terrain's cells, for maps.
         stage: The kernels of one stage of a step.
-        after_step: Passes of effects at the end of a step, by effect.
         vents: The vents on the device.
-        volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
-        most_particles: Largest number of particles at any readback so far.
-        is_bare: True if there were none at the latest readback.
+        volume_before: Volume on the terrain at the start, plus that of former vents [m3].
+        most_particles: Maximum number of particles at any readback so far.
+        is_empty: True if there was no particle at the latest readback.
     """
 
     def __init__(
         self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
     ) -> None:
-        """Allocate the arrays and compile the kernels; there are no vents yet.
+        """Allocate the arrays; ``start_with`` opens the vents.
 
         Args:
             scene: Terrain, vents and lava.
             effects: The effects that are on.
-            accuracy: The resolution, without automatic values.
+            accuracy: The resolution, with all automatic values filled in.
             device: The Warp device.
         """
-        self.scene, self.effects, self.accuracy, self.device = scene, effects, accuracy, device
-        spacing, thickness = accuracy.spacing, accuracy.thickness
-        assert spacing is not None and thickness is not None
-        # in float32, so that the sum of the particles' volumes is their number times this
-        self.particle_volume = float(np.float32(spacing * spacing * thickness))
-        self.radius = accuracy.ratio * spacing
+        self.scene, self.accuracy, self.device = scene, accuracy, device
         self.state = State(_FIRST_CAPACITY, effects, accuracy, device)
         self._diagnostics, self._reader = FlowDiagnostics(), Reader(device)
         self.volume_before = 0.0
         self.most_particles = 0
-        self.is_bare = False
+        self.is_empty = False
         self.raised: RaisedTerrain | None = None
         self.covered = CoveredCells(scene.terrain, device)
         self._place_terrain()
         self.cover()
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return float(self.state.read_clock()[0][at.TIME])
 
     def start_with(self, particles: Particles | None) -> None:
         """Place the initial particles, open the vents of the scene, and find the highest ground.
@@ -139,9 +127,9 @@ class Solver:
             self.cover()
             self.volume_before = float(self.state.read_particles()[:, 2].sum())
             self.sort()
-            self.note_lava()
+            self.record_covered_ground()
             places = self.state.read_particles()[:, :2]
-        check_rates(self.scene.vents, self.particle_volume)
+        check_rates(self.scene.vents, self.accuracy.particle_volume)
         self.open_vents(0.0, Emission.of_new_vents(len(self.scene.vents)))
         self.raise_top(places, until=0.0)
 
@@ -149,7 +137,7 @@ class Solver:
         """Continue with other effects."""
         # drop particles that have solidified or merged, which a state with other effects keeps
         self.order()
-        former, self.effects = self.state, effects
+        former = self.state
         self.state = State(former.capacity, effects, self.accuracy, self.device)
         self.state.take_over(former)
         self._reserve_room()
@@ -159,7 +147,7 @@ class Solver:
             self._build_stage()
 
     def own_terrain(self) -> RaisedTerrain:
-        """Return the ground, after giving the simulation one that solidified lava can raise."""
+        """Return the ground that solidified lava can raise, after allocating it if necessary."""
         if self.raised is None:
             self._place_terrain(is_raised=True)
             self.cover()
@@ -167,12 +155,12 @@ class Solver:
         return self.raised
 
     def _place_terrain(self, *, is_raised: bool = False) -> None:
-        """Copy the terrain to the device, with the grids and kernels that depend on it.
+        """Copy the terrain to the device, and create the grids and kernels that depend on it.
 
-        Solidified lava stays on it. The neighbour grid covers nothing yet.
+        Solidified lava remains on it. ``cover`` must then fit the neighbour grid.
         """
         terrain, accuracy, former = self.scene.terrain, self.accuracy, self.raised
-        if is_raised or former is not None or self.effects.any('freezes'):
+        if is_raised or former is not None or self.state.effects.any('freezes'):
             self.raised = RaisedTerrain(terrain, accuracy.precision, self.device)
         if self.raised is not None and former is not None:
             self.raised.take_over(former, self.state.left)
@@ -180,11 +168,12 @@ class Solver:
             terrain, accuracy.precision, self.device
         )
         self.neighbors = self._grid_over(self.terrain)
-        output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
+        output_radius = max(accuracy.raster_ratio * accuracy.radius, 1.5 * terrain.resolution)
         # grids for solidified lava, and for what lava has covered
         self.raster = Raster(
             self.terrain, output_radius, accuracy.kernel, self.device,
-            reach=max(output_radius, self.radius), more=(self.raised is not None) + len(SHOWN),
+            reach=max(output_radius, accuracy.radius),
+            more=(self.raised is not None) + len(SHOWN),
         )
         self._shown = self.raster.grids[-len(SHOWN) :]
         # times of cells that lava has not reached
@@ -195,31 +184,28 @@ class Solver:
         self._build_stage()
 
     def _grid_over(self, terrain: StaggeredTerrain) -> NeighborGrid:
-        """Return a neighbour grid for a terrain, which covers nothing yet."""
-        return NeighborGrid(terrain, self.radius, self.accuracy.ratio, self.device)
+        """Return a neighbour grid for a terrain, to be fitted by ``cover``."""
+        accuracy = self.accuracy
+        return NeighborGrid(terrain, accuracy.radius, accuracy.ratio, self.device)
 
     def _build_stage(self) -> None:
         """Collect the kernels of the effects for the state, the terrain and the grids."""
-        self.after_step = {
-            name: kind(self.scene, self.accuracy, self.terrain, self.state)
-            for name, kind in device_parts(self.effects, 'AfterStep').items()
-        }
         self.stage = Stage(
-            self.scene, self.accuracy, self.state, self.neighbors, self.after_step
+            self.scene, self.accuracy, self.state, self.neighbors, self.terrain
         )
 
     def replace_terrain(self, scene: Scene) -> None:
-        """Replace the terrain by that of another scene; particles outside it have left.
+        """Replace the terrain by that of another scene; particles outside it count as lost.
 
         Raises:
-            LavaError: If the spacing is too small for the terrain; the old one stays.
+            LavaError: If the spacing is too small for the terrain. The previous one then remains.
         """
         self.settle()
         rows = self.state.read_particles()
         rows[:, :2] += centre_of(self.scene.terrain) - centre_of(scene.terrain)
         ground = StaggeredTerrain.shared(scene.terrain, self.accuracy.precision, self.device)
         self._grid_over(ground).window(np.concatenate([rows[:, :2], corners_of(scene)]))
-        now = self.time
+        now = self.state.time
         before = self.vents.emission(now)
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
@@ -235,17 +221,18 @@ class Solver:
             The particles that empty the conduits of closing vents, for ``add_particles``.
 
         Raises:
-            LavaError: If the spacing is too small for the distances of the vents; the old ones
-                stay.
+            LavaError: If the spacing is too small for the distances between the vents. The
+                previous vents then remain.
         """
         self.neighbors.window(corners_of(scene))
         self.settle()
-        now, former = self.time, self.vents
+        now, former = self.state.time, self.vents
         matches = match_vents(former.vents, scene.vents, least=self.accuracy.spacing or 0.0)
         closing = set(range(len(former.vents))).difference(matches)
         waiting = former.pending(now)
         self.volume_before += former.emitted(now)
-        new = Emission.of_new_vents(len(scene.vents), self.volume_before, self.particle_volume)
+        particle_volume = self.accuracy.particle_volume
+        new = Emission.of_new_vents(len(scene.vents), self.volume_before, particle_volume)
         before = former.emission(now).continued(matches, new)
         self.scene = scene
         self.open_vents(now, before)
@@ -253,43 +240,47 @@ class Solver:
         return [row for number in closing for row in former.parting(number, waiting[number])]
 
     def emitted_fraction(self, until: float) -> float:
-        """Return the volume of all lava so far over that at a later time [s]."""
-        volume = self.volume_before + self.vents.emitted(self.time)
-        later = sum(vent.volume_between(self.time, until) for vent in self.scene.vents)
+        """Return the fraction of the volume emitted by a later time [s] that is emitted now."""
+        now = self.state.time
+        volume = self.volume_before + self.vents.emitted(now)
+        later = sum(vent.volume_between(now, until) for vent in self.scene.vents)
         return float(volume / max(volume + later, 1e-30))
 
     def open_vents(self, since: float, before: Emission) -> None:
         """Put the vents of the scene on the device.
 
         Args:
-            since: Simulated time from which they emit [s].
-            before: Their emission until then.
+            since: Simulated time at which they open [s].
+            before: Their emission before that time.
         """
         self.vents = VentSet(
-            self.scene.vents, self.scene.terrain, self.accuracy, self.particle_volume,
-            self.device, since=since, before=before,
+            self.scene.vents, self.scene.terrain, self.accuracy, self.device, since=since,
+            before=before,
         )
         self._reserve_room()
 
     def _reserve_room(self) -> None:
         """Reserve capacity for particles that vents emit before the host reads the counts."""
-        # without room lava would wait in the vents, and come out all at once
+        # otherwise lava would wait in the vents, and be emitted all at once
         state = self.state
         _, steps, rates = self.vents.step_limits.T
         assert self.accuracy.longest_step is not None
-        most = (np.minimum(steps, self.accuracy.longest_step) * rates).max() / self.particle_volume
+        volume = (np.minimum(steps, self.accuracy.longest_step) * rates).max()
+        per_step = volume / self.accuracy.particle_volume
         # steps have at least two stages with RKL2
         ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
-        state.particles_ahead = math.ceil(min(ahead * most, _MAX_AHEAD))
+        state.particles_ahead = math.ceil(min(ahead * per_step, _MAX_AHEAD))
         state.make_room(state.read_clock()[1])
 
     def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
-        """Update the elevation of the highest ground that lava came from, for places and vents.
+        """Update the elevation of the highest ground that lava came from.
 
-        ``places`` are relative to the centre [m], shape [count, 2]. Each vent counts once, and
-        only if it has emitted lava or will by the time ``until`` [s], by default now.
+        Args:
+            places: Additional places relative to the terrain's centre [m], shape [count, 2].
+            until: Time by which a vent must have emitted lava to count [s], by default now. Each
+                vent counts once.
         """
-        new = self.vents.giving(self.time if until is None else until)
+        new = self.vents.giving(self.state.time if until is None else until)
         if not len(places) and not new:
             return
         self.vents.counted |= new
@@ -302,7 +293,7 @@ class Solver:
         self.terrain.raise_to(np.concatenate(every), self.state.top)
 
     def lower_top(self) -> None:
-        """Find the highest ground again, after the terrain has changed."""
+        """Find the highest ground that lava came from again, on a new terrain."""
         self.state.top.fill_(-at.FAR)
         self.raise_top(self.state.read_particles()[:, :2])
 
@@ -316,7 +307,10 @@ class Solver:
         self.state.launches.forget()
 
     def run_stages(self) -> None:
-        """Run one stage on the CPU, a graph of several on a GPU; past the target they idle."""
+        """Run one stage on the CPU, or a graph of several stages on a GPU.
+
+        Stages past the target time have no effect.
+        """
         state, is_cuda = self.state, self.device.is_cuda
         if not is_alone(state):
             self.take_stages()
@@ -331,35 +325,30 @@ class Solver:
             state.launches.capture(take, extent)
         state.launches.replay()
 
-    def take_stages(self, count: int = 1, *, look: Callable[[], None] | None = None) -> None:
-        """Launch stages; ``look`` is called before the motion of each."""
+    def take_stages(self, count: int = 1, *, observe: Callable[[], None] | None = None) -> None:
+        """Launch stages; ``observe`` is called before the motion of each."""
         for _ in range(count):
-            self.stage.take(self.scene, self.vents, look=look)
+            self.stage.take(self.scene, self.vents, observe=observe)
 
-    def record_launches(self, take: Callable[[], None]) -> list[Launch]:
-        """Return the launches of a function without running them, for a batch."""
-        return self.state.launches.taken_down(take, self.state.capacity)
+    def count_particles(self, counts: np.ndarray) -> bool:
+        """Update the numbers of particles from a readback; return True when the last has gone."""
+        count, was_empty = at.count_in(counts), self.is_empty
+        self.most_particles, self.is_empty = max(self.most_particles, count), count == 0
+        return self.is_empty and not was_empty
 
-    def note(self, counts: np.ndarray) -> bool:
-        """Note the number of particles at a readback; return True if it has become 0."""
-        count, was_bare = at.count_in(counts), self.is_bare
-        self.most_particles, self.is_bare = max(self.most_particles, count), count == 0
-        return self.is_bare and not was_bare
-
-    def rest(self, until: float, end: float) -> None:
-        """Advance only the clock to a time, if there is no lava before ``end``, both in s."""
+    def skip_to(self, until: float, end: float) -> None:
+        """Set the clock to a time if no lava is emitted before ``end``, both in s."""
         clock, counts = self.state.read_clock()
-        is_empty = not at.count_in(counts) and not counts[at.STAGE]
-        is_still = is_empty and not self.vents.emit_by(end)
-        if is_still and clock[at.TIME] < until:
+        is_idle = not at.count_in(counts) and not counts[at.STAGE]
+        if is_idle and not self.vents.emit_by(end) and clock[at.TIME] < until:
             self.state.write_time(until)
 
     def make_room(self, counts: np.ndarray) -> None:
-        """Enlarge the arrays or the neighbour grid if the counts of the state require it."""
+        """Enlarge the arrays or the neighbour grid if a readback of the counts requires it."""
         self.state.make_room(counts)
         if counts[at.NEAR_BORDER]:
             if self.neighbors.is_binned:
-                # particles that have left are counted already
+                # particles off the terrain have been counted
                 self.neighbors.rebuild(self.state)
                 self.state.take_order(within_step=True)
             self.state.write_count(at.NEAR_BORDER, 0)
@@ -367,7 +356,7 @@ class Solver:
             self.state.launches.forget()
 
     def bin(self) -> None:
-        """Assign the particles to cells, unless the previous motion has done so."""
+        """Assign the particles to cells in place of the previous motion, if it has not."""
         if self.state.bins_in_motion and not self.neighbors.is_binned:
             self.neighbors.bin(self.state)
 
@@ -380,18 +369,18 @@ class Solver:
         self.state.launches.forget()
 
     def settle(self) -> None:
-        """Drop particles that have left and are counted as such, before others read or change."""
+        """Drop particles that are counted as lost, before any read or change."""
         if self.neighbors.is_binned:
             self.sort()
 
-    def note_lava(self) -> None:
-        """Record the ground that lava covers now, where it did not flow to its place."""
+    def record_covered_ground(self) -> None:
+        """Record the ground that lava covers now, if it has not flowed there."""
         self.order()
         self.stage.compute_flow()
-        note_lava(self.state, self.neighbors.motion_arguments(self.state))
+        record_covered_ground(self.state, self.neighbors.motion_arguments(self.state))
 
     def sort(self) -> None:
-        """Sort the particles by cell and drop those that have left.
+        """Sort the particles by cell and drop those off the terrain.
 
         Raises:
             LavaError: If too many particles are in one place.
@@ -400,18 +389,18 @@ class Solver:
         self.neighbors.refuse_crowds()
 
     def order(self) -> None:
-        """Sort the particles by cell, without reading anything back."""
+        """Sort the particles by cell, without a readback."""
         self.neighbors.rebuild(self.state)
         self.state.take_order()
 
-    def take_look(self, looks: Looks) -> None:
-        """Run a stage, which idles at the end of a step, with a look before the motion."""
+    def observe(self, peaks: Peaks) -> None:
+        """Raise peaks to the values of the current flow, within a stage that moves nothing."""
 
-        def look() -> None:
+        def observe() -> None:
             self._fill_raster()
-            looks.take(self.state, self.terrain.known, self.raster)
+            peaks.observe(self.state, self.terrain.known, self.raster)
 
-        self.take_stages(look=look)
+        self.take_stages(observe=observe)
 
     def draw_maps(self) -> Any:
         """Map the flow of the ordered particles; return the grids of the raster."""
@@ -428,11 +417,11 @@ class Solver:
                 self.state, self.scene.lava.solidus, self.raster.grids, self.raster.window
             )
 
-    def begin_snapshot(self, *, beside: bool) -> PendingSnapshot:
-        """Map the ordered particles; with ``beside`` the copy runs beside the next steps."""
+    def begin_snapshot(self, *, overlaps: bool) -> PendingSnapshot:
+        """Map the ordered particles; the copy to the host may overlap with the next steps."""
         state, grids = self.state, self.draw_maps()
         numbers = self._diagnostics.take(state, self.vents, self.raised)
-        copies = self._reader.begin([grids, numbers], beside=beside)
+        copies = self._reader.begin([grids, numbers], overlaps=overlaps)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         threshold = self.accuracy.inundation_threshold
         return PendingSnapshot(
@@ -440,7 +429,7 @@ class Solver:
         )
 
     def read_sample(self) -> ParticleSample:
-        """Read the ordered particles back, after ``stage.compute_flow``, with their velocity."""
+        """Read back the ordered particles and their flow; ``stage.compute_flow`` must precede."""
         self.stage.finish_flow()
         rows = self.state.read_particles()
         flow = read(self.state.flow)[: len(rows)].astype(np.float64)
@@ -453,7 +442,7 @@ class Solver:
         )
 
     def budget(self) -> VolumeBudget:
-        """Return the budget of the lava's volume."""
+        """Return the volume budget."""
         self.settle()
         self._reader.before_writing()
         numbers = read(self._diagnostics.take(self.state, self.vents, self.raised))

@@ -53,7 +53,7 @@ def test_sweeps_solve_the_matrix():
     )
     local, solved = bare.sample(), simulation.sample()
     assert np.array_equal(local.position, solved.position)
-    radius, h = simulation.radius, local.thickness
+    radius, h = simulation.accuracy.radius, local.thickness
     q = np.linalg.norm(local.position[:, None] - local.position[None], axis=-1) / radius
     force = 7 / math.pi / radius**4 * 20 * np.clip(1 - q, 0, None) ** 3
     matrix = -force * (local.volume / h) * (h[:, None] + h)

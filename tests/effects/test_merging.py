@@ -33,11 +33,11 @@ def one_pass(simulation):
     counts, clock = state.counts.numpy(), state.clock.numpy()
     # the fastest particle has moved far enough for a pass
     counts[IS_LAST], clock[STEP] = 1, 1.0
-    state.moved.assign([merging.EVERY, 0.0])
+    state.of_effects['moved'].assign([merging.EVERY, 0.0])
     state.counts.assign(counts)
     state.clock.assign(clock)
     solver = simulation.solver
-    solver.after_step['merging'].apply(state, solver.neighbors.motion_arguments(state))
+    solver.stage.parts['merging'].finish_step(solver.neighbors.motion_arguments(state))
 
 
 def rows_of(simulation):
@@ -118,10 +118,10 @@ def test_merging_and_splitting_keep_momentum_and_emission_time(device):
             return [values.astype(np.float64).T @ volumes for values in carried]
 
         for name, draw in (('velocity', random.normal), ('emission_time', random.uniform)):
-            values = getattr(state, name).numpy()
+            values = state.arrays[name].numpy()
             values[:] = draw(size=values.shape)
-            getattr(state, name).assign(values)
-            getattr(state, f'ordered_{name}').assign(values)
+            state.arrays[name].assign(values)
+            state.arrays[f'ordered_{name}'].assign(values)
         before = sums()
         one_pass(simulation)
         after = sums()

@@ -43,7 +43,7 @@ def test_velocity_follows_strength_at_the_mean_temperature(device, precision, wi
     sample = simulation.sample()
     slope = -newtonian.velocity / (WEIGHT * newtonian.thickness**2 / 3e4)[:, None]
     reference = Lava.paper().reference_temperature
-    mean = mean_temperatures(sample, simulation.radius)
+    mean = mean_temperatures(sample, simulation.accuracy.radius)
     strength = 1500.0 * np.exp(0.002 * (reference - mean))
     b = strength / (WEIGHT * sample.thickness * np.hypot(*slope.T))
     assert 50 < (b < 1.0).sum() < 450

@@ -50,13 +50,13 @@ def ahead_of(checkpoint, device, **changes):
 def test_forecast_equals_the_continued_simulation(device, effects):
     simulation = flowing(device, effects)
     checkpoint = from_bytes(simulation.checkpoint().to_bytes())
-    looks, start = simulation.looks(THRESHOLD, 100), simulation.time
+    peaks, start = simulation.start_peaks(THRESHOLD), simulation.time
     peak = np.full_like(simulation.snapshot().thickness, np.nan)
     for time in (0.0, *moments(HORIZON, N_SAMPLES)):
         simulation.advance(start + time, limit=start + HORIZON)
-        simulation.look(looks)
+        simulation.observe(peaks)
         peak = np.fmax(peak, simulation.snapshot().thickness)
-    continued = simulation.seen(looks)
+    continued = simulation.read_peaks(peaks)
     ahead = ahead_of(checkpoint, device)
     while not ahead.is_done:
         # the length of a slice does not matter
@@ -65,7 +65,7 @@ def test_forecast_equals_the_continued_simulation(device, effects):
     assert np.isfinite(forecast.arrival).sum() > np.count_nonzero(forecast.arrival == 0.0) > 5
     expected = (continued.arrival - start).astype(np.float32)
     np.testing.assert_array_equal(forecast.arrival, expected)
-    # lava that drained between two looks had the threshold thickness
+    # lava that drained between two observations had the threshold thickness
     missed = (forecast.arrival > 0.0) & (peak < 0.1)
     peak[missed] = np.float32(0.1)
     np.testing.assert_array_equal(forecast.thickness, peak)

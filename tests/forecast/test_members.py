@@ -154,16 +154,16 @@ def test_member_equals_the_simulation_of_its_scene(device: str) -> None:
         member_scene(SCENE, members[1]), effects=plan.effects, accuracy=plan.accuracy,
         device=device,
     )
-    looks = simulation.looks(plan.threshold, 11)
+    peaks = simulation.start_peaks(plan.threshold)
     for look in range(11):
         simulation.advance(60.0 * look, limit=600.0)
-        simulation.look(looks)
-    flow = simulation.seen(looks, where_wet=True)
+        simulation.observe(peaks)
+    flow = simulation.read_peaks(peaks, where_wet=True)
     assert results[1].corner == flow.corner
     if device == 'cpu':
         np.testing.assert_array_equal(results[1].arrival, flow.arrival.astype(np.float32))
         np.testing.assert_array_equal(results[1].peak, flow.thickness)
-        # the inundated area does not depend on the number of looks
+        # the inundated area does not depend on the number of observations
         rows, columns = map(slice, flow.corner, np.add(flow.corner, flow.arrival.shape))
         arrived = simulation.snapshot().arrived
         np.testing.assert_array_equal(results[1].arrival, arrived[rows, columns])
@@ -192,11 +192,11 @@ def test_member_continues_a_running_simulation(device: str) -> None:
     running.advance(300.0)
     plan = plan_from(running.checkpoint(), horizon=300.0, samples=5)
     same, more = run_members(plan, [Member(0), Member(1, discharge=3.0)], device=device)
-    looks = running.looks(plan.threshold, 6)
+    peaks = running.start_peaks(plan.threshold)
     for look in range(6):
         running.advance(300.0 + 60.0 * look, limit=600.0)
-        running.look(looks)
-    flow = running.seen(looks, where_wet=True)
+        running.observe(peaks)
+    flow = running.read_peaks(peaks, where_wet=True)
     assert same.corner == flow.corner
     np.testing.assert_array_equal(same.peak, flow.thickness)
     np.testing.assert_array_equal(same.arrival, (flow.arrival - 300.0).astype(np.float32))

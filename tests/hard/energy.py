@@ -102,7 +102,8 @@ class Temperature:
             if effects.green or effects.helmholtz:
                 extent = float(np.hypot(*np.ptp(moment.lava.position, axis=0)))
                 self._widest = max(self._widest, extent)
-                height += STEEPEST * self._thickest / moment.simulation.radius * self._widest
+                radius = moment.simulation.accuracy.radius
+                height += STEEPEST * self._thickest / radius * self._widest
             fall = scene.gravity / scene.lava.specific_heat * height
         above = float(temperature.max()) - self.hottest
         yield 'temperature', above, fall + tolerance, 'above the hottest vent'
@@ -188,7 +189,8 @@ def _account(moment: Moment) -> _Account:
         if inertia:
             square = (lava.velocity**2).sum(axis=1)
             energy += float((lava.volume * square).sum()) / (2.0 * gravity)
-            kick = simulation.solver.state.kick.numpy()[: len(lava.volume)].astype(float)
+            kick = simulation.solver.state.of_effects['kick'].numpy()
+            kick = kick[: len(lava.volume)].astype(float)
             half_kick = float((lava.volume * (kick**2).sum(axis=1)).sum()) / (8.0 * gravity)
     # highest energy of emitted lava, over its weight and from the lowest ground
     source, least = 0.0, simulation.accuracy.spacing or 0.0
@@ -203,7 +205,7 @@ def _gain(moment: Moment) -> float:
     if not len(lava.volume) or simulation.accuracy.kernel != 'wendland':
         return 0.0
     offset = lava.position[:, None] - lava.position
-    distance, radius = np.linalg.norm(offset, axis=2), simulation.radius
+    distance, radius = np.linalg.norm(offset, axis=2), simulation.accuracy.radius
     pull = -140.0 / (math.pi * radius**4) * np.maximum(1.0 - distance / radius, 0.0) ** 3
     slope = ground.slope(lava.position)
     surface = np.einsum('ij,ijk,j->ik', pull, offset, lava.volume) + slope
@@ -225,8 +227,9 @@ def _mean(moment: Moment, distance: np.ndarray) -> np.ndarray:
     disc = np.sqrt(area / math.pi)
     # in a particle's disc, and below the smallest distance that the solver distinguishes, K0 is
     # constant
-    least = np.maximum(math.exp(-0.5) * disc, simulation.radius / SQUARED_SUPPORT)
-    weight = k0(k[:, None] * np.maximum(distance, least[:, None])) * (distance < simulation.radius)
+    radius = simulation.accuracy.radius
+    least = np.maximum(math.exp(-0.5) * disc, radius / SQUARED_SUPPORT)
+    weight = k0(k[:, None] * np.maximum(distance, least[:, None])) * (distance < radius)
     own = k * disc
     np.fill_diagonal(weight, 2.0 / own**2 * (1.0 - own * k1(own)))
     total = lava.thickness * (weight @ area)
@@ -241,6 +244,6 @@ def _sum_of(moment: Moment) -> np.ndarray:
     )
     total = lava.thickness.copy()
     for _ in range(60):
-        cover = lava.volume / (total * simulation.radius**2)
+        cover = lava.volume / (total * simulation.accuracy.radius**2)
         total = lava.thickness / (1.0 - np.minimum(factor * cover**power, 0.5))
     return total

@@ -51,7 +51,8 @@ from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.accuracy import expected_thickness
 from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import EVALUATIONS, STEPS
-from lava_ros.simulation.step.timestep import longest_step, MAX_STAGES
+from lava_ros.simulation.step.stage import longest_step
+from lava_ros.simulation.step.timestep import MAX_STAGES
 from lava_ros.verification.bounds import bound
 
 #: Maximum fraction of the lava that may be unaccounted for.
@@ -96,7 +97,7 @@ class Heights:
                 self._top = max(self._top, ground.highest(vent, 0.0) + above)
                 if moment.simulation.effects.inertia:
                     self._head = max(self._head, head(vent, scene.gravity))
-            reach = vent.radius + moment.simulation.radius
+            reach = vent.radius + moment.simulation.accuracy.radius
             near = distance(places, vent.position, vent.end) < reach
             if near.any():
                 self._top = max(self._top, float(moment.surface[near].max()))
@@ -141,7 +142,7 @@ class Heights:
             most = (fall + lava.thickness) * (1.0 + FALL)
             worst = int(np.argmax(heads / most))
             yield 'fall', float(heads[worst]), float(most[worst]), at(worst)
-        rise = moment.ground.rise(lava.position, simulation.radius)
+        rise = moment.ground.rise(lava.position, simulation.accuracy.radius)
         tolerance = np.minimum(lava.thickness, rise) + LEVEL * lava.thickness
         # 64 roundings of 2^-24, for a sum over as many neighbours
         tolerance += 2.0**-18 * max(abs(self._top), moment.thickest)
@@ -185,7 +186,7 @@ class Cost:
             self.highest = max(self.highest, evaluations / span)
             if simulation.accuracy.fixed_step is None:
                 # the frame's end may divide a step, and so may each emitted particle
-                came = (moment.given - last.given) / simulation.particle_volume
+                came = (moment.given - last.given) / simulation.accuracy.particle_volume
                 cuts = 2.0 * (MAX_STAGES + came)
                 most = COST * (max(now, self._pace) * span + cuts)
                 if evaluations > most:
@@ -210,11 +211,11 @@ def pace(moment: Moment) -> float:
     lava = scene.lava
     kernel = smoothing_kernel(accuracy.kernel, simulation.solver.state.real)
     thickness = sample.thickness.astype(np.float64)
-    reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
+    reach = accuracy.courant_number * min(simulation.accuracy.radius, scene.terrain.resolution)
     advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach
     bend = moment.ground.bend(sample.position)
     # decay rate of the shortest waves of thickness over the mobility, in a hollow of the ground
-    stiffness = thickness * kernel.stiffness / simulation.radius**2 + bend
+    stiffness = thickness * kernel.stiffness / simulation.accuracy.radius**2 + bend
     stiffness /= accuracy.diffusion_number
     if simulation.effects.inertia:
         waves = scene.gravity * float(stiffness.max()) / accuracy.diffusion_number

@@ -22,7 +22,7 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.step import timestep
+from lava_ros.simulation.step import stage
 
 #: A scene of each family that violated an invariant, or cost most, in earlier versions of the
 #: solver. The safeguards have others.
@@ -120,8 +120,8 @@ def test_watch_detects_vents_with_overdue_lava():
     'effects', [PHYSICS['plain'], pytest.param(Effects(power_law=True), marks=pytest.mark.nightly)]
 )
 def test_watch_detects_steps_that_are_too_short(effects, monkeypatch):
-    longest = timestep.longest_step
-    monkeypatch.setattr(timestep, 'longest_step', lambda *of: 1e-3 * longest(*of))
+    longest = stage.longest_step
+    monkeypatch.setattr(stage, 'longest_step', lambda *of: 1e-3 * longest(*of))
     simulation = _film(effects, flow_index=0.8)
     watch = Watch(simulation)
     simulation.advance(300.0)

@@ -20,7 +20,7 @@ from lava_ros.simulation.output.inundation import (
     inundated_fraction,
     reached_cells,
 )
-from lava_ros.simulation.output.looks import Looks
+from lava_ros.simulation.output.peaks import Peaks
 from lava_ros.simulation.output.snapshot import Particles
 from lava_ros.simulation.output.window import Window
 from lava_ros.simulation.presets import preset_accuracy
@@ -32,39 +32,39 @@ END = 90.0
 
 
 class Shown:
-    """Maps on a device, as ``Looks.take`` reads them."""
+    """Maps on a device, as ``Peaks.observe`` reads them."""
 
     def __init__(self, shape, device):
         self.grids = wp.zeros((2, *shape), dtype=wp.float32, device=device)
         self.window = Window(shape, 1)
 
 
-def looks_of(maps, device):
+def peaks_of(maps, device):
     """Return the results of observing maps of thickness and temperature on level ground."""
     shape = maps[0][0].shape
     known = np.isfinite(maps[0][0])
     terrain = Terrain(np.where(known, 0.0, np.nan), 1.0)
     state = Simulation(Scene(terrain), effects={}, device=device).solver.state
-    state.bounds.assign([shape[0], shape[0], shape[1], shape[1]])
-    looks, shown = Looks(terrain, 0.1, 0.0, state.device), Shown(shape, state.device)
+    state.cell_maps.bounds.assign([shape[0], shape[0], shape[1], shape[1]])
+    peaks, shown = Peaks(terrain, 0.1, 0.0, state.device), Shown(shape, state.device)
     ground = wp.array(known.astype(np.uint8), dtype=wp.uint8, device=state.device)
     for thickness, temperature in maps:
         shown.grids.assign(np.stack([thickness, temperature]).astype(np.float32))
-        looks.take(state, ground, shown)
-    return looks, looks.seen(state, tuple(slice(0, count) for count in shape))
+        peaks.observe(state, ground, shown)
+    return peaks, peaks.read(state, tuple(slice(0, count) for count in shape))
 
 
 def test_peaks_are_the_largest_values_of_all_observations(device):
     thickness = np.array([[3.0, 0.0, 1.0, np.nan]] * 2)
     temperature = np.array([[1300.0, np.nan, 1200.0, np.nan]] * 2)
-    looks, seen = looks_of(
+    peaks, seen = peaks_of(
         [(thickness, temperature), (thickness[:, [2, 1, 0, 3]], temperature[:, [2, 1, 0, 3]])],
         device,
     )
     np.testing.assert_array_equal(seen.thickness, [[3.0, 0.0, 3.0, np.nan]] * 2)
     warmest = [[1300.0, np.nan, 1300.0, np.nan]] * 2
     np.testing.assert_array_equal(seen.temperature, warmest)
-    assert looks.flaw() == '' and np.isnan(seen.arrival).all() and not seen.inundated.any()
+    assert peaks.flaw() == '' and np.isnan(seen.arrival).all() and not seen.inundated.any()
 
 
 @pytest.mark.parametrize(
@@ -79,12 +79,12 @@ def test_peaks_are_the_largest_values_of_all_observations(device):
 )
 def test_invalid_value_of_a_map_is_a_flaw(device, thickness, temperature, flaw):
     maps = np.full((2, 2), thickness), np.full((2, 2), temperature)
-    assert looks_of([(np.zeros((2, 2)), np.zeros((2, 2))), maps], device)[0].flaw() == flaw
+    assert peaks_of([(np.zeros((2, 2)), np.zeros((2, 2))), maps], device)[0].flaw() == flaw
 
 
 def test_looks_refuse_another_threshold_than_that_of_the_simulation():
     with pytest.raises(LavaError, match=r'threshold is 0.5, expected 0.1 m'):
-        made().looks(0.5, 2)
+        made().start_peaks(0.5)
 
 
 def made():
@@ -228,7 +228,7 @@ def test_fractions_are_resampled_where_terrains_overlap(until, origin, cell):
     cells = simulation.solver.covered
     cells.move(ground, None, 0.1)
     arrived, half, squares = (
-        cells.maps[name].numpy() for name in ('arrived', 'half_inundated', 'covered')
+        getattr(cells.maps, name).numpy() for name in ('arrived', 'half_inundated', 'covered')
     )
     inundated = inundated_fraction(arrived, squares)
     np.testing.assert_array_equal(footprint_cells(inundated), half >= 0.0)

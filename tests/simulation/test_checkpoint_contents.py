@@ -4,6 +4,7 @@
 """Checkpoints with a valid checksum that no simulation has written."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 import re
 from typing import Any
@@ -15,7 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes
-from lava_ros.simulation.output.checkpoint_contents import FEW
+from lava_ros.simulation.output.checkpoint_contents import check_contents, FEW
 
 SLOPE = Terrain(np.tile(-np.arange(40.0), (40, 1)).astype(np.float32), 10.0)
 PARTICLES = 'state.particle'
@@ -77,6 +78,19 @@ def test_refuses_numbers_that_no_simulation_has(name, edit, checkpoint, device):
     with pytest.raises(LavaError, match='checkpoint[.]') as caught:
         Simulation.resume(changed, device=device)
     assert re.search(f'{name}|checkpoint.volume', str(caught.value))
+
+
+@pytest.mark.parametrize('axis', [0, 1])
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_accepts_lava_that_has_crossed_the_border_by_less_than_a_cell(axis, sign, checkpoint):
+    spacing = checkpoint.accuracy.spacing
+    assert spacing is not None
+    # the sides are 400 m long, a cell 10 m
+    for beyond, is_valid in ((10.0 + 0.9 * spacing, True), (10.0 + 1.1 * spacing, False)):
+        place = sign * (200.0 + beyond)
+        moved = with_array(checkpoint, PARTICLES, column(axis, lambda x, to=place: 0.0 * x + to))
+        with nullcontext() if is_valid else pytest.raises(LavaError, match='from the centre'):
+            check_contents(moved)
 
 
 @pytest.mark.parametrize('change', [

@@ -51,6 +51,18 @@ def test_valley_is_filled_to_its_normal_depth(cell: float):
         )
 
 
+def test_mirrored_valley_has_the_same_course():
+    y = np.arange(120)[:, None] * 5.0 - 297.5
+    elevation = ground(5.0).elevation + np.where(y < 0.0, -0.12 * y, 0.4 * y)
+    courses = [
+        course_of(scene(Terrain(one, 5.0)), horizon=2.0 * HOUR)
+        for one in (elevation, elevation[::-1])
+    ]
+    for name in ('width', 'thickness', 'speed'):
+        one, other = (getattr(course.columns, name) for course in courses)
+        assert one == pytest.approx(other, rel=1e-6), name
+
+
 @pytest.mark.parametrize('convection', [500.0, 5000.0])
 def test_lava_that_soon_solidifies_is_as_thick_as_at_its_solidus(convection):
     """Extrapolated below it, the law of viscosity made such lava kilometres thick."""
@@ -87,6 +99,9 @@ def test_width_on_level_ground_is_that_of_a_spreading_flow():
     course = course_of(flat, horizon=100.0)
     assert course.width == pytest.approx(2.0 * radius)
     assert course.thickness * math.pi * radius**2 == pytest.approx(1000.0, rel=0.01)
+    # the discharge through a cylinder around half of it
+    cylinder = 2.0 * math.pi * radius * course.columns.thickness
+    assert course.columns.speed * cylinder == pytest.approx(10.0)
     assert course.fall == 0.0
 
 

@@ -81,8 +81,8 @@ def test_thickness_is_the_sum_over_all_pairs(device, precision):
     simulation, given = scattered(only(), device=device, precision=precision)
     sample = simulation.sample()
     distance = np.linalg.norm(sample.position[:, None] - given.position[None], axis=-1)
-    total = (wendland(distance, simulation.radius) * given.volume).sum(axis=1)
-    excess = 1.25 * (sample.volume / (total * simulation.radius**2)) ** 2.5
+    total = (wendland(distance, simulation.accuracy.radius) * given.volume).sum(axis=1)
+    excess = 1.25 * (sample.volume / (total * simulation.accuracy.radius**2)) ** 2.5
     tolerance = 1e-5 if precision == 'float32' else 1e-12
     assert len(sample.position) == 500
     assert sample.thickness == pytest.approx(total * (1 - excess), rel=tolerance)
@@ -100,7 +100,7 @@ def test_velocity_follows_the_gradient_of_the_thickness_sum():
 
     def total(place):
         distance = np.append(0.0, np.linalg.norm(places[1:] - place, axis=1))
-        return 64.0 * wendland(distance, simulation.radius).sum()
+        return 64.0 * wendland(distance, simulation.accuracy.radius).sum()
 
     slope = [
         (total(places[0] + step) - total(places[0] - step)) / 2e-4 for step in 1e-4 * np.eye(2)
@@ -218,7 +218,7 @@ def test_published_velocity_is_the_printed_sum(device):
         effects=only(), device=device, spacing=0.8, ratio=2.5, thickness=1.0, kernel='poly6',
         formulation='as-published', precision='float64',
     )
-    sample, radius = simulation.sample(), simulation.radius
+    sample, radius = simulation.sample(), simulation.accuracy.radius
     offset = sample.position[:, None] - sample.position[None]
     distance = np.linalg.norm(offset, axis=-1)
     near = distance < radius
@@ -251,10 +251,10 @@ def test_steps_stay_within_their_limits(device, integrator):
         simulation.advance(time + 1e-3)
         steps = simulation.snapshot().steps
         assert steps.limit in ('diffusion', 'advection')
-        reach = simulation.accuracy.courant_number * min(simulation.radius, 10.0)
+        reach = simulation.accuracy.courant_number * min(simulation.accuracy.radius, 10.0)
         assert steps.length * speed <= 1.001 * reach
         if integrator == 'euler':
-            assert steps.length <= 2.0 * simulation.radius**2 / (10.18 * diffusivity)
+            assert steps.length <= 2.0 * simulation.accuracy.radius**2 / (10.18 * diffusivity)
 
 
 def test_free_fall_limit_does_not_change_slow_lava(device):

@@ -104,18 +104,6 @@ def test_missing_array_is_an_error(scene):
         assert array.partition('.')[2] in str(refused.value)
 
 
-def test_checkpoint_without_fractions_counts_reached_cells_as_a_whole():
-    checkpoint, _ = checkpoint_and_run('freezing')
-    former = ('arrived.half_inundated', 'arrived.squares', 'arrived.bounds')
-    kept = {name: values for name, values in checkpoint.arrays.items() if name not in former}
-    shown = resumed(checkpoint, arrays=kept).snapshot()
-    whole = resumed(checkpoint).snapshot()
-    np.testing.assert_array_equal(shown.arrived, whole.arrived)
-    np.testing.assert_array_equal(shown.half_inundated, whole.arrived)
-    np.testing.assert_array_equal(shown.inundated > 0.0, shown.inundated == 1.0)
-    np.testing.assert_array_equal(shown.thickness, whole.thickness)
-
-
 @pytest.mark.spoils_volume
 @pytest.mark.parametrize(
     ('scene', 'array'),

@@ -79,7 +79,7 @@ def test_particle_volume_follows_the_expected_thickness():
     simulation = Simulation(steep, device='cpu')
     spacing, thickness = simulation.accuracy.spacing, simulation.accuracy.thickness
     assert thickness == course_of(steep, horizon=HORIZON).thickness
-    assert simulation.particle_volume == pytest.approx(spacing**2 * thickness)
+    assert simulation.accuracy.particle_volume == pytest.approx(spacing**2 * thickness)
 
 
 def test_number_of_particles_is_limited():

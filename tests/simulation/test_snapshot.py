@@ -16,7 +16,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of
 from lava_ros.simulation.output.inundation import reached_cells
-from lava_ros.simulation.output.snapshot import Snapshot, StepReport
+from lava_ros.simulation.output.snapshot import Particles, rows_of, Snapshot, StepReport
 from solver import incline, simulated
 
 #: Budget after a hole has taken most of an eruption.
@@ -25,6 +25,17 @@ SWALLOWED = VolumeBudget(324_000.0, 18_398.0, 0.4, 305_602.0, in_holes=305_500.0
 VENTS = (Vent((60.0, 155.0), 20.0), Vent((160.0, 155.0), 5.0))
 
 COLUMNS = {'x': 0, 'y': 1, 'volume': 2, 'temperature': 3}
+
+
+def test_coincident_particles_are_moved_apart():
+    places = [(5.0, 5.0), (0.5, 0.5), (5.0, 5.0), (2.0, 3.0), (5.0, 5.0), (0.5, 0.5)]
+    given = Particles(places, 1.0, 1400.0)
+    rows = rows_of(given, Terrain(np.zeros((10, 10)), 1.0), 2.0)
+    moved = np.hypot(*(rows[:, :2] - places).T)
+    # a thousandth of the spacing, times the root of the number of particles there before
+    assert moved == pytest.approx(2e-3 * np.sqrt([0, 0, 1, 0, 2, 1]))
+    assert len(np.unique(rows[:, :2], axis=0)) == len(places)
+    assert given.position.tolist() == [list(place) for place in places]
 
 
 def valley():

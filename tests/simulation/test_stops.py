@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A deterministic flow is bitwise identical however often it is observed, stopped or resumed."""
+"""A deterministic flow is bitwise identical however it is run: with stops, restarts, threads."""
 
 from dataclasses import replace
 from functools import lru_cache
 from itertools import cycle
+from random import Random
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,11 +19,15 @@ from lava_ros.runs.sinks import PeakSink
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import advance, Simulation
 from lava_ros.simulation import simulation as simulation_module
+from lava_ros.simulation import solver as solver_module
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend import threads
 from lava_ros.simulation.batch import Batch
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles import neighbors
 from lava_ros.simulation.solver import Solver
+from lava_ros.simulation.step import motion
 
 END = 400.0
 
@@ -37,6 +42,7 @@ SCENES = {
     'bare': (LAVA, Effects(arrhenius=False, cooling=False)),
     'freezing': (COOLING, Effects(yielding=True, solidification=True, conduction=True)),
     'inertia': (replace(LAVA, viscosity=50.0), Effects(inertia=True)),
+    'green': (LAVA, Effects(green=True)),
     'helmholtz': (LAVA, Effects(helmholtz=True)),
     'crust': (CRUSTED, Effects(crust=True, ground=True, conduction=True)),
     'merging': (COOLING, Effects(merging=True, solidification=True)),
@@ -112,53 +118,51 @@ READINGS = {
 }
 
 
-def read_out(simulation, count, readings):
-    """Call the readings in turn, one at each stop."""
-    for time, reading in zip(stops(count), cycle(readings), strict=False):
-        reached = simulation.advance(time, limit=END)
-        assert reached == simulation.time
-        assert time <= reached <= min(time + 20.0, END)
-        read = READINGS[reading](simulation)
-        simulation = read if isinstance(read, Simulation) else simulation
-    return simulation
-
-
-def observe(simulation, count, is_in_a_batch):
+def observe(simulation, times, is_in_a_batch):
     """Observe as a forecast does, in parts, or as the members of an ensemble do."""
-    peaks = PeakSink(simulation, stops(count), threshold=0.1)
+    peaks = PeakSink(simulation, times, threshold=0.1)
     if is_in_a_batch:
         Batch().run([driving(simulation, END, [peaks])])
     while not peaks.is_done:
         drive(simulation, END, [peaks], wall_limit=0.01)
+
+
+def run_at_random(name, device, chance, monkeypatch):
+    """Run a scene with any number of stops, readings, restarts and threads, graphs or none."""
+    for module in (motion, neighbors):
+        monkeypatch.setattr(module, 'MIN_MOVES', 50)
+    simulation, times = begun(name, device), stops(chance.choice((1, 4, 7, 12, 24)))
+    switch = chance.randrange(2 * len(times))
+    for number, time in enumerate(times):
+        threads.use_threads(chance.choice((1, 3)))
+        is_captured = chance.random() < 0.5
+        monkeypatch.setattr(solver_module, 'is_alone', lambda _, value=is_captured: value)
+        if number == switch:
+            observe(simulation, times[number:], chance.random() < 0.5)
+            break
+        reached = simulation.advance(time, limit=END)
+        assert reached == simulation.time
+        assert time <= reached <= min(time + 20.0, END)
+        read = READINGS[chance.choice(list(READINGS))](simulation)
+        simulation = read if isinstance(read, Simulation) else simulation
     return simulation
 
 
-def kinds_of_stops():
-    """Return every kind of stop in every scene, most of them nightly.
-
-    Every run tests all readings in turn; in the scene with most effects also looks and a batch.
-    """
-    for name in SCENES:
-        yield name, 'readings in turn', (12,)
-        if name == 'merging':
-            yield from ((name, kind, (7,)) for kind in ('looks', 'looks in a batch'))
-        for kind in ('looks', 'looks in a batch', *READINGS):
-            yield pytest.param(name, kind, (1, 4, 7, 24), marks=pytest.mark.nightly)
-
-
-@pytest.mark.parametrize(('name', 'kind', 'counts'), list(kinds_of_stops()))
-def test_observations_do_not_change_the_flow(name, kind, counts, device):
+@pytest.mark.parametrize(
+    'seed', [*range(2), *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(2, 20))]
+)
+@pytest.mark.parametrize('name', SCENES)
+def test_flow_does_not_depend_on_stops_readings_restarts_threads_or_graphs(
+    name, seed, device, monkeypatch
+):
     expected = without_stops(name, device)
-    for count in counts:
-        simulation = begun(name, device)
-        if kind.startswith('looks'):
-            simulation = observe(simulation, count, is_in_a_batch=kind.endswith('batch'))
-        else:
-            readings = [kind] if kind in READINGS else READINGS
-            simulation = read_out(simulation, count, readings)
-        found = result_of(simulation)
-        assert found.keys() == expected.keys()
-        assert [key for key in expected if found[key].tobytes() != expected[key].tobytes()] == []
+    try:
+        simulation = run_at_random(name, device, Random(f'{name} {seed}'), monkeypatch)
+    finally:
+        threads.use_threads(None)
+    found = result_of(simulation)
+    assert found.keys() == expected.keys()
+    assert [key for key in expected if found[key].tobytes() != expected[key].tobytes()] == []
     assert (expected['arrived.times'] > 0.0).sum() > 50
     assert 'freezing' != name or expected['solidified.placed'].any()
 

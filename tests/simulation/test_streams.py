@@ -81,7 +81,7 @@ def run(source: str, kind: str, rate: float, device: str, effects: Effects) -> F
         Scene(GROUND, vents, LAVA), effects=effects, device=device,
         accuracy=preset_accuracy('standard'),
     )
-    duration = COUNT * simulation.particle_volume / sum(vent.peak for vent in vents)
+    duration = COUNT * simulation.accuracy.particle_volume / sum(vent.peak for vent in vents)
     updates = max(round(COUNT * rate), 1)
     for number in range(updates):
         simulation.advance(duration * (number + 1) / updates)
@@ -142,7 +142,7 @@ def test_vent_that_reopens_often_does_not_emit_from_one_place(device: str) -> No
         Scene(GROUND, (MIDDLE,), LAVA), effects=Effects(steep=True), device=device,
         accuracy=preset_accuracy('standard'),
     )
-    duration, updates = COUNT * simulation.particle_volume, 200
+    duration, updates = COUNT * simulation.accuracy.particle_volume, 200
     for number in range(updates):
         # closed for half of the time, and twice the discharge for the other half
         for vents, end in (((replace(MIDDLE, discharge=2.0),), 0.5), ((), 1.0)):

@@ -42,7 +42,7 @@ def vent_set(
     ground = Terrain(np.tile(slope * 2.0 * np.arange(50.0), (50, 1)), 2.0)
     accuracy = Accuracy(spacing=spacing, thickness=1.0, symmetric=symmetric)
     before = Emission.of_new_vents(len(vents))
-    return VentSet(vents, ground, accuracy, 1.0, 'cpu', since=0.0, before=before)
+    return VentSet(vents, ground, accuracy, 'cpu', since=0.0, before=before)
 
 
 def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -185,7 +185,7 @@ def test_vent_emits_only_on_connected_ground(name: str, symmetric: bool) -> None
         Scene(terrain, (vent,), lava), effects=Effects(), device='cpu',
         accuracy=Accuracy(spacing=40.0, thickness=2.0, symmetric=symmetric),
     )
-    simulation.advance(200.4 * simulation.particle_volume / 5.0)
+    simulation.advance(200.4 * simulation.accuracy.particle_volume / 5.0)
     simulation.set_vents([])
     sample = simulation.sample()
     budget = simulation.budget()
@@ -256,9 +256,9 @@ def test_table_of_a_long_discharge_series() -> None:
     # point by point validation takes seconds
     series = tuple((float(time), float(time % 7)) for time in range(count))
     object.__setattr__(vent, 'discharge', series)
-    ground, accuracy = Terrain(np.zeros((3, 3)), 1.0), Accuracy(spacing=1.0)
+    ground, accuracy = Terrain(np.zeros((3, 3)), 1.0), Accuracy(spacing=1.0, thickness=1.0)
     before = replace(Emission.of_new_vents(1), volume=np.array([4.0]))
-    vents = VentSet((vent,), ground, accuracy, 1.0, 'cpu', since=10.0, before=before)
+    vents = VentSet((vent,), ground, accuracy, 'cpu', since=10.0, before=before)
     volumes = vents.outlets.volumes.numpy()
     assert volumes.shape == (count,)
     assert volumes[:14].tolist() == 11 * [4.0] + [7.0, 11.0, 16.0]

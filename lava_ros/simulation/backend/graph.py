@@ -70,14 +70,14 @@ class Launches:
         self._device = device
         self._kept: dict[tuple[int, ...], list[Any]] = {}
         self._again: Callable[[], None] | None = None
-        self._taken_down: list[Launch] | None = None
+        self._recorded: list[Launch] | None = None
         self._captured: set[Any] = set()
         self.extent = self.forgotten = 0
 
     @property
     def is_capturing(self) -> bool:
         """Return True while CPU launches are recorded, for ``extent`` particles."""
-        return self._taken_down is not None
+        return self._recorded is not None
 
     def can_replay(self, extent: int) -> bool:
         """Return True if ``replay`` has launches for this number of particles."""
@@ -86,8 +86,8 @@ class Launches:
     def capture(self, launch: Callable[[], None], extent: int) -> None:
         """Record what a function launches, without launching it, for ``replay``.
 
-        On a GPU this records all its launches, on a CPU those through this object. They process at
-        most ``extent`` particles.
+        On a GPU this records all its launches, on a CPU those through this object: a CPU graph of
+        Warp would also take launches of other threads. They process at most ``extent`` particles.
         """
         self._again, self.extent = None, extent
         if self._device.is_cuda:
@@ -99,19 +99,19 @@ class Launches:
             return
         self._again = partial(_call, [
             _compiled(self._record(one.kernel, one.dim, [*one.arguments, 0]))
-            for one in self.taken_down(launch, extent)
+            for one in self.record(launch, extent)
             if one.dim > 0
         ])
 
-    def taken_down(self, launch: Callable[[], None], extent: int) -> list[Launch]:
-        """Return what a function launches through here for ``extent`` particles, unlaunched."""
-        taken_down = self._taken_down = list[Launch]()
+    def record(self, launch: Callable[[], None], extent: int) -> list[Launch]:
+        """Return the launches of a function for ``extent`` particles, without running them."""
+        recorded = self._recorded = list[Launch]()
         self.extent = extent
         try:
             launch()
         finally:
-            self._taken_down = None
-        return taken_down
+            self._recorded = None
+        return recorded
 
     def replay(self) -> None:
         """Launch what ``capture`` has recorded."""
@@ -132,9 +132,9 @@ class Launches:
         ``block_dim`` is the number of threads per GPU block, by default Warp's own.
         ``is_over_particles`` means that the last threads may have no particle yet, and no work.
         """
-        if self._taken_down is not None:
+        if self._recorded is not None:
             launch = Launch(kernel, dim, block_dim, is_over_particles, [*arguments])
-            self._taken_down.append(launch)
+            self._recorded.append(launch)
         elif self._device.is_cuda:
             self._captured.add(kernel)
             wp.launch(kernel, dim, [*arguments, 0], device=self._device, block_dim=block_dim)

@@ -47,17 +47,17 @@ class Reader:
         if self._copied is not None:
             wp.get_stream(self._device).wait_event(self._copied)
 
-    def begin(self, arrays: Sequence[Any], *, beside: bool) -> Callable[[], list[np.ndarray]]:
+    def begin(self, arrays: Sequence[Any], *, overlaps: bool) -> Callable[[], list[np.ndarray]]:
         """Start to copy arrays, with their contents after all launches so far.
 
         Args:
             arrays: The arrays. Call ``before_writing`` before writing to them again.
-            beside: If True, copy in parallel with later launches on a GPU; otherwise copy now.
+            overlaps: If True, copy in parallel with later launches on a GPU; otherwise copy now.
 
         Returns:
             Function that waits for the copies and returns them, callable from any thread.
         """
-        if not (beside and self._device.is_cuda):
+        if not (overlaps and self._device.is_cuda):
             copies = [read(array) for array in arrays]
             return lambda: copies
         if self._stream is None:

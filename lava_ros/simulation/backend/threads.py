@@ -134,14 +134,14 @@ def launch_over(
     kernel: Any,
     arguments: Sequence[Any],
     *,
-    least: int = MIN_SUMS,
+    min_items: int = MIN_SUMS,
     lanes: int = 1,
     ahead: int = 0,
     count: int | None = None,
 ) -> None:
     """Launch a kernel over the particles of a state, or ``count`` other items, such as cells.
 
-    ``least`` is the minimum number of particles per part, ``lanes`` the number of threads that
+    ``min_items`` is the minimum number of particles per part, ``lanes`` the number of threads that
     share a particle, and ``ahead`` the number of threads before those of the particles: one
     block, on a GPU only.
     """
@@ -151,14 +151,14 @@ def launch_over(
         count = ahead + max(1, state.extent) * lanes
     # captured launches run in one thread, and a GPU schedules its own
     is_whole = state.launches.is_capturing or state.device.is_cuda
-    workers = 1 if is_whole else min(threads(), count // (least * lanes))
+    workers = 1 if is_whole else min(threads(), count // (min_items * lanes))
     if workers < 2:
         state.launches(
             kernel, arguments, dim=count, block_dim=ahead or None,
             is_over_particles=is_over_particles,
         )
         return
-    parts = min(PARTS * workers, count // least)
+    parts = min(PARTS * workers, count // min_items)
     ends = [count * n // parts for n in range(parts + 1)]
     record = partial(state.launches.packed, kernel, [*arguments, 0], dim=1)
     _Job(record, pairwise(ends)).compute(workers - 1)

@@ -7,7 +7,8 @@
 
 The bytes are a prefix, a JSON header and a body: the arrays, compressed with zstd. The prefix has
 the version of the format, the lengths of header and body, and a checksum of everything, so that
-damaged, truncated and later formats are detected first. The format contains no code and no paths.
+damaged or truncated data and other formats are detected first. The format contains no code and no
+paths.
 """
 
 from collections.abc import Mapping
@@ -39,7 +40,7 @@ _LOG = logging.getLogger(__name__)
 #: Number of the model, which is raised when the same scene and settings have another result.
 MODEL = 2
 
-#: Version of the format; a reader also supports earlier versions.
+#: Version of the format, the only one that is read.
 VERSION = 1
 
 #: Media type of the checkpoint attachments of a bag.
@@ -209,16 +210,15 @@ def summary_of(data: bytes) -> Summary:
     """Read the first ``PREFIX_SIZE`` bytes of a checkpoint; the rest may be missing.
 
     Raises:
-        LavaError: If they are not those of a checkpoint, or of a later version.
+        LavaError: If they are not those of a checkpoint, or of another version.
     """
     if len(data) < PREFIX_SIZE or data[: len(_MAGIC)] != _MAGIC:
         start = f'{len(data)} bytes that start with {data[: len(_MAGIC)]!r}'
         raise LavaError('checkpoint', start, 'a checkpoint of lava_ros')
     _, version, header, body, count, time, _ = _PREFIX.unpack_from(data)
-    if not 1 <= version <= VERSION:
-        raise LavaError(
-            'checkpoint.version', version, f'at most {VERSION}: a later lava_ros wrote this'
-        )
+    if version != VERSION:
+        expected = f'{VERSION}: another version of lava_ros wrote this'
+        raise LavaError('checkpoint.version', version, expected)
     return Summary(time, count, PREFIX_SIZE + header + body)
 
 
@@ -226,8 +226,7 @@ def from_bytes(data: bytes) -> Checkpoint:
     """Read a checkpoint from all of its bytes.
 
     Raises:
-        LavaError: If they are damaged, truncated, of another format or a later version, or not
-            valid.
+        LavaError: If they are damaged, truncated, of another format or version, or not valid.
     """
     summary = summary_of(data)
     if len(data) != summary.size:
@@ -278,10 +277,6 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
         ),
         onset=onset_from('checkpoint.scene', data),
     )
-    left = arrays.get('state.left')
-    if left is not None and left.shape == (2,):
-        # written before there was a sea
-        arrays['state.left'] = np.append(left, 0.0)
     forced = header['forced']
     return Checkpoint(
         time=time,
@@ -295,8 +290,8 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
         capacity=header['capacity'],
         arrays=arrays,
         written_by=str(header['written_by']),
-        switched_on=_by_effect('switched_on', header.get('switched_on', {})),
-        measured=_by_effect('measured', header.get('measured', {})),
+        switched_on=_by_effect('switched_on', header['switched_on']),
+        measured=_by_effect('measured', header['measured']),
         model=validation.whole(
             'checkpoint.model', header.get('model', 1), at_least=1, at_most=2**31
         ),

@@ -71,6 +71,8 @@ def note_function(real: Any, is_new: bool) -> Any:
         north = wp.int32(0)
         west = wp.int32(0)
         east = wp.int32(0)
+        first_row, last_row = own_row, own_row
+        first_column, last_column = own_column, own_column
         # false for NaN
         is_thick = thickness >= m.constants.threshold
         if wp.static(not is_new):  # noqa: SIM102, the static test decides what is compiled
@@ -83,10 +85,6 @@ def note_function(real: Any, is_new: bool) -> Any:
                 north = int(wp.ceil((y + half) * parts - real(0.5)))
                 west = int(wp.ceil((x - half) * parts - real(0.5)))
                 east = int(wp.ceil((x + half) * parts - real(0.5)))
-        first_row, last_row = own_row, own_row
-        first_column, last_column = own_column, own_column
-        if wp.static(not is_new):  # noqa: SIM102, the static test decides what is compiled
-            if is_thick:
                 last_row = wp.max(own_row, wp.max(north - 1, 0) // wp.static(PARTS))
                 last_column = wp.max(own_column, wp.max(east - 1, 0) // wp.static(PARTS))
                 first_row = wp.min(own_row, wp.max(south, 0) // wp.static(PARTS))

@@ -19,11 +19,17 @@ from lava_ros.scene.terrain import HALF, has_same_cells, PARTS
 from lava_ros.simulation.backend.compiled import access, mark_bits, quick_kernel
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.output.covered_cells import note_function, WHOLE
+from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.output.inundation import squares_in, standing_cells, TOUCHED
 from lava_ros.simulation.output.window import cell_in, CellWindow, Window
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.particles.layout import arguments_type, CELL_MAPS, fitting
+from lava_ros.simulation.particles.layout import (
+    arguments_type,
+    CELL_MAPS,
+    CellMaps,
+    fitting,
+    kinds_of,
+)
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import averaged, sampled
 
@@ -77,23 +83,24 @@ def show_covered_cells(state: State, maps: Any, window: Window) -> None:
     ``maps`` are ``Snapshot.inundated``, ``half_inundated`` and ``arrived``, with the values of
     other cells, float32, shape [3, rows, columns].
     """
-    arguments = [state.arrived, state.half_inundated, state.covered, maps]
+    covered = state.cell_maps
+    arguments = [covered.arrived, covered.half_inundated, covered.covered, maps]
     window.launch(state, _show, arguments)
 
 
-def note_lava(state: State, way: Any) -> None:
+def record_covered_ground(state: State, arguments: Any) -> None:
     """Record the ground covered now, by the ordered particles and their flow.
 
-    ``way`` is the argument of the kernels of a stage.
+    ``arguments`` is the argument of the kernels of a stage.
     """
-    launch_over(state, _kernel(state.real), [way])
+    launch_over(state, _kernel(state.real), [arguments])
 
 
 class CoveredCells:
     """What lava has covered of each cell of a terrain, on a device.
 
     Attributes:
-        maps: The arrays that kernels update, by the names in ``layout.CELL_MAPS``.
+        maps: The arrays that kernels update.
     """
 
     def __init__(self, terrain: Terrain, device: Any) -> None:
@@ -109,18 +116,15 @@ class CoveredCells:
     ) -> None:
         """Allocate the arrays for the terrain."""
         bounds = _bounds_of(arrived >= 0.0) if bounds is None else bounds
-        values = dict(zip(CELL_MAPS, (arrived, half_inundated, covered, bounds), strict=True))
-        self.maps = {
-            name: wp.array(
-                values[name].astype(wp.dtype_to_numpy(kind.dtype)), dtype=kind.dtype,
-                device=self._device,
-            )
-            for name, kind in CELL_MAPS.items()
-        }
+        values, kinds = (arrived, half_inundated, covered, bounds), kinds_of(wp.float32)
+        self.maps = CellMaps(*(
+            wp.array(one.astype(declared.dtype), dtype=kinds[declared.dtype], device=self._device)
+            for one, declared in zip(values, CELL_MAPS.values(), strict=True)
+        ))
 
     def attach(self, state: State) -> None:
         """Let the kernels of a state update the arrays."""
-        vars(state).update(self.maps)
+        state.cell_maps = self.maps
 
     def move(self, terrain: Terrain, solidified: np.ndarray | None, threshold: float) -> None:
         """Continue on the cells of another terrain.
@@ -134,9 +138,11 @@ class CoveredCells:
         former, self._terrain = self._terrain, terrain
         if has_same_cells(former, terrain):
             return
-        known = {name: read(self.maps[name]) for name in ('arrived', 'half_inundated', 'covered')}
+        arrived, half_inundated, squares = (
+            read(one) for one in (self.maps.arrived, self.maps.half_inundated, self.maps.covered)
+        )
         solid = np.zeros(terrain.shape) if solidified is None else solidified
-        before = _grid_of(former).part(_box_of(known['arrived'] >= 0.0))
+        before = _grid_of(former).part(_box_of(arrived >= 0.0))
         after = before.cells_on(_grid_of(terrain))
         moved = np.full((2, *terrain.shape), -1.0)
         covered = np.zeros(terrain.shape, dtype=np.int32)
@@ -146,22 +152,22 @@ class CoveredCells:
         old, new = before.cells, after.cells
         bits = _bits_of(
             sampled(
-                _squares_of(known['covered'][old]), before.divided, after.divided, outside=0
+                _squares_of(squares[old]), before.divided, after.divided, outside=0
             ).astype(bool)
         )
         covered[new] = bits
         is_standing = standing_cells(solid[new], threshold)
-        for times, name, is_due in (
-            (moved[0], 'arrived', (bits > 0) | is_standing),
-            (moved[1], 'half_inundated', squares_in(bits) >= HALF),
+        for times, known, is_due in (
+            (moved[0], arrived, (bits > 0) | is_standing),
+            (moved[1], half_inundated, squares_in(bits) >= HALF),
         ):
             # the middle of a covered cell may be where no lava has arrived
-            values = known[name][old]
+            values = known[old]
             part = averaged(values >= 0.0, before, after)
             mean = averaged(np.maximum(values, 0.0), before, after) / np.maximum(part, 1e-9)
             found = sampled(values, before, after, outside=-1.0)
             # a cell that lava has only touched has no squares
-            is_kept = is_due | ((found >= 0.0) & (name == 'arrived'))
+            is_kept = is_due | ((found >= 0.0) & (known is arrived))
             found = np.where((found < 0.0) & (part > 0.0), mean, found)
             # in a smaller cell that is half covered, where the larger one was not
             found = np.where(found < 0.0, moved[0][new], found)
@@ -171,21 +177,16 @@ class CoveredCells:
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy the arrays of cells, by name."""
-        return {key: read(self.maps[name]) for key, name in _SAVED.items()}
+        return {key: read(getattr(self.maps, name)) for key, name in _SAVED.items()}
 
     def load(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Restore a copy of ``save``; of times alone, cells are covered wholly or not at all.
+        """Restore a copy of ``save``.
 
         Raises:
             LavaError: If an array is missing, or has the wrong shape or type.
         """
-        if set(arrays) == {'times'}:
-            times = fitting('arrived.times', arrays['times'], self._terrain.shape, np.float32)
-            squares = np.where(times >= 0.0, WHOLE, 0).astype(np.int32)
-            bounds = _bounds_of(times >= 0.0).astype(np.int32)
-            arrays = dict(zip(_SAVED, (times, times, squares, bounds), strict=True))
         for key, name in _SAVED.items():
-            array = self.maps[name]
+            array = getattr(self.maps, name)
             kind = wp.dtype_to_numpy(array.dtype)
             array.assign(fitting(f'arrived.{key}', arrays.get(key), array.shape, kind))
 

@@ -174,7 +174,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
                 if square < real(1.0) and thickness[i, j] > wp.float32(0.0):
                     total += real(thickness[i, j]) * shape(wp.sqrt(square))
         area = real(terrain.resolution * terrain.resolution)
-        m.share[k] = p[2] / (area * total)
+        m.contribution[k] = p[2] / (area * total)
         m.home[k] = -1
         total *= area * real(wp.static(norm)) * inverse * inverse
         if total > real(wp.static(_MIN_NEAR_WEIGHT)) * wp.sqrt(m.flow[k][0]):
@@ -194,7 +194,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         if is_covered:
             m.home[k] = -1
         elif m.home[k] >= 0:
-            m.share[k] = p[2] / area
+            m.contribution[k] = p[2] / area
 
     @quick_kernel(fast_math=False)
     def gather(
@@ -235,9 +235,9 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
                     dy = (y - p[1]) * inverse
                     square = dx * dx + dy * dy
                     if square < real(1.0) and m.home[k] < 0:
-                        part = m.share[k] * shape(wp.sqrt(square))
+                        part = m.contribution[k] * shape(wp.sqrt(square))
                 elif m.home[k] == own:
-                    part = m.share[k]
+                    part = m.contribution[k]
                 more = vec2(part, part * p[3]) - excess
                 former = total
                 total = former + more

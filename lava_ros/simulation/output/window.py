@@ -15,6 +15,7 @@ import warp as wp
 
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.backend.threads import Extent, launch_over
+from lava_ros.simulation.particles.layout import CellMaps
 
 
 @wp.struct
@@ -50,7 +51,7 @@ def cell_in(window: CellWindow, thread: int) -> wp.vec2i:
 class Bounded(Extent, Protocol):
     """The state of a flow, as far as a window reads it (``State``)."""
 
-    bounds: Any
+    cell_maps: CellMaps
 
 
 class Window:
@@ -63,7 +64,7 @@ class Window:
 
     def rectangle(self, state: Bounded) -> tuple[slice, slice]:
         """Return the rows and columns around all lava so far."""
-        bounds = read(state.bounds).tolist()
+        bounds = read(state.cell_maps.bounds).tolist()
         if not bounds[1]:
             return slice(0, 0), slice(0, 0)
         parts = (
@@ -79,13 +80,14 @@ class Window:
             rows, columns = self.rectangle(state)
         ends = rows.start, rows.stop, columns.start, columns.stop
         # launches are cached by their arguments
-        if self._made[0] is not state.bounds or self._made[1] != ends:
+        bounds = state.cell_maps.bounds
+        if self._made[0] is not bounds or self._made[1] != ends:
             cells = CellWindow()
             cells.first_row, cells.first_column = ends[0], ends[2]
             cells.width, cells.margin = max(ends[3] - ends[2], 1), self._margin
             cells.rows, cells.columns = self._shape
-            cells.bounds = state.bounds
-            self._made = state.bounds, ends, cells
+            cells.bounds = bounds
+            self._made = bounds, ends, cells
         count = (ends[1] - ends[0]) * (ends[3] - ends[2])
         if count:
             launch_over(state, kernel, [*arguments, self._made[2]], count=count)

@@ -3,13 +3,15 @@
 
 """Arrays, indices and structs of the kernels, and the one argument of all kernels of a stage."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
 
-from lava_ros.effects import EFFECTS
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.effects.effect import Array, join_names
 from lava_ros.effects.heat import heat_type
 from lava_ros.effects.laws import law_type
@@ -46,43 +48,186 @@ SPARE = 3
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
-#: The solver's own arrays, described in ``State``. A carried array has a twin named ``ordered_``
-#: and its name, in the order of the cells.
-ARRAYS = {
-    'stage': Array('real', 4),
-    'rates': Array('real', 2),
-    'top': Array('real', 1),
-    'share': Array('real'),
-    'emission_time': Array('float64', is_carried=True),
-    'velocity': Array('vec2', is_carried=True),
-    'slope': Array('vec2'),
-    'remainder': Array('vec2', is_carried=True),
-    'temperature_remainder': Array('real', is_carried=True),
-    'surface': Array('vec2'),
-    'flow': Array('vec3'),
-    'particle': Array('vec4'),
-    'ordered': Array('vec4'),
-    'base': Array('vec4', is_carried=True),
-    'drift': Array('vec4', is_carried=True),
-    'mean_temperature': Array('real', is_carried=True),
-    'counts': Array('int32', 11),
-    'chosen': Array('int32', 1),
-    'cell': Array('int32'),
-    'rank': Array('int32'),
-    'members': Array('int32'),
-    'home': Array('int32'),
-    'clock': Array('float64', 5),
-    'limit_time': Array('float64', 2),
-    'left': Array('float64', 3),
-}
+class Declaration(NamedTuple):
+    """An array on the device.
 
-#: Arrays of the cells of the terrain, which ``covered_cells.CoveredCells`` keeps.
-CELL_MAPS = {
-    'arrived': wp.array2d(dtype=wp.float32),
-    'half_inundated': wp.array2d(dtype=wp.float32),
-    'covered': wp.array2d(dtype=wp.int32),
-    'bounds': wp.array(dtype=wp.int32),
-}
+    Attributes:
+        dtype: ``real`` or a vector of it (``vec2``, ``vec3``, ``vec4``), ``int32``, ``float32`` or
+            ``float64``.
+        shape: Dimensions: ``particle`` (the capacity), ``row`` and ``column`` of the terrain's
+            cells, or a number of items.
+        only_if: Property of ``State`` without which the array is not allocated.
+        is_carried: True if particles carry it from step to step, or with ``is_of_step`` from stage
+            to stage. Such an array has a twin in the order of the cells, named ``ordered_`` and
+            its name.
+        is_of_step: True if it is meaningless between two steps.
+        is_saved: True if checkpoints contain it; they always contain carried arrays.
+    """
+
+    dtype: str
+    shape: tuple[int | str, ...]
+    only_if: str = ''
+    is_carried: bool = False
+    is_of_step: bool = False
+    is_saved: bool = False
+
+
+def array(text: str, dtype: str, *shape: int | str, **options: Any) -> Any:
+    """Return a dataclass field for an array of ``Declaration``; ``text`` states its contents."""
+    one = Declaration(dtype, shape, **options)
+    return field(default=None, repr=False, metadata={'declaration': one, 'text': text})
+
+
+def declarations(kind: type) -> dict[str, Declaration]:
+    """Return the arrays that a dataclass declares, by name."""
+    return {
+        item.name: item.metadata['declaration']
+        for item in fields(kind)
+        if 'declaration' in item.metadata
+    }
+
+
+@dataclass(eq=False)
+class Arrays:
+    """Every array that the kernels of a step read and write; None if it is not needed.
+
+    Effects declare additional arrays in their own files (``Effect.arrays``).
+    """
+
+    # particles: each has the same number in all of these
+    particle: wp.array = array(
+        "x and y from the terrain's centre [m], volume [m3], temperature [K]", 'vec4', 'particle'
+    )
+    remainder: wp.array = array(
+        'rounding error of the position [m], without which slow lava far from the centre would '
+        'never move', 'vec2', 'particle', only_if='has_remainder', is_carried=True,
+    )
+    temperature_remainder: wp.array = array(
+        'rounding error of the temperature [K], without which lava would not cool in short steps',
+        'real', 'particle', only_if='has_temperature_remainder', is_carried=True,
+    )
+    emission_time: wp.array = array(
+        'simulated time of the emission [s]; an age is the clock minus this time', 'float64',
+        'particle', only_if='has_age', is_carried=True,
+    )
+    velocity: wp.array = array(
+        'velocity in the middle of the latest step [m/s]', 'vec2', 'particle',
+        only_if='has_velocity', is_carried=True,
+    )
+    base: wp.array = array(
+        'position at the start of the step, and displacement since then two stages ago [m]',
+        'vec4', 'particle', only_if='is_staged', is_carried=True, is_of_step=True,
+    )
+    drift: wp.array = array(
+        'displacement one stage ago [m], and velocity at the start of the step [m/s]', 'vec4',
+        'particle', only_if='is_staged', is_carried=True, is_of_step=True,
+    )
+    mean_temperature: wp.array = array(
+        'mean temperature around the particle at the start of the step [K]', 'real', 'particle',
+        only_if='has_mean', is_carried=True, is_of_step=True,
+    )
+    cell: wp.array = array('cell of the neighbour grid', 'int32', 'particle')
+    rank: wp.array = array('rank among the particles of its cell', 'int32', 'particle')
+
+    # ordered particles: sorted by the cells of the neighbour grid
+    ordered: wp.array = array('as particle', 'vec4', 'particle')
+    ordered_remainder: wp.array = array(
+        'as remainder', 'vec2', 'particle', only_if='has_remainder'
+    )
+    ordered_temperature_remainder: wp.array = array(
+        'as temperature_remainder', 'real', 'particle', only_if='has_temperature_remainder'
+    )
+    ordered_emission_time: wp.array = array(
+        'as emission_time', 'float64', 'particle', only_if='has_age'
+    )
+    ordered_velocity: wp.array = array('as velocity', 'vec2', 'particle', only_if='has_velocity')
+    ordered_base: wp.array = array('as base', 'vec4', 'particle', only_if='is_staged')
+    ordered_drift: wp.array = array('as drift', 'vec4', 'particle', only_if='is_staged')
+    ordered_mean_temperature: wp.array = array(
+        'as mean_temperature', 'real', 'particle', only_if='has_mean'
+    )
+    members: wp.array = array(
+        'numbers of the particles of each cell, unsorted', 'int32', 'particle',
+        only_if='is_ranked_again',
+    )
+    flow: wp.array = array('thickness [m], velocity x and y [m/s]', 'vec3', 'particle')
+    slope: wp.array = array(
+        'gradient of the lava surface', 'vec2', 'particle', only_if='has_slope'
+    )
+    surface: wp.array = array(
+        'elevation of the lava surface [m], and area V / h [m2]', 'vec2', 'particle',
+        only_if='has_surface',
+    )
+    contribution: wp.array = array(
+        "contribution to a map: to a cell of unit weight, before the kernel's weight [m^(1/2)], "
+        'or to the only cell [m]', 'real', 'particle',
+    )
+    home: wp.array = array(
+        'number of the only cell that receives the volume, -1 if several do', 'int32', 'particle'
+    )
+
+    # the step
+    clock: wp.array = array(
+        'by TIME ... FORMER_STEP [s]: simulated time; step; target time; latest full step (of '
+        'stages that idle: the step that would end too late); with inertia the previous step',
+        'float64', 5, is_saved=True,
+    )
+    limit_time: wp.array = array(
+        'by LIMIT_TIME, MAX_END [s]: time that no step may pass, at or after the target; time '
+        'after which no step may end: one that would is not begun', 'float64', 2,
+    )
+    counts: wp.array = array(
+        'by PARTICLES ... NEWCOMERS: particles; steps; limit of the latest step; 1 if the '
+        'capacity was reached; current stage, 0 at the last one; stages of the step; 1 if the '
+        'stage is the last; velocity evaluations; current stage including the last, 0 if stages '
+        "idle; sides of the neighbour grid's window that particles are near (sum of 1 west, 2 "
+        'south, 4 east, 8 north); particles emitted since the cells were built, which are not in '
+        'the first count', 'int32', 11, is_saved=True,
+    )
+    chosen: wp.array = array(
+        '1 from when a stage is chosen within its motion (fused_stage.py) until its end', 'int32',
+        1,
+    )
+    stage: wp.array = array(
+        'by FORMER ... FIRST_VELOCITY: weights of the current Runge-Kutta stage', 'real', 4,
+        is_saved=True,
+    )
+    rates: wp.array = array(
+        'by DIFFUSION, ADVECTION: one over the longest step that each limit allows [1/s]', 'real',
+        2, is_saved=True,
+    )
+    top: wp.array = array(
+        "highest ground that lava came from, above the terrain's mean elevation [m]", 'real', 1,
+        is_saved=True,
+    )
+    left: wp.array = array(
+        'by BORDER, HOLES, SEA: volume that has left the terrain [m3]', 'float64', 3,
+        is_saved=True,
+    )
+
+
+@dataclass(eq=False)
+class CellMaps:
+    """What lava has covered of each cell of the terrain (``covered_cells.py``)."""
+
+    arrived: wp.array = array(
+        'time at which lava touched the cell [s], -1 before', 'float32', 'row', 'column'
+    )
+    half_inundated: wp.array = array(
+        'time at which lava had covered half of the cell [s], -1 before', 'float32', 'row',
+        'column',
+    )
+    covered: wp.array = array(
+        'squares of the cell that lava has covered, one bit each', 'int32', 'row', 'column'
+    )
+    bounds: wp.array = array(
+        'rectangle of all cells in which particles have been: rows from the first one to the '
+        "terrain's end, rows up to the last one, and the same for columns; 0 without", 'int32', 4,
+    )
+
+
+#: The arrays of the solver, by name, and those that kernels read of the terrain's cells.
+ARRAYS, CELL_MAPS = declarations(Arrays), declarations(CellMaps)
 
 #: Fields that kernels read in addition to arrays of ``State``.
 _OTHERS = (*CELL_MAPS, 'ground', 'cells', 'constants', 'law', 'heat')
@@ -91,10 +236,28 @@ _OTHERS = (*CELL_MAPS, 'ground', 'cells', 'constants', 'law', 'heat')
 _MORE_ARRAYS = join_names('arrays', EFFECTS, (*ARRAYS, *_OTHERS))
 
 
+def arrays_added_by(effects: Effects) -> dict[str, Declaration]:
+    """Return the arrays that the effects that are on add, and their twins, by name."""
+    return _with_twins(effects.arrays)
+
+
+def _with_twins(arrays: Mapping[str, Array]) -> dict[str, Declaration]:
+    found = {}
+    for name, one in arrays.items():
+        shape = ('particle' if one.count is None else one.count,)
+        found[name] = Declaration(
+            one.dtype, shape, is_carried=one.is_carried, is_saved=one.is_saved
+        )
+        if one.is_carried:
+            found[f'ordered_{name}'] = Declaration(one.dtype, shape)
+    return found
+
+
 def kinds_of(real: Any) -> dict[str, Any]:
-    """Return the Warp types by the names that an ``Array`` uses for them."""
+    """Return the Warp types by the names that a ``Declaration`` uses for them."""
     vectors = {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
-    return {'real': real, 'int32': wp.int32, 'float64': wp.float64, **vectors}
+    numbers = {'int32': wp.int32, 'float32': wp.float32, 'float64': wp.float64}
+    return {'real': real, **numbers, **vectors}
 
 
 @lru_cache
@@ -182,17 +345,16 @@ def arguments_type(real: Any) -> Any:
     """Return the struct that kernels take: arrays of ``State``, ground, cells and constants."""
     kinds = kinds_of(real)
     types = {
-        **CELL_MAPS,
+        name: wp.array(dtype=kinds[one.dtype], ndim=len(one.shape))
+        for name, one in (CELL_MAPS | ARRAYS | _with_twins(_MORE_ARRAYS)).items()
+    }
+    types |= {
         'ground': ground_type(real),
         'cells': cell_frame(real),
         'constants': flow_constants_of(real),
         'law': law_type(real),
         'heat': heat_type(real),
     }
-    for name, array in (ARRAYS | _MORE_ARRAYS).items():
-        types[name] = wp.array(dtype=kinds[array.dtype])
-        if array.is_carried:
-            types[f'ordered_{name}'] = types[name]
     members = {'__annotations__': types, '__module__': __name__}
     return wp.struct(type('MotionArguments', (), members))
 

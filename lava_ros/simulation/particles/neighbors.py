@@ -193,7 +193,7 @@ class NeighborGrid:
             np.ceil(length * radius * self._per_metre).astype(int) for length in (MARGIN, PIECE)
         )
         self._constants: dict[str, Any] = {}
-        self._way: Any = None
+        self._arguments: Any = None
         self.is_binned = False
 
     def fit(self, places: np.ndarray) -> None:
@@ -280,29 +280,28 @@ class NeighborGrid:
         cells.sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
         cells.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
         self.cells = cells
-        if self._way is not None:
-            self._way.cells = cells
+        if self._arguments is not None:
+            self._arguments.cells = cells
         self._scan = Scan(room, self._device)
 
     def bin(self, state: State) -> None:
         """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""
-        way, (bins, *_) = self.motion_arguments(state), _kernels_of(state)
-        launch_over(state, bins, [way], least=MIN_MOVES)
+        arguments, (bins, *_) = self.motion_arguments(state), _kernels_of(state)
+        launch_over(state, bins, [arguments], min_items=MIN_MOVES)
         self.is_binned = True
 
     def set_constants(self, **constants: Any) -> None:
         """Set the constants of a stage for the motion from now on."""
-        self._constants, self._way = constants, None
+        self._constants, self._arguments = constants, None
 
     def motion_arguments(self, state: State) -> Any:
         """Return the argument of all kernels, cached until an array or the cells change."""
-        if self._way is None or self._way.particle is not state.particle:
+        if self._arguments is None or self._arguments.particle is not state.particle:
             parts = {'ground': self._terrain.ground, 'cells': self.cells, **self._constants}
-            self._way = arguments_type(state.real)()
-            for name in arguments_type(state.real).vars:
-                if name in parts or hasattr(state, name):
-                    setattr(self._way, name, parts.get(name, getattr(state, name, None)))
-        return self._way
+            self._arguments = arguments_type(state.real)()
+            for name, value in (state.arrays | parts).items():
+                setattr(self._arguments, name, value)
+        return self._arguments
 
     def rebuild(self, state: State) -> None:
         """Sort ``state.particle`` into ``state.ordered`` and drop particles off the terrain.
@@ -312,13 +311,13 @@ class NeighborGrid:
         if not self.is_binned:
             self.bin(state)
         self.is_binned = False
-        way, (_, order, rank, members) = self.motion_arguments(state), _kernels_of(state)
+        arguments, (_, order, rank, members) = self.motion_arguments(state), _kernels_of(state)
         if not state.device.is_cuda:
-            state.launches(rank, [way], dim=state.extent)
+            state.launches(rank, [arguments], dim=state.extent)
         self._scan(state.launches, self.cells.sizes, self.cells.starts)
         if state.is_ranked_again:
-            launch_over(state, members, [way], least=MIN_MOVES)
-        launch_over(state, order, [way], least=MIN_MOVES)
+            launch_over(state, members, [arguments], min_items=MIN_MOVES)
+        launch_over(state, order, [arguments], min_items=MIN_MOVES)
 
     def refuse_crowds(self) -> None:
         """Check the number of particles per cell: each particle visits all those around it.

@@ -5,18 +5,18 @@
 
 from collections.abc import Callable, Mapping
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.effects.effect import Array
 from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure, read, Readback, zeros
 from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import Arrays, CellMaps
 
 #: Threads on a GPU of a kernel that rarely has work: it must cost little when it has none.
 RARE_THREADS = 65536
@@ -43,74 +43,26 @@ SHARED_LANES, SHARED_UP_TO = 4, 50_000
 AT_ONCE = 150_000
 
 
-class State:
-    """Every device array that depends on the number of particles, and the clock.
+class State(Arrays):
+    """The particles of a simulation on its device, every array of a step, and the clock.
 
     Positions are kept relative to the terrain's centre. float32 resolves 1 mm at 10 km.
     ``remainder`` carries the rounding error of each step to the next (compensated summation).
+    ``layout.Arrays`` declares the arrays.
 
     Attributes:
-        particle: x, y [m], volume [m3], temperature [K] of each particle. Arrays up to ``surface``
-            have the shape [capacity].
-        cell, rank: Cell of each particle and its rank there.
-        members: Only when deterministic on a GPU: the particles of each cell, unsorted.
-        ordered: ``particle`` in the order of the neighbour grid's cells.
-        remainder: Only in float32: rounding error of each particle's position [m]. Without it slow
-            lava far from the centre would never move.
-        temperature_remainder: Only in float32, if temperatures change: rounding error of each
-            particle's temperature [K]. Without it lava would not cool in short steps.
-        emission_time: Only if an effect needs the age of lava: simulated time at which each
-            particle was emitted [s], float64. An age is the clock minus this time.
-        velocity: Only if an effect needs it: velocity of each particle in the middle of the latest
-            step [m/s].
-        slope: Only if an effect needs it: gradient of the surface at each ordered particle.
-        base: Position at the start of the step [m] and displacement since then two stages ago [m],
-            of each particle; absent with the Euler integrator.
-        drift: Displacement one stage ago [m] and velocity at the start of the step [m/s]; absent
-            with the Euler integrator.
-        mean_temperature: Only if the speed depends on temperature: mean temperature around each
-            particle at the start of the step [K].
-        flow: Thickness [m], velocity x and y [m/s], of each ordered particle.
-        share: Contribution of each ordered particle to a map: to a cell of unit weight, before the
-            kernel's weight [m^(1/2)], or to the single cell in ``home`` [m].
-        home: Number of the single cell that receives an ordered particle's volume, -1 if several
-            do.
-        surface: Only if the gradient uses differences: elevation of the surface [m] and the area
-            V/h [m2] of each ordered particle.
-        clock: Simulated time, step, target time, latest full step (while stages idle because the
-            next step would end too late: that step) and, with inertia, the previous step [s],
-            float64.
-        limit_time: Time that no step may pass, at or after the target, and time after which no
-            step may end: one that would is not begun [s], float64; not in checkpoints.
-        counts: Particles; steps; the limit of the latest step; 1 if the capacity was reached; the
-            current stage (0 at the last one); the stages of the step; 1 if the stage is the last;
-            the velocity evaluations so far; the current stage including the last (0 past the
-            target, where stages idle); the sides of the neighbour grid's window that particles are
-            near (sum of 1 west, 2 south, 4 east, 8 north); and the particles emitted since the
-            cells were built, which are not in the first count.
-        chosen: 1 from when a stage is chosen within its motion (fused_stage.py) until its end.
-        stage: Weights of the current stage.
-        rates: Reciprocal of the step each limit allows [1/s].
-        top: Elevation of the highest ground that lava came from, above the terrain's mean [m].
-        left: Volume that has left the terrain [m3], float64.
-        arrived: Time at which lava touched each cell of the terrain [s], -1 before, float32, shape
-            [rows, columns]; kept by ``CoveredCells``, as the next three.
-        half_inundated: Time at which lava had covered half of each cell [s], -1 before, float32.
-        covered: Squares of each cell that lava has covered, one bit each, int32.
-        bounds: Rectangle of all cells in which particles have been: rows from its first one to the
-            terrain's end, rows up to its last one, and the same for columns; 0 without, int32.
-
-    Effects declare their additional arrays in their own files (``Effect.arrays``).
+        capacity: Number of particles for which arrays are allocated.
+        cell_maps: What lava has covered; kept by ``CoveredCells``.
+        of_effects: Arrays that effects declare (``Effect.arrays``), by name.
     """
 
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any: ...  # noqa: D105
+    capacity: int
 
     def __init__(
         self, capacity: int, effects: Effects, accuracy: Accuracy, device: Any
     ) -> None:
         """Allocate for ``capacity`` particles."""
+        super().__init__()
         forget_failure(device)
         self.real = at.REAL[accuracy.precision]
         self.effects = effects
@@ -124,6 +76,7 @@ class State:
         self.is_guarded = accuracy.fixed_step is None
         self.has_mean = effects.any('stiffens')
         self.has_age = effects.any('needs_age')
+        self.has_slope = effects.any('needs_drop')
         # particles that have frozen or merged into another have no volume and are dropped
         self.has_empty = effects.any('removes_particles')
         # without a pass after the motion, the motion itself assigns the particles to cells
@@ -134,6 +87,12 @@ class State:
         self.launches = Launches(device)
         #: Maximum number of particles that vents emit before the host reads the counts again.
         self.particles_ahead = 0
+        own = at.ARRAYS.items()
+        self._declared = {
+            name: one for name, one in own if not one.only_if or getattr(self, one.only_if)
+        } | at.arrays_added_by(effects)
+        self.cell_maps = CellMaps()
+        self.of_effects: dict[str, wp.array] = {}
         self._allocate(capacity)
         self.top.fill_(-at.FAR)
         if not device.is_cuda:
@@ -149,37 +108,28 @@ class State:
         self._readbacks = [Readback((self.clock, self.counts))]
 
     @property
-    def _arrays(self) -> dict[str, Array]:
-        """Specifications of all arrays of this state, by name: its own and its effects'."""
-        is_needed = {
-            'emission_time': self.has_age,
-            'velocity': self.has_velocity,
-            'slope': self.effects.any('needs_drop'),
-            'remainder': self.has_remainder,
-            'temperature_remainder': self.has_temperature_remainder,
-            'surface': self.has_surface,
-            'base': self.is_staged,
-            'drift': self.is_staged,
-            'mean_temperature': self.has_mean,
-            'members': self.is_ranked_again,
-        }
-        own = {name: array for name, array in at.ARRAYS.items() if is_needed.get(name, True)}
-        return own | self.effects.arrays
+    def arrays(self) -> dict[str, wp.array]:
+        """All arrays, by the names that kernels use."""
+        own = {name: getattr(self, name) for name in at.ARRAYS if name in self._declared}
+        return own | vars(self.cell_maps) | self.of_effects
 
     def _allocate(self, capacity: int) -> None:
         """Allocate the arrays of some particles; keep those that do not depend on the number."""
         kinds, items, others = at.kinds_of(self.real), {}, {}
-        for name, array in self._arrays.items():
-            dtype = kinds[array.dtype]
-            if array.count is None:
-                items[name] = dtype, capacity
-            elif not hasattr(self, name):
-                others[name] = dtype, array.count
-            if array.is_carried:
-                items[f'ordered_{name}'] = dtype, capacity
+        for name, one in self._declared.items():
+            (length,) = one.shape
+            if length == 'particle':
+                items[name] = kinds[one.dtype], capacity
+            elif self.arrays.get(name) is None:
+                others[name] = kinds[one.dtype], length
         arrays = zeros(items, self.device, spare=at.SPARE) | zeros(others, self.device)
         self.launches.forget()
-        vars(self).update(arrays, capacity=capacity)
+        for name, array in arrays.items():
+            if name in at.ARRAYS:
+                setattr(self, name, array)
+            else:
+                self.of_effects[name] = array
+        self.capacity = capacity
 
     @property
     def extent(self) -> int:
@@ -230,9 +180,9 @@ class State:
         # each different number is a separate kernel
         return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
 
-    def emitting_threads(self, most: int) -> int:
+    def emitting_threads(self, max_threads: int) -> int:
         """Return the number of emitting threads: one gives the same order in every run."""
-        return most if self.device.is_cuda and not self.is_deterministic else 1
+        return max_threads if self.device.is_cuda and not self.is_deterministic else 1
 
     def read_clock(self) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of ``clock`` and ``counts`` after all earlier launches on this stream."""
@@ -270,7 +220,8 @@ class State:
             RuntimeError: If memory is insufficient; the state is then unchanged.
         """
         names = 'particle', 'cell', 'rank', *self._carried, *self._of_step
-        kept = {name: getattr(self, name) for name in names}
+        arrays = self.arrays
+        kept = {name: arrays[name] for name in names}
         count = min(self.capacity, capacity)
         try:
             self._allocate(capacity)
@@ -279,26 +230,30 @@ class State:
             raise RuntimeError(f'room for {capacity} particles: {error}') from error
         # copies the full old capacity, which avoids waiting for the number of particles
         for name, values in kept.items():
-            wp.copy(getattr(self, name), values, count=count)
+            wp.copy(self.arrays[name], values, count=count)
         self.write_count(at.FULL, 0)
 
     @property
     def _carried(self) -> list[str]:
-        """Names of the arrays that particles carry from step to step, each with a twin."""
-        of_step, arrays = ('base', 'drift', 'mean_temperature'), self._arrays.items()
-        return [name for name, array in arrays if array.is_carried and name not in of_step]
+        """Names of the arrays that particles carry from step to step."""
+        declared = self._declared.items()
+        return [name for name, one in declared if one.is_carried and not one.is_of_step]
 
     @property
-    def _of_step(self) -> tuple[str, ...]:
+    def _of_step(self) -> list[str]:
         """Names of the arrays that particles carry from stage to stage of a step."""
-        names = ('base', 'drift') if self.is_staged else ()
-        return (*names, 'mean_temperature') if self.has_mean else names
+        return [name for name, one in self._declared.items() if one.is_of_step]
+
+    @property
+    def _saved(self) -> list[str]:
+        """Names of the arrays in checkpoints that do not depend on the number of particles."""
+        return [name for name, one in self._declared.items() if one.is_saved]
 
     def _put(self, name: str, values: np.ndarray) -> None:
         """Replace the first items of an array."""
         # a count of 0 would copy everything
         if len(values):
-            array = getattr(self, name)
+            array = self.arrays[name]
             rows = wp.array(values, dtype=array.dtype, device=self.device)
             wp.copy(array, rows, count=len(values))
 
@@ -325,6 +280,11 @@ class State:
         self.counts[place : place + 1].fill_(value)
 
     @property
+    def time(self) -> float:
+        """Simulated time [s] (read back from the device)."""
+        return float(self.read_clock()[0][at.TIME])
+
+    @property
     def count(self) -> int:
         """Number of particles (read back from the device)."""
         return at.count_in(self.read_clock()[1])
@@ -336,7 +296,8 @@ class State:
         new ones are emitted now.
         """
         count = min(self.count, len(values))
-        kept = {name: read(getattr(self, name)[:count]) for name in self._carried if count}
+        arrays = self.arrays
+        kept = {name: read(arrays[name][:count]) for name in self._carried if count}
         if self.has_remainder:
             kept['remainder'] = values[:, :2] - values[:, :2].astype(np.float32)
         if self.has_temperature_remainder:
@@ -345,7 +306,7 @@ class State:
             self._allocate(room_for(len(values)))
         self._put('particle', values)
         for name in self._carried:
-            getattr(self, name).zero_()
+            self.arrays[name].zero_()
         self._begin_ages()
         for name, former in kept.items():
             self._put(name, former)
@@ -356,8 +317,8 @@ class State:
         """Adopt the data of another state with other effects, as far as both have them."""
         carried = set(self._carried) & set(former._carried)
         for name in ('particle', *carried, 'clock', 'counts', 'top', 'left'):
-            wp.copy(getattr(self, name), getattr(former, name))
-        vars(self).update({name: getattr(former, name) for name in at.CELL_MAPS})
+            wp.copy(self.arrays[name], former.arrays[name])
+        self.cell_maps = former.cell_maps
         if not former.has_age:
             self._begin_ages()
 
@@ -368,12 +329,9 @@ class State:
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy all arrays that the next step depends on, between two steps, by name."""
-        count = self.count
-        arrays = {
-            name: read(getattr(self, name))[:count]
-            for name in ('particle', *self._carried)
-        }
-        return arrays | {name: read(getattr(self, name)) for name in self._sums}
+        count, arrays = self.count, self.arrays
+        carried = {name: read(arrays[name])[:count] for name in ('particle', *self._carried)}
+        return carried | {name: read(arrays[name]) for name in self._saved}
 
     def load(self, arrays: Mapping[str, np.ndarray], capacity: int) -> None:
         """Restore the arrays that ``save`` has copied, with the same capacity.
@@ -383,29 +341,23 @@ class State:
         """
         count = len(arrays['particle'])
         self._allocate(capacity)
-        for name in ('particle', *self._carried, *self._sums):
+        for name in ('particle', *self._carried, *self._saved):
             # reading the array itself would wait for the device
-            array = getattr(self, name)
+            array = self.arrays[name]
             item = wp.empty(0, dtype=array.dtype, device='cpu').numpy()
-            shape = (*(array.shape if name in self._sums else (count,)), *item.shape[1:])
+            shape = (*(array.shape if name in self._saved else (count,)), *item.shape[1:])
             self._put(name, at.fitting(f'state.{name}', arrays.get(name), shape, item.dtype))
         _, counts = self.read_clock()
         if (counts[at.PARTICLES], counts[at.NEWCOMERS], counts[at.STAGE]) != (count, 0, 0):
             expected = f'{count} particles, between two steps'
             raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
 
-    @property
-    def _sums(self) -> list[str]:
-        """Names of the arrays that do not depend on the number of particles."""
-        items = self.effects.arrays.items()
-        kept = [name for name, array in items if array.is_saved]
-        return ['clock', 'counts', 'rates', 'stage', 'top', 'left', *kept]
-
     def take_order(self, *, within_step: bool = False) -> None:
         """Copy the ordered arrays back to the particles, also possible within a step."""
+        arrays = self.arrays
         wp.copy(self.particle, self.ordered)
         for name in (*self._carried, *(self._of_step if within_step else ())):
-            wp.copy(getattr(self, name), getattr(self, f'ordered_{name}'))
+            wp.copy(arrays[name], arrays[f'ordered_{name}'])
 
     def read_particles(self) -> np.ndarray:
         """Return rows of (x, y, volume, temperature), float64, x and y from the centre."""

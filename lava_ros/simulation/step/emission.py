@@ -120,8 +120,8 @@ def _kernel(real: Any, emission: Any) -> Any:
     return emit
 
 
-def emit(state: State, emission: Any, outlets: Any, way: Any) -> None:
+def emit(state: State, emission: Any, outlets: Any, arguments: Any) -> None:
     """Append the particles that are due at the time of a state, by an ``emission_function``."""
     threads = state.emitting_threads(outlets.starts.size - 1)
     if threads:
-        state.launches(_kernel(state.real, emission), [threads, outlets, way], dim=threads)
+        state.launches(_kernel(state.real, emission), [threads, outlets, arguments], dim=threads)

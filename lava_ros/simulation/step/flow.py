@@ -406,9 +406,9 @@ def _published_kernel(real: Any) -> Any:
     return published_velocity
 
 
-def publish_velocity(state: State, way: Any, viscosity: float) -> None:
+def publish_velocity(state: State, arguments: Any, viscosity: float) -> None:
     """Replace the local velocity in ``state.flow`` by that of the printed formulas.
 
     ``source`` and ``area`` of the state must be filled; ``viscosity`` is the constant mu [Pa s].
     """
-    launch_over(state, _published_kernel(state.real), [way, viscosity])
+    launch_over(state, _published_kernel(state.real), [arguments, viscosity])

@@ -82,14 +82,15 @@ def choice_within_motion(state: State, pace: Any, outlets: Any, emission: Any) -
     return StageChoice(pace, outlets, function, BOUNDS[has_long_sums])
 
 
-def choose_before_motion(state: State, choice: StageChoice, way: Any) -> StageChoice:
+def choose_before_motion(state: State, choice: StageChoice, arguments: Any) -> StageChoice:
     """Choose a stage in a launch of one block before the motion, instead of within it.
 
     Returns:
         The choice to pass to the motion.
     """
     threads = DIRECTORS if state.device.is_cuda else 1
-    arguments = [choice.pace, choice.outlets, way]
     kernel = _kernel(state.real, choice.function)
-    state.launches(kernel, arguments, dim=threads, block_dim=threads)
+    state.launches(
+        kernel, [choice.pace, choice.outlets, arguments], dim=threads, block_dim=threads
+    )
     return StageChoice(choice.pace, choice.outlets)

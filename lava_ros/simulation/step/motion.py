@@ -242,7 +242,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
     return move
 
 
-def move_particles(state: State, way: Any, choice: StageChoice, motion: Any) -> None:
+def move_particles(state: State, arguments: Any, choice: StageChoice, motion: Any) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``.
 
     ``motion`` is that of ``motion_of``.
@@ -250,7 +250,7 @@ def move_particles(state: State, way: Any, choice: StageChoice, motion: Any) -> 
     launch_over(
         state,
         _kernel(state.real, motion, choice.function, choice.bounds),
-        [state.flow, choice.pace, choice.outlets, way],
-        least=MIN_MOVES,
+        [state.flow, choice.pace, choice.outlets, arguments],
+        min_items=MIN_MOVES,
         ahead=choice.threads,
     )

@@ -15,12 +15,8 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Scene
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.step.effects import device_parts
 
 #: Limits of a step, indexed by ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
@@ -277,14 +273,3 @@ def choice_function(
             pace.counts[at.STAGE] = j
 
     return choose
-
-
-def longest_step(scene: Scene, accuracy: Accuracy, effects: Effects, reach: float) -> float:
-    """Return the longest step [s] that the user and the effects allow.
-
-    ``reach`` is the maximum displacement in a step [m].
-    """
-    assert accuracy.longest_step is not None
-    limits = device_parts(effects, 'step_limit').values()
-    steps: list[float] = [limit(scene, accuracy, reach) for limit in limits]
-    return min([accuracy.longest_step, *steps])

@@ -128,7 +128,6 @@ class VentSet:
         vents: tuple[Vent, ...],
         terrain: Terrain,
         accuracy: Accuracy,
-        particle_volume: float,
         device: Any,
         *,
         since: float,
@@ -140,7 +139,6 @@ class VentSet:
             vents: The vents.
             terrain: The ground.
             accuracy: The resolution; a vent narrower than the spacing is widened to it.
-            particle_volume: Volume of a particle [m3].
             device: Warp device.
             since: Time from which they emit [s].
             before: Emission of each vent until then.
@@ -152,7 +150,8 @@ class VentSet:
         self.counted: set[int] = set()
         # read at each advance, so computed once
         self._opening = [vent.next_opening(since) for vent in self.vents]
-        self._particle_volume, self._thickness = particle_volume, thickness
+        self._particle_volume = particle_volume = accuracy.particle_volume
+        self._thickness = thickness
         self.is_symmetric = accuracy.symmetric
         self._device = device
         self._before = self._with_places(before, terrain, spacing)

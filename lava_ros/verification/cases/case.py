@@ -222,7 +222,7 @@ class Trial:
         x0, y0, x1, y1 = window
         rows, columns = int(np.ceil((y1 - y0) / cell)), int(np.ceil((x1 - x0) / cell))
         # lava beyond the window contributes to the thickness inside it
-        beyond = int(np.ceil(2.0 * simulation.radius / cell))
+        beyond = int(np.ceil(2.0 * simulation.accuracy.radius / cell))
         fine = Terrain(
             np.zeros((rows + 2 * beyond, columns + 2 * beyond)), cell,
             origin=(x0 - beyond * cell, y0 - beyond * cell),

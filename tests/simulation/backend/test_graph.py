@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 import warp as wp
 
-from lava_ros.simulation import Simulation
-from lava_ros.simulation import solver as solver_module
 from lava_ros.simulation.backend import graph as launches_module
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launches, MOST, overlap
@@ -155,25 +153,6 @@ def test_launches_are_direct_after_a_failed_capture(launches):
     assert not launches.can_replay(0) and not launches.is_capturing
     launches(add, [1.0, values], dim=1)
     assert values.numpy().sum() == 1.0
-
-
-@pytest.mark.parametrize('is_deterministic', [False, True])
-@and_nightly(*effect_sets())
-def test_replayed_stage_is_bitwise_identical(monkeypatch, name, is_deterministic):
-    ends = []
-    for is_alone in (True, False):
-        monkeypatch.setattr(solver_module, 'is_alone', lambda _, value=is_alone: value)
-        simulation = lava_field(200, effect_sets()[name], 'cpu')
-        if is_deterministic:
-            accuracy = replace(simulation.accuracy, deterministic=True)
-            simulation = Simulation.resume(
-                replace(simulation.checkpoint(), accuracy=accuracy), device='cpu'
-            )
-        simulation.advance(20.0 * STEP)
-        assert simulation.particle_count > 100
-        assert simulation.solver.state.launches.can_replay(0) == is_alone
-        ends.append(simulation.checkpoint().to_bytes())
-    assert ends[0] == ends[1]
 
 
 def test_graph_is_unchanged_without_support_by_gpu_or_driver(monkeypatch):

@@ -39,6 +39,7 @@ from lava_ros.simulation.particles.kernels import smoothing_kernel
 from lava_ros.simulation.particles.layout import arguments_type, IS_LAST, PARTICLES, STEP
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
+from lava_ros.simulation.step.effects import DevicePart
 
 #: Maximum exchange rate of a particle, over kappa / l^2, for the number of sweeps: an even layer
 #: has 28 with Wendland C2, the integral of F.
@@ -135,16 +136,18 @@ def _kernels(
     return wait, add_rates, exchange_heat, keep
 
 
-class AfterStep:
+class Part(DevicePart):
     """The exchange of heat between columns at the end of a step."""
+
+    finishes_step = True
 
     def __init__(
         self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
     ) -> None:
         """Prepare for the scene's conductivity and the longest possible step."""
-        assert accuracy.spacing is not None
+        super().__init__(scene, accuracy, terrain, state)
         lava = scene.lava
-        square = (accuracy.ratio * accuracy.spacing) ** 2
+        square = accuracy.radius**2
         diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
         self._kernels = partial(_kernels, state.real, accuracy.kernel, state.effects)
         norm = smoothing_kernel(accuracy.kernel, state.real).norm
@@ -157,13 +160,14 @@ class AfterStep:
         # launches are cached by their arguments: a new float would be another launch
         self._share = 1.0 / self._sweeps
 
-    def apply(self, state: State, way: Any) -> None:
+    def finish_step(self, arguments: Any) -> None:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
+        state = self.state
         threads = state.rare_threads
         wait, add_rates, exchange_heat, keep = self._kernels(threads)
-        state.launches(wait, [way, self._rate])
-        state.launches(add_rates, [way, self._factor], dim=threads)
+        state.launches(wait, [arguments, self._rate])
+        state.launches(add_rates, [arguments, self._factor], dim=threads)
         for sweep in range(self._sweeps):
             if sweep:
-                state.launches(keep, [way], dim=threads)
-            state.launches(exchange_heat, [way, self._factor, self._share], dim=threads)
+                state.launches(keep, [arguments], dim=threads)
+            state.launches(exchange_heat, [arguments, self._factor, self._share], dim=threads)

@@ -26,7 +26,6 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects.laws import LATERAL_DRAG
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     access,
     load1,
@@ -46,8 +45,8 @@ from lava_ros.simulation.particles.kernels import (
     WIDE_K0,
 )
 from lava_ros.simulation.particles.layout import arguments_type, cell_frame, PARTICLES
-from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import fall_function
+from lava_ros.simulation.step.effects import DevicePart
 from lava_ros.simulation.step.outlets import Outlets
 from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
 
@@ -239,29 +238,32 @@ def _motion_kernel(
     return green_motion
 
 
-def move_particles(state: State, way: Any, choice: StageChoice, motion: Any) -> None:
-    """Move the ordered particles over the stage by the Green's function's velocity.
+class Part(DevicePart):
+    """The velocity of the Green's function, for output or within the motion.
 
-    ``source`` and ``area`` of the state must be filled; ``choice`` runs at the same time.
-    ``motion`` is that of ``motion_of`` (motion.py).
+    ``source`` and ``area`` must be filled; the kernel radius cuts the function off.
     """
-    kernel = _motion_kernel(
-        state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion,
-        choice.function, choice.bounds,
-    )
-    arguments = [choice.pace, choice.outlets, way]
-    launch_over(
-        state, kernel, arguments, least=_MIN_PARTICLES_PER_PART, lanes=state.lanes,
-        ahead=choice.threads,
-    )
 
+    moves_particles = True
 
-def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
-    """Replace the local velocity in ``state.flow`` by the Green's function's.
+    def compute_velocity(self, arguments: Any) -> None:
+        """Replace the local velocity in ``flow`` by the Green's function's."""
+        state = self.state
+        kernel = _velocity_kernel(
+            state.real, state.lanes, state.parts, state.is_short, state.is_wide
+        )
+        launch_over(
+            state, kernel, [arguments], min_items=_MIN_PARTICLES_PER_PART, lanes=state.lanes
+        )
 
-    ``source`` and ``area`` of the state must be filled; the kernel radius cuts the function off.
-    """
-    kernel = _velocity_kernel(
-        state.real, state.lanes, state.parts, state.is_short, state.is_wide
-    )
-    launch_over(state, kernel, [way], least=_MIN_PARTICLES_PER_PART, lanes=state.lanes)
+    def move_particles(self, arguments: Any, choice: StageChoice, motion: Any) -> None:
+        """Move the ordered particles over the stage by the Green's function's velocity."""
+        state = self.state
+        kernel = _motion_kernel(
+            state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion,
+            choice.function, choice.bounds,
+        )
+        launch_over(
+            state, kernel, [choice.pace, choice.outlets, arguments],
+            min_items=_MIN_PARTICLES_PER_PART, lanes=state.lanes, ahead=choice.threads,
+        )

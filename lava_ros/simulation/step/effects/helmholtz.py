@@ -26,6 +26,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects.laws import LATERAL_DRAG
+from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     access,
@@ -46,7 +47,12 @@ from lava_ros.simulation.particles.layout import (
     THICKEST,
 )
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
+from lava_ros.simulation.particles.terrain import (
+    fall_function,
+    StaggeredTerrain,
+    terrain_functions,
+)
+from lava_ros.simulation.step.effects import DevicePart
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
@@ -236,20 +242,31 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
     return weights
 
 
-def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
-    """Replace the local velocity in ``state.flow`` by the solution of the balance.
+class Part(DevicePart):
+    """The sweeps that solve the momentum balance.
 
-    It raises ``state.rates`` to the limit of that velocity. Up to ``THICKEST`` times the expected
-    thickness the sweeps reduce the error by ``REDUCTION``.
+    Up to ``THICKEST`` times the expected thickness they reduce the error by ``REDUCTION``.
     """
-    assert accuracy.spacing is not None and accuracy.thickness is not None
-    start, sweep, finish = _kernels(
-        state.real, accuracy.kernel, state.lanes, state.parts, state.is_wide,
-        state.effects.function('factor', state.real),
-    )
-    launch_over(state, start, [way], least=MIN_MOVES)
-    current, following = state.solution, state.next_solution
-    for weights in _schedule(THICKEST * accuracy.thickness, accuracy.ratio * accuracy.spacing):
-        launch_over(state, sweep, [way, *weights, current, following], lanes=state.lanes)
-        current, following = following, current
-    launch_over(state, finish, [way, current], least=MIN_MOVES)
+
+    def __init__(
+        self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
+    ) -> None:
+        """Compute the weights of the sweeps for the expected thickness."""
+        super().__init__(scene, accuracy, terrain, state)
+        assert accuracy.thickness is not None
+        self._weights = _schedule(THICKEST * accuracy.thickness, accuracy.radius)
+
+    def compute_velocity(self, arguments: Any) -> None:
+        """Replace the local velocity in ``flow`` by the solution, and raise ``rates`` to it."""
+        state = self.state
+        start, sweep, finish = _kernels(
+            state.real, self.accuracy.kernel, state.lanes, state.parts, state.is_wide,
+            state.effects.function('factor', state.real),
+        )
+        launch_over(state, start, [arguments], min_items=MIN_MOVES)
+        current, following = (state.of_effects[name] for name in ('solution', 'next_solution'))
+        for weights in self._weights:
+            pair = [current, following]
+            launch_over(state, sweep, [arguments, *weights, *pair], lanes=state.lanes)
+            current, following = following, current
+        launch_over(state, finish, [arguments, current], min_items=MIN_MOVES)

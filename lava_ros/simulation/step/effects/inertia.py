@@ -59,8 +59,8 @@ from lava_ros.simulation.particles.layout import (
     STEP,
     TIME,
 )
-from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
+from lava_ros.simulation.step.effects import DevicePart
 
 #: Wave speed of the dissipation over the speed of approach, limited by c.
 STRENGTH = 3.0
@@ -279,24 +279,31 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
     return synchronize, accelerate, adopt
 
 
-def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
-    """Return the step [s] in which lava with the velocity of its vent moves by ``reach`` [m]."""
-    fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
-    return reach / max(fastest, 1e-9)
+class Part(DevicePart):
+    """The momentum of the particles, by leapfrog."""
 
+    @staticmethod
+    def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
+        """Return the step [s] in which lava with the velocity of its vent moves by the reach."""
+        fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
+        return reach / max(fastest, 1e-9)
 
-def compute_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
-    """Turn the slopes in ``state.flow`` into velocities at the particles' time.
+    def compute_velocity(self, arguments: Any) -> None:
+        """Turn the slopes in ``flow`` into velocities at the particles' time.
 
-    It stores the accelerations in ``state.kick`` and raises ``state.rates``.
-    """
-    kernel = _kernels(state.real, accuracy.kernel, state.effects)[0]
-    # 2 at the limit of stability
-    launch_over(state, kernel, [way, accuracy.diffusion_number], least=MIN_MOVES)
+        It stores the accelerations in ``kick`` and raises ``rates``.
+        """
+        synchronize, *_ = self._kernels
+        # 2 at the limit of stability
+        number = self.accuracy.diffusion_number
+        launch_over(self.state, synchronize, [arguments, number], min_items=MIN_MOVES)
 
+    def accelerate(self, arguments: Any) -> None:
+        """Advance the velocities to the middle of the chosen step."""
+        _, kick, adopt = self._kernels
+        launch_over(self.state, kick, [arguments])
+        launch_over(self.state, adopt, [arguments], min_items=MIN_MOVES)
 
-def accelerate(state: State, way: Any, accuracy: Accuracy) -> None:
-    """Advance the velocities to the middle of the chosen step."""
-    _, kick, adopt = _kernels(state.real, accuracy.kernel, state.effects)
-    launch_over(state, kick, [way])
-    launch_over(state, adopt, [way], least=MIN_MOVES)
+    @property
+    def _kernels(self) -> tuple[Any, Any, Any]:
+        return _kernels(self.state.real, self.accuracy.kernel, self.state.effects)

@@ -17,7 +17,6 @@ inertia, V u are conserved to rounding.
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from lava_ros.scene import Scene
@@ -35,6 +34,7 @@ from lava_ros.simulation.particles.layout import (
 )
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
+from lava_ros.simulation.step.effects import DevicePart
 
 #: Displacement of the fastest particle between two passes, over the largest in one step.
 EVERY = 1.5
@@ -217,32 +217,36 @@ def _kernels(
     return wait, choose, merge, split, count
 
 
-class AfterStep:
+class Part(DevicePart):
     """The pass that merges and splits particles."""
+
+    finishes_step = True
 
     def __init__(
         self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
     ) -> None:
         """Store the intended spacing and volume of particles."""
-        assert accuracy.spacing is not None and accuracy.thickness is not None
+        super().__init__(scene, accuracy, terrain, state)
+        assert accuracy.spacing is not None
         self._area = accuracy.spacing**2
-        self._least = float(np.float32(self._area * accuracy.thickness))
+        self._least = accuracy.particle_volume
         self._scan: Scan | None = None
 
-    def apply(self, state: State, way: Any) -> None:
+    def finish_step(self, arguments: Any) -> None:
         """Merge particles that have converged and split those that have been stretched."""
+        state = self.state
         threads = state.rare_threads
         wait, choose, merge, split, count = _kernels(
             state.real, state.has_velocity, state.has_age, state.has_temperature_remainder,
             state.is_deterministic, threads,
         )
-        state.launches(wait, [way, EVERY])
-        state.launches(choose, [way, self._area, self._least], dim=threads)
-        state.launches(merge, [way], dim=threads)
+        state.launches(wait, [arguments, EVERY])
+        state.launches(choose, [arguments, self._area, self._least], dim=threads)
+        state.launches(merge, [arguments], dim=threads)
         if state.is_deterministic:
             # in the order of the particles, not of the threads
             if self._scan is None or self._scan.length != state.capacity:
                 self._scan = Scan(state.capacity, state.device)
-            self._scan(state.launches, state.births, state.slots)
-        state.launches(split, [way], dim=threads)
-        state.launches(count, [way])
+            self._scan(state.launches, state.of_effects['births'], state.of_effects['slots'])
+        state.launches(split, [arguments], dim=threads)
+        state.launches(count, [arguments])

@@ -35,6 +35,7 @@ from lava_ros.simulation.particles.cells import border_functions
 from lava_ros.simulation.particles.layout import arguments_type, ground_type, PARTICLES, TIME
 from lava_ros.simulation.particles.solidified import RaisedTerrain, THICKNESS_UNIT
 from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.step.effects import DevicePart
 
 #: Minimum width over the maximum: wider ones smooth the deposit by more than the bounds of its
 #: verification case allow; with narrower ones, runs that differ in rounding diverge sooner.
@@ -46,20 +47,6 @@ _FREEZING_STEPS = 16
 
 #: Minimum excess over the solidus [K]: cooler lava solidifies at its vent.
 _MIN_ABOVE_SOLIDUS = 10.0
-
-
-def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
-    """Return the longest step that resolves how lava from the vents solidifies [s]."""
-    assert accuracy.thickness is not None
-    lava = scene.lava
-    soonest, loss_at = math.inf, heat_loss(scene)
-    for vent in scene.vents:
-        loss = loss_at(vent.temperature)
-        if loss > 0.0 and vent.temperature > lava.solidus:
-            above = max(vent.temperature - lava.solidus, _MIN_ABOVE_SOLIDUS)
-            capacity = lava.density * lava.specific_heat * accuracy.thickness
-            soonest = min(soonest, capacity * above / loss)
-    return soonest / _FREEZING_STEPS
 
 
 @lru_cache
@@ -221,22 +208,39 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     return freeze, raise_ground
 
 
-class AfterStep:
+class Part(DevicePart):
     """The pass that lets lava solidify."""
+
+    finishes_step = True
 
     def __init__(
         self, scene: Scene, accuracy: Accuracy, terrain: RaisedTerrain, state: State
     ) -> None:
         """Prepare for the solidus of the scene's lava."""
-        assert accuracy.spacing is not None
+        super().__init__(scene, accuracy, terrain, state)
         self._solidus = scene.lava.solidus
-        self._widest = accuracy.ratio * accuracy.spacing / 1.5
+        self._widest = accuracy.radius / 1.5
         self._terrain = terrain
 
-    def apply(self, state: State, way: Any) -> None:
+    @staticmethod
+    def step_limit(scene: Scene, accuracy: Accuracy, reach: float) -> float:
+        """Return the longest step that resolves how lava from the vents solidifies [s]."""
+        assert accuracy.thickness is not None
+        lava = scene.lava
+        soonest, loss_at = math.inf, heat_loss(scene)
+        for vent in scene.vents:
+            loss = loss_at(vent.temperature)
+            if loss > 0.0 and vent.temperature > lava.solidus:
+                above = max(vent.temperature - lava.solidus, _MIN_ABOVE_SOLIDUS)
+                capacity = lava.density * lava.specific_heat * accuracy.thickness
+                soonest = min(soonest, capacity * above / loss)
+        return soonest / _FREEZING_STEPS
+
+    def finish_step(self, arguments: Any) -> None:
         """Turn columns that are colder than the solidus into ground."""
-        threads, terrain = state.rare_threads, self._terrain
+        state, terrain = self.state, self._terrain
+        threads = state.rare_threads
         freeze, raise_ground = _kernels(state.real, threads)
         laid = [self._widest, terrain.exact_ground, terrain.deposit]
-        state.launches(freeze, [way, self._solidus, *laid, terrain.placed], dim=threads)
-        state.launches(raise_ground, [way, *laid, terrain.bare], dim=threads)
+        state.launches(freeze, [arguments, self._solidus, *laid, terrain.placed], dim=threads)
+        state.launches(raise_ground, [arguments, *laid, terrain.bare], dim=threads)

@@ -57,8 +57,8 @@ def _raise_peaks(
         peaks[1, i, j] = heat
 
 
-class Seen(NamedTuple):
-    """Results of all observations for a rectangle of cells.
+class PeakMaps(NamedTuple):
+    """Peaks of all observations so far, for a rectangle of cells.
 
     Attributes:
         corner: Row and column of the first cell.
@@ -80,8 +80,8 @@ class Seen(NamedTuple):
     flaw: str
 
 
-class Looks:
-    """Largest values of a flow in each cell, from observations."""
+class Peaks:
+    """Largest values of a flow in each cell, gathered on its device."""
 
     def __init__(self, terrain: Terrain, threshold: float, start: float, device: Any) -> None:
         """Initialize without observations.
@@ -98,8 +98,8 @@ class Looks:
         self._peaks = wp.array(peaks, dtype=wp.float32, device=device)
         self._flaw = wp.zeros(1, dtype=wp.int32, device=device)
 
-    def take(self, state: State, known: Any, raster: Raster) -> None:
-        """Add an observation, later than the previous one.
+    def observe(self, state: State, known: Any, raster: Raster) -> None:
+        """Raise the peaks to the values of maps, later ones than those of the previous call.
 
         Args:
             state: The particles of the flow.
@@ -113,12 +113,12 @@ class Looks:
         """Return why an observation cannot be shown as a map; empty if there is no reason."""
         return _FLAWS[int(read(self._flaw)[0])]
 
-    def seen(self, state: State, part: tuple[slice, slice]) -> Seen:
-        """Return the results so far for some rows and columns."""
-        start, corner = self._start, (part[0].start, part[1].start)
+    def read(self, state: State, part: tuple[slice, slice]) -> PeakMaps:
+        """Return the peaks so far for some rows and columns."""
+        start, corner, covered = self._start, (part[0].start, part[1].start), state.cell_maps
         maps = (
-            state.arrived, state.half_inundated, state.covered.view(wp.float32), self._peaks[0],
-            self._peaks[1],
+            covered.arrived, covered.half_inundated, covered.covered.view(wp.float32),
+            self._peaks[0], self._peaks[1],
         )
         arrived, half_inundated, squares, thickness, temperature = _read_parts(maps, part)
         arrival, half = (
@@ -127,7 +127,7 @@ class Looks:
         )
         # lava that came and drained between two observations was as thick as the threshold
         least = np.where(arrival > start, np.float32(self._threshold), np.float32(0.0))
-        return Seen(
+        return PeakMaps(
             corner, arrival, half, inundated_fraction(arrived, squares.view(np.int32)),
             np.maximum(thickness, least), temperature, self.flaw(),
         )
