@@ -4,6 +4,7 @@
 """Checks of `lava check install`: machine and ROS graph, with a remedy for each problem."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 import ctypes
 from dataclasses import dataclass
 import importlib.metadata
@@ -176,7 +177,12 @@ def check_kernel_cache() -> Results:
             FAIL, f'{folder} cannot be written ({problem})',
             'set WARP_CACHE_PATH to a writable folder, or kernels are compiled at every start',
         )]
-    size = sum(path.stat().st_size for path in folder.rglob('*') if path.is_file())
+    size = 0
+    for place, _, names in os.walk(folder):
+        for name in names:
+            # another process may remove what it has compiled
+            with suppress(OSError):
+                size += os.stat(os.path.join(place, name)).st_size
     return [(OK, f'{folder}, {size / 1e6:.0f} MB')]
 
 
