@@ -9,7 +9,7 @@ RUN apt-get update \
 COPY . /src
 # ROS is the image's, and so is the numpy that its messages were compiled with.
 RUN python3 -m venv --system-site-packages /opt/lava \
- && /opt/lava/bin/pip install --no-cache-dir --constraint /src/constraints-jazzy.txt '/src[terrain,plot,ensemble,watch]' \
+ && /opt/lava/bin/pip install --no-cache-dir --constraint /src/constraints-jazzy.txt '/src[gis,view,cluster]' \
  && rm -rf /src
 ENV AMENT_PREFIX_PATH=/opt/lava PATH=/opt/lava/bin:$PATH WARP_CACHE_PATH=/cache
 WORKDIR /data

@@ -17,7 +17,8 @@ $(STAMP): setup.py pyproject.toml package.xml constraints.txt $(wildcard launch/
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	  || { echo 'lava_ros needs Python 3.10 or newer; choose one: make PYTHON=python3.12 $(MAKECMDGOALS)' >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[all]'
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'pip>=25.1'
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[all]' --group test
 	@touch $@
 
 demo: $(STAMP)  ## Simulate a flow on a mountain, live in ROS 2 (ARGS='--help' lists the options)
@@ -62,7 +63,7 @@ soak: $(STAMP)  ## Run a node under load for 30 minutes, and check memory, deadl
 	PYTHONPATH=tests $(VENV)/bin/python -m soak.soak $(ARGS)
 
 look: $(STAMP)  ## Test reports and the live view in a browser, and MP4 files, with wheels of Chromium and ffmpeg (900 MB)
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[look]'
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --group look
 	$(VENV)/bin/python -m pytest tests/products/report/test_browser.py tests/watch/test_watch_browser.py tests/products/test_animation.py $(ARGS)
 
 safeguards: $(STAMP)  ## Remove each safeguard in a copy of the package, and check that its test fails

@@ -3,4 +3,4 @@
 
 """Lava flow simulation on the GPU as a ROS 2 node."""
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'

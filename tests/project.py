@@ -20,6 +20,7 @@ _CONTENT = tomllib.loads((ROOT / 'pyproject.toml').read_text(encoding='utf-8'))
 
 PROJECT = _CONTENT['project']
 TOOLS = _CONTENT['tool']
+GROUPS: dict[str, list[str]] = _CONTENT['dependency-groups']
 
 #: Requirements of each extra; ``all`` has those of the extras that it names.
 EXTRAS: dict[str, list[str]] = dict(PROJECT['optional-dependencies'])

@@ -54,6 +54,7 @@ ROOT = Path(__file__).parents[1]
 REASONS = {
     'installs': 'changes what is installed', 'tests': 'runs the tests, or is as slow',
     'a full ROS installation': 'ros2, rviz2 and similar programs are not on PyPI',
+    'several machines': 'tests/forecast/test_cluster.py runs it',
     'a robot': 'needs one', 'a display': 'opens a window', 'a GPU': 'needs one',
     'no program': 'is text: a layout, a table, output',
 }

@@ -17,7 +17,6 @@ import numpy as np
 
 from lava_ros.bag.reader import BagMessage, BagReader
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files.optional import require
 
 # A fixed-length array takes memory for the length in its definition, whatever a message contains.
 _FIXED = re.compile(rb'^\s*[^#\s]+\[\d', re.MULTILINE)
@@ -33,12 +32,7 @@ class Decoder:
     """Decodes the messages of one bag to objects with the fields of their type."""
 
     def __init__(self, bag: BagReader) -> None:
-        """Initialize with the definitions in a bag.
-
-        Raises:
-            LavaError: If mcap-ros2-support is not installed.
-        """
-        require('mcap_ros2.decoder', 'bag', str(bag.path))
+        """Initialize with the definitions in a bag."""
         from mcap.records import Schema
         from mcap_ros2.decoder import DecoderFactory
 

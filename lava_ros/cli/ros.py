@@ -21,7 +21,7 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.errors import RefusalError
-from lava_ros.files.optional import installation
+from lava_ros.files.optional import INSTALL_ROS
 
 if TYPE_CHECKING:
     from lava_ros.scene import Scene, Terrain
@@ -114,7 +114,7 @@ def require_ros() -> None:
     name = next((name for name in ('rclpy', 'nav_msgs') if find_spec(name) is None), None)
     if name is not None:
         problem = f'This command needs ROS 2: the Python package {name} is not installed'
-        remedy = f'Source the setup file of ROS 2 Jazzy, or run {installation("ros")}'
+        remedy = f'Source the setup file of ROS 2 Jazzy, or run {INSTALL_ROS}'
         raise RefusalError('ROS 2', problem, remedy)
 
 

@@ -50,7 +50,7 @@ _ENSEMBLE = in_group(
     ),
     argument(
         '--scheduler', 'ADDRESS', 'address of a Dask scheduler that runs the members: '
-        'tcp://host:8786',
+        'tls://host:8786',
     ),
     formats('areas of 10, 50 and 90 %% probability, isochrones', None),
     argument(

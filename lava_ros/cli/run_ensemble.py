@@ -168,8 +168,6 @@ def run_members(args: argparse.Namespace) -> int:
     check_observation(args)
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = plan_of_arguments(args)
-    if case is not None and case.outlines:
-        require('matplotlib.figure', 'reliability', str(args.output))
     terrain, output = plan.scene.terrain, Path(args.output)
     barriers = run_barriers.barriers_of(args, terrain)
     crs = coordinate_system(terrain.epsg, terrain.wkt)
@@ -209,7 +207,7 @@ def run_members(args: argparse.Namespace) -> int:
         )
         runs.files += files
     report['files'] = runs.files
-    table = arrivals_at(args, output)
+    table = arrivals_at(args, output / WEIGHTED if args.observed else output)
     if table is not None:
         report['places'] = table.as_dict()['places']
     # the bag and the tags of the maps have the error of the spacing as it is read from them

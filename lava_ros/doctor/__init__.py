@@ -4,11 +4,11 @@
 """Checks of `lava check install`: machine and ROS graph, with a remedy for each problem."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 import ctypes
 from dataclasses import dataclass
 import importlib.metadata
 from importlib.util import find_spec
-from itertools import takewhile
 import json
 import os
 from pathlib import Path
@@ -19,7 +19,7 @@ import tempfile
 from typing import Any
 
 from lava_ros.bag.qos import LATCHED
-from lava_ros.files.optional import installation
+from lava_ros.files.optional import INSTALL_ROS
 from lava_ros.layers.layer import Layer, OCCUPANCY_GRID
 from lava_ros.simulation.backend.threads import usable_cores
 
@@ -28,22 +28,6 @@ OK, WARN, FAIL = 'OK', 'WARN', 'FAIL'
 
 #: First version of Python that was not tested.
 UNTESTED_PYTHON = (3, 14)
-
-#: Distribution, minimum version, first version not tested, extra that installs it (or '').
-PACKAGES = (
-    ('lz4', '4', '5', ''),
-    ('mcap', '1.5', '2', ''),
-    ('numpy', '1.26', '3', ''),
-    ('pyyaml', '6', '7', ''),
-    ('rich', '13.7', '16', ''),
-    ('warp-lang', '1.19', '2', ''),
-    ('zstandard', '0.22', '1', ''),
-    ('pyogrio', '0.12', '1', 'terrain'),
-    ('rasterio', '1.3.10', '2', 'terrain'),
-    ('jinja2', '3.1', '4', 'plot'),
-    ('matplotlib', '3.8', '4', 'plot'),
-    ('mcap-ros2-support', '0.5.5', '1', 'plot'),
-)
 
 #: Free space below which a recording soon fails, and below which a long one may fail [bytes].
 SCARCE, LITTLE = 10**9, 10**10
@@ -82,7 +66,7 @@ PROBE_TIMEOUT = 30.0
 #: A round trip on one machine is slow above this time [ms].
 SLOW = 50.0
 
-_ROS_REMEDY = f'source the setup file of ROS 2 Jazzy, or run {installation("ros")}'
+_ROS_REMEDY = f'source the setup file of ROS 2 Jazzy, or run {INSTALL_ROS}'
 
 _DDS_REMEDY = (
     'let the firewall pass UDP 7400 to 7500 and multicast, check that /dev/shm is writable, '
@@ -113,19 +97,29 @@ def check_python() -> Results:
 
 
 def check_packages() -> Results:
-    """Check whether dependencies are installed in tested versions."""
+    """Check whether required packages are installed, and those that read GIS files."""
+    from packaging.requirements import Requirement
+
+    try:
+        requirements = importlib.metadata.requires('lava_ros') or []
+    except importlib.metadata.PackageNotFoundError:
+        return [(WARN, 'lava_ros is not installed', 'pip install . in the folder of the source')]
     results: Results = []
     found = []
-    for name, lowest, untried, extra in PACKAGES:
+    for requirement in map(Requirement, requirements):
+        marker, name = requirement.marker, requirement.name
+        is_needed = marker is None or marker.evaluate({'extra': ''})
+        if marker is not None and not (is_needed or marker.evaluate({'extra': 'gis'})):
+            continue
         version = _version(name)
         if not version:
-            remedy = installation(extra) if extra else f'pip install {name}'
-            results.append((WARN if extra else FAIL, f'{name} is missing', remedy))
-        elif _parts(lowest) <= _parts(version) < _parts(untried):
+            level = FAIL if is_needed else WARN
+            results.append((level, f'{name} is missing', f'pip install {name}'))
+        elif requirement.specifier.contains(version, prereleases=True):
             found.append(f'{name} {version}')
         else:
-            remedy = f"pip install '{name}>={lowest},<{untried}'"
-            results.append((WARN, f'{name} {version} was not tested', remedy))
+            text = f'{name} is {version}, and lava_ros needs {requirement.specifier}'
+            results.append((FAIL, text, f'pip install --upgrade {name}'))
     return [*results, (OK, ', '.join(found))]
 
 
@@ -134,11 +128,6 @@ def _version(distribution: str) -> str:
         return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
         return ''
-
-
-def _parts(version: str) -> tuple[int, ...]:
-    """Return the leading numbers of a version."""
-    return tuple(map(int, takewhile(str.isdigit, version.split('.'))))
 
 
 def _warp() -> Any:
@@ -188,7 +177,12 @@ def check_kernel_cache() -> Results:
             FAIL, f'{folder} cannot be written ({problem})',
             'set WARP_CACHE_PATH to a writable folder, or kernels are compiled at every start',
         )]
-    size = sum(path.stat().st_size for path in folder.rglob('*') if path.is_file())
+    size = 0
+    for place, _, names in os.walk(folder):
+        for name in names:
+            # another process may remove what it has compiled
+            with suppress(OSError):
+                size += os.stat(os.path.join(place, name)).st_size
     return [(OK, f'{folder}, {size / 1e6:.0f} MB')]
 
 

@@ -1,23 +1,14 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Optional packages and the extras that install them."""
+"""Packages that only some tasks need."""
 
 from importlib import import_module
 
 from lava_ros.errors import RefusalError
 
-#: Extra that installs a package.
-_EXTRAS = {
-    'viser': 'watch',
-    'distributed': 'ensemble',
-    'jinja2': 'plot',
-    'matplotlib': 'plot',
-    'mcap_ros2': 'plot',
-    'pyogrio': 'terrain',
-    'rasterio': 'terrain',
-    'scipy': 'hindcast',
-}
+#: Command that installs ROS 2 without apt: the package itself is in no registry.
+INSTALL_ROS = "pip install '.[ros]' in the folder of the source"
 
 
 def is_installed(package: str) -> bool:
@@ -29,15 +20,9 @@ def is_installed(package: str) -> bool:
     return True
 
 
-def installation(extra: str) -> str:
-    """Return the command that installs an extra from the source: lava_ros is in no registry."""
-    return f"pip install '.[{extra}]' in the folder of the source"
-
-
 def require(package: str, field: str, value: object = None) -> None:
     """Raise LavaError with the command for installation if a package is missing."""
     if not is_installed(package):
-        name = package.partition('.')[0]
         what = field if value is None else f'{field} ({value})'
-        remedy = f'Run {installation(_EXTRAS[name])}'
-        raise RefusalError(field, f'{what} needs {name}, which is not installed', remedy)
+        problem = f'{what} needs {package}, which is not installed'
+        raise RefusalError(field, problem, f'Run pip install {package}')

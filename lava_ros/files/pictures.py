@@ -11,7 +11,6 @@ from typing import Any
 import lava_ros
 from lava_ros.errors import one_line, refusing
 from lava_ros.files import open_input, writing
-from lava_ros.files.optional import require
 
 
 @contextmanager
@@ -25,11 +24,7 @@ def new_figure(
         output: Name of the output in the error.
         size: Width and height [inches].
         dpi: Pixels per inch.
-
-    Raises:
-        LavaError: If matplotlib is not installed.
     """
-    require('matplotlib.figure', field, str(output))
     from matplotlib import style
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -75,7 +70,6 @@ def read_picture(field: str, path: str | Path, max_side: int = 1200) -> Any:
     Raises:
         LavaError: If the file is not a readable PNG or JPEG.
     """
-    require('matplotlib', field, str(path))
     from PIL import Image
 
     with (

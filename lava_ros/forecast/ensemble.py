@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
+import gc
 import pickle
 from typing import Any
 import warnings
@@ -219,7 +220,7 @@ def run_on_cluster(
     Workers store nothing: a member is sent as a few numbers and returned as its footprint. Members
     of a worker that dies run again on another worker.
 
-    ``scheduler`` is an address such as ``tcp://host:8786``, and ``device`` the Warp device of
+    ``scheduler`` is an address such as ``tls://host:8786``, and ``device`` the Warp device of
     every worker; None for its first GPU, or the CPU without one.
 
     Raises:
@@ -254,11 +255,16 @@ def _client(scheduler: str) -> Iterator[Any]:
     from dask import config
     from distributed import Client
 
+    # a client that failed to connect must not be collected while the next one holds Dask's lock
+    gc.collect()
     settings = {'distributed.scheduler.allowed-failures': DEATHS}
     with config.set(settings), warnings.catch_warnings():
         # a terrain is larger than Dask expects for a task
         warnings.filterwarnings('ignore', message='Sending large graph')
-        expected = 'the address of a Dask scheduler, such as tcp://host:8786'
+        expected = (
+            'the address of a Dask scheduler, such as tls://host:8786, with its certificates in '
+            'DASK_CONFIG: docs/how_to/cluster.md'
+        )
         with refusing('--scheduler', scheduler, expected, OSError, ValueError, TypeError):
             client = Client(scheduler, timeout=PATIENCE)
         with client:

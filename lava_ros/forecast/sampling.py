@@ -13,13 +13,13 @@ are drawn near those that agree with it.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 import hashlib
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import effective_members
 from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.distributions import Distribution, Roughness
@@ -296,17 +296,15 @@ def is_independent(uncertainty: Uncertainty, name: str) -> bool:
 
 
 def prepare_sampling() -> None:
-    """Load the libraries for drawing members, which takes a second or more.
-
-    Raises:
-        LavaError: If scipy is not installed.
-    """
-    _qmc(1)
+    """Load the libraries for drawing members, which takes a second or more."""
+    import_module('scipy.stats')
 
 
 def _points(count: int, seed: Sequence[int], coordinates: int) -> np.ndarray:
     """Return shifted points of the sequence in the open unit cube, [count, coordinates]."""
-    sequence = _qmc(count).Sobol(coordinates, scramble=False, bits=_BITS)
+    from scipy.stats import qmc
+
+    sequence = qmc.Sobol(coordinates, scramble=False, bits=_BITS)
     # the sequence is balanced for powers of two
     points = sequence.random_base2((count - 1).bit_length())[:count]
     cells = np.round(points * 2**_BITS).astype(np.int64)
@@ -317,13 +315,6 @@ def _points(count: int, seed: Sequence[int], coordinates: int) -> np.ndarray:
 def _middle_of_step(points: np.ndarray) -> np.ndarray:
     """Round coordinates to the middles of the steps of ``_points``, inside the open cube."""
     return (np.clip(np.floor(points * 2**_BITS), 0, 2**_BITS - 1) + 0.5) / 2**_BITS
-
-
-def _qmc(count: int) -> Any:
-    require('scipy.stats', 'members', count)
-    from scipy.stats import qmc
-
-    return qmc
 
 
 def _rounded(value: float) -> float:
@@ -343,11 +334,7 @@ def random_field(
 
     White noise is convolved with a Gaussian of standard deviation L / 2, which gives the field
     this covariance. s and L are ``deviation`` and ``correlation`` of ``roughness`` [m].
-
-    Raises:
-        LavaError: If scipy is not installed.
     """
-    require('scipy.special', 'uncertainty.terrain', roughness)
     from scipy.fft import irfft2, next_fast_len, rfft2
     from scipy.special import ndtri
 

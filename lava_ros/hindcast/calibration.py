@@ -27,7 +27,6 @@ import numpy as np
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files import write_output
 from lava_ros.files.csv import format_table, read_table
-from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import effective_members, weigh
 from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import Case
@@ -130,11 +129,7 @@ def search(
     ``evaluate`` returns the numbers of many sets of values, ``batch`` sets at once. ``known`` runs
     of an earlier search of the same parameters are not repeated. ``progress`` is called with the
     number and the result of each run. Returns all runs, starting with the usual values.
-
-    Raises:
-        LavaError: If scipy is not installed.
     """
-    require('scipy.stats', 'calibrate')
     from scipy.stats import qmc
 
     memory = {_key(sample.values): sample for sample in known}

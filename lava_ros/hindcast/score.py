@@ -13,7 +13,6 @@ import math
 
 import numpy as np
 
-from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import (
@@ -280,7 +279,6 @@ def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarra
     Sources are rows and columns. A source outside the mask starts from the nearest masked cell;
     parts of the mask without a connection to a source are reached in a straight line.
     """
-    require('scipy.sparse', 'the length of the flow')
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import dijkstra
 

@@ -229,8 +229,6 @@ def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
             raise LavaError('epsg', None, expected)
         if name in vectors.WRITTEN:
             require('pyogrio', name, str(folder))
-    if 'nc' in formats:
-        require('scipy', 'NetCDF', str(folder))
 
 
 def _in_degrees(name: str) -> bool:

@@ -23,7 +23,6 @@ from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import read_raster
 from lava_ros.files.yaml import parse_json
-from lava_ros.forecast.influence import Influences
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.forecast.store import MANIFEST
@@ -32,6 +31,7 @@ from lava_ros.layers.frame import Frame, frame_of
 from lava_ros.layers.numbers import area_words, duration
 from lava_ros.layers.recording import Recording
 from lava_ros.products.colours import STYLES
+from lava_ros.products.ensemble_facts import describe_influence, describe_uncertain, Missing
 from lava_ros.products.gis import PROBABILITIES
 from lava_ros.products.plot import time_note, titles
 from lava_ros.products.run_warnings import (
@@ -45,7 +45,6 @@ from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.onset import Onset, recorded_onset, stated_onset
 from lava_ros.scene.projection import system_words
-from lava_ros.scene.ranges import short_citation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import brief_text, NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
@@ -328,11 +327,12 @@ def _ground(frame: Frame) -> dict[str, str]:
 
 def _ensemble(folder: Path) -> Run:
     require('rasterio', 'GeoTIFF', str(folder))
+    missing = Missing()
     try:
         with open_input(folder / MANIFEST) as file:
             manifest: Any = parse_json(MANIFEST, file.read())
         known, plan = manifest['scene'], manifest['plan']
-        reviewed = map(CalledEffect.from_dict, plan['switched_on'])
+        reviewed = map(CalledEffect.from_dict, missing.get(plan, 'switched_on') or ())
         place = dict(known['terrain'])
         shape = tuple(place.pop('shape'))
         terrain = Terrain(_raster(folder / 'elevation.tif', shape)[0], **place)
@@ -341,16 +341,21 @@ def _ensemble(folder: Path) -> Run:
         tags: dict[str, str] = {}
         frame = frame_of(scene)
         for name, (stem, source, title) in ENSEMBLE_MAPS.items():
+            if not missing.has_map(folder, stem):
+                continue
             most = {'probability': 100.0, 'arrival': float(plan['horizon_s'])}.get(source)
             values, tags = _raster(folder / f'{stem}.tif', shape, 0.0, most or MAX_ELEVATION)
             values = np.where(values > 0.0, values, np.nan)
-            limit = float(tags['unseen_percent'])
             if source == 'probability':
-                title = f'{title} (no colour: below {limit:.2g} %)'
-            elif stem.startswith('arrival_time_p'):
-                title = title.format(tags[f'arrives_before_{stem[-3:]}_percent'])
-            elif stem == 'arrival_time_earliest':
-                title = title.format(f'{limit:.2g}')
+                limit = missing.get(tags, 'unseen_percent')
+                below = 'no lava in any run' if limit is None else f'below {float(limit):.2g} %'
+                title = f'{title} (no colour: {below})'
+            elif source == 'arrival':
+                is_first = stem == 'arrival_time_earliest'
+                tag = 'unseen' if is_first else f'arrives_before_{stem[-3:]}'
+                part = missing.get(tags, f'{tag}_percent')
+                words, _, _ = title.partition(' (')
+                title = words if part is None else title.format(f'{float(part):.2g}')
             maps[name] = Panel(frame, source, values, title)
         horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
         members, effective = tags['members'], float(tags['effective_members'])
@@ -364,20 +369,24 @@ def _ensemble(folder: Path) -> Run:
         accuracy = Accuracy(**{**plan['accuracy'], 'threshold': threshold})
         ran = Plan(
             scene, horizon, accuracy, Effects(**plan['effects']), int(plan['looks']),
-            forced=plan['forced'],
+            forced=missing.get(plan, 'forced') or {},
         )
         measured = error_of_folder(folder)
-        areas = {
-            least: float(tags[f'inundated_area_p{least:.0f}_m2']) for least in PROBABILITIES
+        found = {
+            least: missing.get(tags, f'inundated_area_p{least:.0f}_m2') for least in PROBABILITIES
         }
-        worst, spacing_error = float(tags['inundated_area_worst_m2']), tags['spacing_error']
+        areas = {least: float(area) for least, area in found.items() if area is not None}
+        worst = missing.get(tags, 'inundated_area_worst_m2')
+        texts = [] if worst is None else [f'{area_words(float(worst))} in any run']
+        limits = [] if limit is None else [f'no lava in any run means below {float(limit):.2g} %']
+        spacing_error = missing.get(tags, 'spacing_error') or 'missing'
+        is_unusable = missing.get(tags, 'is_usable') == 'false'
+        inputs = missing.get(manifest, 'inputs')
     except (OSError, KeyError, TypeError, ValueError) as error:
         expected = f'an ensemble whose maps are finished and undamaged ({error})'
         raise LavaError('ensemble', str(folder), expected) from error
-    texts = [
-        f'{area_words(worst)} in any run',
-        *(f'{area_words(area)} at {least:g} % or more' for least, area in areas.items()),
-    ]
+    texts += [f'{area_words(area)} at {least:g} % or more' for least, area in areas.items()]
+    version = manifest.get('lava_ros', lava_ros.__version__)
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
     warnings = warnings_of_plan(ran)
     facts = {
@@ -387,22 +396,23 @@ def _ensemble(folder: Path) -> Run:
         'runs': f'{members}'
         + (f', which count like {effective:.3g} of equal weight' if observation != 'none' else '')
         + f'; a probability of 50 % is known to {50.0 / effective**0.5:.2g} percentage points '
-        f'(standard error), and no lava in any run means below {limit:.2g} %',
+        + ', and '.join(['(standard error)', *limits]),
         'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
         **({'weighted by': observation} if observation != 'none' else {}),
         **_warning(warnings),
-        **_inputs(manifest.get('inputs') or {}),
-        **_decides(tags),
-        'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
-        f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}, '
+        **({} if inputs is None else describe_uncertain(inputs)),
+        **describe_influence(tags),
+        'model': f'lava_ros {version}, depth-averaged lava as particles'
+        f' {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}, '
         f'numerical error {tags.get("numerical_error", NOT_MEASURED)}',
-        'warning' if tags['is_usable'] == 'false' else 'particle spacing': spacing_error,
+        'warning' if is_unusable else 'particle spacing': spacing_error,
         **_processes(on),
         **({'switched on': '; '.join(reasons)} if reasons else {}),
         **_ground(frame),
+        **missing.facts(version),
     }
     title = f'Lava within {duration(horizon)}, {members} runs'
-    if tags['is_usable'] == 'false':
+    if is_unusable:
         title += ', not usable'
     if observation != 'none':
         title += ' weighted by observed lava'
@@ -410,27 +420,6 @@ def _ensemble(folder: Path) -> Run:
         folder.resolve().name, title, '  ·  '.join(texts), maps, facts, terrain, horizon, onset,
         EruptingLava.of(scene), measured, warnings, Members(ran, int(members), effective, areas),
     )
-
-
-def _inputs(inputs: Mapping[str, Any]) -> dict[str, str]:
-    """Describe the uncertain quantities with their sources, and the exact ones."""
-    drawn = [
-        f'{name.replace("_", " ")} {item["distribution"]}, {short_citation(item["source"])}'
-        for name, item in inputs.get('drawn', {}).items()
-    ]
-    exact = [name.replace('_', ' ') for name in inputs.get('exact', {})]
-    return {
-        'uncertain': '; '.join(drawn) or 'no quantity',
-        **({'taken as exact': ', '.join(exact)} if exact else {}),
-    }
-
-
-def _decides(tags: Mapping[str, str]) -> dict[str, str]:
-    """Describe which quantities affect the inundated area most, if that is known."""
-    if 'influence' not in tags:
-        return {}
-    found = Influences.from_dict(parse_json('influence', tags['influence']))
-    return {'what decides (1 - J)': found.text()}
 
 
 def _raster(

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import fcntl
 from itertools import count
 import json
-import logging
 import math
 import os
 from pathlib import Path
@@ -23,8 +22,6 @@ from lava_ros.files.npz import read_arrays
 from lava_ros.files.yaml import parse_json
 from lava_ros.runs.sinks import ScheduledSink
 from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes
-
-_LOG = logging.getLogger(__name__)
 
 #: Version of the format of ``run.json``.
 VERSION = 1
@@ -82,12 +79,6 @@ class RunStore:
         self.checkpoint = from_bytes((self.path / CHECKPOINT).read_bytes())
         if (self.path / ARRAYS).is_file():
             self.arrays = dict(read_arrays('--output', self.path / ARRAYS))
-        models = [item['program']['model'] for item in (known, self.record)]
-        if models[0] != models[1]:
-            _LOG.warning(
-                '{} was begun with model {} and continues with model {}: its result matches '
-                'neither model'.format(self.path, *models)
-            )
         self.record = dict(known)
 
     def keep(

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.files.optional import is_installed
 
 #: Values that files use for cells without data. ``MARKS`` are not elevations near volcanoes, so
 #: that a single cell counts; ``BLOCK_MARKS`` may be the sea, so that only a block counts.
@@ -101,6 +100,8 @@ def _marks_with_cliffs(
     elevation: np.ndarray, known: np.ndarray, least: float
 ) -> Iterator[tuple[float, int]]:
     """Yield each usual value for missing data, and its number of cells with cliffs around them."""
+    from scipy.ndimage import label
+
     for value in (*MARKS, *BLOCK_MARKS):
         is_marked, is_block = elevation == value, value in BLOCK_MARKS
         others = known[known != value]
@@ -109,11 +110,7 @@ def _marks_with_cliffs(
         # planes, and walls and steps of one height, are synthetic terrain
         if is_block and (others.size < (1.0 - MAX_BLOCKS) * known.size or not np.ptp(others)):
             continue
-        labels = is_marked.astype(np.int32)
-        if is_installed('scipy'):
-            from scipy.ndimage import label
-
-            labels = label(is_marked)[0]
+        labels = label(is_marked)[0]
         sizes = np.bincount(labels.ravel())
         border, small = np.zeros((2, sizes.size))
         for one, other in ((labels, elevation), (labels.T, elevation.T)):

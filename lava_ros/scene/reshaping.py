@@ -20,7 +20,6 @@ from lava_ros.errors import LavaError
 from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
 from lava_ros.files.keys import Key, Keys, list_of, schema_of
-from lava_ros.files.optional import require
 from lava_ros.scene.features import read_features
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
@@ -231,7 +230,7 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
     length L keep exp(-2 (pi width / L)^2) of their height: 0.7 % at L = 2 widths, 73 % at 8.
 
     Raises:
-        LavaError: If the width is not usable, or scipy is not installed.
+        LavaError: If the width is not usable.
     """
     rows, columns = terrain.shape
     most = 0.25 * min(rows, columns) * terrain.resolution
@@ -239,7 +238,6 @@ def low_pass(terrain: Terrain, width: float) -> Terrain:
     # a neighbour would weigh exp(-50)
     if width < 0.1 * terrain.resolution:
         return terrain
-    require('scipy', 'low_pass', width)
     from scipy.ndimage import gaussian_filter
 
     known = np.isfinite(terrain.elevation)

@@ -19,7 +19,6 @@ from lava_ros.errors import LavaError
 from lava_ros.files import check_exists
 from lava_ros.files.keys import any_of, Key, Keys, list_of, number, TEXT
 from lava_ros.files.npz import read_arrays
-from lava_ros.files.optional import is_installed, require
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene.missing_data import check_missing, NODATA_ADVICE
 from lava_ros.scene.on_terrain import read_band
@@ -146,8 +145,6 @@ def load_terrain(
     }
     valid = TERRAIN_KEYS.values('terrain', {k: v for k, v in given.items() if v is not None})
     resolution, offset, sea_level = map(valid.get, ('resolution', 'offset', 'sea_level'))
-    if fill_holes:
-        require('scipy', 'terrain.fill_holes', True)
     if nodata is not None and nodata != 'none':
         nodata = validation.number('terrain.nodata', nodata)
     is_npz = path.suffix.lower() == '.npz'
@@ -333,9 +330,9 @@ def _log_summary(
 
 
 def _holes_and_pits(terrain: Terrain) -> np.ndarray:
-    """Mark enclosed cells without data, if scipy is installed, and pits two cells deep: bool."""
+    """Mark enclosed cells without data, and pits two cells deep: bool."""
     holes, known = np.zeros(terrain.shape, dtype=bool), np.isfinite(terrain.elevation)
-    if not known.all() and is_installed('scipy'):
+    if not known.all():
         from scipy.ndimage import binary_fill_holes
 
         holes = binary_fill_holes(known) & ~known

@@ -8,15 +8,14 @@ from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lava_ros.simulation.output.budget import VolumeBudget
+    from lava_ros.simulation.output.checkpoint import MODEL
     from lava_ros.simulation.output.snapshot import Particles, Snapshot, StepReport
     from lava_ros.simulation.simulation import Simulation
-
-#: Number of the model, which is raised when the same scene and settings have another result.
-MODEL = 1
 
 #: Public names and their modules. Warp is loaded only by a name that needs it: accuracy, presets
 #: and checkpoints do not.
 _MODULES = {
+    'MODEL': 'output.checkpoint',
     'Particles': 'output.snapshot',
     'Simulation': 'simulation',
     'Snapshot': 'output.snapshot',

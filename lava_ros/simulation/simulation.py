@@ -23,7 +23,7 @@ from lava_ros.simulation.backend.memory import within_memory
 from lava_ros.simulation.batch import current_batch
 from lava_ros.simulation.cells.solver import CellSolver
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint, warn_of_other_model
 from lava_ros.simulation.output.measurement import measured_scales
 from lava_ros.simulation.output.peaks import PeakMaps, Peaks
 from lava_ros.simulation.output.snapshot import (
@@ -477,6 +477,7 @@ class Simulation:
         simulation._review.since.update(checkpoint.switched_on)
         simulation._review.largest.update(checkpoint.measured)
         simulation._watch()
+        warn_of_other_model(checkpoint)
         return simulation
 
     @property

@@ -103,12 +103,6 @@ def test_refuses_invalid_ros_arguments(words, wrong):
     assert wrong[-1] in refused(*words, '--ros-args', *wrong)
 
 
-@pytest.mark.parametrize('command', ['ros node', 'ros feed', 'ros demo'])
-def test_error_without_ros_names_the_extra(command, monkeypatch):
-    monkeypatch.setattr('lava_ros.cli.ros.find_spec', lambda name: None)
-    assert "pip install '.[ros]'" in refused(command)
-
-
 def test_terrain_without_vents_gets_one_on_its_summit(tmp_path):
     elevation = np.zeros((40, 50))
     elevation[0, 0] = 500.0

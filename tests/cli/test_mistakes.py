@@ -11,8 +11,6 @@ import pytest
 
 from command_line import lava, refused
 from lava_ros.cli.parser import COMMANDS
-from lava_ros.files.optional import _EXTRAS, installation
-from project import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 
@@ -272,10 +270,3 @@ def test_every_command_suggests_its_options(command):
 def test_accepts_what_looks_like_a_mistake(words, folder):
     status, _, error = lava(*shlex.split(words))
     assert status == 0, error
-
-
-def test_extras_in_errors_contain_the_packages():
-    for package, extra in _EXTRAS.items():
-        names = [item.partition('>')[0].partition('[')[0] for item in EXTRAS[extra]]
-        assert package in [name.removesuffix('-support').replace('-', '_') for name in names]
-    assert installation('ros').startswith("pip install '.[ros]'") and EXTRAS['ros']

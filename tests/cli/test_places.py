@@ -200,6 +200,22 @@ def test_table_uses_the_weights_of_members(ensemble: Path, tmp_path: Path) -> No
         assert words in refused('places', ensemble, tmp_path / 'a.geojson')
 
 
+def test_ensemble_prints_the_table_of_its_maps(ensemble: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(ensemble.parent, tmp_path / 'ensemble'))
+    places, report = write_places(tmp_path / 'a.geojson'), tmp_path / 'report.json'
+    outline = write_outline(
+        tmp_path / 'outline.geojson', *np.array([(20, 75), (60, 115)]) + TERRAIN.offset
+    )
+    observed = ['--observed', outline, '--observed-at', '2min']
+    for more, maps in (([], folder / 'members'), (observed, folder / 'members/weighted')):
+        words = [*ensemble_words(folder, 6), '--places', places, '--json', report, *more]
+        printed = done(*words)
+        written = json.loads(report.read_text())
+        expected = table(maps, places, folder=tmp_path)
+        assert {item['name']: item for item in written['places']} == expected
+        assert printed.endswith(done('places', maps, places))
+
+
 def test_reports_contain_the_table(ensemble: Path, tmp_path: Path, undrawn: None) -> None:
     places, page = write_places(tmp_path / 'a.geojson'), tmp_path / 'page.html'
     bag = record(tmp_path / 'flow', times=(200.0, 400.0))

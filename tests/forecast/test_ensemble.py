@@ -12,7 +12,6 @@ import os
 from pathlib import Path
 import re
 import signal
-import sys
 from typing import Any
 
 import numpy as np
@@ -288,30 +287,6 @@ def test_local_processes_do_not_listen_and_survive_a_kill(small: Any, tmp_path: 
     assert len(recorded[0]) == 2 and not recorded[0] & recorded[-1]
 
 
-@pytest.mark.nightly
-def test_killed_worker_of_a_cluster_loses_no_member(small: Any, tmp_path: Path) -> None:
-    from distributed import Client, LocalCluster
-
-    runs, whole = small
-    killed: list[int] = []
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        with Client(cluster) as client:
-            pids = list(client.run(os.getpid).values())
-
-        def kill(done: int, resumed: int) -> None:
-            if not killed:
-                os.kill(pids[0], signal.SIGKILL)
-                killed.append(pids[0])
-
-        runner = partial(run_on_cluster, scheduler=cluster.scheduler_address)
-        maps = runs(tmp_path, runner, on_finished=kill)
-    assert killed and len(pids) == 2
-    assert same(maps, whole)
-    assert len(list(tmp_path.glob('members/*.npz'))) == 8
-
-
 def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
     gpus = ['cuda:0', 'cuda:1']
     shared: list[str | None] = []
@@ -348,11 +323,8 @@ def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
         assert shared == expected
 
 
-def test_a_cluster_needs_dask_and_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cluster_needs_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ensembles, 'PATIENCE', 0.3)
     for address in ('tcp://127.0.0.1:9', 'nonsense'):
         with pytest.raises(LavaError, match='--scheduler'):
             list(run_on_cluster(PLAN, MEMBERS, scheduler=address))
-    monkeypatch.setitem(sys.modules, 'distributed', None)
-    with pytest.raises(LavaError, match=r"'\.\[ensemble\]'"):
-        list(run_on_cluster(PLAN, MEMBERS, scheduler='tcp://localhost:1'))

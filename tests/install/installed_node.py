@@ -47,14 +47,14 @@ def copy_checkout(folder):
     shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*ASIDE))
 
 
-def install(folder):
-    """Make an environment with the package and its ROS requirements; return its programs."""
+def install(folder, *requirements):
+    """Make an environment with the package as pip's requirements name it; return its programs."""
     source, home = folder / 'source', folder / 'venv'
     copy_checkout(source)
     venv.create(home, with_pip=True)
     options = ['--quiet', '--disable-pip-version-check', '--constraint', 'constraints.txt']
     pip = [str(home / 'bin' / 'python'), '-m', 'pip', 'install', *options]
-    subprocess.run([*pip, '.[ros]'], cwd=source, check=True)
+    subprocess.run([*pip, *requirements], cwd=source, check=True)
     shutil.rmtree(source)
     return home / 'bin'
 
@@ -105,7 +105,7 @@ def main():
     """Install the package and run its node."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        programs = install(folder)
+        programs = install(folder, '.[ros]')
         command = [str(programs / 'lava_node'), *ARGUMENTS]
         check(command, str(programs / 'python'), folder / 'elsewhere', outside())
     print('installed, published, recorded and ended on SIGINT')

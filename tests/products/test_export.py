@@ -6,7 +6,6 @@
 import json
 from pathlib import Path
 import re
-import sys
 from typing import Any
 from xml.etree import ElementTree
 
@@ -317,20 +316,6 @@ def test_rejects_a_raster_that_is_not_in_the_table(tmp_path):
     terrain = Terrain(np.zeros((2, 2)), 1.0)
     with pytest.raises(LavaError, match='name is .depth., expected .*thickness'):
         gis.write_grid(tmp_path / 'a.tif', 'depth', np.ones((2, 2)), terrain, gis.Provenance('a'))
-
-
-@pytest.mark.parametrize(('format_name', 'module', 'words'), [
-    ('tif', 'rasterio', r"pip install '\.\[terrain\]'"),
-    ('gpkg', 'pyogrio', r"gpkg .*pyogrio.*'\.\[terrain\]'"),
-    ('nc', 'scipy', r"NetCDF .*scipy.*'\.\[hindcast\]'"),
-])
-def test_rejects_a_format_without_its_library(
-    format_name, module, words, bag, tmp_path, monkeypatch
-):
-    monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(LavaError, match=words):
-        export_bag(bag, tmp_path / 'out', formats=[format_name])
-    assert not (tmp_path / 'out').exists()
 
 
 @pytest.mark.parametrize('ending', WRITTEN)

@@ -27,7 +27,9 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.input_files import digests, files_in
 from lava_ros.scene.onset import recorded_onset
+from lava_ros.simulation import MODEL
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.output.checkpoint import from_bytes
 
 SLOPE = Terrain(np.tile(np.linspace(40.0, 0.0, 30), (20, 1)), 10.0)
 DAM = replace(SLOPE, elevation=SLOPE.elevation + np.where(np.arange(30) == 12, 5.0, 0.0))
@@ -93,7 +95,7 @@ def test_folder_describes_the_run(whole):
     assert record['volume_emitted_m3'] == pytest.approx(1500.0)
     assert record['onset'] == '2031-03-01T04:30:00Z'
     assert record['effects'][0]['time'] == 0.0
-    assert record['program']['model'] == 1
+    assert record['program']['model'] == MODEL
 
 
 def test_bag_of_the_run_has_its_maps(whole):
@@ -170,13 +172,11 @@ def test_killed_run_continues(whole, tmp_path, monkeypatch):
 def test_run_of_another_model_continues_with_a_warning(tmp_path, monkeypatch, caplog):
     folder = tmp_path / 'run'
     interrupted(folder, monkeypatch)
-    path = folder / 'run.json'
-    record = json.loads(path.read_text())
-    record['program']['model'] = 0
-    path.write_text(json.dumps(record))
+    path = folder / CHECKPOINT
+    path.write_bytes(replace(from_bytes(path.read_bytes()), model=MODEL - 1).to_bytes())
     with caplog.at_level(logging.WARNING):
         SceneRun(request(folder)).folder.close()
-    assert 'begun with model 0 and continues with model 1' in caplog.text
+    assert f'began with model {MODEL - 1} of' in caplog.text
 
 
 @pytest.mark.parametrize('kind', ['finished', 'other scene', 'other settings', 'foreign'])

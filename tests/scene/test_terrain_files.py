@@ -197,18 +197,10 @@ def test_rejects_a_sparse_grid_with_too_many_cells(tmp_path):
         load_terrain(path)
 
 
-def test_error_names_the_missing_extra(tmp_path, monkeypatch):
+def test_npz_files_need_no_gdal(tmp_path, monkeypatch):
     np.savez(tmp_path / 'a.npz', elevation=NORTH_FIRST, resolution=30.0, epsg=32633)
-    path = write_raster(tmp_path / 'a.tif', FLOATS)
-    with monkeypatch.context() as lacking:
-        lacking.setitem(sys.modules, 'scipy', None)
-        assert load_terrain(path).has_data.all()
-        with pytest.raises(LavaError, match=r'\.\[hindcast\]'):
-            load_terrain(path, fill_holes=True)
     monkeypatch.setitem(sys.modules, 'rasterio', None)
     assert load_terrain(tmp_path / 'a.npz').resolution == 30.0
-    with pytest.raises(LavaError, match=r"pip install '\.\[terrain\]'"):
-        load_terrain(path)
 
 
 @pytest.mark.parametrize(('bands', 'written', 'options', 'message'), [

@@ -9,7 +9,6 @@ from http.client import HTTPConnection
 from io import BytesIO
 from itertools import count
 import socket
-import sys
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -24,7 +23,6 @@ pytest.importorskip('viser')
 import trimesh
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from command_line import refused
 from lava_ros.errors import LavaError
 from lava_ros.layers.layer import ARRIVED, PROBABILITY
 from lava_ros.layers.recording import Recording
@@ -512,8 +510,3 @@ def test_watches_one_layer_for_each_map():
     found = {item.source: item.name for item in watched_layers()}
     assert found['thickness'] == 'height_raw' and found['arrival'] == 'arrival_time'
     assert {ARRIVED, PROBABILITY, 'hazard'} <= set(found)
-
-
-def test_without_viser_the_error_tells_how_to_install_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'viser', None)
-    assert "pip install '.[watch]'" in refused('watch')

@@ -11,7 +11,6 @@ from typing import Any
 import lava_ros
 from lava_ros.errors import refusing
 from lava_ros.files import write_output
-from lava_ros.files.optional import require
 from lava_ros.files.pictures import read_picture
 
 #: Kinds of pictures in data URLs by suffix, other than PNG.
@@ -20,7 +19,6 @@ _KINDS = {'.jpg': 'jpeg', '.jpeg': 'jpeg', '.svg': 'svg+xml'}
 
 def render_page(template: str, **content: Any) -> str:
     """Render a template of this folder; texts are escaped."""
-    require('jinja2', 'HTML pages')
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     pages = Environment(

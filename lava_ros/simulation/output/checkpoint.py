@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 import hashlib
 import json
+import logging
 import math
 import struct
 from typing import Any, NamedTuple
@@ -34,6 +35,11 @@ from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.scene import onset_from
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
+
+_LOG = logging.getLogger(__name__)
+
+#: Number of the model, which is raised when the same scene and settings have another result.
+MODEL = 2
 
 #: Version of the format, the only one that is read.
 VERSION = 1
@@ -80,6 +86,7 @@ class Checkpoint:
         capacity: Maximum number of particles in the arrays.
         arrays: Arrays of the solver by name; ``state.particle`` has a row for each particle.
         written_by: Version of the package that wrote the checkpoint.
+        model: Number of its model; 1 if the checkpoint does not state it.
     """
 
     time: float
@@ -95,6 +102,7 @@ class Checkpoint:
     written_by: str = lava_ros.__version__
     switched_on: Mapping[str, float] = field(default_factory=dict)
     measured: Mapping[str, float] = field(default_factory=dict)
+    model: int = MODEL
 
     def __post_init__(self) -> None:
         """Validate the numbers and arrays.
@@ -149,6 +157,7 @@ class Checkpoint:
         header = json.dumps(
             {
                 'written_by': self.written_by,
+                'model': self.model,
                 'scene': scene_to_dict(self.scene),
                 'effects': asdict(self.effects),
                 'forced': None if self.forced is None else dict(self.forced),
@@ -173,6 +182,15 @@ class Checkpoint:
             _MAGIC, VERSION, len(header), len(body), self.particle_count, self.time, bytes(8)
         )
         return b''.join((prefix, _digest(prefix, header, body), header, body))
+
+
+def warn_of_other_model(checkpoint: Checkpoint) -> None:
+    """Log a warning if a run continues that another model began."""
+    if checkpoint.model != MODEL:
+        _LOG.warning(
+            f'the run began with model {checkpoint.model} of lava_ros {checkpoint.written_by}, '
+            f'and continues with model {MODEL}: its result matches neither model'
+        )
 
 
 class Summary(NamedTuple):
@@ -275,6 +293,9 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
         written_by=str(header['written_by']),
         switched_on=_by_effect('switched_on', header['switched_on']),
         measured=_by_effect('measured', header['measured']),
+        model=validation.whole(
+            'checkpoint.model', header.get('model', 1), at_least=1, at_most=2**31
+        ),
     )
 
 

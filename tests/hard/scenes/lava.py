@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from hard.case import block, both, CELL, HardScene, material, plane, scene, terrain, vent
+from hard.scenes.terrain import caldera
 from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Particles
@@ -119,10 +120,6 @@ BASALT = Lava.paper(
 )
 
 
-def _cliff(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    return 0.1 * y + np.where(y > 0.0, 1000.0, 0.0)
-
-
 def _pit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return y - 1000.0 * ((np.abs(x) < CELL) & (np.abs(y) < CELL))
 
@@ -155,11 +152,11 @@ HEAT = (
                     ambient_temperature=100.0), 200.0, mirrored=True),
     HardScene('heated_by_fall',
               'lava that its fall over a cliff of 1000 m warms, and nothing cools',
-              scene(_cliff, (vent(0.0, 40.0, 20.0),), material(viscosity=1.0)), 20.0, 'heating',
+              scene(caldera, (vent(0.0, 40.0, 20.0),), material(viscosity=1.0)), 20.0, 'heating',
               mirrored=True, mirrored_until=6.0),
     HardScene('heated_by_fall_inertia',
               'the same with inertia: into the foot of the cliff at speed',
-              scene(_cliff, (vent(0.0, 40.0, 20.0),), material(viscosity=1.0)), 40.0,
+              scene(caldera, (vent(0.0, 40.0, 20.0),), material(viscosity=1.0)), 40.0,
               'heating_inertia', mirrored=True),
     HardScene('heated_in_pit_inertia', 'the same into a pit, whose far wall it runs against',
               scene(_pit, (vent(0.0, 50.0),), material(viscosity=1.0)), 40.0, 'heating_inertia'),

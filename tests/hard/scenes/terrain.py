@@ -20,7 +20,7 @@ def _cliff(drop: float) -> Surface:
     return lambda x, y: np.where(y > 0.0, drop + 0.1 * y, 0.0)
 
 
-def _caldera(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def caldera(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return a slope that continues 1,000 m lower, as inside a caldera's wall."""
     return 0.1 * y + np.where(y > 0.0, 1000.0, 0.0)
 
@@ -85,7 +85,7 @@ SCENES = (
     HardScene('cliff_inertia', 'the same with inertia', scene(_cliff(200.0), (TOP,)), 120.0,
               'inertia', mirrored=True),
     HardScene('caldera_wall', 'a wall of 1000 m from one cell to the next, with a slope below',
-              scene(_caldera, (vent(0.0, 30.0),), material(viscosity=100.0)), 200.0, mirrored=True,
+              scene(caldera, (vent(0.0, 30.0),), material(viscosity=100.0)), 200.0, mirrored=True,
               mirrored_until=50.0, reaches=65.0),
     HardScene('spike', 'a spike of 100 m in the way', scene(_single(100.0), (TOP,)), 300.0,
               mirrored=True, mirrored_until=200.0,

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Folders of ensembles from earlier versions have pages, which name what they lack."""
+
+import html
+import json
+from pathlib import Path
+import shutil
+
+import pytest
+import rasterio
+
+from cli.conftest import ensemble_words, write_ensemble_scene
+from command_line import done, refused
+
+#: Maps, tags of the maps, and keys of ensemble.json that version 0.1.0 did not write, with words
+#: about them on the page.
+MAPS = {
+    'arrival_time_earliest': 'earliest arrival of any run',
+    'largest_peak_thickness': 'largest thickness of any run',
+}
+TAGS = {
+    'unseen_percent': 'probability below which no run has lava',
+    'arrives_before_p10_percent': 'probability that lava comes before the mapped times',
+    'arrives_before_p50_percent': 'probability that lava comes before the mapped times',
+    'arrives_before_p90_percent': 'probability that lava comes before the mapped times',
+    'inundated_area_p10_m2': 'inundated area at 10, 50 and 90 % or more',
+    'inundated_area_worst_m2': 'area inundated in any run',
+    'spacing_error': 'error of the particle spacing',
+    'is_usable': 'whether the error of the particle spacing is small enough',
+}
+KEYS = {
+    'inputs': 'uncertain quantities with their sources',
+    'plan.switched_on': 'effects that the runs have switched on',
+    'plan.forced': 'effects that were forced',
+}
+
+#: Every map, tag and key alone, and all together, as in a folder of version 0.1.0.
+CASES = [*([name] for name in (*MAPS, *TAGS, *KEYS)), [*MAPS, *TAGS, *KEYS]]
+
+
+@pytest.fixture(scope='module')
+def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('earlier')
+    write_ensemble_scene(folder, 3.0, {'position': {'deviation': 5.0}})
+    done(*ensemble_words(folder, 2))
+    return folder / 'members'
+
+
+def remove(folder: Path, names: list[str]) -> None:
+    """Remove maps, tags and keys from the folder of an ensemble."""
+    for path in folder.glob('*.tif'):
+        if path.stem in names:
+            path.unlink()
+            continue
+        with rasterio.open(path) as file:
+            kept = {key: text for key, text in file.tags().items() if key not in names}
+            values, profile = file.read(), file.profile
+        with rasterio.open(path, 'w', **profile) as file:
+            file.write(values)
+            file.update_tags(**kept)
+    manifest = json.loads((folder / 'ensemble.json').read_text())
+    for name in names:
+        *outer, last = name.split('.')
+        (manifest[outer[0]] if outer else manifest).pop(last, None)
+    (folder / 'ensemble.json').write_text(json.dumps(manifest))
+
+
+@pytest.mark.parametrize('names', CASES, ids=lambda names: '+'.join(names[:2]))
+def test_page_names_what_an_earlier_version_did_not_write(
+    names: list[str], ensemble: Path, tmp_path: Path, undrawn: None
+) -> None:
+    folder = Path(shutil.copytree(ensemble, tmp_path / 'members'))
+    remove(folder, names)
+    done('map', folder, '-o', tmp_path / 'page.html')
+    page = html.unescape((tmp_path / 'page.html').read_text())
+    assert 'wrote this folder without them' in page
+    for name in names:
+        assert {**MAPS, **TAGS, **KEYS}[name] in page
+    for name in set(MAPS) - set(names):
+        assert MAPS[name] not in page
+    assert 'Inundation probability' in page and 'None' not in page and 'nan' not in page.split()
+
+
+def test_page_of_this_version_lacks_nothing(
+    ensemble: Path, tmp_path: Path, undrawn: None
+) -> None:
+    done('map', ensemble, '-o', tmp_path / 'page.html')
+    assert 'wrote this folder' not in (tmp_path / 'page.html').read_text()
+
+
+@pytest.mark.parametrize('name', ['elevation', 'inundation_probability', 'arrival_time_p50'])
+def test_page_needs_the_maps_of_all_versions(name: str, ensemble: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(ensemble, tmp_path / 'members'))
+    (folder / f'{name}.tif').unlink()
+    assert f'{name}.tif' in refused('map', folder, '-o', tmp_path / 'page.html')
