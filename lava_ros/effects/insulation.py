@@ -150,7 +150,7 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
                 real(3.0) * surface * surface + real(2.0) * surface * ambient + ambient * ambient
             )
             ratio = wp.pow(outer * r, real(POWER))
-            both = wp.pow(real(1.0) + ratio, real(1.0 / POWER))
+            both = wp.pow(real(1.0) + ratio, real(wp.static(1.0 / POWER)))
             rise = ratio / (real(1.0) + ratio) * steepness / outer
             off = (surface - ambient) * both - excess
             surface -= off / (both * (real(1.0) + (surface - ambient) * rise))
