@@ -567,6 +567,18 @@ def _two_digits(number: str) -> str:
     return f'{float(f"{float(number):.2g}"):g}'
 
 
+def mobility_limits() -> Iterator[Line]:
+    """Yield cost and area of a flow by the limit of the mobility."""
+    yield ('limit', 'steps', 'CPU time', 'area', 'Jaccard index with no limit')
+    for row in lines_of('mobility_limit.csv'):
+        limit = row['mobility_limit_m_per_s']
+        yield (
+            f'{limit} m/s' if limit else 'none', f'{int(row["steps"]):,}',
+            f'{float(row["cpu_s"]):.1f} s', f'{float(row["area_km2"]):.2f} km²',
+            f'{float(row["jaccard_with_unlimited"]):.2f}',
+        )
+
+
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
@@ -578,6 +590,7 @@ PAGES: Mapping[str, Tables] = {
     },
     'MODEL.md': {
         'grounds': grounds, 'kernel_radii': kernel_radii, 'kernel_ratios': kernel_ratios,
+        'mobility_limits': mobility_limits,
     },
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'presets.md': {

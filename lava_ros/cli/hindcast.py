@@ -45,6 +45,11 @@ RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html',
         'none)', 1,
     ),
     argument('--maps', 'N', 'number of maps of the run, which does not change the flow', 24),
+    argument(
+        '--mobility-limit', 'U', 'maximum speed of lava over its slope [m/s]: faster lava moves '
+        'as if its viscosity were higher, which shortens runs of fluid lava (default: none)',
+        float,
+    ),
 )
 def hindcast(args: argparse.Namespace) -> int:
     """Simulate a mapped eruption, and compare the flow with the map.
@@ -72,7 +77,8 @@ def hindcast(args: argparse.Namespace) -> int:
         vents=lambda rows, ground: _vents(args, rows, ground),
     )
     settings = Settings(
-        args.preset, args.spacing, args.device, forced_effects(args), args.maps
+        args.preset, args.spacing, args.device, forced_effects(args), args.maps,
+        mobility_limit=args.mobility_limit,
     )
     output = Path(args.output or Path('hindcasts') / f'{case.name}_{args.preset}')
     _prepare(output)

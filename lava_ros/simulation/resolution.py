@@ -184,7 +184,8 @@ def resolution_of(
     Lava emitted after the ``horizon`` [s] does not count.
     """
     effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
-    course = course_of(scene, effects, horizon=horizon)
+    mobility = math.inf if accuracy.mobility_limit is None else accuracy.mobility_limit
+    course = course_of(scene, effects, horizon=horizon, mobility=mobility)
     width = math.nan if course is None else course.width
     thickness, flows = accuracy.thickness, scene.emplaced_flows
     emplaced = sum(flow.volume for flow in flows)
