@@ -147,6 +147,17 @@ def test_flows_of_etna_are_not_insulated(material, rate, slope):
     assert 'insulation' not in found and 'cover' in found
 
 
+@pytest.mark.parametrize('material', ['etna_magflow', 'basalt'])
+def test_flow_of_a_steep_flank_that_reaches_a_plain_is_not_insulated(material):
+    """Fluid lava runs out of the flank, but is no tube-fed flow there."""
+    scene, horizon = gentle(5.0, 0.2, material)
+    x = 30.0 * np.arange(160)
+    rise = 500.0 - 0.2 * np.minimum(x, 2000.0) - 0.02 * np.maximum(x - 2000.0, 0.0)
+    flank = Terrain(np.tile(rise, (120, 1)), 30.0)
+    found = effects_for(Scene(flank, scene.vents, scene.lava), horizon=horizon)
+    assert 'insulation' not in found and 'cover' in found
+
+
 def test_user_decides_about_insulation():
     scene, horizon = gentle(1.0, 0.026, 'etna_basalt')
     off = effects_for(scene, {'insulation': False}, horizon=horizon)

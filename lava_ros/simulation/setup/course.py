@@ -83,7 +83,8 @@ class Course:
         reynolds: Reynolds number rho u h / mu that 90 % of the volume does not exceed.
         cooled: Median fraction of the way from the temperature at the vent to the solidus of that
             flow, weighted by volume; 0 without a solidus.
-        slope: Median slope of the ground below that flow, weighted by volume, rise over run.
+        slope: Slope of the ground below that flow that 90 % of its volume does not exceed, rise
+            over run.
         discharge: Mean discharge of its source while it erupts [m3/s].
         temperature: Temperature at its source [K].
     """
@@ -160,7 +161,7 @@ def _find_course(
     cooled = (hot - cold) / (hot - solidus) if 0.0 < solidus < hot else 0.0
     return Course(
         columns, width, thickness, max(fall for _, fall in paths), reynolds, cooled,
-        largest.quantile(largest.ground_slope, 0.5), sources[0].mean, hot,
+        largest.quantile(largest.ground_slope, 0.9), sources[0].mean, hot,
     )
 
 
