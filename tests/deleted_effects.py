@@ -20,7 +20,7 @@ NAMES = {
     'cover': ('crust_cover', 'crust_cover_decay', 'crust_temperature'), 'crust': (),
     'wind': ('wind_speed',), 'ground': ('ground_conductivity', 'ground_diffusivity'),
     'viscous_heating': (), 'latent_heat': (), 'conduction': (), 'solidification': (),
-    'merging': (),
+    'insulation': (), 'merging': (),
 }
 
 #: Effects that have been deleted.

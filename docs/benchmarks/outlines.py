@@ -17,23 +17,16 @@ import platform
 import time
 from typing import Any
 
-from eruptions import version
+from eruptions import fitted, version
 from tables import lines_of
 
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.free_parameters import changed, UNITS
+from lava_ros.hindcast.free_parameters import changed
 from lava_ros.hindcast.replicates import directions, run_together
 from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import refer, score_outlines
 from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.verification.rows import write_csv
-
-
-def fitted() -> dict[str, float]:
-    """Return the constants that fit the outline of 24 September best."""
-    rows = [row for row in lines_of('lapalma_h200.csv') if row['case'] == '2021-09-24']
-    best = max(rows, key=lambda row: float(row['jaccard']))
-    return {name: float(best[name]) for name in UNITS if best.get(name)}
 
 
 @dataclass(frozen=True)

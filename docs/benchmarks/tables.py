@@ -42,6 +42,44 @@ def scores() -> Iterator[Line]:
         )
 
 
+#: Names of the mapped eruptions, and of the sets of constants with the eruption of their fit.
+ERUPTIONS = {
+    'etna2001': 'Etna 2001', 'etna2006': 'Etna 2006', 'lapalma2021': 'La Palma 2021, ',
+}
+MATERIALS = {'etna_basalt': 'Etna', 'fitted to 24 September': 'La Palma'}
+
+
+def flows() -> Iterator[Line]:
+    """Yield the scores of all mapped flows at draft, fitted or not, beside two references."""
+    yield ('flow', '`etna_basalt`', 'fitted to La Palma, 24 September', 'steepest descent',
+           'outline before')
+    descents = {row['case']: row['descent'] for row in lines_of('references.csv')}
+    rows = [row | {'jaccard': row['majority'], 'outline': '', 'persistence': '',
+                   'descent': descents[row['case']]}
+            for name in ('eruptions.csv', 'eruptions_other_volcano.csv')
+            for row in lines_of(name) if row['preset'] == 'draft']
+    rows += [row for row in lines_of('lapalma_outlines.csv') if row['constants'] in MATERIALS]
+    found = {(row['case'], row['outline'], row['constants']): row for row in rows}
+    others: dict[str, list[float]] = {name: [] for name in MATERIALS}
+    for case, outline in dict.fromkeys((row['case'], row['outline']) for row in rows):
+        cells = []
+        for name, place in MATERIALS.items():
+            row = found[case, outline, name]
+            is_fitted = ERUPTIONS[case].startswith(place) and (
+                place == 'Etna' or outline.startswith('2021-09-24')
+            )
+            if not ERUPTIONS[case].startswith(place):
+                others[name].append(float(row['jaccard']))
+            cells.append(f'{float(row["jaccard"]):.2f}' + ' (fitted)' * is_fitted)
+        before = row['persistence']
+        yield (
+            f'{ERUPTIONS[case]}{outline.removesuffix("T12:00:00Z")}', *cells,
+            f'{float(row["descent"]):.2f}', f'{float(before):.2f}' if before else '',
+        )
+    means = (f'**{sum(values) / len(values):.2f}**' for values in others.values())
+    yield ('mean over the other volcano', *means, '', '')
+
+
 def codes() -> Iterator[Line]:
     """Yield the scores of other codes on the same data."""
     yield ('code', 'flow', 'Jaccard', 'parameters')
@@ -544,17 +582,30 @@ def _two_digits(number: str) -> str:
     return f'{float(f"{float(number):.2g}"):g}'
 
 
+def mobility_limits() -> Iterator[Line]:
+    """Yield cost and area of a flow by the limit of the mobility."""
+    yield ('limit', 'steps', 'CPU time', 'area', 'Jaccard index with no limit')
+    for row in lines_of('mobility_limit.csv'):
+        limit = row['mobility_limit_m_per_s']
+        yield (
+            f'{limit} m/s' if limit else 'none', f'{int(row["steps"]):,}',
+            f'{float(row["cpu_s"]):.1f} s', f'{float(row["area_km2"]):.2f} km²',
+            f'{float(row["jaccard_with_unlimited"]):.2f}',
+        )
+
+
 Tables = Mapping[str, Callable[[], Iterator[Line]]]
 
 PAGES: Mapping[str, Tables] = {
+    '../README.md': {'flows': flows},
     'VALIDATION.md': {
-        'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes, 'chances': chances,
-        'dates': dates, 'changes': changes, 'commands': commands,
+        'flows': flows, 'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes,
+        'chances': chances, 'dates': dates, 'changes': changes, 'commands': commands,
         'outlines': outlines,
     },
     'MODEL.md': {
         'carriers': carriers, 'grounds': grounds, 'kernel_radii': kernel_radii,
-        'kernel_ratios': kernel_ratios,
+        'kernel_ratios': kernel_ratios, 'mobility_limits': mobility_limits,
     },
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'presets.md': {

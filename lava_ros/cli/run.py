@@ -69,6 +69,11 @@ _CASE = in_group(
         'their scatter and the area that at least half of them cover; from 2 to 8, which are all '
         'directions (default: none)', 1,
     ),
+    argument(
+        '--mobility-limit', 'U', 'maximum speed of lava over its slope [m/s]: faster lava moves '
+        'as if its viscosity were higher, which shortens runs of fluid lava (default: none)',
+        float,
+    ),
     shared('--low-pass', 'that of the case'), shared('--fresh', 'continue an interrupted run'),
 )
 

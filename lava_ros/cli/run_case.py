@@ -64,7 +64,8 @@ def run_case(args: argparse.Namespace) -> int:
         words=WORDS,
     )
     settings = Settings(
-        args.preset, args.spacing, args.device, forced_effects(args), args.maps
+        args.preset, args.spacing, args.device, forced_effects(args), args.maps,
+        mobility_limit=args.mobility_limit,
     )
     output = Path(args.output or Path('runs') / f'{case.name}_{args.preset}')
     _prepare(output)

@@ -153,14 +153,15 @@ def considered(scene: Scene, forced: Mapping[str, bool] = MappingProxyType({})) 
     """Return the effects that estimates of a flow include.
 
     They are those that the scene has, relevant or not, without those that the user has forced off
-    and with those forced on.
+    and with those forced on. Effects of one kind of flow are included only if forced on.
 
     Raises:
         LavaError: If a forced effect is unknown.
     """
     validation.keys('effects', forced, allowed=EFFECTS)
     on = [name for name, is_on in forced.items() if is_on]
-    return compatible([*on, *(name for name in existing(scene) if forced.get(name, True))])
+    general = (name for name in existing(scene) if not EFFECTS[name].kind)
+    return compatible([*on, *(name for name in general if forced.get(name, True))])
 
 
 def drop_superseded(names: Iterable[str]) -> tuple[str, ...]:

@@ -153,12 +153,17 @@ class Effect:
         check: Function that raises if constants are incompatible.
         excludes: Effects that cannot be on at the same time, and the reason, by name.
         replaces: Effects that it replaces.
+        kind: Kind of the flow (``simulation/flow_kind.py``) to which it is limited: estimates
+            include it in such a flow only, and there it wins over the effects that it excludes.
+            Empty: all kinds.
         law: Values that it adds to the device constants of the laws of flow, by name.
         heat: Values that it adds to the device constants of the heat balance, by name.
         adds_to: Names in ``heat`` that other effects declare too; the values are summed.
         is_surface: True if it transfers heat from a bare surface to the air at any age.
         stiffens: True if it makes the speed of lava depend on its temperature.
         needs_age: True if its terms depend on the age of a column.
+        ages_in_place: True if the age in the heat balance is the time since lava reached the cell
+            in which a column is, in place of the time since emission.
         needs_speed: True if its terms depend on the speed of a column.
         needs_drop: True if its terms depend on the height that a column falls.
         needs_velocity: True if lava has momentum: particles carry their velocity from step to
@@ -190,12 +195,14 @@ class Effect:
     check: Callable[[Lava], None] = lambda lava: None
     excludes: Mapping[str, str] = field(default_factory=dict)
     replaces: tuple[str, ...] = ()
+    kind: str = ''
     law: Mapping[str, Callable[[Lava], float]] = field(default_factory=dict)
     heat: Mapping[str, Callable[[Scene], float]] = field(default_factory=dict)
     adds_to: tuple[str, ...] = ()
     is_surface: bool = False
     stiffens: bool = False
     needs_age: bool = False
+    ages_in_place: bool = False
     needs_speed: bool = False
     needs_drop: bool = False
     needs_velocity: bool = False

@@ -215,10 +215,11 @@ def heat_loss(scene: Scene, effects: Effects | None = None) -> Callable[[float],
     """Return the heat flux [W/m2] from bare lava at rest to the air, by temperature [K].
 
     ``effects`` are those of the scene, by default all that it has. Of an effect that depends on
-    age, the effect that it replaces counts.
+    age, the effect that it replaces or excludes counts.
     """
     effects = considered(scene) if effects is None else effects
-    names = {*effects, *(other for name in effects for other in EFFECTS[name].replaces)}
+    others = (o for n in effects for o in (*EFFECTS[n].replaces, *EFFECTS[n].excludes))
+    names = {*effects, *(name for name in others if EFFECTS[name].exists(scene.lava))}
     surfaces = compatible(drop_superseded(n for n in names if EFFECTS[n].is_surface))
     values = heat_of(scene, surfaces, float)
     types = heat_type(float), column_type(float)

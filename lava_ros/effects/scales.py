@@ -15,6 +15,9 @@ import numpy as np
 
 from lava_ros.effects.protocols import Lava, Rheology, Scene
 
+#: Conductivity of a crust if the lava has none [W/(m K)].
+CRUST_CONDUCTIVITY = 2.0
+
 #: Interval of the temperatures at which a law is evaluated [K]; in between its logarithm is
 #: interpolated.
 _STEP = 5.0
@@ -130,6 +133,9 @@ class Scales(_OnDemand):
         fall: Largest difference of elevation along the flow [m].
         duration: Time from the start of the eruption to the horizon [s].
         is_extended: True if the flow has left its vent.
+        age_of_crust: Time in which the expected flow moves by its own thickness over the time in
+            which a crust forms, 1 / Psi, if its kind is tube-fed; otherwise 0
+            (``simulation/flow_kind.py``).
         emitted: Fraction of the volume at the horizon that has been emitted.
         is_measured: True if the columns are those of a running simulation.
     """
@@ -142,6 +148,7 @@ class Scales(_OnDemand):
     fall: float
     duration: float
     is_extended: bool
+    age_of_crust: float
     emitted: float = 1.0
     is_measured: bool = False
 

@@ -76,6 +76,7 @@ class Settings:
         integrator: Time integration, unless the preset has its own displacement.
         thickness: Thickness scale, which sets the volume of a particle [m]; None for the scale of
             the expected flow.
+        mobility_limit: Maximum of speed over slope [m/s]; None for no limit.
     """
 
     preset: str = DEFAULT
@@ -86,13 +87,14 @@ class Settings:
     courant: float = COURANT
     integrator: str = INTEGRATOR
     thickness: float | None = None
+    mobility_limit: float | None = None
 
     def accuracy(self, case: Case) -> Accuracy:
         """Return the accuracy for a case: the preset's with longer steps, and deterministic."""
         # repeated runs take the same path at a fork of a flow, even on a GPU
         accuracy = replace(
             preset_accuracy(self.preset), spacing=self.spacing, thickness=self.thickness,
-            deterministic=True,
+            deterministic=True, mobility_limit=self.mobility_limit,
         )
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant, integrator=self.integrator)

@@ -184,6 +184,14 @@ def score_outlines(case: Case, snapshots: Sequence[Snapshot]) -> list[OutlineSco
     return scores
 
 
+def most_visited(visits: np.ndarray, cells: int) -> np.ndarray:
+    """Return the most visited cells, at most a number of them, as bool of the same shape."""
+    order = np.argsort(visits, axis=None, kind='stable')[::-1][:cells]
+    covered = np.zeros(visits.shape, dtype=bool)
+    covered.flat[order] = True
+    return covered & (visits > 0)
+
+
 def refer(
     case: Case, area_errors: Mapping[str, float], before: np.ndarray | None = None
 ) -> dict[str, Reference]:
@@ -200,12 +208,9 @@ def refer(
     for outline in case.outlines:
         if outline.text in area_errors:
             cells = round((1.0 + area_errors[outline.text]) * int(outline.footprint.sum()))
-            order = np.argsort(visits, axis=None, kind='stable')[::-1][:cells]
-            covered = np.zeros(visits.shape, dtype=bool)
-            covered.flat[order] = True
             found[outline.text] = Reference(
                 None if last is None else jaccard(last, outline.footprint),
-                jaccard(covered & (visits > 0), outline.footprint),
+                jaccard(most_visited(visits, cells), outline.footprint),
             )
         last = outline.footprint if before is None else before
     return found

@@ -81,6 +81,10 @@ class Accuracy:
         0.5, 'Largest displacement in a step over the smaller of kernel radius and terrain cell',
         1e-4, 2.0,
     )
+    mobility_limit: float | None = number(
+        None, 'Maximum derivative of the speed of lava by its slope: lava above it moves as if '
+        'its viscosity were higher; None: none', 1e-9, 1e9, 'm/s',
+    )
     longest_step: float | None = number(
         None, 'Longest step; None: a fraction of the horizon in which new lava hardly stiffens '
         '(resolution.py)', 1e-6, 1e9, 's',

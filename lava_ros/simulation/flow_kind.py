@@ -20,9 +20,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 import math
 
+from lava_ros.effects import considered
 from lava_ros.effects.heat import STEFAN_BOLTZMANN
+from lava_ros.effects.scales import CRUST_CONDUCTIVITY
 from lava_ros.scene import Scene
-from lava_ros.simulation.setup.course import Course
+from lava_ros.simulation.setup.course import Course, course_of
 
 #: Maximum Reynolds number rho u h / mu of laminar flow in a channel (Chow 1959, Open-Channel
 #: Hydraulics).
@@ -41,9 +43,6 @@ MIN_DOME_VISCOSITY, MIN_DOME_ASPECT = 1e6, 0.05
 #: Journal of Geophysical Research 86, 9519-9535), and minimum cooling of lava that erupts near it.
 GLASS, MIN_COOLING = 1000.0, 100.0
 
-#: Conductivity of a crust if the lava has none [W/(m K)].
-CONDUCTIVITY = 2.0
-
 #: Yield strength of a basalt flow as a whole [Pa], if that of the lava is lower (Hulme 1974,
 #: Geophysical Journal of the Royal Astronomical Society 39, 361-383).
 STRENGTH = 1e4
@@ -53,14 +52,17 @@ STRENGTH = 1e4
 #: 1990, in Lava Flows and Domes, 88-126).
 MAX_STRESS, MAX_DOME_STRESS = 2e5, 2e6
 
+#: Kind of a flow whose crust is older than the time in which it moves by its own thickness.
+TUBE_FED = 'tube-fed'
+
 #: Effects that a kind calls for, and the parts of its physics that the model lacks.
 _CALLED_FOR: dict[str, tuple[str, str]] = {
     'channel': ('cover and crust_strength', ''),
     'sheet': ('cooling or crust', ''),
-    'tube-fed': (
-        'crust and crust_strength',
-        'no insulating crust carries lava in the model: the result will be too short and too '
-        'thick',
+    TUBE_FED: (
+        'insulation',
+        'the model has no tubes, inflation or single lobes: only length, area and thickness of '
+        'the whole flow are meaningful',
     ),
     'dome': (
         'yielding and crust_strength',
@@ -124,7 +126,7 @@ class FlowKind:
         if is_stiff and self.thickness >= MIN_DOME_ASPECT * self.diameter:
             return 'dome'
         if self.crust < MIN_OPEN:
-            return 'tube-fed'
+            return TUBE_FED
         return 'sheet' if self.width >= MIN_SHEET * self.thickness else 'channel'
 
     @property
@@ -135,7 +137,7 @@ class FlowKind:
             'turbulent': f'Reynolds number {self.reynolds:.2g} is above {LAMINAR:g}',
             'dome': f'viscosity {self.viscosity:.2g} Pa s at the vent, thickness over diameter '
             f'{self.thickness / self.diameter:.2g} >= {MIN_DOME_ASPECT:g}',
-            'tube-fed': f'crust forms in {self.crust:.2g} of the time to flow, less than '
+            TUBE_FED: f'crust forms in {self.crust:.2g} of the time to flow, less than '
             f'{MIN_OPEN:g}',
             'sheet': f'width over thickness {width:.2g} >= {MIN_SHEET:g}',
             'channel': f'crust forms in {self.crust:.2g} times the time to flow, width over '
@@ -190,8 +192,22 @@ def crust_time(scene: Scene, temperature: float) -> float:
     )
     if flux <= 0.0:
         return math.inf
-    inertia = (lava.conductivity or CONDUCTIVITY) * lava.density * lava.specific_heat
+    inertia = (lava.conductivity or CRUST_CONDUCTIVITY) * lava.density * lava.specific_heat
     return math.pi * inertia * ((temperature - solid) / (2.0 * flux)) ** 2
+
+
+def kind_of(scene: Scene, horizon: float) -> FlowKind | None:
+    """Return the kind of the flow that is expected up to a horizon [s]; None without a discharge.
+
+    The course is that of lava with the effects of every kind of flow, so that the kind does not
+    depend on the effects that it calls for.
+    """
+    course = course_of(scene, considered(scene), horizon=horizon)
+    if course is None:
+        return None
+    emitted = sum(flow.volume for flow in scene.emplaced_flows)
+    emitted += sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
+    return expected_kind(scene, course, emitted)
 
 
 def expected_kind(scene: Scene, course: Course, emitted: float) -> FlowKind:

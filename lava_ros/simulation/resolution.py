@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 import math
 
-from lava_ros.effects import considered, EFFECTS, Effects
+from lava_ros.effects import considered, EFFECTS, Effects, existing
 from lava_ros.effects.heat import host_temperature
 from lava_ros.effects.laws import Rheology
 from lava_ros.effects.scales import footprint_change
@@ -24,7 +24,7 @@ from lava_ros.simulation.accuracy import (
     MAX_PARTICLES_PER_SECOND,
     MIN_THICKNESS,
 )
-from lava_ros.simulation.flow_kind import expected_kind, FlowKind
+from lava_ros.simulation.flow_kind import FlowKind, kind_of
 from lava_ros.simulation.setup.course import course_of
 
 #: Default time span for the choice of spacing and effects [s].
@@ -155,16 +155,21 @@ def is_extended(area: float, distance: float) -> bool:
 
 
 def estimated_effects(
-    scene: Scene, accuracy: Accuracy, forced: Mapping[str, bool] | None
+    scene: Scene, accuracy: Accuracy, forced: Mapping[str, bool] | None, *, horizon: float
 ) -> Effects:
-    """Return the effects that estimates of a flow include (``effects.considered``).
+    """Return the effects that estimates of a flow up to a horizon [s] include.
 
+    They are those of ``effects.considered``, and those of the expected kind of the flow.
     ``forced`` are the effects that a user has switched on or off, by name; the formulation
     switches others.
     """
     implied = FORMULATIONS[accuracy.formulation]
     switched = {name: implied[name] for name in implied if name in EFFECTS}
-    return considered(scene, {**(forced or {}), **switched})
+    called_for: dict[str, bool] = {}
+    special = [name for name in existing(scene) if EFFECTS[name].kind]
+    if special and (kind := kind_of(scene, horizon)) is not None:
+        called_for = {name: True for name in special if EFFECTS[name].kind == kind.name}
+    return considered(scene, {**called_for, **(forced or {}), **switched})
 
 
 def resolution_of(
@@ -179,8 +184,9 @@ def resolution_of(
     ``forced`` are the effects that a user has switched on or off, by name.
     Lava emitted after the ``horizon`` [s] does not count.
     """
-    effects = estimated_effects(scene, accuracy, forced)
-    course = course_of(scene, effects, horizon=horizon)
+    effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
+    mobility = math.inf if accuracy.mobility_limit is None else accuracy.mobility_limit
+    course = course_of(scene, effects, horizon=horizon, mobility=mobility)
     width = math.nan if course is None else course.width
     thickness, flows = accuracy.thickness, scene.emplaced_flows
     emplaced = sum(flow.volume for flow in flows)
@@ -193,7 +199,7 @@ def resolution_of(
             # fluid lava is at most as thick as a hemisphere of its volume, however stiff it is
             thickness = min(thickness, (1.5 * emitted / math.pi) ** (1.0 / 3.0))
             thickness = max(thickness, MIN_THICKNESS)
-    kind = None if course is None else expected_kind(scene, course, emitted)
+    kind = kind_of(scene, horizon)
     cell = scene.terrain.resolution
     # lava that has hardly left its vent is a disc, not a flow as wide as the path allows
     width = min(width, 2.0 * math.sqrt(emitted / (math.pi * thickness)))
@@ -296,7 +302,7 @@ def resolved_accuracy(
             accuracy = replace(accuracy, spacing=found.spacing, thickness=found.thickness)
     if accuracy.longest_step is None:
         assert accuracy.thickness is not None
-        effects = estimated_effects(scene, accuracy, forced)
+        effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
         longest = longest_step_of(scene, effects, accuracy.thickness, horizon=horizon)
         accuracy = replace(accuracy, longest_step=float(f'{longest:.3g}'))
     return accuracy

@@ -27,6 +27,7 @@ from lava_ros.effects.scales import Columns, Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness, FORMULATIONS
+from lava_ros.simulation.flow_kind import kind_of, TUBE_FED
 from lava_ros.simulation.resolution import estimated_effects
 from lava_ros.simulation.resolution import HORIZON as HORIZON
 from lava_ros.simulation.setup.course import Course, course_of
@@ -94,6 +95,9 @@ class Decision:
     def _excess(self) -> float:
         """The largest number over the threshold; 0 without an error."""
         is_left_off = not (self.is_on or math.isnan(self.value))
+        if self.rival and EFFECTS[self.rival].kind:
+            # the rival has the physics of this effect for its kind of flow
+            return 0.0
         if not is_left_off or self.effect.threshold in (0.0, math.inf):
             return 0.0
         return self.largest / self.effect.threshold
@@ -135,7 +139,7 @@ def expected_scales(
     terrain counts as a column, of the thickness of the accuracy or that of a flow of 1 m3/s.
     """
     accuracy = accuracy or Accuracy()
-    effects = estimated_effects(scene, accuracy, forced)
+    effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
     course = course_of(scene, effects, horizon=horizon)
     columns = _still_columns(scene, accuracy, effects) if course is None else course.columns
     area = math.inf
@@ -171,8 +175,15 @@ def scales_of(scene: Scene, effects: Effects, columns: Columns, **others: Any) -
         rest_temperature=lambda: _cooled_at_rest(
             scene, effects, temperature, columns.normal_thickness, others['duration']
         ),
+        age_of_crust=lambda: _age_of_crust(scene, others['duration']),
         **others,
     )
+
+
+def _age_of_crust(scene: Scene, horizon: float) -> float:
+    """Return one over the number of the crust of the expected flow, 0 unless it is tube-fed."""
+    kind = kind_of(scene, horizon)
+    return 1.0 / kind.crust if kind is not None and kind.name == TUBE_FED else 0.0
 
 
 def _including(scales: Scales, name: str) -> Scales:
@@ -386,14 +397,18 @@ def decision_as_dict(decision: Decision) -> dict[str, Any]:
 
 
 def _settle(decisions: dict[str, Decision]) -> None:
-    """Keep one of the effects that exclude each other: a forced one, or else the first.
+    """Keep one of the effects that exclude each other.
+
+    It is a forced one, or else one of a single kind of flow, or else the first.
 
     Two laws for the same quantity, one of which replaces the other, depend on the material:
     forcing the wrong one is an error elsewhere.
     """
     on = [item for item in decisions.values() if item.is_on]
     kept: list[Decision] = []
-    for item in sorted(on, key=lambda item: not (item.is_forced or item.formulation)):
+    for item in sorted(on, key=lambda item: (
+        not (item.is_forced or item.formulation), not item.effect.kind
+    )):
         rivals = [
             other.name
             for other in kept

@@ -512,7 +512,9 @@ class Simulation:
         if not len(sample.volume):
             return None
         duration = max(self._horizon, self.time)
-        effects = estimated_effects(self.scene, self.accuracy, self._all_forced)
+        effects = estimated_effects(
+            self.scene, self.accuracy, self._all_forced, horizon=duration
+        )
         return measured_scales(
             self.scene, effects, sample, grids,
             threshold=self.accuracy.inundation_threshold, duration=duration,

@@ -41,8 +41,8 @@ GRADIENT_CASES = ('fixed_volume', 'pond')
 #: Cases of even layers: the resolution hardly matters or no time is simulated, so only presets are
 #: run.
 EVEN_CASES = (
-    'sheet', 'green', 'channel', 'radiating_sheet', 'ground', 'crust', 'latent_heat',
-    'herschel_bulkley', 'critical_thickness', 'material_laws',
+    'sheet', 'green', 'channel', 'radiating_sheet', 'ground', 'crust', 'insulation',
+    'latent_heat', 'herschel_bulkley', 'critical_thickness', 'material_laws',
 )
 
 #: Refinements at which the integrators are compared.

@@ -43,7 +43,7 @@ def scales(lava, rest, **columns):
     return Scales(
         scene=scene, rheology=rheology_of(lava), columns=Columns(**values),
         vent_temperature=HOT, rest_temperature=rest, fall=10.0,
-        duration=3600.0, is_extended=True,
+        duration=3600.0, is_extended=True, age_of_crust=0.0,
     )
 
 
@@ -65,7 +65,7 @@ def test_cost_follows_from_the_admitted_error(name):
 
 
 def test_effects_that_admit_no_error():
-    found = {name for name in DECIDED if not EFFECTS[name].cost}
+    found = {name for name in DECIDED if not (EFFECTS[name].cost or EFFECTS[name].kind)}
     assert found == {'power_law', 'vft', 'green', 'solidification'}
 
 

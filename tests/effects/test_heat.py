@@ -25,6 +25,7 @@ BALANCES = {
     'cooling': (('cooling',), {'emissivity': 0.9, 'convection': 5.0}),
     'cover': (('cover',), {'emissivity': 0.9, 'crust_cover': 0.9, 'crust_temperature': 800.0}),
     'crust': (('crust',), {'emissivity': 0.9, 'crust': True, 'conductivity': 2.0}),
+    'insulation': (('insulation',), {'emissivity': 0.9, 'solidus': 1100.0}),
     'wind': (('cooling', 'wind'), {'emissivity': 0.9}),
     'ground': (('ground',), {'ground_conductivity': 2.0}),
     'latent_heat': (
@@ -80,7 +81,7 @@ def test_heat_balance_has_its_order_in_time(name):
     fall = HOT - ends[-1]
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     # the ground's loss has no error to fit: the exact law of its age is integrated
-    assert order > (0.7 if name == 'crust' else 1.7) or errors.max() < 1e-6 * fall
+    assert order > (0.7 if name in ('crust', 'insulation') else 1.7) or errors.max() < 1e-6 * fall
     assert errors[-1] < 1e-3 * fall
 
 

@@ -315,3 +315,20 @@ def test_many_stages_stay_stable(device, precision, integrator):
     spread = np.linalg.norm(reference, axis=1).max() - 9.0
     assert spread > 2.0
     assert np.linalg.norm(position - reference, axis=1).mean() < 0.03 * spread
+
+
+@pytest.mark.parametrize('names', [(), ('yielding',)])
+def test_limit_of_the_mobility_slows_only_faster_lava(device, names):
+    """Speeds above it are those of a higher viscosity; the speeds below it do not change."""
+    free = scattered(only(*names))[0].sample()
+    rise = np.linalg.norm(free.velocity, axis=1)
+    unchanged = scattered(only(*names), mobility_limit=1e9)[0].sample()
+    np.testing.assert_array_equal(unchanged.velocity, free.velocity)
+    limit = float(np.median(rise[rise > 0.0]))
+    slow = scattered(only(*names), mobility_limit=limit)[0].sample()
+    found = np.linalg.norm(slow.velocity, axis=1)
+    assert (found <= rise * (1.0 + 1e-6)).all()
+    assert (found < 0.9 * rise).any() and (found[rise > 0.0] > 0.0).all()
+    # lava moves in the same direction
+    cross = free.velocity[:, 0] * slow.velocity[:, 1] - free.velocity[:, 1] * slow.velocity[:, 0]
+    assert np.abs(cross).max() <= 1e-5 * (rise * found).max()

@@ -32,9 +32,9 @@ def test_error_is_relative_to_the_exact_value_or_the_scale():
 COARSE = 0.35
 LONG = (
     'conduction', 'cooling_current', 'cooling_front', 'cooling_plane', 'cooling_sheet',
-    'critical_thickness', 'freezing_lens', 'herschel_bulkley', 'inertial_sheet', 'lister',
-    'material_laws', 'pond', 'radiating_sheet', 'silicone_oil', 'smith', 'stoker', 'thacker',
-    'viscous_heating',
+    'critical_thickness', 'freezing_lens', 'herschel_bulkley', 'inertial_sheet',
+    'insulated_sheet', 'lister', 'material_laws', 'pond', 'radiating_sheet', 'silicone_oil',
+    'smith', 'stoker', 'thacker', 'viscous_heating',
 )
 
 

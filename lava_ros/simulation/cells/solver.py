@@ -69,7 +69,8 @@ def check_effects(effects: Effects) -> None:
     for name in effects:
         effect = EFFECTS[name]
         merges = effect.removes_particles and not effect.freezes
-        if effect.needs_velocity or effect.is_lateral or merges:
+        # only particles know how long lava has been in a place
+        if effect.needs_velocity or effect.is_lateral or merges or effect.ages_in_place:
             expected = 'false with method cells; method particles has it'
             raise LavaError(f'effects.{name}', True, expected)
 
@@ -124,11 +125,15 @@ class CellSolver(CellLava):
             device: The Warp device.
 
         Raises:
-            LavaError: If the device is a GPU, or an effect is on that cells do not have.
+            LavaError: If the device is a GPU, an effect is on that cells do not have, or the
+                accuracy limits the mobility.
         """
         if device.is_cuda:
             raise LavaError('device', str(device), 'cpu with method cells')
         check_effects(effects)
+        if accuracy.mobility_limit is not None:
+            expected = 'none with method cells; method particles has it'
+            raise LavaError('mobility_limit', accuracy.mobility_limit, expected)
         super().__init__(scene, effects, accuracy, device)
         self._end, self._steps_at_once = math.inf, 16
 

@@ -83,7 +83,8 @@ class Course:
         reynolds: Reynolds number rho u h / mu that 90 % of the volume does not exceed.
         cooled: Median fraction of the way from the temperature at the vent to the solidus of that
             flow, weighted by volume; 0 without a solidus.
-        slope: Median slope of the ground below that flow, weighted by volume, rise over run.
+        slope: Slope of the ground below that flow that 90 % of its volume does not exceed, rise
+            over run.
         discharge: Mean discharge of its source while it erupts [m3/s].
         temperature: Temperature at its source [K].
     """
@@ -117,30 +118,33 @@ class _Source:
     mean: float
 
 
-#: Courses found so far, by scene, and by effects and horizon [s].
-_found = WeakKeyDictionary[Scene, dict[tuple[Effects, float], Course | None]]()
+#: Courses found so far, by scene, and by effects, horizon [s] and limit of the mobility [m/s].
+_found = WeakKeyDictionary[Scene, dict[tuple[Effects, float, float], Course | None]]()
 
 
 def course_of(
-    scene: Scene, effects: Effects | None = None, *, horizon: float
+    scene: Scene, effects: Effects | None = None, *, horizon: float, mobility: float = math.inf
 ) -> Course | None:
     """Return the expected course of the flow up to a horizon [s]; None without a discharge.
 
-    ``effects`` are those whose laws the lava follows, by default all that the scene has.
+    ``effects`` are those whose laws the lava follows, by default all that the scene has, and
+    ``mobility`` is ``Accuracy.mobility_limit`` [m/s].
     """
     effects = considered(scene) if effects is None else effects
     courses = _found.setdefault(scene, {})
-    key = effects, horizon
+    key = effects, horizon, mobility
     if key not in courses:
-        courses[key] = _find_course(scene, effects, horizon)
+        courses[key] = _find_course(scene, effects, horizon, mobility)
     return courses[key]
 
 
-def _find_course(scene: Scene, effects: Effects, horizon: float) -> Course | None:
+def _find_course(
+    scene: Scene, effects: Effects, horizon: float, mobility: float
+) -> Course | None:
     sources = _sources(scene, horizon)[:MAX_SOURCES]
     if not sources:
         return None
-    paths = [_follow(scene, effects, source, horizon) for source in sources]
+    paths = [_follow(scene, effects, source, horizon, mobility) for source in sources]
     largest = paths[0][0]
     thickness = largest.quantile(largest.thickness, 0.5)
     width = largest.quantile(largest.width, NARROW)
@@ -157,7 +161,7 @@ def _find_course(scene: Scene, effects: Effects, horizon: float) -> Course | Non
     cooled = (hot - cold) / (hot - solidus) if 0.0 < solidus < hot else 0.0
     return Course(
         columns, width, thickness, max(fall for _, fall in paths), reynolds, cooled,
-        largest.quantile(largest.ground_slope, 0.5), sources[0].mean, hot,
+        largest.quantile(largest.ground_slope, 0.9), sources[0].mean, hot,
     )
 
 
@@ -234,7 +238,7 @@ def _time_erupting(vents: Sequence[Vent], horizon: float) -> float:
 
 
 def _follow(
-    scene: Scene, effects: Effects, source: _Source, horizon: float
+    scene: Scene, effects: Effects, source: _Source, horizon: float, mobility: float
 ) -> tuple[Columns, float]:
     """Follow the lava of a source; return its columns, and its descent [m]."""
     lava, weight = scene.lava, scene.lava.density * scene.gravity
@@ -268,8 +272,9 @@ def _follow(
     age, mean = np.zeros(len(step)), np.full(len(step), scale)
     for _ in range(_ITERATIONS):
         mu = np.array([rheology.viscosity_at(value) for value in temperature.tolist()])
-        flux = 3.0 * mu * source.discharge / (weight * pull * square)
         across = normal_thickness(mean, drop, effects)
+        mu = np.maximum(mu, weight * across**2 / (3.0 * mobility))
+        flux = 3.0 * mu * source.discharge / (weight * pull * square)
         strength = np.array([
             rheology.strength_at(*column)
             for column in zip(temperature.tolist(), across.tolist(), age.tolist(), strict=True)

@@ -120,6 +120,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             response = on_map * speed(m.law, weight, column)
             mobility = response[0]
             largest = response[1]
+        if largest > m.constants.mobile:
+            # as with a higher viscosity
+            mobility *= m.constants.mobile / largest
+            largest = m.constants.mobile
         velocity = -mobility * surface
         bounded = velocity
         if wp.static(not has_velocity):

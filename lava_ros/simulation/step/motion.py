@@ -101,8 +101,19 @@ def motion_function(
     cosine_squared = effects.function('cosine_squared', real)
     note = note_function(real, False)
     has_age, has_mean = effects.any('needs_age'), effects.any('stiffens')
+    ages_in_place = effects.any('ages_in_place')
     has_velocity, has_speed = effects.any('needs_velocity'), effects.any('needs_speed')
     falls, freezes = effects.any('needs_drop'), effects.any('freezes')
+
+    @wp.func
+    def begun_in_place(m: arguments_type(real), x: real, y: real, now: wp.float64) -> wp.float64:
+        """Return the time [s] at which lava reached the cell of a place, now if it has not."""
+        column = int(wp.floor((x - m.ground.x0) / m.ground.resolution))
+        row = int(wp.floor((y - m.ground.y0) / m.ground.resolution))
+        if row < 0 or row >= m.ground.rows or column < 0 or column >= m.ground.columns:
+            return now
+        reached = m.arrived[row, column]
+        return now if reached < wp.float32(0.0) else wp.float64(reached)
 
     @wp.func
     def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
@@ -163,7 +174,10 @@ def motion_function(
                 if wp.static(has_age):
                     # the clock is at the end of the step
                     begun = m.clock[at.TIME] - m.clock[at.STEP]
-                    age = real(age_at(begun, m.ordered_emission_time[i]))
+                    if wp.static(ages_in_place):
+                        age = real(age_at(begun, begun_in_place(m, p[0], p[1], begun)))
+                    else:
+                        age = real(age_at(begun, m.ordered_emission_time[i]))
                 drop = real(0.0)
                 if wp.static(falls):
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))

@@ -179,6 +179,7 @@ def _flow_constants(scene: Scene, accuracy: Accuracy, real: Any) -> Any:
     constants.radius = radius
     constants.weight = scene.lava.density * scene.gravity
     constants.reach = accuracy.courant_number * min(radius, scene.terrain.resolution)
+    constants.mobile = math.inf if accuracy.mobility_limit is None else accuracy.mobility_limit
     constants.stiffness = kernel.stiffness / (accuracy.diffusion_number * radius**2)
     constants.share = 1.0 / accuracy.diffusion_number
     constants.gravity = scene.gravity

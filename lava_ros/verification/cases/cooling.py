@@ -25,6 +25,9 @@ STIFFENING = Lava.paper(
 #: Yield strength of 0.3 times its basal stress, which rises as it cools.
 STRONG = {'yield_strength': 700.0, 'yield_rate': 0.01}
 
+#: Constants of lava under a crust whose surface is as cold as the air.
+UNDER_CRUST = {'emissivity': 0.0, 'convection': 1e5, 'conductivity': 2.0, 'solidus': 900.0}
+
 #: Effects in addition to flow down the slope of the ground.
 COOLING = case.only('arrhenius', 'cooling')
 
@@ -169,6 +172,40 @@ def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
     return trial.run()
 
 
+def _run_insulated(accuracy: Accuracy, device: str) -> case.Run:
+    """Compare the temperature along a sheet that moves under a crust, which stays in place.
+
+    The crust is as old as the simulation. A column at x has lost heat on x + REACH, a mean of lava
+    that the fissure emits there and further up: its thickness times its speed is the flux so far.
+    """
+    lava = replace(STIFFENING, arrhenius=0.0, **UNDER_CRUST)
+    weight = lava.density * GRAVITY * math.sin(SLOPE)
+    normal = (3.0 * lava.viscosity * FLUX * math.cos(SLOPE) / weight) ** (1.0 / 3.0)
+    thickness = normal / math.cos(SLOPE)
+    speed = FLUX / thickness
+    fraction, y = case.strip(
+        WIDTH, round((LENGTH + REACH) * WIDTH * (accuracy.refinement / SPACING) ** 2)
+    )
+    x = fraction * (LENGTH + REACH) - REACH
+    volume = thickness * WIDTH * (LENGTH + REACH) / len(x)
+    trial = _fissure(
+        lava, case.only('steep', 'insulation'), accuracy, device, length=LENGTH + 50.0,
+        thickness=thickness, particles=Particles(np.column_stack([x, y]), volume, HOT),
+    )
+    for moment in (500.0, 1000.0):
+        trial.advance(moment)
+        sample = trial.sample()
+        x, y = sample.position.T
+        middle = (np.abs(y) < 20.0) & (x > 10.0) & (x < 80.0)
+        before = np.maximum(moment - (x[middle] + REACH) / speed, 0.0)
+        grown = exact.stefan_crust(lava, moment, ambient=COLD)
+        grown = grown - exact.stefan_crust(lava, before, ambient=COLD)
+        expected = (HOT - lava.solidus) * float(grown.mean()) / normal
+        found = HOT - sample.temperature[middle].mean()
+        trial.compare(f'cooling after {moment:g} s', found, expected, 'K')
+    return trial.run()
+
+
 CASES = (
     case.Case('cooling_sheet', 'steady sheet that stiffens as it cools', 'heat balance',
               _run_sheet, ('steep', 'arrhenius', 'cooling', 'yielding')),
@@ -176,4 +213,6 @@ CASES = (
               _run_front, ('arrhenius', 'cooling')),
     case.Case('cooling_plane', 'point source that stiffens as it cools', 'finite volumes',
               _run_plane, ('arrhenius', 'cooling')),
+    case.Case('insulated_sheet', 'sheet that moves under a crust', 'Stefan problem (Neumann)',
+              _run_insulated, ('steep', 'insulation')),
 )

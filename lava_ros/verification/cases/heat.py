@@ -277,6 +277,10 @@ CASES = (
     _sheet('crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959',
            partial(exact.convecting_slab, ambient=COLD),
            {'convection': 50.0, 'conductivity': 2.0, 'crust': True}, ('crust',)),
+    # so much convection that the surface is as cold as the air
+    _sheet('insulation', 'sheet under a crust that grows', 'Stefan problem (Neumann)',
+           partial(exact.insulated_sheet, ambient=COLD),
+           {'convection': 1e5, 'conductivity': 2.0, 'solidus': 1250.0}, ('insulation',)),
     # 16 kW/m2 at first: solid after two days
     _sheet('latent_heat', 'sheet that crystallises', 'enthalpy balance',
            partial(exact.crystallising_sheet, ambient=COLD),

@@ -9,6 +9,7 @@ strength tau_y(T) = tau_0 exp(r (T_0 - T)); its surface loses F(T) (``surface_lo
 
 from dataclasses import dataclass
 import math
+from typing import Any
 
 import numpy as np
 
@@ -70,6 +71,34 @@ def convecting_slab(
     weights = 2.0 * biot**2 / (squares * (squares + biot**2 + biot))
     rate = lava.conductivity / (lava.density * lava.specific_heat * thickness**2)
     return ambient + (initial - ambient) * float(weights @ np.exp(-squares * rate * time))
+
+
+def stefan_crust(lava: Lava, time: float | np.ndarray, *, ambient: float) -> Any:
+    """Return the thickness [m] of solid lava on fluid lava whose surface is as cold as the air.
+
+    Neumann's solution of Stefan's problem, 2 l sqrt(kappa t), with the heat
+    E = c (T0 - Ts) + L F(T0) that lava loses until it is solid at the solidus Ts (Carslaw & Jaeger
+    1959, section 11.2): sqrt(pi) l exp(l^2) erf(l) = c (Ts - Ta) / E. The fluid lava is at T0, the
+    reference temperature, and t in seconds.
+    """
+    hot, capacity = lava.reference_temperature, lava.specific_heat
+    melt = min((hot - lava.solidus) / (lava.liquidus - lava.solidus), 1.0)
+    heat = capacity * (hot - lava.solidus) + getattr(lava, 'latent_heat', 0.0) * melt
+    stefan = capacity * (lava.solidus - ambient) / heat
+    constant = bisection(
+        lambda value: math.sqrt(math.pi) * value * math.exp(value**2) * math.erf(value) < stefan,
+        0.0, 4.0,
+    )
+    diffusivity = lava.conductivity / (lava.density * capacity)
+    return 2.0 * constant * np.sqrt(diffusivity * time)
+
+
+def insulated_sheet(
+    lava: Lava, time: float, *, initial: float, ambient: float, thickness: float
+) -> float:
+    """Return T [K] of a sheet whose crust grows by ``stefan_crust``: T0 fluid, Ts solid."""
+    solid = stefan_crust(lava, time, ambient=ambient) / thickness
+    return float(initial - (initial - lava.solidus) * solid)
 
 
 def crystallising_sheet(

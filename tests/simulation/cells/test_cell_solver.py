@@ -155,13 +155,18 @@ def test_terrain_events_change_the_ground_at_their_times():
     'name',
     [
         name for name, effect in EFFECTS.items()
-        if effect.needs_velocity or effect.is_lateral
+        if effect.needs_velocity or effect.is_lateral or effect.ages_in_place
         or (effect.removes_particles and not effect.freezes)
     ],
 )
 def test_effects_of_particles_only_are_refused_by_name(name):
     with pytest.raises(LavaError, match=f'effects.{name} .* method particles'):
         simulated(slope(), effects=only(name))
+
+
+def test_limit_of_the_mobility_is_refused():
+    with pytest.raises(LavaError, match='mobility_limit is 1.4'):
+        simulated(slope(), accuracy=Accuracy(method='cells', mobility_limit=1.4))
 
 
 def test_ensembles_refuse_cells():
