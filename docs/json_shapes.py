@@ -8,9 +8,13 @@ what it is: a fraction, a ratio, an index, or a value in the `unit` beside it.
 """
 
 from collections.abc import Mapping
+from dataclasses import fields
 import json
 from pathlib import Path
 from typing import Any
+
+from lava_ros.cli.console import key_of
+from lava_ros.simulation.accuracy import Accuracy
 
 FOLDER = Path(__file__).parents[1] / 'schemas'
 
@@ -133,25 +137,16 @@ RESOLUTION = keys('Resolution of the flow', {
     'particles_across': number('Number of particles across the flow'),
 })
 
-ACCURACY = keys('Settings of the solver', {
-    'spacing_m': unknown(number('Particle spacing')),
-    'refinement': number('Ratio of the spacing of the preset standard to the spacing'),
-    'thickness_m': unknown(number('Thickness scale, which sets the volume of a particle')),
-    'ratio': number('Ratio of the radius of the kernel to the spacing'),
-    'kernel': text('Smoothing kernel'),
-    'raster_ratio': number('Ratio of the radius of the kernel of the maps to the spacing'),
-    'diffusion_number': number('Ratio of a time step to the stable one'),
-    'courant_number': number('Ratio of the displacement in a step to the cell size'),
-    'longest_step_s': unknown(number('Maximum time step')),
-    'fixed_step_s': unknown(number('Constant time step')),
-    'gradient': text("Form of the surface's gradient"),
-    'formulation': text('Formulas of the velocity'),
-    'deterministic': flag('True if repeated runs are bitwise identical'),
-    'symmetric': flag('True if the numerical scheme is symmetric'),
-    'integrator': text('Time integration'),
-    'precision': text('Precision of numbers'),
-    'threshold_m': unknown(number('Thickness at or above which lava has arrived')),
-})
+def _of_field(one: Any) -> Schema:
+    """Return the schema of a described field of a dataclass."""
+    kind = number if 'limits' in one.metadata else text if 'choices' in one.metadata else flag
+    schema = kind(one.metadata['text'])
+    return unknown(schema) if one.default is None else schema
+
+
+ACCURACY = keys(
+    'Settings of the solver', {key_of(one): _of_field(one) for one in fields(Accuracy)}
+)
 
 DECISION = {
     'effect': NAME, 'title': text('Name for people'), 'on': flag('True if the effect is on'),

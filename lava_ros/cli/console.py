@@ -5,7 +5,7 @@
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import fields
 import json
 import os
 from pathlib import Path
@@ -116,10 +116,13 @@ def with_units(data: Any, **units: str) -> Any:
 
 def accuracy_as_dict(accuracy: Any) -> dict[str, Any]:
     """Return an accuracy as plain data with units."""
-    plain = with_units(
-        asdict(accuracy), m='spacing thickness threshold', s='longest_step fixed_step'
-    )
-    return dict(plain)
+    return {key_of(one): getattr(accuracy, one.name) for one in fields(accuracy)}
+
+
+def key_of(one: Any) -> str:
+    """Return the JSON key of a field of a dataclass: its name, and its unit if it has one."""
+    unit = one.metadata.get('unit', '').replace('/', '_per_')
+    return f'{one.name}_{unit}' if unit else str(one.name)
 
 
 def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:

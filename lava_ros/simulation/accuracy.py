@@ -57,8 +57,8 @@ class Accuracy:
         'None: from the width of the flow (resolution.py)', 1e-6, 1e7, 'm',
     )
     refinement: float = number(
-        1.0, 'Particles across the flow over those of preset standard; an explicit spacing is '
-        'taken as it is', 0.05, 20.0,
+        1.0, 'Ratio of the particles across the flow to those of preset standard; an explicit '
+        'spacing is not changed', 0.05, 20.0,
     )
     thickness: float | None = number(
         None, 'Expected thickness of the flow, which sets the volume of a particle with the '
@@ -66,20 +66,20 @@ class Accuracy:
         'm',
     )
     ratio: float = number(
-        3.0, 'Kernel radius over spacing: 3 to 6 gives 28 to 113 neighbours', 1.5, 12.0
+        3.0, 'Ratio of kernel radius to spacing: 3 to 6 gives 28 to 113 neighbours', 1.5, 12.0
     )
     kernel: str = choice('wendland', 'Smoothing kernel', KERNELS)
     raster_ratio: float = number(
-        1.2, "Kernel radius of the output grid over the particles' kernel radius; at least one "
-        'and a half cells are always covered', 1e-3, 2.0,
+        1.2, "Ratio of the output grid's kernel radius to that of the particles; at least one and "
+        'a half cells are always covered', 1e-3, 2.0,
     )
     diffusion_number: float = number(
-        1.6, 'Rate of the fastest decaying thickness wave times the step: explicit steps are '
-        'stable up to 2', 1e-4, 2.0,
+        1.6, 'Ratio of the step to the decay time of the fastest decaying thickness wave; explicit '
+        'steps are stable up to 2', 1e-4, 2.0,
     )
     courant_number: float = number(
-        0.5, 'Largest displacement in a step over the smaller of kernel radius and terrain cell',
-        1e-4, 2.0,
+        0.5, 'Ratio of the largest displacement in a step to the smaller of kernel radius and '
+        'terrain cell', 1e-4, 2.0,
     )
     mobility_limit: float | None = number(
         None, 'Maximum derivative of the speed of lava by its slope: lava above it moves as if '

@@ -319,7 +319,7 @@ class Simulation:
     def observing(self, peaks: Peaks) -> Iterator[None]:
         """Generator form of ``observe``, which yields to the other members of a batch."""
         batch = current_batch()
-        if batch is None:
+        if batch is None or self.accuracy.method == 'cells':
             self.observe(peaks)
             return
         self._complete()

@@ -166,7 +166,7 @@ def test_effects_of_particles_only_are_refused_by_name(name):
 
 def test_limit_of_the_mobility_is_refused():
     with pytest.raises(LavaError, match='mobility_limit is 1.4'):
-        simulated(slope(), accuracy=Accuracy(method='cells', mobility_limit=1.4))
+        simulated(slope(), mobility_limit=1.4)
 
 
 def test_ensembles_refuse_cells():
