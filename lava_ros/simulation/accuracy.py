@@ -74,8 +74,8 @@ class Accuracy:
         'a half cells are always covered', 1e-3, 2.0,
     )
     diffusion_number: float = number(
-        1.6, 'Ratio of the step to the decay time of the fastest decaying thickness wave; explicit '
-        'steps are stable up to 2', 1e-4, 2.0,
+        1.6, 'Ratio of the step to the decay time of the fastest thickness wave; explicit steps '
+        'are stable up to 2', 1e-4, 2.0,
     )
     courant_number: float = number(
         0.5, 'Ratio of the largest displacement in a step to the smaller of kernel radius and '
