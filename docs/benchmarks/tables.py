@@ -90,14 +90,17 @@ def codes() -> Iterator[Line]:
 
 def chances() -> Iterator[Line]:
     """Yield the scores of probabilities of the largest ensemble of each case."""
-    yield ('flow', 'ensemble', 'Brier score', 'skill where lava could come',
+    yield ('flow', 'ensemble', 'mapped area', 'area of 90 to 10 %', 'Brier score',
+           'skill where lava could come',
            'skill over all of the ground', 'largest gap', 'a member as the truth: largest gap',
            'its skill', 'with its outline at a third')
-    rows = {row['case']: row for row in lines_of('probability_h100.csv')}.values()
+    rows = {row['case']: row for row in lines_of('probability_cpu.csv')}.values()
     for row in rows:
         yield (
-            row['case'].removeprefix('etna'),
+            ERUPTIONS[row['case']].rstrip(', '),
             f'{row["members"]} members, {float(row["spacing_m"]):.2g} m',
+            f'{float(row["mapped_km2"]):.2f} km²',
+            f'{float(row["area_p90_km2"]):.2f} to {float(row["area_p10_km2"]):.2f} km²',
             f'{float(row["brier_score"]):.3f}',
             f'**{float(row["brier_skill"]):.2f}**',
             f'**{float(row["brier_skill_of_terrain"]):.2f}**',
@@ -107,7 +110,7 @@ def chances() -> Iterator[Line]:
             f'{float(row["twin_skill_with_outline"]):.2f}',
         )
     gap = 100.0 * largest_gap([row['reliability'] for row in rows])
-    yield ('together', '', '', '', '', f'{gap:.0f} points', '', '', '')
+    yield ('together', '', '', '', '', '', '', f'{gap:.0f} points', '', '', '')
 
 
 def dates() -> Iterator[Line]:
