@@ -93,7 +93,9 @@ def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
         plan = make_plan(
             scene,
             horizon=seconds_of('--until', args.until),
-            accuracy=preset_accuracy(args.preset, spacing=args.spacing),
+            accuracy=replace(
+                preset_accuracy(args.preset, spacing=args.spacing), method=args.method
+            ),
             effects=forced,
             threshold=args.threshold,
         )
@@ -112,7 +114,7 @@ def with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
     Raises:
         LavaError: If the folder cannot be read, or no spacing can be found.
     """
-    if args.spacing is not None:
+    if args.spacing is not None or plan.accuracy.method == 'cells':
         return plan, ''
     spacing, text = stored_spacing(Path(args.output)), ''
     if spacing is None and (target := target_of(args)):

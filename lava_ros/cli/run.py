@@ -135,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
     is_ensemble = args.members is not None
     refuse = partial(refuse_options, args, run.arguments)
     if is_ensemble:
-        refuse((*_MAPS, '--maps', '--method'), partial(validation.conflict, '--members'))
+        refuse((*_MAPS, '--maps'), lambda name: validation.conflict(name, '--members'))
     else:
         refuse(_names(_ENSEMBLE), lambda name: validation.dependence(name, '--members'))
     if is_case:
@@ -153,6 +153,9 @@ def run(args: argparse.Namespace) -> int:
     ):
         if getattr(args, chosen) is not None:
             refuse(others, partial(validation.conflict, f'--{chosen}'))
+    if args.method == 'cells':
+        # cells run on a CPU
+        args.device = args.device or 'cpu'
     args.until = args.until or HORIZON
     args.preset = args.preset or (ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
     if is_ensemble:

@@ -39,8 +39,7 @@ def request_of(args: argparse.Namespace) -> Request:
     target = target_of(args)
     if args.threshold is not None:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
-    # cells run on a CPU
-    device = device_named(args.device or ('cpu' if args.method == 'cells' else None))
+    device = device_named(args.device)
     sourced = sourced_scene(args)
     scene = sourced.scene
 

@@ -212,3 +212,10 @@ class Effect:
     arrays: Mapping[str, Array] = field(default_factory=dict)
     removes_particles: bool = False
     benchmark: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def needs_particles(self) -> bool:
+        """True if columns on cells (``method: cells``) do not have the effect."""
+        merges = self.removes_particles and not self.freezes
+        # only particles know how long lava has been in a place
+        return self.needs_velocity or self.is_lateral or self.ages_in_place or merges

@@ -6,13 +6,12 @@
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.effects import compatible, EFFECTS, Effects
-from lava_ros.errors import LavaError
 from lava_ros.forecast.member_scenes import end_scenes, median_scene, member_scene
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import (
@@ -79,7 +78,7 @@ class Plan:
         return self.horizon / self.samples
 
     def has_pair(self, member: Member) -> bool:
-        """Return True if a member also runs with particles farther apart.
+        """Return True if a member also runs with particles farther apart, or larger cells.
 
         Members of a running simulation continue with its particles, and have no pairs.
         """
@@ -89,7 +88,8 @@ class Plan:
     def coarser(self) -> 'Plan':
         """The plan of the coarser runs of pairs, which no sentinel reviews."""
         assert self.accuracy.spacing is not None
-        accuracy = replace(self.accuracy, spacing=COARSER * self.accuracy.spacing)
+        ratio = COARSER[self.accuracy.method]
+        accuracy = replace(self.accuracy, spacing=ratio * self.accuracy.spacing)
         return replace(self, accuracy=accuracy, forced=None)
 
     def switching_on(self, called: Sequence[CalledEffect]) -> 'Plan':
@@ -176,11 +176,7 @@ def make_plan(
     samples = _sampling(samples, horizon)
     # one spacing for all members, chosen for the values of the scene
     median, scene = median_scene(scene), with_ranges(scene)
-    accuracy = accuracy or Accuracy()
-    if accuracy.method != 'particles':
-        # pairs of runs with other distances of particles measure the error of an ensemble
-        raise LavaError('accuracy.method', accuracy.method, 'particles for an ensemble')
-    accuracy = resolved_accuracy(accuracy, median, effects, horizon=horizon)
+    accuracy = resolved_accuracy(accuracy or Accuracy(), median, effects, horizon=horizon)
     if threshold is not None:
         threshold = validation.number('threshold', threshold, above=0.0, unit='m')
         accuracy = replace(accuracy, threshold=threshold)
@@ -222,13 +218,21 @@ def plan_from(
 def batch_of(plan: Plan, device: str | None) -> int:
     """Return the number of members that run as one batch on a Warp device."""
     from lava_ros.simulation.batch import AT_ONCE
-    from lava_ros.simulation.setup.defaults import device_of
 
-    if not device_of(device).is_cuda:
+    used = _device_of(plan, device)
+    if not used.is_cuda:
         return 1
     # a member takes 64 bytes for each cell
-    fit = device_of(device).free_memory // (2 * 64 * plan.scene.terrain.elevation.size)
+    fit = used.free_memory // (2 * 64 * plan.scene.terrain.elevation.size)
     return min(max(fit, 1), AT_ONCE)
+
+
+def _device_of(plan: Plan, device: str | None) -> Any:
+    """Return the Warp device of the members, by default a CPU for cells."""
+    from lava_ros.simulation.setup.defaults import device_of
+
+    is_on_cpu = device is None and plan.accuracy.method == 'cells'
+    return device_of('cpu' if is_on_cpu else device)
 
 
 def run_members(
@@ -284,7 +288,6 @@ def running(
     """
     # the solver loads Warp, which drawing and merging members do not need
     from lava_ros.simulation.batch import side_by_side
-    from lava_ros.simulation.setup.defaults import device_of
 
     done: list[MemberFields] = []
 
@@ -300,7 +303,7 @@ def running(
         yield
 
     routes, at_once = map(route, members), batch_of(plan, device)
-    for _ in side_by_side(routes, str(device_of(device)), at_once=at_once):
+    for _ in side_by_side(routes, str(_device_of(plan, device)), at_once=at_once):
         yield from done
         done.clear()
         yield None

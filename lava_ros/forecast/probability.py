@@ -116,9 +116,7 @@ def spacing_error_of(members: Iterable[Footprint], plan: Plan) -> SpacingError |
 
 def _error_of(pairs: Mapping[int, SpacingPair], plan: Plan) -> SpacingError | None:
     """Return the error of pairs by the number of the member, independent of their order."""
-    spacing = plan.accuracy.spacing
-    ordered = [pairs[index] for index in sorted(pairs)]
-    return None if spacing is None else SpacingError.of(ordered, spacing)
+    return SpacingError.of([pairs[index] for index in sorted(pairs)], plan.accuracy)
 
 
 def first_samples(footprint: Footprint, places: Places) -> np.ndarray:

@@ -15,6 +15,7 @@ from lava_ros.forecast.members import Plan
 from lava_ros.layers.numbers import percent
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.resolution import Resolution, resolution_of
+from lava_ros.simulation.selection import decide, warnings_of
 
 
 def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
@@ -45,7 +46,8 @@ def warnings_of_plan(plan: Plan) -> list[str]:
     accuracy = replace(plan.accuracy, threshold=plan.threshold)
     expected = resolution_of(plan.scene, accuracy, plan.forced, horizon=plan.horizon)
     kind = [] if expected.kind is None else expected.kind.warnings()
-    return [*_under_resolved(expected), *_sentences(*kind)]
+    decisions = decide(plan.scene, plan.forced, accuracy=accuracy, horizon=plan.horizon)
+    return [*_under_resolved(expected), *_sentences(*kind, *warnings_of(decisions))]
 
 
 def _sentences(*phrases: str) -> list[str]:

@@ -26,6 +26,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
 from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.selection import warnings_of
 
 #: Parent folder of runs without ``--output``.
 RUNS = Path('runs')
@@ -196,6 +197,7 @@ class SceneRun:
             'wall_time_s': round(self.wall_time, 3),
             'warnings': [
                 *self.request.remarks, *budget.warnings(), *resolution.warnings(),
+                *warnings_of(self.simulation.decisions()),
             ],
         })
         return self.folder.record

@@ -58,6 +58,7 @@ class Decision:
         is_forced: True if a user has forced the decision.
         rival: Effect that excludes this one though its number is above the threshold; or empty.
         formulation: Formulation that switches the effect on or off; or empty.
+        is_lacking: True if the method of the accuracy has no such effect, and no user forces it.
         measured: Largest number that the reviews of a run have measured; NaN before the first.
         since: Simulated time at which a run has switched it on [s]; NaN unless it was off at
             first.
@@ -70,6 +71,7 @@ class Decision:
     is_forced: bool = False
     rival: str = ''
     formulation: str = ''
+    is_lacking: bool = False
     measured: float = math.nan
     since: float = math.nan
 
@@ -77,6 +79,11 @@ class Decision:
     def largest(self) -> float:
         """Largest number, expected or measured while the effect was off."""
         return float(np.fmax(self.value, self.measured))
+
+    @property
+    def is_missed(self) -> bool:
+        """True if the flow needs the effect, and the method does not have it."""
+        return self.is_lacking and self.largest > self.effect.threshold
 
     @property
     def cost(self) -> float:
@@ -114,11 +121,14 @@ class Decision:
         if math.isinf(self.effect.threshold):
             return 'only when asked for'
         is_switched_on = not math.isnan(self.since)
-        value = self.largest if is_switched_on or self.rival else self.value
+        uses_largest = is_switched_on or self.rival or self.is_missed
+        value = self.largest if uses_largest else self.value
         sign = '>' if value > self.effect.threshold else '<='
         text = f'{self.effect.symbol} = {value:.2g} {sign} {self.effect.threshold:.2g}'
         if self.rival:
             return f'{text}, but excluded by {self.rival}'
+        if self.is_missed:
+            return f'{text}, but only method particles has {self.name}'
         if is_switched_on:
             return f'{text} since {self.since:.0f} s, {self.value:.2g} expected'
         is_known = not (self.is_on or math.isnan(self.measured))
@@ -348,8 +358,11 @@ def decide_by(
                 value = scales.columns.quantile(own, effect.fraction)
             is_on = implied.get(name, bool(forced.get(name, value > effect.threshold)))
             formulation = accuracy.formulation if name in implied else ''
+            is_free = not formulation and name not in forced
+            lacks = is_free and accuracy.method == 'cells' and effect.needs_particles
             decisions[name] = Decision(
-                name, effect, value, is_on, name in forced, formulation=formulation
+                name, effect, value, is_on and not lacks, name in forced,
+                formulation=formulation, is_lacking=lacks,
             )
     _settle(decisions)
     return tuple(decisions.values())
@@ -418,6 +431,15 @@ def _settle(decisions: dict[str, Decision]) -> None:
             decisions[item.name] = replace(item, is_on=False, rival=rivals[0])
         else:
             kept.append(item)
+
+
+def warnings_of(decisions: Iterable[Decision]) -> list[str]:
+    """Return a warning about each effect that the flow needs and the method does not have."""
+    return [
+        f'the flow needs {item.name} ({item.reason}); without it the inundated area changes by up '
+        f'to {100.0 * item.cost:.2g} %'
+        for item in decisions if item.is_missed
+    ]
 
 
 def effects_for(

@@ -4,11 +4,12 @@
 """Error of an ensemble's probabilities by the particle spacing, measured with pairs of runs.
 
 The spacing shifts the lava of all members in the same direction. Every ``EVERY``-th member
-therefore runs a second time with particles ``COARSER`` times as far apart. With the arrival time
+therefore runs a second time with particles ``COARSER`` times as far apart, or with cells of twice
+the size. With the arrival time
 t(x) of lava in a cell, and t_c(x) in the coarser run of the same draw, the time with very close
 particles is
 
-    t(x) exp(-D),    D = mean of ln(t_c / t) / r,    r = COARSER^p - 1
+    t(x) exp(-D),    D = mean of ln(t_c / t) / r,    r = COARSER^p - 1 or 2^p - 1
 
 with the order p of the statement of the numerical error (simulation/numerical_error.py). The same
 holds for the inundated area. D shifts the arrival times of all members; its uncertainty widens
@@ -24,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import (
     difference,
     PARTICLE_ORDER,
@@ -32,9 +34,9 @@ from lava_ros.simulation.numerical_error import (
 )
 from lava_ros.simulation.output.inundation import reached_cells
 
-#: Particle spacing of the second run of a pair over that of the member. Twice the spacing of a
-#: coarse ensemble no longer resolves the flow.
-COARSER = 1.4
+#: Spacing of the second run of a pair over that of the member, by method. Twice the particle
+#: spacing of a coarse ensemble no longer resolves the flow; cells can only double.
+COARSER = {'particles': 1.4, 'cells': 2.0}
 
 #: One member in so many has a pair. A coarser run takes less time than its member, so that pairs
 #: take at most a quarter of the time of the members.
@@ -55,8 +57,6 @@ _MIN_TIME_FRACTION = 0.1
 
 #: Quantiles of a normal distribution at one standard deviation.
 _INNER = (0.15866, 0.84134)
-
-_REDUCTION = richardson(COARSER, PARTICLE_ORDER)
 
 #: Parts of an interval that are moved separately.
 _PARTS = 4
@@ -129,7 +129,8 @@ class SpacingError:
     """Error of the members of an ensemble by their particle spacing.
 
     Attributes:
-        spacing: Particle spacing of the members [m].
+        method: Carriers of the lava (``Accuracy.method``).
+        spacing: Particle spacing of the members, or size of their cells [m].
         pairs: Number of pairs that measured it.
         delay: Logarithm of arrival times over those with very close particles.
         delay_spread: Its standard uncertainty for one member in one cell.
@@ -139,6 +140,7 @@ class SpacingError:
             particles.
     """
 
+    method: str
     spacing: float
     pairs: int
     delay: float
@@ -148,21 +150,26 @@ class SpacingError:
     area_error: float
 
     @classmethod
-    def of(cls, pairs: Sequence[SpacingPair], spacing: float) -> 'SpacingError | None':
+    def of(
+        cls, pairs: Sequence[SpacingPair], accuracy: Accuracy
+    ) -> 'SpacingError | None':
         """Return the error that pairs of members have measured, None without pairs."""
         if not pairs:
             return None
+        assert accuracy.spacing is not None
+        reduction = richardson(COARSER[accuracy.method], PARTICLE_ORDER)
         delays, scatters, growths, differences = np.array([pair.numbers for pair in pairs]).T
-        delay, growth = (float(values.mean()) / _REDUCTION for values in (delays, growths))
-        scatter = math.sqrt(float((scatters**2).mean() + delays.var())) / _REDUCTION
+        delay, growth = (float(values.mean()) / reduction for values in (delays, growths))
+        scatter = math.sqrt(float((scatters**2).mean() + delays.var())) / reduction
         return cls(
-            spacing=spacing,
+            method=accuracy.method,
+            spacing=accuracy.spacing,
             pairs=len(pairs),
             delay=delay,
             delay_spread=math.hypot(ORDER_UNCERTAINTY * delay, scatter),
             growth=growth,
-            growth_spread=math.hypot(ORDER_UNCERTAINTY * growth, growths.std() / _REDUCTION),
-            area_error=scaled(float(differences.mean()), 1.0 / _REDUCTION),
+            growth_spread=math.hypot(ORDER_UNCERTAINTY * growth, growths.std() / reduction),
+            area_error=scaled(float(differences.mean()), 1.0 / reduction),
         )
 
     @property
@@ -260,7 +267,9 @@ class SpacingError:
                 (self.delay, ('too late', 'too early')), (self.growth, ('too large', 'too small'))
             )
         )
-        apart = f'particles {self.spacing:.3g} m apart'
+        are_cells = self.method == 'cells'
+        apart = f'{"cells of" if are_cells else "particles"} {self.spacing:.3g} m'
+        apart += '' if are_cells else ' apart'
         if self.is_usable:
             return (
                 f'corrected for {apart}: arrivals were {late}, areas {large} '
@@ -280,7 +289,8 @@ class SpacingError:
 
     @classmethod
     def from_dict(cls, plain: Mapping[str, Any]) -> 'SpacingError':
-        """Return the error of plain data (``as_dict``)."""
+        """Return the error of plain data (``as_dict``); before 0.2 of particles."""
+        plain = {'method': 'particles', **plain}
         return cls(**{item.name: plain[item.name] for item in fields(cls)})
 
 

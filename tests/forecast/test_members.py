@@ -111,7 +111,7 @@ def test_vents_stay_on_the_terrain() -> None:
 
 def test_refuses_members_without_a_valid_scene() -> None:
     members = [Member(0), Member(1, temperature=-900.0)]
-    with pytest.raises(LavaError, match=r'temperature of member 1 .* limits'):
+    with pytest.raises(LavaError, match=r'temperature of member 1 .* limit its distribution'):
         check_members(SCENE, members)
     with pytest.raises(LavaError, match='a vent'):
         check_members(replace(SCENE, vents=()), members[:1])

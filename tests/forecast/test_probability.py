@@ -137,7 +137,7 @@ def test_pairs_of_members_correct_their_maps() -> None:
         kept = times <= HORIZON
         pair = None
         if item.index % EVERY == 0:
-            ratio = math.log(late) * (COARSER**PARTICLE_ORDER - 1.0)
+            ratio = math.log(late) * (COARSER['particles'] ** PARTICLE_ORDER - 1.0)
             # the area of a disc is proportional to the time
             pair = SpacingPair(ratio, 0.0, -ratio, 0.0)
         members.append(replace(
@@ -352,7 +352,7 @@ def test_numerical_error_flattens_the_weights() -> None:
 
 def test_late_members_are_compared_with_an_outline_at_a_later_time() -> None:
     footprint = footprint_of(disc_fields(0, 1.0), PLAN)
-    error = SpacingError(8.0, 1, float(np.log(1.25)), 0.0, 0.0, 0.0, 0.0)
+    error = SpacingError('particles', 8.0, 1, float(np.log(1.25)), 0.0, 0.0, 0.0, 0.0)
     found = footprint_by(footprint, PLAN, 1600.0, error)
     assert np.array_equal(found, footprint_by(footprint, PLAN, 2000.0))
     at_end = footprint_by(footprint, PLAN, HORIZON, error)

@@ -73,14 +73,6 @@ def test_resumed_simulation_keeps_sea_and_volume():
     assert again.budget() == simulation.budget()
 
 
-def test_checkpoint_from_before_the_sea_is_read():
-    simulation = run(fluid(replace(COAST, sea_level=None)), 600.0)
-    stored = simulation.checkpoint()
-    arrays = {**stored.arrays, 'state.left': stored.arrays['state.left'][:2]}
-    old = from_bytes(replace(stored, arrays=arrays).to_bytes())
-    assert Simulation.resume(old, device='cpu').budget() == simulation.budget()
-
-
 def test_rising_sea_takes_the_lava_it_covers():
     simulation = run(fluid(replace(COAST, sea_level=None)), 0.5 * END)
     assert simulation.budget().left == 0.0

@@ -27,7 +27,7 @@ LADDER = ('draft', 'standard', 'fine', 'reference')
 
 def test_rejects_an_unknown_setting():
     assert accuracy_from_dict({}) == Accuracy()
-    with pytest.raises(LavaError, match=r'accuracy\.spaceing.*one of spacing'):
+    with pytest.raises(LavaError, match=r'accuracy\.spaceing.*one of method, spacing'):
         accuracy_from_dict({'spaceing': 3})
 
 

@@ -89,7 +89,8 @@ def test_map_has_the_volume_of_particles_and_deposit(device, scene, preset):
     terrain, place, lava = SCENES[scene]
     simulation = Simulation(
         Scene(terrain, (Vent(place, 20.0, temperature=1423.0, radius=5.0),), lava),
-        effects={'solidification': scene == 'freezing'}, accuracy=PRESETS[preset].accuracy,
+        effects={'solidification': scene == 'freezing', 'insulation': False},
+        accuracy=PRESETS[preset].accuracy,
         device=device,
     )
     simulation.advance(60.0)

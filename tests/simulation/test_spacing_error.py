@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import PARTICLE_ORDER
 from lava_ros.simulation.spacing_error import (
     COARSER,
@@ -21,10 +22,10 @@ from lava_ros.simulation.spacing_error import (
     SpacingPair,
 )
 
-REDUCTION = COARSER**PARTICLE_ORDER - 1.0
+REDUCTION = COARSER['particles']**PARTICLE_ORDER - 1.0
 
 #: No error.
-NONE = SpacingError(10.0, 4, 0.0, 0.0, 0.0, 0.0, 0.0)
+NONE = SpacingError('particles', 10.0, 4, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_one_member_in_four_has_a_pair() -> None:
@@ -47,20 +48,22 @@ def test_pair_has_the_delay_and_the_growth_of_its_coarser_run() -> None:
     assert pair_of(never, 0.0 * part, arrival, part) is None
     apart = pair_of(arrival, part, never, 0.0 * part)
     assert apart is not None and apart.difference == 1.0
-    error = SpacingError.of([apart], 8.0)
+    error = SpacingError.of([apart], Accuracy(spacing=8.0))
     assert error is not None and not error.is_usable and 0.0 < error.usable_spacing < 8.0
 
 
-def test_error_is_that_of_an_exact_run_by_the_order_of_the_particles() -> None:
+@pytest.mark.parametrize('method', COARSER)
+def test_error_is_that_of_an_exact_run_by_the_order_of_the_particles(method: str) -> None:
     spacing, rate = 8.0, 0.004
-    delay, coarser = (rate * d**PARTICLE_ORDER for d in (spacing, COARSER * spacing))
+    accuracy = Accuracy(method=method, spacing=spacing)
+    delay, coarser = (rate * d**PARTICLE_ORDER for d in (spacing, COARSER[method] * spacing))
     pair = SpacingPair(coarser - delay, 0.0, delay - coarser, 0.0)
-    error = SpacingError.of([pair, pair], spacing)
+    error = SpacingError.of([pair, pair], accuracy)
     assert error is not None
     assert error.delay == pytest.approx(delay) and error.growth == pytest.approx(-delay)
     assert error.delay_spread == pytest.approx(ORDER_UNCERTAINTY * delay)
-    assert SpacingError.of([], spacing) is None
-    scattered = SpacingError.of([replace(pair, scatter=0.1), pair], spacing)
+    assert SpacingError.of([], accuracy) is None
+    scattered = SpacingError.of([replace(pair, scatter=0.1), pair], accuracy)
     assert scattered is not None
     assert scattered.delay_spread > error.delay_spread
     assert SpacingError.from_dict(error.as_dict()) == error

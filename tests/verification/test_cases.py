@@ -87,11 +87,7 @@ WIDER_ON_CELLS = {
 
 def is_on_cells(name):
     """Return True if cells have the effects of a case."""
-    effects = [EFFECTS[effect] for effect in CASES[name].effects]
-    return not any(
-        effect.needs_velocity or effect.is_lateral
-        or (effect.removes_particles and not effect.freezes) for effect in effects
-    )
+    return not any(EFFECTS[effect].needs_particles for effect in CASES[name].effects)
 
 
 @pytest.mark.parametrize('name', [

@@ -67,10 +67,7 @@ _SAVED_HEAT = ('temperature', 'emission_time', 'frozen')
 def check_effects(effects: Effects) -> None:
     """Raise LavaError, naming the effect, if one is on that cells do not have."""
     for name in effects:
-        effect = EFFECTS[name]
-        merges = effect.removes_particles and not effect.freezes
-        # only particles know how long lava has been in a place
-        if effect.needs_velocity or effect.is_lateral or merges or effect.ages_in_place:
+        if EFFECTS[name].needs_particles:
             expected = 'false with method cells; method particles has it'
             raise LavaError(f'effects.{name}', True, expected)
 

@@ -3,6 +3,7 @@
 
 """Simulations with the method cells: vents, maps, budget, changes and refusals."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -10,11 +11,11 @@ import pytest
 
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
-from lava_ros.forecast.members import make_plan
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.selection import decide, effects_for, warnings_of
 from solver import flat, only
 
 LAVA = Lava.paper(viscosity=1e4, density=2600.0)
@@ -153,26 +154,35 @@ def test_terrain_events_change_the_ground_at_their_times():
 
 @pytest.mark.parametrize(
     'name',
-    [
-        name for name, effect in EFFECTS.items()
-        if effect.needs_velocity or effect.is_lateral or effect.ages_in_place
-        or (effect.removes_particles and not effect.freezes)
-    ],
+    [name for name, effect in EFFECTS.items() if effect.needs_particles],
 )
 def test_effects_of_particles_only_are_refused_by_name(name):
     with pytest.raises(LavaError, match=f'effects.{name} .* method particles'):
         simulated(slope(), effects=only(name))
 
 
+def test_needed_effects_of_particles_are_off_and_warned_about():
+    scene = Scene(slope(), (Vent((-60.0, 0.0), 100.0),), replace(LAVA, viscosity=1.0))
+    by_method = {
+        method: decide(scene, accuracy=Accuracy(method=method, spacing=5.0), horizon=600.0)
+        for method in ('particles', 'cells')
+    }
+    needed = [
+        item.name for item in by_method['particles'] if item.is_on and item.effect.needs_particles
+    ]
+    assert 'inertia' in needed
+    found = {item.name: item for item in by_method['cells']}
+    for name in needed:
+        assert not found[name].is_on and found[name].is_missed and found[name].cost > 0.0
+    texts = warnings_of(by_method['cells'])
+    assert len(texts) == len(needed) and 'the flow needs inertia (' in texts[0]
+    assert warnings_of(by_method['particles']) == []
+    assert 'inertia' not in effects_for(scene, accuracy=Accuracy(method='cells'), horizon=600.0)
+
+
 def test_limit_of_the_mobility_is_refused():
     with pytest.raises(LavaError, match='mobility_limit is 1.4'):
         simulated(slope(), mobility_limit=1.4)
-
-
-def test_ensembles_refuse_cells():
-    scene = Scene(slope(), (Vent((-60.0, 0.0), 10.0),), LAVA)
-    with pytest.raises(LavaError, match='accuracy.method is .*cells.* for an ensemble'):
-        make_plan(scene, horizon=600.0, accuracy=Accuracy(method='cells'))
 
 
 def test_wall_limit_stops_between_steps():
