@@ -221,8 +221,9 @@ def resolution_of(
     if accuracy.spacing is not None:
         return known(accuracy.spacing, 'given')
     if accuracy.method == 'cells':
-        # the cells of the terrain, halved or doubled
-        return known(cell * 2.0 ** -round(math.log2(accuracy.refinement)), 'cells')
+        # the cells of the terrain, halved from a refinement of 1.4, doubled below 0.7
+        halvings = math.floor(math.log2(accuracy.refinement) + 0.52)
+        return known(cell * 0.5**halvings, 'cells')
     if math.isnan(width) and not flows:
         return known(cell / accuracy.refinement, 'cells')
     # emplaced lava has a known thickness but no known width

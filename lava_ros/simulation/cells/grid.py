@@ -42,6 +42,9 @@ def on_terrain(
         shape = [number for one in part for number in (one.stop - one.start, ratio)]
         means: np.ndarray = values[rows, columns].reshape(shape).mean(axis=(1, 3))
         return means
+    ratio = round(grid.resolution / terrain.resolution)
+    if np.array_equal(np.multiply(grid.shape, ratio), terrain.shape):
+        return values[np.ix_(*(np.arange(one.start, one.stop) // ratio for one in part))]
     return averaged(values, grid, terrain)[part]
 
 

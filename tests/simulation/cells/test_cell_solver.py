@@ -11,6 +11,8 @@ import pytest
 
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
+from lava_ros.forecast.members import make_plan, run_members
+from lava_ros.forecast.sampling import Member
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Particles, Simulation
@@ -183,6 +185,17 @@ def test_needed_effects_of_particles_are_off_and_warned_about():
 def test_limit_of_the_mobility_is_refused():
     with pytest.raises(LavaError, match='mobility_limit is 1.4'):
         simulated(slope(), mobility_limit=1.4)
+
+
+def test_members_of_an_ensemble_run_on_cells_and_pairs_on_doubled_ones():
+    scene = Scene(slope(), (Vent((-60.0, 0.0), 10.0),), LAVA)
+    plan = make_plan(scene, horizon=600.0, accuracy=Accuracy(method='cells'))
+    assert plan.accuracy.spacing == 5.0 and plan.coarser.accuracy.spacing == 10.0
+    pair, alone = run_members(plan, [Member(0), Member(1)], device='cpu')
+    assert pair.pair is not None and alone.pair is None
+    np.testing.assert_array_equal(pair.arrival, alone.arrival)
+    # the same volume on cells of half the side
+    assert abs(pair.pair.growth) < 0.2 and 0.0 < pair.pair.difference < 0.5
 
 
 def test_wall_limit_stops_between_steps():
