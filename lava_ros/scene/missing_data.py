@@ -100,8 +100,6 @@ def _marks_with_cliffs(
     elevation: np.ndarray, known: np.ndarray, least: float
 ) -> Iterator[tuple[float, int]]:
     """Yield each usual value for missing data, and its number of cells with cliffs around them."""
-    from scipy.ndimage import label
-
     for value in (*MARKS, *BLOCK_MARKS):
         is_marked, is_block = elevation == value, value in BLOCK_MARKS
         others = known[known != value]
@@ -110,6 +108,9 @@ def _marks_with_cliffs(
         # planes, and walls and steps of one height, are synthetic terrain
         if is_block and (others.size < (1.0 - MAX_BLOCKS) * known.size or not np.ptp(others)):
             continue
+        # takes 0.2 s to load, and few terrains have such values
+        from scipy.ndimage import label
+
         labels = label(is_marked)[0]
         sizes = np.bincount(labels.ravel())
         border, small = np.zeros((2, sizes.size))
