@@ -89,6 +89,7 @@ def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> 
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.output.budget import VolumeBudget
 
+    carriers = record['settings'].get('method', 'particles')
     resolution, across = record['resolution'], record['resolution']['particles_across']
     budget = VolumeBudget.from_texts({name: str(value) for name, value in record.items()})
     assert budget is not None
@@ -97,10 +98,10 @@ def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> 
         ('start of the eruption', record['onset'] or 'unknown'),
         ('lava', EruptingLava.of(scene).text()),
         (
-            'particles' if record['settings'].get('method') != 'cells' else 'cells with lava',
+            'particles' if carriers == 'particles' else 'cells with lava',
             f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart',
         ),
-        ('particles across the flow', 'unknown' if across is None else f'{across:.2g}'),
+        (f'{carriers} across the flow', 'unknown' if across is None else f'{across:.2g}'),
         # absent from folders of older versions
         *([('kind of flow', record['flow_kind'])] if record.get('flow_kind') else []),
         ('numerical error', record['numerical_error_text']),

@@ -45,7 +45,7 @@ from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.onset import Onset, recorded_onset, stated_onset
 from lava_ros.scene.projection import system_words
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy, describe_carriers
 from lava_ros.simulation.numerical_error import brief_text, NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 
@@ -291,14 +291,13 @@ def _model(recording: Recording) -> dict[str, str]:
     description = described(recording.bag.custom_data)
     version = recording.bag.custom_data.get('version') or 'of unknown version'
     moments = recording.timeline.last_run
-    words = [f'lava_ros {version}, depth-averaged lava as particles']
-    preset = (description['parameters'] or {}).get('preset')
+    chosen = description['parameters'] or {}
+    spacing = moments[-1].values.get('spacing_m', '') if moments else ''
+    carriers = describe_carriers(chosen.get('method', 'particles'), spacing)
+    words, preset = [f'lava_ros {version}, {carriers}'], chosen.get('preset')
     if isinstance(preset, str):
         words.append(f'preset {preset}')
     if moments:
-        values = moments[-1].values
-        if 'spacing_m' in values:
-            words[0] += f' {values["spacing_m"]} m apart'
         errors = (
             moments[-1].number(f'numerical_error_{name}') for name in ('inundated', 'standing')
         )
@@ -388,6 +387,9 @@ def _ensemble(folder: Path) -> Run:
     texts += [f'{area_words(area)} at {least:g} % or more' for least, area in areas.items()]
     version = manifest.get('lava_ros', lava_ros.__version__)
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
+    carriers = describe_carriers(
+        ran.accuracy.method, f'{float(plan["accuracy"]["spacing"] or 0.0):.3g}'
+    )
     warnings = warnings_of_plan(ran)
     facts = {
         'computed': _day((folder / 'inundation_probability.tif').stat().st_mtime),
@@ -402,8 +404,7 @@ def _ensemble(folder: Path) -> Run:
         **_warning(warnings),
         **({} if inputs is None else describe_uncertain(inputs)),
         **describe_influence(tags),
-        'model': f'lava_ros {version}, depth-averaged lava as particles'
-        f' {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}, '
+        'model': f'lava_ros {version}, {carriers}{preset}, '
         f'numerical error {tags.get("numerical_error", NOT_MEASURED)}',
         'warning' if is_unusable else 'particle spacing': spacing_error,
         **_processes(on),

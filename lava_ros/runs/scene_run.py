@@ -226,7 +226,10 @@ class SceneRun:
             history.append({'stamp_ns': stamp_at(time), 'time': time, 'effects': changed})
         self.folder.bag.describe({
             'effects': json.dumps(history),
-            'parameters': json.dumps({'preset': self.folder.record['preset']}),
+            'parameters': json.dumps({
+                'preset': self.folder.record['preset'],
+                'method': self.request.settings.get('method', 'particles'),
+            }),
             'device': simulation.device,
         })
         self.folder.put({'effects': history})

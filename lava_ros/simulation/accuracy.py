@@ -45,6 +45,13 @@ PRECISIONS = ('float32', 'float64')
 GRADIENTS = ('energy', 'difference', 'balanced')
 
 
+def describe_carriers(method: str, spacing: str = '') -> str:
+    """Return the carriers of the lava in words, with their spacing [m] if it is known."""
+    if method == 'cells':
+        return 'depth-averaged lava on cells' + (f' of {spacing} m' if spacing else '')
+    return 'depth-averaged lava as particles' + (f' {spacing} m apart' if spacing else '')
+
+
 @dataclass(frozen=True)
 class Accuracy:
     """Resolution of a simulation in space and time; each field has its own description."""

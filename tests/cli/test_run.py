@@ -162,7 +162,9 @@ def test_run_without_vents_has_no_flow(method, tmp_path):
     assert (record['numerical_error'], record['numerical_error_text']) == (
         None, 'not yet measured'
     )
-    done('map', run, '-o', tmp_path / 'map.png')
+    done('map', run, '-o', tmp_path / 'map.png', '--json', tmp_path / 'map.json')
+    carriers = {'particles': 'as particles', 'cells': 'on cells of'}[method]
+    assert carriers in (tmp_path / 'map.json').read_text(encoding='utf-8')
 
 
 #: Runs `lava` without ROS and the extras: neither packages nor message definitions.
