@@ -98,7 +98,7 @@ other output to stderr. [Results](results.md#json-of-the-commands) shows example
 
 - `version` is the version of the format. It increases when a key changes its name or its meaning.
 - A number has its unit at the end of its key: `_s`, `_m`, `_m2`, `_m3`, `_k`, `_pa_s`, `_percent`,
-  `_bytes`, `_ns`. A number without a unit is a count, or its meaning says what it is: a fraction,
+  `_bytes`, `_ns`. A number without a unit is a count, or its meaning names it: a fraction,
   a ratio, an index, or a value in the `unit` beside it.
 - `null` is an unknown value. Dates are in UTC.
 - `[]` in a key is an element of a list, and `NAME` a key that is a name.

@@ -3,8 +3,8 @@
 
 """The shapes of ``--json``, as JSON Schemas, which docs/json_outputs.py writes.
 
-A number has its unit at the end of its key. Without a unit it is a count, or its description says
-what it is: a fraction, a ratio, an index, or a value in the `unit` beside it.
+A number has its unit at the end of its key. A number without a unit is a count, or its
+description names it: a fraction, a ratio, an index, or a value in the `unit` beside it.
 """
 
 from collections.abc import Mapping
@@ -158,8 +158,12 @@ DECISION = {
     'on_since_s': unknown(number('Simulated time at which it was switched on')),
     'reason': text('Why it is on or off'),
     'without_it': text('What leaving it out changes at the threshold'),
-    'footprint_without_it': unknown(number('Fraction of the inundated area, likewise')),
-    'thickness_without_it': unknown(number('Fraction of the thickness, likewise')),
+    'footprint_without_it': unknown(
+        number('Fraction of the inundated area that leaving it out changes')
+    ),
+    'thickness_without_it': unknown(
+        number('Fraction of the thickness that leaving it out changes')
+    ),
     'source': text('Source of the law'),
 }
 

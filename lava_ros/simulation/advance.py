@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from lava_ros.effects import Effects
-from lava_ros.errors import LavaError
 from lava_ros.scene import Vent
 from lava_ros.simulation.batch import Batch, current_batch
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -25,6 +24,7 @@ from lava_ros.simulation.output.checkpoint_contents import (
     capacity_for,
     check_conserved,
     check_contents,
+    check_restored,
 )
 from lava_ros.simulation.output.peaks import PeakMaps, Peaks
 from lava_ros.simulation.output.snapshot import ParticleSample
@@ -258,11 +258,7 @@ class ParticleSolver(Solver):
         arrived = parts.pop('arrived', None)
         if arrived is not None:
             self.covered.load(arrived)
-        if parts:
-            raise LavaError('checkpoint.arrays', sorted(parts), 'those of a simulation')
-        if self.time != checkpoint.time:
-            right = f'that of the clock, {self.time:g} s'
-            raise LavaError('checkpoint.time', checkpoint.time, right)
+        check_restored(checkpoint, parts, self.time)
         self.volume_before = checkpoint.emitted
         # the neighbour grid was created without the particles
         self.cover()

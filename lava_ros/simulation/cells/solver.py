@@ -39,7 +39,11 @@ from lava_ros.simulation.cells.state import (
 )
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from lava_ros.simulation.output.checkpoint_contents import check_conserved, check_contents
+from lava_ros.simulation.output.checkpoint_contents import (
+    check_conserved,
+    check_contents,
+    check_restored,
+)
 from lava_ros.simulation.output.snapshot import Particles, ParticleSample
 from lava_ros.simulation.particles.layout import (
     BORDER,
@@ -422,11 +426,7 @@ class CellSolver(CellLava):
         self._cover()
         if arrived:
             self.covered.load(arrived)
-        if arrays:
-            raise LavaError('checkpoint.arrays', sorted(arrays), 'those of a simulation')
-        if self.time != checkpoint.time:
-            expected = f'that of the clock, {self.time:g} s'
-            raise LavaError('checkpoint.time', checkpoint.time, expected)
+        check_restored(checkpoint, arrays, self.time)
         self.volume_before = checkpoint.emitted
         self.open_vents(checkpoint.since)
         if not arrived:

@@ -6,7 +6,7 @@
 A checksum shows that a checkpoint is undamaged, not that a simulation wrote it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 import math
 
@@ -44,6 +44,23 @@ def check_contents(checkpoint: Checkpoint) -> None:
         if not ((values >= least) & (values <= most)).all():
             wrong = values[~((values >= least) & (values <= most))]
             raise LavaError(f'checkpoint.{name}', float(wrong.flat[0]), expected)
+
+
+def check_restored(checkpoint: Checkpoint, unused: Iterable[str], time: float) -> None:
+    """Check what a solver has read of a checkpoint.
+
+    Args:
+        checkpoint: The checkpoint.
+        unused: Names of arrays that the solver has not read.
+        time: Simulated time of the solver's clock [s].
+
+    Raises:
+        LavaError: If an array is left, or the clock has another time than the checkpoint.
+    """
+    if names := sorted(unused):
+        raise LavaError('checkpoint.arrays', names, 'those of a simulation')
+    if time != checkpoint.time:
+        raise LavaError('checkpoint.time', checkpoint.time, f'that of the clock, {time:g} s')
 
 
 def check_conserved(budget: VolumeBudget) -> None:
