@@ -20,12 +20,7 @@ from lava_ros.simulation.particles.layout import (
     TIME,
 )
 from lava_ros.simulation.particles.state import State
-from lava_ros.simulation.step.outlets import (
-    due_function,
-    group_function,
-    Outlets,
-    place_function,
-)
+from lava_ros.simulation.step.outlets import next_two, Outlets, place_of
 
 #: Relative error of the time at which a particle is due.
 _ROUNDING = 1e-9
@@ -33,8 +28,7 @@ _ROUNDING = 1e-9
 
 @lru_cache
 def emission_function(
-    real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins: bool,
-    has_temperature_remainder: bool,
+    real: Any, has_velocity: bool, has_age: bool, bins: bool, has_temperature_remainder: bool
 ) -> Any:
     """Return the device function that releases the particles that are due from every k-th vent.
 
@@ -43,9 +37,6 @@ def emission_function(
     """
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
-
-    group_of, next_two = group_function(symmetric), due_function(symmetric)
-    place_of = place_function(symmetric)
     put = bin_function(real, False)
     note = note_function(real, True)
     # other particles move at the same time, so their number must not change
@@ -100,7 +91,7 @@ def emission_function(
                 # limited to the range of an integer and to a step's maximum; the rest follows
                 # later
                 due = int(wp.min(rest, wp.float64(outlets.most)))
-                due -= due % group_of(v, outlets)
+                due -= due % outlets.vents[v].group
                 if due > 0:
                     due = released(v, due, outlets, m)
                 if due > 0:

@@ -3,23 +3,17 @@
 
 """Tables of vents on a device: when their particles are due, and their places."""
 
-from functools import lru_cache
-from typing import Any
-
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import cos_pi, sin_pi
-
-#: Number of particles that a disc and a fissure emit at once, so that they have its symmetries.
-DISC_GROUP, FISSURE_GROUP = 8, 4
-
 
 @wp.struct
 class Outlet:
     """A vent: its line from the terrain's centre [m], and temperature and velocity of its lava.
 
     ``radius`` and ``length`` are in m, ``temperature`` in K, ``velocity`` in m/s, and ``phase``
-    and ``downhill`` (``Emission``) in half turns.
+    and ``downhill`` (``Emission``) in half turns. ``group`` is the number of particles that the
+    vent emits at once: 1, or that of its symmetric places (``Accuracy.symmetric``).
     """
 
     start: wp.vec2d
@@ -30,6 +24,7 @@ class Outlet:
     velocity: wp.vec2d
     phase: wp.float64
     downhill: wp.float64
+    group: wp.int32
 
 
 @wp.struct
@@ -64,140 +59,106 @@ class Outlets:
     due: wp.array(dtype=wp.vec2d)
 
 
-@lru_cache
-def group_function(symmetric: bool) -> Any:
-    """Return the device function that returns how many particles a vent emits at once."""
-
-    @wp.func
-    def group_of(v: int, outlets: Outlets) -> int:
-        if wp.static(symmetric):
-            return wp.where(
-                outlets.vents[v].length > wp.float64(0.0),
-                wp.static(FISSURE_GROUP),
-                wp.static(DISC_GROUP),
-            )
-        return 1
-
-    return group_of
+@wp.func
+def due_at(v: int, volume: wp.float64, outlets: Outlets) -> wp.float64:
+    """Return the time at which a vent has emitted a volume, infinite if it never will [s]."""
+    last = outlets.starts[v + 1]
+    for k in range(outlets.starts[v], last):
+        flux = outlets.fluxes[k]
+        if flux > wp.float64(0.0):
+            rest = wp.max(volume - outlets.volumes[k], wp.float64(0.0))
+            time = outlets.times[k] + rest / flux
+            if k + 1 == last or time <= outlets.times[k + 1]:
+                return time
+    return wp.float64(wp.inf)
 
 
-@lru_cache
-def due_function(symmetric: bool) -> Any:
-    """Return the device function that returns when the next two groups of a vent are due [s]."""
-    group_of = group_function(symmetric)
-
-    @wp.func
-    def due_at(v: int, volume: wp.float64, outlets: Outlets) -> wp.float64:
-        """Return the time at which a vent has emitted a volume, infinite if it never will [s]."""
-        last = outlets.starts[v + 1]
-        for k in range(outlets.starts[v], last):
-            flux = outlets.fluxes[k]
-            if flux > wp.float64(0.0):
-                rest = wp.max(volume - outlets.volumes[k], wp.float64(0.0))
-                time = outlets.times[k] + rest / flux
-                if k + 1 == last or time <= outlets.times[k + 1]:
-                    return time
-        return wp.float64(wp.inf)
-
-    @wp.func
-    def next_two(v: int, outlets: Outlets) -> wp.vec2d:
-        released, group = outlets.released[v], group_of(v, outlets)
-        following = outlets.particle_volume * wp.float64(released + group)
-        after = outlets.particle_volume * wp.float64(released + 2 * group)
-        return wp.vec2d(due_at(v, following, outlets), due_at(v, after, outlets))
-
-    return next_two
+@wp.func
+def next_two(v: int, outlets: Outlets) -> wp.vec2d:
+    """Return when the next two groups of a vent are due [s]."""
+    released, group = outlets.released[v], outlets.vents[v].group
+    following = outlets.particle_volume * wp.float64(released + group)
+    after = outlets.particle_volume * wp.float64(released + 2 * group)
+    return wp.vec2d(due_at(v, following, outlets), due_at(v, after, outlets))
 
 
-@lru_cache
-def place_function(symmetric: bool) -> Any:
-    """Return the device function that returns the place of a particle of a vent."""
-    group_of = group_function(symmetric)
+@wp.func
+def place_of(v: int, n: int, outlets: Outlets) -> wp.vec2d:
+    """Return the place of a vent's n-th particle from the terrain's centre [m].
 
-    @wp.func
-    def place_of(v: int, n: int, outlets: Outlets) -> wp.vec2d:
-        """Return the place of a vent's n-th particle from the terrain's centre [m].
-
-        The additive recurrence of the plastic number spreads any number of points evenly without
-        using a place twice. With symmetry each point is in one part of the vent, and the other
-        particles of its group mirror it.
-        """
-        first = outlets.first_place[v]
-        count = outlets.first_place[v + 1] - first
-        if count > 0:
-            return outlets.places[first + n % count]
-        group = group_of(v, outlets)
-        part = n % group
-        turns = wp.float64(n // group + 1)
-        vent = outlets.vents[v]
-        # overlapping vents start at different points, so that their particles do not coincide
-        a = wp.float64(0.7548776662466927) * turns
-        a += wp.float64(0.6180339887498949) * vent.phase
-        b = wp.float64(0.5698402909980532) * turns
-        b += wp.float64(0.4142135623730951) * vent.phase
-        a = a - wp.floor(a)
-        b = b - wp.floor(b)
-        radius = vent.radius
-        length = vent.length
-        x = wp.float64(0.0)
-        y = wp.float64(0.0)
-        if length > wp.float64(0.0):
-            across = wp.float64(2.0) * b - wp.float64(1.0)
-            if wp.static(symmetric):
-                a = wp.float64(0.5) * a
-                across = b
-                if part % 2 == 1:
-                    a = wp.float64(1.0) - a
-                if part >= 2:
-                    across = -across
-            across *= radius / length
-            along = vent.end - vent.start
-            x = a * along[0] - across * along[1]
-            y = a * along[1] + across * along[0]
-        elif wp.static(symmetric):
+    The additive recurrence of the plastic number spreads any number of points evenly without using
+    a place twice. In a group the point is in one part of the vent, and the other particles of the
+    group mirror it.
+    """
+    first = outlets.first_place[v]
+    count = outlets.first_place[v + 1] - first
+    if count > 0:
+        return outlets.places[first + n % count]
+    vent = outlets.vents[v]
+    part = n % vent.group
+    turns = wp.float64(n // vent.group + 1)
+    # overlapping vents start at different points, so that their particles do not coincide
+    a = wp.float64(0.7548776662466927) * turns
+    a += wp.float64(0.6180339887498949) * vent.phase
+    b = wp.float64(0.5698402909980532) * turns
+    b += wp.float64(0.4142135623730951) * vent.phase
+    a = a - wp.floor(a)
+    b = b - wp.floor(b)
+    radius = vent.radius
+    length = vent.length
+    x = wp.float64(0.0)
+    y = wp.float64(0.0)
+    if length > wp.float64(0.0):
+        across = wp.float64(2.0) * b - wp.float64(1.0)
+        if vent.group > 1:
+            a = wp.float64(0.5) * a
+            across = b
+            if part % 2 == 1:
+                a = wp.float64(1.0) - a
+            if part >= 2:
+                across = -across
+        across *= radius / length
+        along = vent.end - vent.start
+        x = a * along[0] - across * along[1]
+        y = a * along[1] + across * along[0]
+    else:
+        angle = wp.float64(2.0) * a + vent.downhill
+        if vent.group > 1:
             # in half turns; away from the sides of its eighth, so that no point meets its mirror
             # image
             angle = wp.float64(0.25) * (wp.float64(0.1) + wp.float64(0.8) * a)
-            x = radius * wp.sqrt(b) * cos_pi(angle)
-            y = radius * wp.sqrt(b) * sin_pi(angle)
-            if part % 2 == 1:
-                swapped = x
-                x = y
-                y = swapped
-            if (part // 2) % 2 == 1:
-                x = -x
-            if part >= 4:
-                y = -y
-        else:
-            angle = wp.float64(2.0) * a + vent.downhill
-            x = radius * wp.sqrt(b) * cos_pi(angle)
-            y = radius * wp.sqrt(b) * sin_pi(angle)
-        return vent.start + wp.vec2d(x, y)
-
-    return place_of
+        x = radius * wp.sqrt(b) * cos_pi(angle)
+        y = radius * wp.sqrt(b) * sin_pi(angle)
+        if part % 2 == 1:
+            swapped = x
+            x = y
+            y = swapped
+        if (part // 2) % 2 == 1:
+            x = -x
+        if part >= 4:
+            y = -y
+    return vent.start + wp.vec2d(x, y)
 
 
-@lru_cache
-def foresee_kernel(symmetric: bool) -> Any:
-    """Return the kernel that writes when the next two groups of each vent are due [s]."""
-    next_two = due_function(symmetric)
-
-    @wp.kernel(module='unique', enable_backward=False)
-    def foresee(outlets: Outlets):
-        v = wp.tid()
-        outlets.due[v] = next_two(v, outlets)
-
-    return foresee
+@wp.kernel(module='unique', enable_backward=False)
+def foresee(
+    outlets: Outlets,
+    # outputs
+    due: wp.array(dtype=wp.vec2d),
+):
+    """Compute when the next two groups of each vent are due [s]."""
+    v = wp.tid()
+    due[v] = next_two(v, outlets)
 
 
-@lru_cache
-def places_kernel(symmetric: bool) -> Any:
-    """Return the kernel that writes the places of consecutive particles of a vent."""
-    place_of = place_function(symmetric)
-
-    @wp.kernel(module='unique', enable_backward=False)
-    def fill(v: int, first: int, outlets: Outlets, places: wp.array(dtype=wp.vec2d)):
-        n = wp.tid()
-        places[n] = place_of(v, first + n, outlets)
-
-    return fill
+@wp.kernel(module='unique', enable_backward=False)
+def list_places(
+    v: int,
+    first: int,
+    outlets: Outlets,
+    # outputs
+    places: wp.array(dtype=wp.vec2d),
+):
+    """Compute the places of consecutive particles of a vent from the terrain's centre [m]."""
+    n = wp.tid()
+    places[n] = place_of(v, first + n, outlets)

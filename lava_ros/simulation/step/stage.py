@@ -89,8 +89,8 @@ class Stage:
             self.finish_flow()
         pace, arguments, outlets = self._pace_of(scene, vents), self._arguments(), vents.outlets
         emission = emission_function(
-            state.real, vents.is_symmetric, state.has_velocity, state.has_age,
-            state.bins_in_motion, state.has_temperature_remainder,
+            state.real, state.has_velocity, state.has_age, state.bins_in_motion,
+            state.has_temperature_remainder,
         )
         emits_in_motion = emission if state.bins_in_motion else None
         choice = choice_within_motion(state, pace, outlets, emits_in_motion)

@@ -19,14 +19,7 @@ from lava_ros.scene.vents import distances, extents
 from lava_ros.simulation.accuracy import Accuracy, MAX_PARTICLES_PER_SECOND
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.particles.layout import centre_of, fitting
-from lava_ros.simulation.step.outlets import (
-    DISC_GROUP,
-    FISSURE_GROUP,
-    foresee_kernel,
-    Outlet,
-    Outlets,
-    places_kernel,
-)
+from lava_ros.simulation.step.outlets import foresee, list_places, Outlet, Outlets
 from lava_ros.simulation.step.vent_ground import is_open, permitted_places
 
 #: Maximum number of particles of all vents in a step, and minimum of that for each vent.
@@ -38,6 +31,9 @@ _MAX_GROUPS = 2**24
 
 #: Fraction of a particle that rounding may delay.
 _ROUNDING = 1e-6
+
+#: Number of particles that a disc and a fissure emit at once, so that they have its symmetries.
+_DISC_GROUP, _FISSURE_GROUP = 8, 4
 
 #: Number of candidate places of a vent around which lava may not come out everywhere.
 _CANDIDATES = 4096
@@ -78,8 +74,8 @@ class Emission:
             volume: Volume that other vents have emitted [m3].
             particle_volume: Volume of a particle [m3].
         """
-        groups = math.ceil(volume / (DISC_GROUP * particle_volume))
-        whole = DISC_GROUP * (groups % _MAX_GROUPS)
+        groups = math.ceil(volume / (_DISC_GROUP * particle_volume))
+        whole = _DISC_GROUP * (groups % _MAX_GROUPS)
         unknown = np.full(number, np.nan)
         released = np.full(number, whole, dtype=np.int32)
         return cls(released * particle_volume, released, unknown, unknown)
@@ -120,7 +116,6 @@ class VentSet:
         released: Number of emitted particles of each vent, shape [vents], at least one.
         outlets: Tables of the vents for kernels.
         counted: Indices of the vents whose ground ``Solver.raise_top`` has counted.
-        is_symmetric: True if particles are emitted in groups with the vent's symmetries.
     """
 
     def __init__(
@@ -152,7 +147,10 @@ class VentSet:
         self._opening = [vent.next_opening(since) for vent in self.vents]
         self._particle_volume = particle_volume = accuracy.particle_volume
         self._thickness = thickness
-        self.is_symmetric = accuracy.symmetric
+        self._groups = [
+            1 if not accuracy.symmetric else _FISSURE_GROUP if vent.end else _DISC_GROUP
+            for vent in vents
+        ]
         self._device = device
         self._before = self._with_places(before, terrain, spacing)
         conduits = before.volume - before.released * particle_volume
@@ -174,6 +172,7 @@ class VentSet:
             volumes += [emitted + volume for volume in vent.volumes_at(begins, since=since)]
             starts.append(len(times))
         table['phase'], table['downhill'] = self._before.phase, self._before.downhill
+        table['group'] = self._groups
         radii, lengths = table['radius'], table['length']
         # lava comes out on cells with data only
         ground = float(terrain.has_data.sum()) * terrain.resolution**2
@@ -198,10 +197,7 @@ class VentSet:
         if self.vents:
             self.released.assign(before.released)
             wp.launch(
-                foresee_kernel(self.is_symmetric),
-                dim=len(self.vents),
-                inputs=[self.outlets],
-                device=device,
+                foresee, len(self.vents), inputs=[self.outlets], outputs=[self.due], device=device
             )
 
     def _with_places(self, before: Emission, terrain: Terrain, spacing: float) -> Emission:
@@ -245,10 +241,7 @@ class VentSet:
         """Return the places of consecutive particles of a vent, (x, y) [m], shape [count, 2]."""
         places = wp.empty(count, dtype=wp.vec2d, device=self._device)
         wp.launch(
-            places_kernel(self.is_symmetric),
-            dim=count,
-            inputs=[number, first, self.outlets],
-            outputs=[places],
+            list_places, count, inputs=[number, first, self.outlets], outputs=[places],
             device=self._device,
         )
         return read(places) + self._centre
@@ -280,12 +273,12 @@ class VentSet:
         """
         vent = self.vents[number]
         count = max(min(math.ceil(waiting / self._particle_volume), _MAX_PARTICLES_PER_STEP), 0)
-        if self.is_symmetric and count > 1:
-            group = FISSURE_GROUP if vent.end else DISC_GROUP
+        group = self._groups[number]
+        if count > 1:
             count = group * math.ceil(count / group)
         if not count:
             return []
-        if self.is_symmetric and count == 1 and not self._is_restricted[number]:
+        if group > 1 and count == 1 and not self._is_restricted[number]:
             places = 0.5 * np.add(vent.position, vent.end or vent.position)[None]
         else:
             places = self.places(number, int(read(self.released)[number]), count)
@@ -327,9 +320,7 @@ class VentSet:
 
     def late(self, pending: float) -> float:
         """Return the part of the pending volume [m3] that is overdue."""
-        groups = [FISSURE_GROUP if vent.end else DISC_GROUP for vent in self.vents]
-        count = sum(groups) if self.is_symmetric else len(groups)
-        usual = count * self._particle_volume * (1.0 + _ROUNDING)
+        usual = sum(self._groups) * self._particle_volume * (1.0 + _ROUNDING)
         return pending - usual if pending > usual else 0.0
 
     @cached_property
