@@ -42,7 +42,7 @@ INTEGRATORS = ('rkl2', 'rkl1', 'euler')
 
 PRECISIONS = ('float32', 'float64')
 
-GRADIENTS = ('energy', 'difference', 'balanced')
+GRADIENTS = ('energy', 'balanced')
 
 
 def describe_carriers(method: str, spacing: str = '') -> str:
@@ -100,10 +100,10 @@ class Accuracy:
         None, 'Step that overrides all limits, as 0.01 s in the paper; None: the limits decide',
         1e-9, 1e9, 's',
     )
-    # energy: gradient of the particles' potential energy. difference: differences between
-    # particles, 0 on a level surface. balanced: the energy form as far as the difference form
-    # allows; equally accurate, at rest when level, for one more pass over the neighbours
-    # (simulation/step/flow.py). With inertia it is always energy, which conserves momentum.
+    # energy: gradient of the particles' potential energy. balanced: that as far as differences
+    # between particles allow, which are 0 on a level surface; equally accurate, at rest when
+    # level, for one more pass over the neighbours (simulation/step/flow.py). With inertia it is
+    # always energy, which conserves momentum.
     gradient: str = choice('energy', "Form of the surface's gradient", GRADIENTS)
     formulation: str = choice(
         'corrected', 'Equations of the velocity; as-published: 3.36 to 3.44 as they are printed, '

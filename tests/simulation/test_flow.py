@@ -145,7 +145,7 @@ CRYSTALS = {
 @pytest.mark.parametrize(
     ('on', 'constants', 'gradient'),
     [
-        *(('arrhenius', ARRHENIUS, form) for form in ('energy', 'difference', 'balanced')),
+        *(('arrhenius', ARRHENIUS, form) for form in ('energy', 'balanced')),
         ('vft', {'vft_a': -4.55, 'vft_b': 10000.0, 'vft_c': 300.0}, 'energy'),
         ('arrhenius crystals', CRYSTALS, 'energy'),
         ('yielding', {'arrhenius': 0.0, 'yield_strength': 500.0, 'yield_rate': 0.01}, 'energy'),

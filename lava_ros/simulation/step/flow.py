@@ -4,16 +4,16 @@
 """Thickness, surface slope and the local balance of gravity and basal viscous drag.
 
 Heights are SPH sums (3.9 with q = h). Where inertia and lateral stress are negligible the
-depth-averaged velocity is u = -rho g h^2 grad S / (3 mu). The surface gradient has three forms:
+depth-averaged velocity is u = -rho g h^2 grad S / (3 mu). The surface gradient has two forms:
 
 * energy, e: grad S = grad h + grad H, the first the sum of V_j grad W_ij, the second sampled from
   the staggered terrain grid. It is the gradient of sum_i V_i (h_i / 2 + H_i), which never grows,
   and it keeps the particles evenly spaced. On a level surface it is not quite 0.
-* difference, d: the sum of V_j / h_j (S_j - S_i) grad W_ij with S = h + H at the particles, times
-  the inverse of its matrix for S = x (Bonet & Lok 1999), so that an edge does not halve it. It is
-  0 where S is constant, but not the gradient of an energy: nothing keeps the particles apart.
-* balanced: d + r, where r is the difference e - d limited to the length of d. It is e unless the
-  surface is nearly level, and 0 where d is. The energy never grows either: where r is limited,
+* balanced: d + r. The difference form d is the sum of V_j / h_j (S_j - S_i) grad W_ij with
+  S = h + H at the particles, times the inverse of its matrix for S = x (Bonet & Lok 1999), so that
+  an edge does not halve it. It is 0 where S is constant, but not the gradient of an energy: alone
+  it would not keep the particles apart. r is e - d limited to the length of d, so that the sum is
+  e unless the surface is nearly level. The energy never grows either: where r is limited,
   e . (d + r) >= |d|^2 - (1 + |d| / |e - d|) |d| |e - d| + |d| |e - d| = 0.
 
 Viscosity and yield strength follow the mean temperature of the lava around a particle:
@@ -176,12 +176,12 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 
 @lru_cache
 def flow_kernels(
-    real: Any, kernel_name: str, gradient: str, effects: Effects, lanes: int = 1,
+    real: Any, kernel_name: str, is_balanced: bool, effects: Effects, lanes: int = 1,
     parts: int = 1, is_short: bool = False, is_wide: bool = False, has_means: bool = True,
 ) -> tuple[Any, Any]:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
-    The first one, for differences only, is ``elevate``; otherwise it is None.
+    The first one, ``elevate``, is None unless the gradient ``is_balanced``.
     ``parts`` is the number of parts in which a particle's neighbours are summed, ``lanes`` the
     number of threads per particle: as many, or one. ``is_short``: latency dominates the launch.
     ``is_wide``: a CPU processes several neighbours at a time (simd.py).
@@ -234,11 +234,9 @@ def flow_kernels(
         pull = slope(wp.length(d)) * d
         rise = there[1] * (there[0] - own) * pull
         moment = there[1] * wp.outer(d, pull)
-        push = vec2(sums[6], sums[7])
+        push = vec2(sums[6], sums[7]) + other[2] * pull
         weight = sums[8]
         warmth = sums[9]
-        if wp.static(gradient == 'balanced' or has_heat):
-            push += other[2] * pull
         if wp.static(has_heat):
             held = other[2] * shape(wp.length(d))
             weight += held
@@ -317,7 +315,7 @@ def flow_kernels(
         m.flow[i] = vec3(height, real(0.0), real(0.0))
 
     @quick_kernel
-    def velocity_of_differences(thread: int, m: arguments_type(real), fills_flow: bool):
+    def balanced_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
         if i >= m.counts[PARTICLES]:
@@ -343,21 +341,20 @@ def flow_kernels(
         if wp.determinant(moment) > real(0.05):
             rise = wp.inverse(moment) * rise
         ground = gradient_at(m.ground, p[0], p[1])
-        if wp.static(gradient == 'balanced'):
-            rest = push * (scale * inverse) + ground - rise
-            size = wp.length(rest)
-            most = wp.length(rise)
-            if size > most:
-                rest *= most / size
-            rise += rest
+        rest = push * (scale * inverse) + ground - rise
+        size = wp.length(rest)
+        most = wp.length(rise)
+        if size > most:
+            rest *= most / size
+        rise += rest
         height = m.flow[i][0]
         if wp.static(has_heat):
             mean = mean_temperature(p[3], warmer, push * (scale * inverse), height, radius)
         balance(i, p, mean, height, rise, ground, m, fills_flow)
 
-    if gradient == 'energy':
-        return None, thickness_and_velocity
-    return elevate, velocity_of_differences
+    if is_balanced:
+        return elevate, balanced_velocity
+    return None, thickness_and_velocity
 
 
 @lru_cache

@@ -57,9 +57,8 @@ class Stage:
             heat=heat_of(scene, state.effects, state.real),
             constants=self.constants,
         )
-        gradient = accuracy.gradient if state.has_surface else 'energy'
         self._flow_kernels = partial(
-            flow_kernels, state.real, accuracy.kernel, gradient, state.effects
+            flow_kernels, state.real, accuracy.kernel, state.has_surface, state.effects
         )
         self._is_published = accuracy.formulation == 'as-published'
         self.parts = {

@@ -23,7 +23,7 @@ from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 SETS = ('bare', 'green', 'everything with green')
 
 #: Kernels that sum over neighbours in every step.
-SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_motion')
+SUMS = ('thickness_and_velocity', 'elevate', 'balanced_velocity', 'green_motion')
 
 
 #: Attribute in a cubin's .nv.info: a kernel's minimum stack.
