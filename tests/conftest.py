@@ -73,7 +73,7 @@ def conserved_volume(
     if module is None or request.node.get_closest_marker('spoils_volume'):
         yield
         return
-    solver = sys.modules['lava_ros.simulation.solver']
+    solver = sys.modules['lava_ros.simulation.particles.lava']
     advancing, flown = module.Simulation.advancing, {}
     snapshot_of, lost = solver.snapshot_of, []
 

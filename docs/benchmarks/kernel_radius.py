@@ -57,7 +57,7 @@ RULES = {
 def shift(simulation: Simulation, vent: np.ndarray) -> None:
     """Move the particles towards an even distribution, at the same distances from the vent."""
     radius = simulation.accuracy.radius
-    simulation.evaluate()
+    simulation.solver.evaluate()
     share = simulation.sample().volume / simulation.sample().thickness
     rows = simulation.solver.state.read_particles()
     place = rows[:, :2] - vent
@@ -95,7 +95,7 @@ def measure(rule: str, refinement: float, ratio: float, vent: np.ndarray) -> dic
         if rule == 'shifted':
             shift(simulation, vent)
     spent = time.process_time() - begun
-    simulation.evaluate()
+    simulation.solver.evaluate()
     found = simulation.sample()
     place = found.position - vent
     out = np.hypot(*place.T)

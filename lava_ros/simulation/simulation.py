@@ -1,26 +1,22 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulation of a scene: algorithm 1 of the paper, with time steps of variable length."""
+"""The simulation of a scene: what to simulate, up to when, and with which effects."""
 
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import replace
 import math
 import threading
 import time as wall_clock
-from typing import Any
 
 from lava_ros import validation
-from lava_ros.effects import Effects, excluded_by
+from lava_ros.effects import Effects
 from lava_ros.effects.scales import Scales
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.terrain import is_same_ground
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.advance import ParticleSolver
 from lava_ros.simulation.backend.memory import within_memory
-from lava_ros.simulation.batch import current_batch
 from lava_ros.simulation.cells.solver import CellSolver
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint, warn_of_other_model
@@ -33,6 +29,7 @@ from lava_ros.simulation.output.snapshot import (
     PendingSnapshot,
     Snapshot,
 )
+from lava_ros.simulation.particles.solver import ParticleSolver
 from lava_ros.simulation.resolution import (
     estimated_effects,
     naming_the_cause,
@@ -40,19 +37,13 @@ from lava_ros.simulation.resolution import (
     resolution_of,
     resolved_accuracy,
 )
-from lava_ros.simulation.selection import (
-    decide,
-    decide_by,
-    Decision,
-    effects_for,
-    HORIZON,
-    noted,
-)
+from lava_ros.simulation.selection import Decision, HORIZON
 from lava_ros.simulation.setup.defaults import device_of, formulated
-from lava_ros.simulation.setup.review import next_review, Review, watched_effects
+from lava_ros.simulation.setup.effect_choice import EffectChoice
+from lava_ros.simulation.solver import Solver
 
 #: Solvers by method (``Accuracy.method``).
-SOLVERS: dict[str, Any] = {'particles': ParticleSolver, 'cells': CellSolver}
+SOLVERS: dict[str, type[Solver]] = {'particles': ParticleSolver, 'cells': CellSolver}
 
 
 class Simulation:
@@ -63,8 +54,8 @@ class Simulation:
 
     Attributes:
         accuracy: The resolution, with all automatic values filled in.
-        step: Length of the latest step, or of the next one if ``advance`` has not begun it because
-            it would end too late [s].
+        step: Length of the latest step [s]; after ``advance`` with ``whole_steps`` that of the
+            next one, if it has not begun because it would end too late.
     """
 
     @within_memory()
@@ -98,7 +89,7 @@ class Simulation:
         if particles is None:
             particles = particles_of(scene, self.solver.column_spacing)
         self.solver.start_with(particles)
-        self._watch(is_due=particles is not None)
+        self._schedule_review(is_due=particles is not None)
 
     def _prepare(
         self, scene: Scene, effects: Effects | Mapping[str, bool] | None, given: Accuracy,
@@ -109,22 +100,21 @@ class Simulation:
         self.step = 0.0
         # the next step would end after the requested time, and has not begun
         self._is_step_pending, self._requested_time = False, -math.inf
+        # the wall limit has stopped a step before its end
+        self._is_interrupted = False
         # cells run on a CPU
         used = device_of('cpu' if device is None and given.method == 'cells' else device)
-        self._horizon = horizon
-        self._forced = None if isinstance(effects, Effects) else dict(effects or {})
-        forced = asdict(effects) if isinstance(effects, Effects) else self._forced
-        self.accuracy = resolved_accuracy(given, scene, forced, horizon=horizon)
-        self._review = Review()
-        self._is_interrupted = False
-        chosen = effects if isinstance(effects, Effects) else self._choose_effects(scene)
-        chosen = formulated(chosen, self.accuracy)
+        self._choice = EffectChoice(effects, horizon)
+        self.accuracy = resolved_accuracy(
+            given, scene, self._choice.all_forced(), horizon=horizon
+        )
+        chosen = formulated(self._choice.first(scene, self.accuracy), self.accuracy)
         with naming_the_cause(scene, given):
-            self._solver: Any = SOLVERS[self.accuracy.method](scene, chosen, self.accuracy, used)
+            self._solver = SOLVERS[self.accuracy.method](scene, chosen, self.accuracy, used)
 
     @property
-    def solver(self) -> Any:
-        """The lava, grids and kernels on the device: a ``ParticleSolver`` or a ``CellSolver``.
+    def solver(self) -> Solver:
+        """The lava, grids and kernels on the device (``Solver``, by ``Accuracy.method``).
 
         Raises:
             RuntimeError: If the current thread did not create the simulation.
@@ -139,14 +129,12 @@ class Simulation:
     @property
     def scene(self) -> Scene:
         """The current scene."""
-        scene: Scene = self.solver.scene
-        return scene
+        return self.solver.scene
 
     @property
     def effects(self) -> Effects:
         """The effects that are on."""
-        effects: Effects = self.solver.effects
-        return effects
+        return self.solver.effects
 
     @property
     def device(self) -> str:
@@ -156,22 +144,22 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self.solver.time)
+        return self.solver.time
 
     @property
     def particle_count(self) -> int:
-        """Number of particles."""
-        return int(self.solver.count)
+        """Number of particles, or of cells with lava."""
+        return self.solver.count
 
     @property
     def most_particles(self) -> int:
-        """Maximum number of particles at any readback so far, known without device access."""
-        return int(self.solver.most_particles)
+        """Maximum of ``particle_count`` at any readback so far, known without device access."""
+        return self.solver.most_particles
 
     @property
     def steps(self) -> int:
         """Number of time steps so far."""
-        return int(self.solver.steps)
+        return self.solver.steps
 
     def advance(
         self,
@@ -217,10 +205,10 @@ class Simulation:
         wall_limit: float | None = None,
         whole_steps: bool = False,
     ) -> Generator[None, None, float]:
-        """Generator form of ``advance``, which yields after each batch of launches.
+        """Generator form of ``advance``: yields after each batch of launches.
 
-        The caller can overlap other work with the GPU (``batch.side_by_side``). The simulation can
-        be read or changed only when the generator is exhausted.
+        The caller can do other work while the GPU computes (``batch.side_by_side``). The
+        simulation can be read or changed only when the generator is exhausted.
 
         No step passes the time of an event of the scene, at which the ground changes. An event at
         ``until`` takes place in the next call.
@@ -245,11 +233,9 @@ class Simulation:
             while True:
                 change = self.scene.events[0].time if self.scene.events else math.inf
                 stop, last = min(until, change), min(end, change)
-                self.solver.raise_top(until=last)
-                if self.solver.is_empty:
-                    self.solver.skip_to(stop, last)
-                # reviews follow the ends of natural steps, and change none
-                due = min(stop, self._review_due)
+                self.solver.prepare_advance(stop, last)
+                # a review follows the end of a step, and shortens none
+                due = min(stop, self._choice.due)
                 reached, self.step, self._is_step_pending = yield from self.solver.advancing_to(
                     due, last, deadline, max_end
                 )
@@ -259,7 +245,7 @@ class Simulation:
                 if wall_clock.monotonic() >= deadline:
                     self._is_interrupted = True
                     return reached
-                if reached >= self._review_due:
+                if reached >= self._choice.due:
                     self.review()
                 if change <= reached and change < until:
                     self._change_ground()
@@ -272,29 +258,27 @@ class Simulation:
             self._is_interrupted = False
             for _ in self.solver.advancing_to(self.time, None, math.inf):
                 pass
-            if self.time >= self._review_due:
+            if self.time >= self._choice.due:
                 self.review()
 
     @within_memory()
     def snapshot(self) -> Snapshot:
         """Map the current flow to the terrain's cells."""
         self._complete()
-        self.solver.sort()
         return self.solver.begin_snapshot(overlaps=False).result()
 
     @within_memory()
     def begin_snapshot(self) -> PendingSnapshot:
-        """Start to map the current flow to the terrain's cells.
+        """Start a map of the current flow to the terrain's cells.
 
         A GPU copies the maps to the host while it computes the next steps.
         """
         self._complete()
-        self.solver.order()
         return self.solver.begin_snapshot(overlaps=True)
 
     @within_memory()
     def start_peaks(self, threshold: float) -> Peaks:
-        """Prepare to gather peak values by observations, the first of which is of this time.
+        """Return empty peaks, for observations from the current time onwards.
 
         Args:
             threshold: Thickness at or above which lava has arrived [m].
@@ -304,7 +288,7 @@ class Simulation:
         """
         own = self.accuracy.inundation_threshold
         if not math.isclose(threshold, own):
-            raise LavaError('threshold', threshold, f'{own:g} m, that of the simulation')
+            raise LavaError('threshold', threshold, f'{own:g} m, the threshold of the simulation')
         return Peaks(self.scene.terrain, own, self.time, self.solver.device)
 
     @within_memory()
@@ -319,44 +303,25 @@ class Simulation:
 
     def observing(self, peaks: Peaks) -> Iterator[None]:
         """Generator form of ``observe``, which yields to the other members of a batch."""
-        batch = current_batch()
-        if batch is None or self.accuracy.method == 'cells':
-            self.observe(peaks)
-            return
-        self._complete()
-        self.solver.bin()
-        state, observe = self.solver.state, partial(self.solver.observe, peaks)
-        batch.launch(state, partial(state.launches.record, observe, state.capacity))
-        yield
+        with within_memory():
+            self._complete()
+            yield from self.solver.observing(peaks)
 
     def read_peaks(self, peaks: Peaks, *, where_wet: bool = False) -> PeakMaps:
         """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
-        found: PeakMaps = self.solver.read_peaks(peaks, where_wet=where_wet)
-        return found
+        return self.solver.read_peaks(peaks, where_wet=where_wet)
 
     @within_memory()
     def budget(self) -> VolumeBudget:
-        """Return the budget: volume emitted, by the integral of Q(t), and sums over particles."""
+        """Return the volume budget: the integral of the effusion rate, and where the lava is."""
         self._complete()
         return self.solver.budget()
 
     @within_memory()
     def sample(self) -> ParticleSample:
-        """Read the particles back, with their current thickness and velocity."""
+        """Read the particles, or the columns of the cells, with thickness and velocity."""
         self._complete()
-        self.solver.sort()
         return self.solver.sample()
-
-    @within_memory()
-    def evaluate(self) -> None:
-        """Compute thickness and velocity of the particles, including the neighbour search.
-
-        Nothing is read back and nothing moves: this measures the cost of a stage of a time step.
-        """
-        self._complete()
-        self.solver.neighbors.rebuild(self.solver.state)
-        self.solver.stage.compute_flow()
-        self.solver.stage.finish_flow()
 
     @within_memory()
     def set_vents(self, vents: Iterable[Vent]) -> None:
@@ -371,13 +336,10 @@ class Simulation:
                 The previous vents then remain.
         """
         vents = check_vents(vents, self.scene.terrain, self.scene.lava)
-        if vents != self.solver.vents.vents:
-            self.solver.check_rates(vents)
+        if vents != self.scene.vents:
             self._catch_up()
-            last_particles = self.solver.replace_vents(replace(self.scene, vents=vents))
+            self.solver.replace_vents(replace(self.scene, vents=vents))
             self._update_effects()
-            self.solver.add_particles(last_particles)
-            self.solver.forget()
 
     @within_memory()
     def set_terrain(self, terrain: Terrain) -> None:
@@ -403,11 +365,9 @@ class Simulation:
         """Replace the terrain by the terrain of another scene, and choose the effects again."""
         self.solver.replace_terrain(scene)
         self._update_effects()
-        self.solver.sort()
-        self.solver.lower_top()
 
     def _catch_up(self) -> None:
-        """Complete the step; if one is pending, advance to the requested time by a shorter one."""
+        """Complete the current step, and take a shorter one to the requested time if necessary."""
         self._complete()
         if self._is_step_pending:
             self.advance(max(self._requested_time, self.time))
@@ -431,35 +391,36 @@ class Simulation:
                 then remain.
         """
         self._complete()
-        former = self._forced, self._horizon
+        choice = self._choice
+        former = choice.forced, choice.horizon
         if (dict(forced), horizon) != former:
             self._catch_up()
-        self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
-        self._forced = dict(forced)
+        choice.horizon = validation.number('horizon', horizon, above=0.0, unit='s')
+        choice.forced = dict(forced)
         try:
-            self._update_effects(self._review.since)
+            self._update_effects(choice.review.since)
         except LavaError:
-            self._forced, self._horizon = former
+            choice.forced, choice.horizon = former
             raise
 
     @within_memory()
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all data from which a simulation can be resumed at this time."""
         self._complete()
-        self.solver.order()
+        arrays = self.solver.save()
         return Checkpoint(
             time=self.time,
             scene=self.scene,
             effects=self.effects,
-            forced=self._forced,
-            horizon=self._horizon,
-            switched_on=dict(self._review.since),
-            measured=dict(self._review.largest),
+            forced=self._choice.forced,
+            horizon=self._choice.horizon,
+            switched_on=dict(self._choice.review.since),
+            measured=dict(self._choice.review.largest),
             accuracy=self.accuracy,
             emitted=self.solver.volume_before,
             since=self.solver.vents.since,
             capacity=self.solver.capacity,
-            arrays=self.solver.save(),
+            arrays=arrays,
         )
 
     @classmethod
@@ -474,68 +435,50 @@ class Simulation:
         simulation = cls.__new__(cls)
         simulation._prepare(scene, effects, accuracy, device, checkpoint.horizon)
         simulation.solver.load(checkpoint)
-        simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
-        simulation._review.since.update(checkpoint.switched_on)
-        simulation._review.largest.update(checkpoint.measured)
-        simulation._watch()
+        choice = simulation._choice
+        choice.forced = None if checkpoint.forced is None else dict(checkpoint.forced)
+        choice.review.since.update(checkpoint.switched_on)
+        choice.review.largest.update(checkpoint.measured)
+        simulation._schedule_review()
         warn_of_other_model(checkpoint)
         return simulation
 
     @property
     def review_count(self) -> int:
         """Number of reviews of the effects so far."""
-        return self._review.count
+        return self._choice.review.count
 
     @property
     def resolution(self) -> Resolution:
         """Number of particles across the flow of the current scene, and its spacing."""
-        return resolution_of(self.scene, self.accuracy, self._all_forced, horizon=self._horizon)
+        choice = self._choice
+        return resolution_of(
+            self.scene, self.accuracy, choice.all_forced(self.effects), horizon=choice.horizon
+        )
 
     def decisions(self) -> tuple[Decision, ...]:
         """Return the current decision about each effect, with its number and its threshold."""
-        decisions = decide(
-            self.scene, self._all_forced, accuracy=self.accuracy, horizon=self._horizon
-        )
-        return tuple(
-            noted(
-                item, self.effects, self._review.largest.get(item.name, math.nan),
-                self._review.since.get(item.name, math.nan),
-            )
-            for item in decisions
-        )
+        return self._choice.decisions(self.scene, self.effects, self.accuracy)
 
     @within_memory()
     def measure_scales(self) -> Scales | None:
         """Measure the scales of the current flow; None without flowing lava."""
         self._complete()
-        self.solver.sort()
-        grids, sample = self.solver.draw_maps(), self.solver.read_sample()
+        grids, sample = self.solver.maps_and_sample()
         if not len(sample.volume):
             return None
-        duration = max(self._horizon, self.time)
-        effects = estimated_effects(
-            self.scene, self.accuracy, self._all_forced, horizon=duration
-        )
+        duration = max(self._choice.horizon, self.time)
+        forced = self._choice.all_forced(self.effects)
+        effects = estimated_effects(self.scene, self.accuracy, forced, horizon=duration)
         return measured_scales(
             self.scene, effects, sample, grids,
             threshold=self.accuracy.inundation_threshold, duration=duration,
             emitted=self.solver.emitted_fraction(duration),
         )
 
-    @property
-    def _all_forced(self) -> dict[str, bool]:
-        """Effects that the user has forced on or off, by name; all effects of a fixed set."""
-        return asdict(self.effects) if self._forced is None else self._forced
-
-    def _watch(self, *, is_due: bool = False) -> None:
+    def _schedule_review(self, *, is_due: bool = False) -> None:
         """Schedule the next review of the effects, for now if it ``is_due``."""
-        self._watched = [] if self._forced is None else watched_effects(
-            self.scene, self.effects, self._forced
-        )
-        self._review_due = math.inf
-        if self._watched:
-            time = self.time
-            self._review_due = time if is_due else next_review(time, self._horizon)
+        self._choice.schedule(self.scene, self.effects, self.time, is_due=is_due)
 
     def review(self, names: Iterable[str] | None = None) -> None:
         """Measure the numbers of effects now, and switch on those above their thresholds.
@@ -545,19 +488,11 @@ class Simulation:
         """
         self._complete()
         scales = self.measure_scales()
-        found: list[str] = []
         if scales is not None:
-            names = self._watched if names is None else names
-            decisions = decide_by(scales, self._forced or {}, self.accuracy, names=names)
-            found = self._review.note(decisions, self.effects)
-        if found:
-            self._review.since |= dict.fromkeys(found, self.time)
-            self._switch_to(replace(self.effects, **dict.fromkeys(found, True)))
-        self._watch()
-
-    def _choose_effects(self, scene: Scene) -> Effects:
-        """Return the effects that a scene needs, with those that the user forces."""
-        return effects_for(scene, self._forced, accuracy=self.accuracy, horizon=self._horizon)
+            self._switch_to(
+                self._choice.reviewed(scales, self.effects, self.accuracy, self.time, names)
+            )
+        self._schedule_review()
 
     def _update_effects(self, remaining: Iterable[str] | None = None) -> None:
         """Choose the effects again, unless the user has given all of them.
@@ -565,18 +500,12 @@ class Simulation:
         Once there is lava, active effects, or those in ``remaining``, stay on: they have shaped
         it.
         """
-        if self._forced is None:
+        if self._choice.forced is None:
             return
         if remaining is None:
             remaining = self.effects if self.time > 0.0 or self.particle_count else ()
-        chosen = self._choose_effects(self.scene)
-        on = [name for name in chosen if name in self._forced]
-        remaining = [name for name in remaining if self._forced.get(name, True)]
-        for name in (*remaining, *chosen):
-            if not any(excluded_by(name, other) for other in on):
-                on.append(name)
-        self._switch_to(replace(chosen, **{name: name in on for name in (*remaining, *chosen)}))
-        self._watch()
+        self._switch_to(self._choice.updated(self.scene, self.accuracy, remaining))
+        self._schedule_review()
 
     def _switch_to(self, effects: Effects) -> None:
         """Continue with other effects."""

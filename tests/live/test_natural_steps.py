@@ -109,7 +109,7 @@ def test_events_change_the_ground_at_their_times():
 def change_nothing(worker):
     yield worker.set_vents(SCENE.vents)
     yield worker.set_terrain(Terrain(SCENE.terrain.elevation.copy(), 10.0))
-    yield worker.set_effects({}, horizon=worker.session.simulation._horizon)
+    yield worker.set_effects({}, horizon=worker.session.simulation._choice.horizon)
     yield worker.checkpoint()
     yield worker.fork()
 

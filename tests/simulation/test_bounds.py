@@ -15,13 +15,13 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy, MAX_PARTICLES_PER_SECOND
 from lava_ros.simulation.backend.memory import OutOfMemoryError
 from lava_ros.simulation.particles import neighbors
+from lava_ros.simulation.particles.solver import ParticleSolver
 from lava_ros.simulation.resolution import (
     HORIZON,
     MIN_SPACING,
     MOST_PARTICLES,
     resolution_of,
 )
-from lava_ros.simulation.solver import Solver
 from lava_ros.simulation.step.effects import helmholtz
 from solver import incline, only
 
@@ -168,7 +168,7 @@ def test_exhausted_memory_is_an_error_with_a_remedy(method, call, error, monkeyp
     if call is not None:
         checkpoint = simulation.checkpoint()
         monkeypatch.setattr(simulation, 'checkpoint', lambda: checkpoint)
-    monkeypatch.setattr(Solver, method, fail)
+    monkeypatch.setattr(ParticleSolver, method, fail)
     is_full = 'device' not in str(error) or 'allocate' in str(error)
     kind = OutOfMemoryError if is_full else RuntimeError
     with pytest.raises(kind) as caught:

@@ -11,12 +11,14 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import advance, Simulation, solver
+from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.diagnostics import FlowDiagnostics, moment_of
 from lava_ros.simulation.output.inundation import reached_cells
 from lava_ros.simulation.output.snapshot import Particles, rows_of, Snapshot, StepReport
+from lava_ros.simulation.particles import lava as lava_module
+from lava_ros.simulation.particles import solver as solver_module
 from solver import incline, simulated
 
 #: Budget after a hole has taken most of an eruption.
@@ -155,9 +157,9 @@ def test_kept_snapshots_do_not_change(device):
 
 def test_launches_in_flight_do_not_change_the_flow(monkeypatch):
     ends = []
-    monkeypatch.setattr(solver, '_FIRST_CAPACITY', 256)
+    monkeypatch.setattr(lava_module, 'FIRST_CAPACITY', 256)
     for number in (1, 2):
-        monkeypatch.setitem(advance._IN_FLIGHT, False, number)
+        monkeypatch.setitem(solver_module._IN_FLIGHT, False, number)
         ground = incline(0.5, 30, 200, 10.0, top=900.0)
         simulation = simulated(
             ground, Lava.paper(), Vent((60.0, 155.0), 100.0), effects=Effects(inertia=True),

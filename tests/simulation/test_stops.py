@@ -17,16 +17,16 @@ from lava_ros.errors import LavaError
 from lava_ros.runs.drive import drive, driving
 from lava_ros.runs.sinks import PeakSink
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import advance, Simulation
+from lava_ros.simulation import Simulation
 from lava_ros.simulation import simulation as simulation_module
-from lava_ros.simulation import solver as solver_module
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend import threads
 from lava_ros.simulation.batch import Batch
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles import neighbors
-from lava_ros.simulation.solver import Solver
+from lava_ros.simulation.particles import solver as solver_module
+from lava_ros.simulation.particles.solver import ParticleSolver
 from lava_ros.simulation.step import motion
 
 END = 400.0
@@ -222,16 +222,16 @@ def test_highest_source_of_a_later_vent_does_not_depend_on_stops(device):
 ])
 def test_wall_limit_interrupts_a_step_without_changing_the_flow(name, monkeypatch):
     """Each launch takes a second, and each limit of two or three seconds ends within a step."""
-    now, run_stages = [0.0], Solver.run_stages
+    now, run_stages = [0.0], ParticleSolver.run_stages
     clock = SimpleNamespace(monotonic=lambda: now[0])
-    for module in (advance, simulation_module):
+    for module in (solver_module, simulation_module):
         monkeypatch.setattr(module, 'wall_clock', clock)
 
     def launch(solver):
         now[0] += 1.0
         run_stages(solver)
 
-    monkeypatch.setattr(Solver, 'run_stages', launch)
+    monkeypatch.setattr(ParticleSolver, 'run_stages', launch)
     simulation, readings = begun(name, 'cpu'), cycle(READINGS)
     interrupted = 0
     for number, limit in enumerate(cycle((2.0, 3.0))):
@@ -254,20 +254,20 @@ def test_wall_limit_interrupts_a_step_without_changing_the_flow(name, monkeypatc
 def test_wall_limit_leaves_a_review_to_whatever_comes_next(monkeypatch):
     now = [0.0]
     clock = SimpleNamespace(monotonic=lambda: now[0])
-    for module in (advance, simulation_module):
+    for module in (solver_module, simulation_module):
         monkeypatch.setattr(module, 'wall_clock', clock)
     simulation = Simulation(Scene(hill(), VENTS, LAVA), device='cpu', horizon=END)
-    due = simulation._review_due
-    to_review = advance.advancing_to
+    due = simulation._choice.due
+    to_review = ParticleSolver.advancing_to
 
     def slow(*arguments):
         reached = yield from to_review(*arguments)
         now[0] += 1.0
         return reached
 
-    monkeypatch.setattr(advance, 'advancing_to', slow)
+    monkeypatch.setattr(ParticleSolver, 'advancing_to', slow)
     assert simulation.advance(END, wall_limit=0.5) >= due
     assert simulation.review_count == 0
     simulation.snapshot()
     assert simulation.review_count == 1
-    assert simulation._review_due > simulation.time
+    assert simulation._choice.due > simulation.time

@@ -15,11 +15,12 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import advance, Simulation
+from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.particles import lava as lava_module
+from lava_ros.simulation.particles import solver as solver_module
 from lava_ros.simulation.particles.layout import FULL
 from lava_ros.simulation.particles.state import State
-import lava_ros.simulation.solver as solver_module
 from lava_ros.simulation.step.timestep import longest_from
 import lava_ros.simulation.step.vents as vents_module
 from lava_ros.simulation.step.vents import Emission, VentSet
@@ -46,11 +47,11 @@ def vent_set(
 
 
 def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_module, '_FIRST_CAPACITY', 64)
+    monkeypatch.setattr(lava_module, 'FIRST_CAPACITY', 64)
     ticks = count()
     # 1 s passes between two readbacks of the clock
     clock = SimpleNamespace(monotonic=lambda: float(next(ticks)))
-    monkeypatch.setattr(advance, 'wall_clock', clock)
+    monkeypatch.setattr(solver_module, 'wall_clock', clock)
     simulation = flow(VENT)
     for _ in range(100_000):
         if simulation.advance(40.0, wall_limit=1.5) >= 40.0:
@@ -64,7 +65,7 @@ def test_capacity_grows_if_each_part_is_one_stage(monkeypatch: pytest.MonkeyPatc
 def test_capacity_grows_before_a_vent_needs_it(
     device: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(solver_module, '_FIRST_CAPACITY', 64)
+    monkeypatch.setattr(lava_module, 'FIRST_CAPACITY', 64)
     seen, make_room = [], State.make_room
 
     def noted(state: State, counts: np.ndarray) -> None:
@@ -81,7 +82,7 @@ def test_capacity_grows_before_a_vent_needs_it(
 
 
 def test_lava_beyond_the_capacity_is_overdue(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_module, '_FIRST_CAPACITY', 64)
+    monkeypatch.setattr(lava_module, 'FIRST_CAPACITY', 64)
     monkeypatch.setattr(State, 'make_room', lambda self, counts: None)
     simulation = flow(VENT)
     simulation.advance(40.0)

@@ -3,6 +3,7 @@
 
 """The lava of a simulation on cells: its arrays, and what others read of them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 import math
 from typing import Any
@@ -265,6 +266,15 @@ class CellLava:
         """Raise peaks to the values of the current flow."""
         self.draw_maps()
         peaks.observe(self._maps, self._known, self)
+
+    def observing(self, peaks: Peaks) -> Iterator[None]:
+        """Generator form of ``observe_now``: the other members of a batch are not involved."""
+        self.observe_now(peaks)
+        yield
+
+    def maps_and_sample(self) -> tuple[Any, ParticleSample]:
+        """Map the lava, and return the cells with lava as columns."""
+        return self.draw_maps(), self.read_sample()
 
     def read_peaks(self, peaks: Peaks, *, where_wet: bool) -> PeakMaps:
         """Return the peaks so far, of all cells or of the rectangle that lava can reach."""

@@ -6,7 +6,7 @@
 It runs on a CPU, in one thread.
 """
 
-from collections.abc import Generator, Iterable
+from collections.abc import Generator
 from functools import lru_cache
 import math
 import time as wall_clock
@@ -17,7 +17,7 @@ import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene, Vent
+from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells.covered import Covered, note_function
 from lava_ros.simulation.cells.flow import step_function
@@ -236,7 +236,7 @@ class CellSolver(CellLava):
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
-        """Advance to a time, as ``advance.advancing_to``; no step is ever incomplete."""
+        """Advance to a time, as ``Solver.advancing_to``; no step is ever incomplete."""
         self._end = self._end if end is None else end
         clock = self.state.clock.numpy()
         clock[WAITING] = 0.0
@@ -301,24 +301,8 @@ class CellSolver(CellLava):
         flow, _, covered = self._arguments
         wp.launch(_note_kernel(), dim=1, inputs=[flow, covered], device=self.device)
 
-    # what the solver of particles does between steps, and cells need not
-
-    def order(self) -> None:
-        """Do nothing: cells have an order."""
-
-    sort = settle = forget = lower_top = order
-
-    def raise_top(self, *, until: float | None = None) -> None:
-        """Do nothing: the speed has no bound of free fall."""
-
-    def skip_to(self, until: float, end: float) -> None:
+    def prepare_advance(self, until: float, end: float) -> None:
         """Do nothing: ``advancing_to`` skips the time without lava."""
-
-    def check_rates(self, vents: Iterable[Vent]) -> None:
-        """Accept any discharge."""
-
-    def add_particles(self, rows: list[Any]) -> None:
-        """Do nothing: no lava waits in conduits."""
 
     def switch_effects(self, effects: Effects) -> None:
         """Continue with other effects.
@@ -338,14 +322,13 @@ class CellSolver(CellLava):
         self.put(lava)
         self._is_set = False
 
-    def replace_vents(self, scene: Scene) -> list[Any]:
+    def replace_vents(self, scene: Scene) -> None:
         """Continue with the vents of another scene; no lava waits in conduits."""
         now = self.time
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
         self.open_vents(now)
         self._note()
-        return []
 
     def replace_terrain(self, scene: Scene) -> None:
         """Replace the terrain by that of another scene; lava outside it has left."""

@@ -7,6 +7,7 @@ import warp as wp
 
 from lava_ros.simulation.backend.compiled import cos_pi, sin_pi
 
+
 @wp.struct
 class Outlet:
     """A vent: its line from the terrain's centre [m], and temperature and velocity of its lava.

@@ -30,6 +30,7 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.particles.solver import ParticleSolver
 from lava_ros.verification import exact
 from lava_ros.verification.benchmarks.effects import timed
 from lava_ros.verification.cases import case
@@ -157,11 +158,13 @@ def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
 def _evaluation_time(simulation: Simulation) -> float:
     """Return the median time of a velocity evaluation [s], on a GPU as a graph as in a step."""
     device = wp.get_device(simulation.device)
-    evaluate = simulation.evaluate
+    solver = simulation.solver
+    assert isinstance(solver, ParticleSolver)
+    evaluate = solver.evaluate
     evaluate()
     if device.is_cuda:
         with wp.ScopedCapture(device=device) as capture:
-            simulation.evaluate()
+            solver.evaluate()
         evaluate = partial(wp.capture_launch, capture.graph)
     # the first launch of a graph uploads it to the device
     return median([timed(simulation.device, evaluate) for _ in range(EVALUATIONS + 1)][1:])
