@@ -37,7 +37,7 @@ def one_pass(simulation):
     state.counts.assign(counts)
     state.clock.assign(clock)
     solver = simulation.solver
-    solver.stage.parts['merging'].finish_step(solver.neighbors.motion_arguments(state))
+    solver.stage.parts['merging'].finish_step(solver.stage.arguments)
 
 
 def rows_of(simulation):

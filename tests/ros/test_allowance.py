@@ -113,6 +113,13 @@ def test_delayed_reset_names_what_it_waits_for():
     assert answer.message == 'starting again at time 0, but later: a step takes 3 s or more'
 
 
+def test_stopped_recording_is_no_longer_wanted():
+    node = MagicMock()
+    node._bags.is_wanted, node._recorder.error = True, ''
+    NodeRuntime.stop_recording(node)
+    assert not node._bags.is_wanted
+
+
 def test_each_save_counts():
     node = MagicMock(_settings=Settings(max_saved_bytes=1000), _saved_bytes=0)
     node._bags.finish_checkpoint.return_value = ''

@@ -4,9 +4,8 @@
 """Launches that are repeated with the same arguments, and graphs whose kernels may start early.
 
 Warp takes 40 microseconds to check and pack the arguments of a launch, longer than a CPU takes to
-process some hundred particles. With packed arguments a launch takes 15. All launches of a stage
-can be recorded and replayed: on a GPU as a CUDA graph, on a CPU as a list of compiled functions,
-each called with its packed arguments in less than 1 microsecond.
+process some hundred particles. With packed arguments a launch takes 15, and in a graph less than
+1. All launches of a stage are therefore captured and replayed as a graph.
 
 Between two kernels a GPU is idle for a microsecond while the results of the first are written and
 the threads of the second are started. With few particles, most of a stage is such idle time.
@@ -84,24 +83,24 @@ class Launches:
         return self._again is not None and extent <= self.extent
 
     def capture(self, launch: Callable[[], None], extent: int) -> None:
-        """Record what a function launches, without launching it, for ``replay``.
+        """Capture what a function launches, without launching it, for ``replay``.
 
-        On a GPU this records all its launches, on a CPU those through this object: a CPU graph of
-        Warp would also take launches of other threads. They process at most ``extent`` particles.
+        On a GPU this takes all its launches, on a CPU those through this object. They process at
+        most ``extent`` particles.
         """
         self._again, self.extent = None, extent
-        if self._device.is_cuda:
-            self._captured.clear()
-            with capture_lock, wp.ScopedCapture(device=self._device) as capture:
+        self._captured.clear()
+        recorded = [] if self._device.is_cuda else self.record(launch, extent)
+        with capture_lock, wp.ScopedCapture(device=self._device) as capture:
+            if self._device.is_cuda:
                 launch()
+            for one in recorded:
+                if one.dim > 0:
+                    arguments = [*one.arguments, 0]
+                    wp.launch(one.kernel, dim=one.dim, inputs=arguments, device=self._device)
+        if self._device.is_cuda:
             overlap(capture.graph, self._captured)
-            self._again = partial(wp.capture_launch, capture.graph)
-            return
-        self._again = partial(_call, [
-            _compiled(self._record(one.kernel, one.dim, [*one.arguments, 0]))
-            for one in self.record(launch, extent)
-            if one.dim > 0
-        ])
+        self._again = partial(wp.capture_launch, capture.graph)
 
     def record(self, launch: Callable[[], None], extent: int) -> list[Launch]:
         """Return the launches of a function for ``extent`` particles, without running them."""
@@ -164,34 +163,6 @@ class Launches:
 
     def _record(self, kernel: Any, dim: int, arguments: list[Any]) -> Any:
         return wp.launch(kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True)
-
-
-@lru_cache
-def _arguments(*types: Any) -> Any:
-    """Return the structure in which a compiled function takes arguments of these ctypes."""
-    fields = [(f'argument_{n}', one) for n, one in enumerate(types)]
-    return type('Arguments', (ctypes.Structure,), {'_fields_': fields})
-
-
-def _compiled(command: Any) -> tuple[Any, tuple[Any, ...], Any]:
-    """Return the function that a CPU launch calls, its arguments, and an object to keep alive.
-
-    Warp's own ``launch()`` calls the same function but packs the arguments again each time.
-    """
-    try:
-        bounds, *values = command.params
-        arguments = _arguments(*map(type, values))()
-        for n, value in enumerate(values):
-            setattr(arguments, f'argument_{n}', value)
-        return command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments)), command
-    except (AttributeError, TypeError):
-        # this version of Warp packs in another way
-        return command.launch, (), command
-
-
-def _call(calls: list[tuple[Any, tuple[Any, ...], Any]]) -> None:
-    for function, arguments, _ in calls:
-        function(*arguments)
 
 
 class _EdgeData(ctypes.Structure):

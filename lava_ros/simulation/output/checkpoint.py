@@ -3,8 +3,7 @@
 
 """Checkpoint of a simulation between two steps, as plain data and as bytes.
 
-``advance.py`` and ``cells/solver.py`` copy a simulation to it, and continue one from it as
-if it had never stopped.
+The solvers copy a simulation to it, and continue one from it as if it had never stopped.
 
 The bytes are a prefix, a JSON header and a body: the arrays, compressed with zstd. The prefix has
 the version of the format, the lengths of header and body, and a checksum of everything, so that

@@ -185,7 +185,7 @@ class ParticleLava:
     def bin(self) -> None:
         """Assign the particles to cells in place of the previous motion, if it has not."""
         if self.state.bins_in_motion and not self.neighbors.is_binned:
-            self.neighbors.bin(self.state)
+            self.neighbors.bin(self.state, self.stage.arguments)
 
     def cover(self) -> None:
         """Fit the neighbour grid to the lava and the vents."""
@@ -204,7 +204,7 @@ class ParticleLava:
         """Record the ground that lava covers now, if it has not flowed there."""
         self.order()
         self.stage.compute_flow()
-        record_covered_ground(self.state, self.neighbors.motion_arguments(self.state))
+        record_covered_ground(self.state, self.stage.arguments)
 
     def sort(self) -> None:
         """Sort the particles by cell and drop those off the terrain.
@@ -217,7 +217,7 @@ class ParticleLava:
 
     def order(self) -> None:
         """Sort the particles by cell, without a readback."""
-        self.neighbors.rebuild(self.state)
+        self.neighbors.rebuild(self.state, self.stage.arguments)
         self.state.take_order()
 
     def read_peaks(self, peaks: Peaks, *, where_wet: bool) -> PeakMaps:
@@ -237,7 +237,7 @@ class ParticleLava:
         return self.raster.grids
 
     def _fill_raster(self) -> None:
-        self.raster.fill(self.state, self.neighbors.motion_arguments(self.state))
+        self.raster.fill(self.state, self.stage.arguments)
         if self.raised is not None:
             self.raised.show(
                 self.state, self.scene.lava.solidus, self.raster.grids, self.raster.window
@@ -275,7 +275,7 @@ class ParticleLava:
 
         Nothing is read back and nothing moves: this measures the cost of a stage of a time step.
         """
-        self.neighbors.rebuild(self.state)
+        self.neighbors.rebuild(self.state, self.stage.arguments)
         self.stage.compute_flow()
         self.stage.finish_flow()
 

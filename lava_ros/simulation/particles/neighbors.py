@@ -192,16 +192,14 @@ class NeighborGrid:
         self._margin, self._piece = (
             np.ceil(length * radius * self._per_metre).astype(int) for length in (MARGIN, PIECE)
         )
-        self._constants: dict[str, Any] = {}
-        self._arguments: Any = None
         self.is_binned = False
 
     def fit(self, places: np.ndarray) -> None:
         """Cover the surroundings of some places, or the whole of a small terrain.
 
-        This discards the assignment to cells and replaces them in the motion arguments: launches
-        recorded with the previous arguments must be discarded, too. Places are relative to the
-        terrain's centre [m], shape [count, 2].
+        This discards the assignment to cells and replaces the cells: launches recorded with the
+        previous ones must be discarded, too. Places are relative to the terrain's centre [m],
+        shape [count, 2].
 
         Raises:
             LavaError: If the spacing is too small for these places.
@@ -280,38 +278,23 @@ class NeighborGrid:
         cells.sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
         cells.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
         self.cells = cells
-        if self._arguments is not None:
-            self._arguments.cells = cells
         self._scan = Scan(room, self._device)
 
-    def bin(self, state: State) -> None:
+    def bin(self, state: State, arguments: Any) -> None:
         """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""
-        arguments, (bins, *_) = self.motion_arguments(state), _kernels_of(state)
+        bins, *_ = _kernels_of(state)
         launch_over(state, bins, [arguments], min_items=MIN_MOVES)
         self.is_binned = True
 
-    def set_constants(self, **constants: Any) -> None:
-        """Set the constants of a stage for the motion from now on."""
-        self._constants, self._arguments = constants, None
-
-    def motion_arguments(self, state: State) -> Any:
-        """Return the argument of all kernels, cached until an array or the cells change."""
-        if self._arguments is None or self._arguments.particle is not state.particle:
-            parts = {'ground': self._terrain.ground, 'cells': self.cells, **self._constants}
-            self._arguments = arguments_type(state.real)()
-            for name, value in (state.arrays | parts).items():
-                setattr(self._arguments, name, value)
-        return self._arguments
-
-    def rebuild(self, state: State) -> None:
+    def rebuild(self, state: State, arguments: Any) -> None:
         """Sort ``state.particle`` into ``state.ordered`` and drop particles off the terrain.
 
         Resets ``state.rates`` to 0, to be raised by the sums over the neighbours.
         """
         if not self.is_binned:
-            self.bin(state)
+            self.bin(state, arguments)
         self.is_binned = False
-        arguments, (_, order, rank, members) = self.motion_arguments(state), _kernels_of(state)
+        _, order, rank, members = _kernels_of(state)
         if not state.device.is_cuda:
             state.launches(rank, [arguments], dim=state.extent)
         self._scan(state.launches, self.cells.sizes, self.cells.starts)

@@ -236,7 +236,7 @@ class ParticleSolver(ParticleLava):
         if counts[at.NEAR_BORDER]:
             if self.neighbors.is_binned:
                 # particles off the terrain have been counted
-                self.neighbors.rebuild(self.state)
+                self.neighbors.rebuild(self.state, self.stage.arguments)
                 self.state.take_order(within_step=True)
             self.state.write_count(at.NEAR_BORDER, 0)
             self.neighbors.widen(int(counts[at.NEAR_BORDER]))

@@ -17,7 +17,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.layout import flow_constants_of, THICKEST
+from lava_ros.simulation.particles.layout import arguments_type, flow_constants_of, THICKEST
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
@@ -52,11 +52,14 @@ class Stage:
         self._state, self._neighbors = state, neighbors
         self._pace: tuple[Scene, VentSet, Any] | None = None
         self.constants = _flow_constants(scene, accuracy, state.real)
-        neighbors.set_constants(
-            law=law_of(scene.lava, state.real),
-            heat=heat_of(scene, state.effects, state.real),
-            constants=self.constants,
-        )
+        self._fixed = {
+            'ground': terrain.ground,
+            'law': law_of(scene.lava, state.real),
+            'heat': heat_of(scene, state.effects, state.real),
+            'constants': self.constants,
+        }
+        self._cells: Any = None
+        self._arguments: Any = None
         self._flow_kernels = partial(
             flow_kernels, state.real, accuracy.kernel, state.has_surface, state.effects
         )
@@ -78,7 +81,7 @@ class Stage:
         before it moves.
         """
         state, neighbors = self._state, self._neighbors
-        neighbors.rebuild(state)
+        neighbors.rebuild(state, self.arguments)
         is_needed = self._mover is None or self._needs_flow_after_motion or observe is not None
         self.compute_flow(fills_flow=is_needed)
         if observe is not None:
@@ -86,7 +89,7 @@ class Stage:
         if self._mover is None:
             # before the choice of the step, which depends on the speed
             self.finish_flow()
-        pace, arguments, outlets = self._pace_of(scene, vents), self._arguments(), vents.outlets
+        pace, arguments, outlets = self._pace_of(scene, vents), self.arguments, vents.outlets
         emission = emission_function(
             state.real, state.has_velocity, state.has_age, state.bins_in_motion,
             state.has_temperature_remainder,
@@ -127,7 +130,7 @@ class Stage:
         The result is stored in ``state.flow``, if ``fills_flow``, and as input to the lateral
         stress in ``source`` and ``area``.
         """
-        state, arguments = self._state, self._arguments()
+        state, arguments = self._state, self.arguments
         elevate, flow = self._flow_kernels(
             state.lanes, state.parts, state.is_short, state.is_wide,
             not self._is_published,
@@ -139,10 +142,10 @@ class Stage:
     def finish_flow(self) -> None:
         """Let effects replace the local velocities: by lateral stress or momentum."""
         if self._is_published:
-            publish_velocity(self._state, self._arguments(), self._viscosity)
+            publish_velocity(self._state, self.arguments, self._viscosity)
             return
         for part in self.parts.values():
-            part.compute_velocity(self._arguments())
+            part.compute_velocity(self.arguments)
 
     def _move(self, arguments: Any, choice: StageChoice) -> None:
         """Move the particles, and end the step."""
@@ -157,8 +160,15 @@ class Stage:
         for part in self.parts.values():
             part.finish_step(arguments)
 
-    def _arguments(self) -> Any:
-        return self._neighbors.motion_arguments(self._state)
+    @property
+    def arguments(self) -> Any:
+        """The one argument of all kernels of a stage, kept until an array or the cells change."""
+        state, cells = self._state, self._neighbors.cells
+        if self._cells is not cells or self._arguments.particle is not state.particle:
+            self._cells, self._arguments = cells, arguments_type(state.real)()
+            for name, value in (state.arrays | self._fixed | {'cells': cells}).items():
+                setattr(self._arguments, name, value)
+        return self._arguments
 
 
 def longest_step(scene: Scene, accuracy: Accuracy, effects: Effects, reach: float) -> float:

@@ -115,7 +115,7 @@ class VentSet:
             float64, shape [vents, 2].
         released: Number of emitted particles of each vent, shape [vents], at least one.
         outlets: Tables of the vents for kernels.
-        counted: Indices of the vents whose ground ``Solver.raise_top`` has counted.
+        counted: Indices of the vents whose ground ``ParticleSolver.raise_top`` has counted.
     """
 
     def __init__(
