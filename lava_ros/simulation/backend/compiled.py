@@ -11,8 +11,6 @@ docs/PERFORMANCE.md describes each technique, its reason and its gain:
 * ``access``: Warp reads a vec4 as four numbers without alignment; here it is one
   access to 16 bytes. Reads use the read-only cache: never read this way what the kernel writes.
 * ``after_the_former``: a kernel may start before its predecessor has ended.
-* ``unseen_one``: loop increment that prevents further unrolling, for threads of a warp whose loops
-  have different ends: the remainder of an unrolled loop would take as long as the rest.
 * ``announce``, ``wait_for``: one thread can process the results of all threads without a launch of
   its own, while the other threads do work that does not depend on it.
 * ``cos_pi``, ``sin_pi``: of a float64 in half turns, which needs no table for large angles.
@@ -345,11 +343,6 @@ def block_number(size: int, i: int) -> int:
 @wp.func_native(on_cuda('return threadIdx.x;', 'return i % size;'))
 def number_in_block(size: int, i: int) -> int:
     """Return the number of thread i within its block."""
-
-
-@wp.func_native(on_cuda('return blockDim.y;', 'return 1;'))
-def unseen_one() -> int:
-    """Return 1 in a way that the compiler cannot see, to prevent unrolling a loop twice."""
 
 
 @wp.func_native(on_cuda('return true;', 'return false;'))

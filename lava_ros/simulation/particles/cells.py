@@ -17,7 +17,6 @@ from lava_ros.simulation.backend.compiled import (
     access,
     can_count,
     load_int,
-    unseen_one,
     write_function,
 )
 from lava_ros.simulation.backend.simd import over_neighbors
@@ -28,11 +27,6 @@ from lava_ros.simulation.particles.layout import arguments_type, cell_frame, gro
 #: more particles out of reach; more rows take more look-ups. With one particle per cell rows are
 #: alike, and threads wait less for each other; where that is impossible, longer rows are better.
 _CELLS = ((2.8, (3, 3)), (0.0, (2, 4)))
-
-#: Neighbours in a row that are summed at once, by whether the launch is bound by latency. The
-#: threads of a warp wait for the longest row: a second loop for a remainder would cost more than
-#: padding the last step with zeros.
-NEIGHBORS_AT_ONCE = {False: 2, True: 4}
 
 
 def cells_to_radius(ratio: float) -> tuple[int, int]:
@@ -163,30 +157,13 @@ def bin_function(real: Any, has_empty: bool) -> Any:
     return place
 
 
-#: Body of a sum over neighbours, and of one that takes several of a row at once.
+#: Body of a sum over neighbours.
 _SUM = """
     sums = ZERO
     for r in range(box[0] + part, box[1], parts):
         near = range_in(cells, r, box)
         for j in range(near[0], near[1]):
             sums = add(sums, j, REST)
-    return sums"""
-_SUM_AT_ONCE = """
-    sums = ZERO
-    near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
-    for r in range(box[0] + part, box[1], parts):
-        following = near
-        if wp.static(looks_ahead):
-            following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
-        else:
-            near = range_in(cells, r, box)
-        j = near[0]
-        while j < near[1]:
-            for n in range(at_once):
-                # items after the last belong to the next row, or are past the end
-                sums = add(sums, j + n, j + n < near[1], REST)
-            j += at_once * unseen_one()
-        near = following
     return sums"""
 
 #: Sum of the parts of one thread, in the order in which threads would add up theirs.
@@ -198,9 +175,7 @@ _SUM_OF_PARTS = """
     return sums"""
 
 
-def sum_neighbors(
-    real: Any, add: Any, lanes: int, parts: int, is_short: bool | None = None
-) -> Any:
+def sum_neighbors(real: Any, add: Any, lanes: int, parts: int) -> Any:
     """Return the device function that sums over all neighbours that a thread has.
 
     Its first argument is the thread among those of a particle. The others are the further
@@ -209,27 +184,23 @@ def sum_neighbors(
     Args:
         real: Warp scalar type.
         add: Device function that adds a neighbour. It takes the sums so far, the index of the
-            neighbour, unless ``is_short`` is None whether it counts, and further arguments.
+            neighbour, and further arguments.
         lanes: Number of threads of a particle.
         parts: Number of parts; part k has every ``parts``-th row of cells. It is 4 or ``lanes``.
-        is_short: True if latency dominates the launch, which looks up a row of cells during the
-            sum over the previous one; None to sum one neighbour at a time.
     """
     types = dict(add.func.__annotations__)
     sums_type = types.pop('return')
-    rest = list(types)[2 if is_short is None else 3 :]
+    rest = list(types)[2:]
     place = rest.index('p')
     grid = {'cells': cell_frame(real), 'box': wp.vec4i}
     names = [*rest[:place], *grid, *rest[place:]]
     types = {'part': int} | {name: grid.get(name, types.get(name)) for name in names}
-    body = _SUM if is_short is None else _SUM_AT_ONCE
     known = {
-        'add': add, 'parts': parts, 'looks_ahead': is_short, 'sums_type': sums_type, 'wp': wp,
-        'at_once': NEIGHBORS_AT_ONCE[bool(is_short)], 'unseen_one': unseen_one,
+        'add': add, 'parts': parts, 'sums_type': sums_type,
         'range_in': cell_functions(real).range_in,
     }
     zero = 'sums_type(0.0)' if sums_type is real else 'sums_type()'
-    body = body.replace('REST', ', '.join(rest)).replace('ZERO', zero)
+    body = _SUM.replace('REST', ', '.join(rest)).replace('ZERO', zero)
     sum_part = wp.func(write_function(add.func, types, body, known))
     if parts == lanes:
         return sum_part
@@ -239,8 +210,7 @@ def sum_neighbors(
 
 @lru_cache
 def sums_function(
-    real: Any, kernel: Any, parts: int, is_short: bool, has_heat: bool = False,
-    lanes: int | None = None,
+    real: Any, kernel: Any, parts: int, has_heat: bool = False, lanes: int | None = None
 ) -> Any:
     """Return the device function that sums thickness and its gradient over the neighbours.
 
@@ -255,12 +225,9 @@ def sums_function(
 
     @wp.func
     def added(
-        sums: sums_type, j: int, counts: bool, ordered: wp.array(dtype=vec4), p: vec4,
-        inverse: real,
+        sums: sums_type, j: int, ordered: wp.array(dtype=vec4), p: vec4, inverse: real
     ) -> sums_type:
         other = load(ordered, j)
-        if not counts:
-            other[2] = real(0.0)
         dx = p[0] - other[0]
         dy = p[1] - other[1]
         part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
@@ -272,7 +239,7 @@ def sums_function(
         else:
             return vec3(sums[0] + part[0], sums[1] + part[1] * dx, sums[2] + part[1] * dy)
 
-    return sum_neighbors(real, added, lanes or parts, parts, is_short)
+    return sum_neighbors(real, added, lanes or parts, parts)
 
 
 @lru_cache

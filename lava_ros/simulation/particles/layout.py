@@ -43,9 +43,6 @@ FAR = 1e30
 #: Thickness over the expected thickness up to which the Helmholtz solve converges fully.
 THICKEST = 2.0
 
-#: Items after the last one that sums over neighbours may read (cells.py).
-SPARE = 3
-
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
 class Declaration(NamedTuple):

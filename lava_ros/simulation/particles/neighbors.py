@@ -119,10 +119,6 @@ def _kernels(
             m.chosen[0] = 0
         end = starts[last + 1]
         if i >= end:
-            # sums read past the end of the last row, with weights of 0: that memory must not be
-            # NaN
-            if i < end + at.SPARE:
-                store(m.ordered, i, vec4())
             return
         c = compiled.load_int(m.cell, i)
         p = load(m.particle, i)

@@ -122,7 +122,7 @@ class State(Arrays):
                 items[name] = kinds[one.dtype], capacity
             elif self.arrays.get(name) is None:
                 others[name] = kinds[one.dtype], length
-        arrays = zeros(items, self.device, spare=at.SPARE) | zeros(others, self.device)
+        arrays = zeros(items, self.device) | zeros(others, self.device)
         self.launches.forget()
         for name, array in arrays.items():
             if name in at.ARRAYS:

@@ -199,7 +199,7 @@ def flow_kernels(
     sums_around, sums_with_heat = (
         wide_sums_function(kernel.wide_terms, heat)
         if is_wide and kernel.wide_terms
-        else sums_function(real, kernel, parts, is_short, heat, lanes)
+        else sums_function(real, kernel, parts, heat, lanes)
         for heat in (False, True)
     )
     gradient_at, _, height_at, *_ = terrain_functions(real)

@@ -12,11 +12,10 @@ from lava_ros.effects import Effects
 from lava_ros.live.session import failure_text
 from lava_ros.scene import Lava, Vent
 from lava_ros.simulation.backend.memory import OutOfMemoryError
-from lava_ros.simulation.particles.layout import SPARE
 from solver import incline, simulated
 
 #: More particles than fit on any GPU: each of ten arrays would take up to 34 GB.
-TOO_MANY = 2**31 - 1 - SPARE
+TOO_MANY = 2**31 - 1
 
 NO_ROOM = f'room for {TOO_MANY} particles: Failed to allocate'
 

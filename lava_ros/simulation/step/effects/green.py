@@ -60,7 +60,7 @@ _MIN_PARTICLES_PER_PART = MIN_SUMS // 2
 
 
 @lru_cache
-def _sums_function(real: Any, parts: int, is_short: bool, lanes: int | None = None) -> Any:
+def _sums_function(real: Any, parts: int, lanes: int | None = None) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
     The sums are those of ``sum_neighbors``. Distances are in the units of ``K0Within``, ``least``
@@ -74,8 +74,8 @@ def _sums_function(real: Any, parts: int, is_short: bool, lanes: int | None = No
 
     @wp.func
     def added(
-        sums: vec3, j: int, counts: bool, source: wp.array(dtype=vec4), area: wp.array(dtype=real),
-        p: vec4, powers: k0_powers, least: real,
+        sums: vec3, j: int, source: wp.array(dtype=vec4), area: wp.array(dtype=real), p: vec4,
+        powers: k0_powers, least: real,
     ) -> vec3:
         other = load(source, j)
         size = load_number(area, j)
@@ -83,11 +83,11 @@ def _sums_function(real: Any, parts: int, is_short: bool, lanes: int | None = No
         dy = p[1] - other[1]
         square = dx * dx + dy * dy
         weight = k0(powers, wp.max(square, least))
-        if not counts or square >= real(SQUARED_SUPPORT):
+        if square >= real(SQUARED_SUPPORT):
             weight = real(0.0)
         return sums + weight * vec3(size, other[2], other[3])
 
-    return sum_neighbors(real, added, lanes or parts, parts, is_short)
+    return sum_neighbors(real, added, lanes or parts, parts)
 
 
 @lru_cache
@@ -125,9 +125,7 @@ def _wide_sums_function() -> Any:
 
 
 @lru_cache
-def _velocity_function(
-    real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool
-) -> Any:
+def _velocity_function(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
     """Return the device function that computes a particle's velocity from the local ones.
 
     A particle has as many threads as lanes, and only the first one's result counts; its neighbours
@@ -140,9 +138,7 @@ def _velocity_function(
     within = k0_within(real)
     powers_of, k0 = within.powers_of, within.at
     sum_up = sum_over(real, lanes)
-    sums_around = (
-        _wide_sums_function() if is_wide else _sums_function(real, parts, is_short, lanes)
-    )
+    sums_around = _wide_sums_function() if is_wide else _sums_function(real, parts, lanes)
 
     @wp.func
     def velocity_of(lane: int, here: vec4, p: vec4, own: real, m: arguments_type(real)) -> vec3:
@@ -173,11 +169,11 @@ def _velocity_function(
 
 
 @lru_cache
-def _velocity_kernel(real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool) -> Any:
+def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     (load, _), load_number = access(real, 4), load1(real)
-    velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
+    velocity_of = _velocity_function(real, lanes, parts, is_wide)
     fallen = fall_function(real)
 
     @quick_kernel
@@ -199,7 +195,6 @@ def _motion_kernel(
     real: Any,
     lanes: int,
     parts: int,
-    is_short: bool,
     is_wide: bool,
     motion: Any,
     choose_and_emit: Any,
@@ -208,7 +203,7 @@ def _motion_kernel(
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     (load, _), load_number = access(real, 4), load1(real)
-    velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
+    velocity_of = _velocity_function(real, lanes, parts, is_wide)
     fallen = fall_function(real)
 
     @quick_kernel(bounds=bounds)
@@ -249,9 +244,7 @@ class Part(DevicePart):
     def compute_velocity(self, arguments: Any) -> None:
         """Replace the local velocity in ``flow`` by the Green's function's."""
         state = self.state
-        kernel = _velocity_kernel(
-            state.real, state.lanes, state.parts, state.is_short, state.is_wide
-        )
+        kernel = _velocity_kernel(state.real, state.lanes, state.parts, state.is_wide)
         launch_over(
             state, kernel, [arguments], min_items=_MIN_PARTICLES_PER_PART, lanes=state.lanes
         )
@@ -260,8 +253,8 @@ class Part(DevicePart):
         """Move the ordered particles over the stage by the Green's function's velocity."""
         state = self.state
         kernel = _motion_kernel(
-            state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion,
-            choice.function, choice.bounds,
+            state.real, state.lanes, state.parts, state.is_wide, motion, choice.function,
+            choice.bounds,
         )
         launch_over(
             state, kernel, [choice.pace, choice.outlets, arguments],
