@@ -85,7 +85,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
               'heated_in_pit_inertia', 'standard', 'temperature'),
     Safeguard('bend', 'lava that swings from side to side of a hollow in ever shorter steps',
               f'{SOLVER}/step/flow.py',
-              'rate += largest * bend * m.constants.share',
+              'rate += largest * bend * m.constants.inverse_diffusion_number',
               'rate += real(0.0) * bend',
               'canyon_level', 'standard', 'cost'),
     Safeguard('diffusion', 'steps beyond what is stable: noise that pushes lava apart',

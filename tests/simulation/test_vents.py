@@ -124,7 +124,7 @@ def test_closed_vent_empties_its_conduit(
     waiting: float, end: tuple[float, float] | None, symmetric: bool
 ) -> None:
     vent = Vent((50.0, 50.0), 20.0, temperature=1400.0, radius=10.0, end=end)
-    found = vent_set(vent, symmetric=symmetric).parting(0, waiting)
+    found = vent_set(vent, symmetric=symmetric).conduit_particles(0, waiting)
     places, volumes = np.array(found).reshape(-1, 4)[:, :2], [row[2] for row in found]
     assert sum(volumes) == pytest.approx(waiting)
     assert len(found) <= 2**18 and {row[3] for row in found} <= {1400.0}

@@ -317,8 +317,8 @@ def flow_constants_of(real: Any) -> Any:
 
     ``radius`` is the kernel radius [m], ``weight`` is rho g [N/m3], ``stiffness`` the diffusion
     rate of thickness at the kernel's stiffest wave number, over the diffusivity and over the
-    diffusion number [1/m2], ``share`` one over the diffusion number, ``reach`` the maximum
-    displacement in a step [m], ``gravity`` g [m/s2], ``mobile`` the maximum du/ds [m/s],
+    diffusion number [1/m2], ``inverse_diffusion_number`` one over it, ``reach`` the maximum
+    displacement in a step [m], ``gravity`` g [m/s2], ``max_mobility`` the maximum du/ds [m/s],
     ``thickest`` the thickness up to which the lateral stress is solved fully [m], and
     ``threshold`` the minimum thickness of lava that inundates ground [m].
     """
@@ -328,10 +328,10 @@ def flow_constants_of(real: Any) -> Any:
         radius: real
         weight: real
         stiffness: real
-        share: real
+        inverse_diffusion_number: real
         reach: real
         gravity: real
-        mobile: real
+        max_mobility: real
         thickest: real
         threshold: real
 

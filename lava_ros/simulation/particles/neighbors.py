@@ -237,8 +237,8 @@ class NeighborGrid:
             reason += f'more than {MAX_CELLS}'
             raise self._refusal(self._spacing * math.sqrt(count / MAX_CELLS), reason)
 
-    def _refusal(self, least: float, reason: str) -> LavaError:
-        expected = f'at least {least:.3g} m, because {reason}'
+    def _refusal(self, min_spacing: float, reason: str) -> LavaError:
+        expected = f'at least {min_spacing:.3g} m, because {reason}'
         return LavaError('accuracy.spacing', float(f'{self._spacing:.4g}'), expected)
 
     def widen(self, sides: int) -> None:
@@ -305,10 +305,10 @@ class NeighborGrid:
             LavaError: If a cell contains more than ``MAX_PARTICLES_PER_CELL`` particles.
         """
         starts = read(self.cells.starts)[: self.cells.rows * self.cells.columns + 1]
-        most = int(np.diff(starts).max())
-        if most > MAX_PARTICLES_PER_CELL:
+        largest = int(np.diff(starts).max())
+        if largest > MAX_PARTICLES_PER_CELL:
             sides = 1.0 / self.cells.columns_per_metre, 1.0 / self.cells.rows_per_metre
             size = f'{sides[0]:g} by {sides[1]:g} m'
-            most_there = f'at most {MAX_PARTICLES_PER_CELL} in {size}'
-            expected = f'{most_there}: give it room, or a larger spacing'
-            raise LavaError('particles', f'{most} in {size}', expected)
+            limit = f'at most {MAX_PARTICLES_PER_CELL} in {size}'
+            expected = f'{limit}: give it room, or a larger spacing'
+            raise LavaError('particles', f'{largest} in {size}', expected)

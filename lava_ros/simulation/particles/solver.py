@@ -113,7 +113,7 @@ class ParticleSolver(ParticleLava):
             until: Time by which a vent must have emitted lava to count [s], by default now. Each
                 vent counts once.
         """
-        new = self.vents.giving(self.state.time if until is None else until)
+        new = self.vents.emitting_by(self.state.time if until is None else until)
         if not len(places) and not new:
             return
         self.vents.counted |= new
@@ -146,9 +146,9 @@ class ParticleSolver(ParticleLava):
         self.scene = scene
         self.open_vents(now, before)
         self.raise_top()
-        self.add_particles(
-            [row for number in closing for row in former.parting(number, waiting[number])]
-        )
+        self.add_particles([
+            row for number in closing for row in former.conduit_particles(number, waiting[number])
+        ])
         self.state.launches.forget()
 
     def replace_terrain(self, scene: Scene) -> None:
@@ -227,7 +227,7 @@ class ParticleSolver(ParticleLava):
             return
         clock, counts = self.state.read_clock()
         is_idle = not at.count_in(counts) and not counts[at.STAGE]
-        if is_idle and not self.vents.emit_by(end) and clock[at.TIME] < until:
+        if is_idle and not self.vents.releases_by(end) and clock[at.TIME] < until:
             self.state.write_time(until)
 
     def make_room(self, counts: np.ndarray) -> None:

@@ -90,7 +90,7 @@ def emission_function(
                 rest = volume / outlets.particle_volume - wp.float64(outlets.released[v])
                 # limited to the range of an integer and to a step's maximum; the rest follows
                 # later
-                due = int(wp.min(rest, wp.float64(outlets.most)))
+                due = int(wp.min(rest, wp.float64(outlets.max_per_step)))
                 due -= due % outlets.vents[v].group
                 if due > 0:
                     due = released(v, due, outlets, m)

@@ -120,10 +120,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             response = on_map * speed(m.law, weight, column)
             mobility = response[0]
             largest = response[1]
-        if largest > m.constants.mobile:
+        if largest > m.constants.max_mobility:
             # as with a higher viscosity
-            mobility *= m.constants.mobile / largest
-            largest = m.constants.mobile
+            mobility *= m.constants.max_mobility / largest
+            largest = m.constants.max_mobility
         velocity = -mobility * surface
         bounded = velocity
         if wp.static(not has_velocity):
@@ -161,7 +161,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 reduced = wp.min(rate, reduced / whole)
             rate = reduced
         # lava flows to the bottom of a hollow, and would overshoot it as on level ground
-        rate += largest * bend * m.constants.share
+        rate += largest * bend * m.constants.inverse_diffusion_number
         if wp.static(has_velocity):
             # the balance of momentum needs the slope, and has its own limits
             m.flow[i] = vec3(height, surface.x, surface.y)

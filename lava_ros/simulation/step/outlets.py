@@ -43,7 +43,7 @@ class Outlets:
         places: Places (x, y) from the terrain's centre [m], used in turn by the particles of vents
             around which lava may not come out everywhere.
         particle_volume: Volume of a particle [m3].
-        most: Maximum number of particles that a vent emits in a step.
+        max_per_step: Maximum number of particles that a vent emits in a step.
         released, due: As in ``VentSet``.
     """
 
@@ -55,7 +55,7 @@ class Outlets:
     first_place: wp.array(dtype=wp.int32)
     places: wp.array(dtype=wp.vec2d)
     particle_volume: wp.float64
-    most: wp.int32
+    max_per_step: wp.int32
     released: wp.array(dtype=wp.int32)
     due: wp.array(dtype=wp.vec2d)
 

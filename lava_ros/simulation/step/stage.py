@@ -188,9 +188,10 @@ def _flow_constants(scene: Scene, accuracy: Accuracy, real: Any) -> Any:
     constants.radius = radius
     constants.weight = scene.lava.density * scene.gravity
     constants.reach = accuracy.courant_number * min(radius, scene.terrain.resolution)
-    constants.mobile = math.inf if accuracy.mobility_limit is None else accuracy.mobility_limit
+    limit = accuracy.mobility_limit
+    constants.max_mobility = math.inf if limit is None else limit
     constants.stiffness = kernel.stiffness / (accuracy.diffusion_number * radius**2)
-    constants.share = 1.0 / accuracy.diffusion_number
+    constants.inverse_diffusion_number = 1.0 / accuracy.diffusion_number
     constants.gravity = scene.gravity
     constants.thickest = math.inf
     constants.threshold = accuracy.inundation_threshold

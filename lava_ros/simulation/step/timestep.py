@@ -64,17 +64,17 @@ def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64)
     Particles are emitted at the ends of steps. If steps are shorter than the time between two
     particles, they would be late, and the flow with them, by up to a step.
     """
-    least = wp.float64(_AFTERWARDS) * step
+    tolerance = wp.float64(_AFTERWARDS) * step
     end = time + step
     first = end
     last = time
     for v in range(due.shape[0]):
         for n in range(2):
-            if due[v][n] > time + least and due[v][n] < end:
+            if due[v][n] > time + tolerance and due[v][n] < end:
                 first = wp.min(first, due[v][n])
                 last = wp.max(last, due[v][n])
-    if first < end and last - first < least:
-        return wp.min(first - time + least, step)
+    if first < end and last - first < tolerance:
+        return wp.min(first - time + tolerance, step)
     return step
 
 
@@ -96,9 +96,9 @@ def longest_from(
     rest = wp.float64(1.0)
     for k in range(wp.lower_bound(ends, time), ends.shape[0]):
         span = ends[k] - time - step
-        most = rest * limits[k]
-        if most <= span or step + span >= longest:
-            return wp.min(step + most, longest)
+        within = rest * limits[k]
+        if within <= span or step + span >= longest:
+            return wp.min(step + within, longest)
         step += span
         rest -= span / limits[k]
     return longest
@@ -195,8 +195,7 @@ def choice_function(
             if diffusion * step > one:
                 explicit = one / diffusion
             if wp.static(is_staged):
-                most = _span(wp.float64(MAX_STAGES), order)
-                explicit_limit = most * explicit
+                explicit_limit = _span(wp.float64(MAX_STAGES), order) * explicit
                 if explicit_limit < step:
                     step = explicit_limit
                     limit = 1

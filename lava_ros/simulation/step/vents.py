@@ -190,8 +190,8 @@ class VentSet:
         )
         self.outlets.vents = wp.array(table, dtype=Outlet, device=device)
         self.outlets.particle_volume = particle_volume
-        share = _MAX_PARTICLES_PER_STEP // max(len(self.vents), 1)
-        self.outlets.most = max(share, _MIN_PARTICLE_LIMIT)
+        per_vent = _MAX_PARTICLES_PER_STEP // max(len(self.vents), 1)
+        self.outlets.max_per_step = max(per_vent, _MIN_PARTICLE_LIMIT)
         self.outlets.released, self.outlets.due = self.released, self.due
         self._restrict(terrain, radii, spacing if thickness is None else thickness)
         if self.vents:
@@ -259,7 +259,9 @@ class VentSet:
         released = read(self.released)[: len(self.vents)]
         return asdict(self._before) | {'released': released, 'counted': counted}
 
-    def parting(self, number: int, waiting: float) -> list[tuple[float, float, float, float]]:
+    def conduit_particles(
+        self, number: int, waiting: float
+    ) -> list[tuple[float, float, float, float]]:
         """Return the particles that empty the conduit of a vent.
 
         They have equal volumes and are at the next places of the vent.
@@ -284,7 +286,7 @@ class VentSet:
             places = self.places(number, int(read(self.released)[number]), count)
         return [(x, y, waiting / count, vent.temperature) for x, y in places.tolist()]
 
-    def giving(self, until: float) -> set[int]:
+    def emitting_by(self, until: float) -> set[int]:
         """Return the indices of vents with lava in their conduits, or that emit by ``until`` [s].
 
         Vents that are ``counted`` are excluded.
@@ -295,8 +297,8 @@ class VentSet:
             if number not in self.counted and (self._is_filled[number] or time < until)
         }
 
-    def emit_by(self, time: float) -> bool:
-        """Return True if a vent releases particles by a time [s]."""
+    def releases_by(self, time: float) -> bool:
+        """Return True if a vent releases a particle at or before a time [s]."""
         due = read(self.due)
         first = due[:, 0].min() if due.size else math.inf
         return bool(first < math.inf and first <= (1.0 + _ROUNDING) * time)
@@ -356,14 +358,14 @@ def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
     Raises:
         LavaError: If the sum of the peaks is too large; it names the vent that exceeds it.
     """
-    most, total = MAX_PARTICLES_PER_SECOND * particle_volume, 0.0
+    max_rate, total = MAX_PARTICLES_PER_SECOND * particle_volume, 0.0
     for number, vent in enumerate(vents):
         total += vent.peak
-        if total > most:
+        if total > max_rate:
             raise LavaError(
                 f'vents[{number}].discharge',
                 vent.peak,
-                f'at most {most:.3g} m3/s of all vents together, '
+                f'at most {max_rate:.3g} m3/s of all vents together, '
                 f'{MAX_PARTICLES_PER_SECOND:g} particles of {particle_volume:.3g} m3 in a second',
             )
 

@@ -196,7 +196,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * m.constants.stiffness
-        square += g * bend_at(m.ground, p[0], p[1]) * m.constants.share
+        square += g * bend_at(m.ground, p[0], p[1]) * m.constants.inverse_diffusion_number
         mobility = real(1.0)
         drag = real(0.0)
         if wp.static(is_newtonian):

@@ -72,7 +72,7 @@ def _kernels(
                 m.moved[1] = wp.float64(1.0)
 
     @wp.func
-    def seek(i: int, m: arguments_type(real), area: real, least: real):
+    def seek(i: int, m: arguments_type(real), area: real, min_volume: real):
         """Find a particle's merge partner or, if it splits, its nearest neighbour."""
         m.births[i] = 0
         m.partner[i] = -1
@@ -82,7 +82,7 @@ def _kernels(
         if p[2] == real(0.0):
             return
         own = p[2] / m.flow[i][0]
-        splits = own > real(wp.static(STRETCHED)) * area and p[2] >= least + least
+        splits = own > real(wp.static(STRETCHED)) * area and p[2] >= real(2.0) * min_volume
         if not splits and own > real(wp.static(WIDEST)) * area:
             return
         here = load(m.ordered, i)
@@ -118,10 +118,10 @@ def _kernels(
             m.partner[i] = nearest
 
     @quick_kernel
-    def choose(thread: int, m: arguments_type(real), area: real, least: real):
+    def choose(thread: int, m: arguments_type(real), area: real, min_volume: real):
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.births.shape[0], threads):
-                seek(i, m, area, least)
+                seek(i, m, area, min_volume)
 
     @wp.func
     def unite(i: int, j: int, m: arguments_type(real)):
@@ -229,7 +229,7 @@ class Part(DevicePart):
         super().__init__(scene, accuracy, terrain, state)
         assert accuracy.spacing is not None
         self._area = accuracy.spacing**2
-        self._least = accuracy.particle_volume
+        self._min_volume = accuracy.particle_volume
         self._scan: Scan | None = None
 
     def finish_step(self, arguments: Any) -> None:
@@ -241,7 +241,7 @@ class Part(DevicePart):
             state.is_deterministic, threads,
         )
         state.launches(wait, [arguments, EVERY])
-        state.launches(choose, [arguments, self._area, self._least], dim=threads)
+        state.launches(choose, [arguments, self._area, self._min_volume], dim=threads)
         state.launches(merge, [arguments], dim=threads)
         if state.is_deterministic:
             # in the order of the particles, not of the threads
