@@ -39,7 +39,7 @@ from lava_ros.simulation.resolution import (
 )
 from lava_ros.simulation.selection import Decision, HORIZON
 from lava_ros.simulation.setup.defaults import device_of, formulated
-from lava_ros.simulation.setup.effect_choice import EffectChoice
+from lava_ros.simulation.setup.review import EffectChoice
 from lava_ros.simulation.solver import Solver
 
 #: Solvers by method (``Accuracy.method``).
