@@ -4,6 +4,7 @@
 """The arrays of a simulation on its device."""
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 import math
 from typing import Any
 
@@ -340,13 +341,17 @@ class State(Arrays):
             LavaError: If an array is missing or has the wrong shape or type.
         """
         count = len(arrays['particle'])
-        self._allocate(capacity)
+        if capacity != self.capacity:
+            self._allocate(capacity)
+        own = self.arrays
         for name in ('particle', *self._carried, *self._saved):
-            # reading the array itself would wait for the device
-            array = self.arrays[name]
-            item = wp.empty(0, dtype=array.dtype, device='cpu').numpy()
-            shape = (*(array.shape if name in self._saved else (count,)), *item.shape[1:])
-            self._put(name, at.fitting(f'state.{name}', arrays.get(name), shape, item.dtype))
+            array = own[name]
+            dtype, of_item = _item_of(array.dtype)
+            shape = (*(array.shape if name in self._saved else (count,)), *of_item)
+            values = at.fitting(f'state.{name}', arrays.get(name), shape, dtype)
+            # a count of 0 would copy everything
+            if len(values):
+                wp.copy(array, wp.array(values, dtype=array.dtype, device='cpu', copy=False), count=len(values))
         _, counts = self.read_clock()
         if (counts[at.PARTICLES], counts[at.NEWCOMERS], counts[at.STAGE]) != (count, 0, 0):
             expected = f'{count} particles, between two steps'
@@ -370,6 +375,13 @@ class State(Arrays):
         if self.has_temperature_remainder:
             rows[:, 3] += read(self.temperature_remainder[:count])
         return rows
+
+
+@lru_cache
+def _item_of(dtype: Any) -> tuple[np.dtype, tuple[int, ...]]:
+    """Return the numpy type, and the shape, of an item of a Warp array."""
+    empty = wp.empty(0, dtype=dtype, device='cpu').numpy()
+    return empty.dtype, empty.shape[1:]
 
 
 def room_for(count: int) -> int:
