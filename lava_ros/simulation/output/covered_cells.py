@@ -39,6 +39,7 @@ def note_function(real: Any, is_new: bool) -> Any:
     common cell write the same time.
     """
     vec4: Any = wp.types.vector(4, real)
+    vec4i: Any = wp.vec4i
     raised = raise_to(wp.int32)
 
     @wp.func
@@ -64,7 +65,6 @@ def note_function(real: Any, is_new: bool) -> Any:
         x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse
         own_row, own_column = int(wp.floor(y)), int(wp.floor(x))
         rows, columns = m.ground.rows, m.ground.columns
-        is_inside = own_row >= 0 and own_row < rows and own_column >= 0 and own_column < columns
         # squares from the first one with its centre in that of the particle to the end
         south = wp.int32(0)
         north = wp.int32(0)
@@ -84,7 +84,7 @@ def note_function(real: Any, is_new: bool) -> Any:
                 is_small = y + half < real(row + 2) and x + half < real(column + 2)
                 is_small = is_small and row >= 0 and row + 1 < rows
                 is_small = is_small and column >= 0 and column + 1 < columns
-                found = wp.vec4i(0)
+                found = vec4i(0)
                 if is_small:
                     found = load_square(m.covered, row, column)
                     if found[0] & found[1] & found[2] & found[3] == wp.static(WHOLE):

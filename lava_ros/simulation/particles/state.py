@@ -250,14 +250,6 @@ class State(Arrays):
         """Names of the arrays in checkpoints that do not depend on the number of particles."""
         return [name for name, one in self._declared.items() if one.is_saved]
 
-    def _put(self, name: str, values: np.ndarray) -> None:
-        """Replace the first items of an array."""
-        # a count of 0 would copy everything
-        if len(values):
-            array = self.arrays[name]
-            rows = wp.array(values, dtype=array.dtype, device=self.device)
-            wp.copy(array, rows, count=len(values))
-
     def write_target(
         self, time: float, limit: float | None = None, max_end: float = math.inf
     ) -> None:
@@ -305,12 +297,12 @@ class State(Arrays):
             kept['temperature_remainder'] = values[:, 3] - values[:, 3].astype(np.float32)
         if len(values) > FULLEST * self.capacity:
             self._allocate(room_for(len(values)))
-        self._put('particle', values)
+        _put(self.particle, values)
         for name in self._carried:
             self.arrays[name].zero_()
         self._begin_ages()
         for name, former in kept.items():
-            self._put(name, former)
+            _put(self.arrays[name], former)
         self.write_count(at.PARTICLES, len(values))
         self.write_count(at.NEWCOMERS, 0)
 
@@ -348,10 +340,7 @@ class State(Arrays):
             array = own[name]
             dtype, of_item = _item_of(array.dtype)
             shape = (*(array.shape if name in self._saved else (count,)), *of_item)
-            values = at.fitting(f'state.{name}', arrays.get(name), shape, dtype)
-            # a count of 0 would copy everything
-            if len(values):
-                wp.copy(array, wp.array(values, dtype=array.dtype, device='cpu', copy=False), count=len(values))
+            _put(array, at.fitting(f'state.{name}', arrays.get(name), shape, dtype))
         _, counts = self.read_clock()
         if (counts[at.PARTICLES], counts[at.NEWCOMERS], counts[at.STAGE]) != (count, 0, 0):
             expected = f'{count} particles, between two steps'
@@ -375,6 +364,14 @@ class State(Arrays):
         if self.has_temperature_remainder:
             rows[:, 3] += read(self.temperature_remainder[:count])
         return rows
+
+
+def _put(array: wp.array, values: np.ndarray) -> None:
+    """Replace the first items of an array."""
+    # a count of 0 would copy everything
+    if len(values):
+        rows = wp.array(values, dtype=array.dtype, device='cpu', copy=False)
+        wp.copy(array, rows, count=len(values))
 
 
 @lru_cache

@@ -157,18 +157,19 @@ class VentSet:
         # such a disc covers the terrain; of a wider one hardly any place would be on it
         widest = terrain.resolution * math.hypot(*terrain.shape)
         self._radii = [min(max(vent.radius, spacing), widest) for vent in vents]
+        self._lengths = [math.dist(vent.position, vent.end or vent.position) for vent in vents]
 
     @cached_property
     def outlets(self) -> Outlets:
         """Tables of the vents for kernels, made when a kernel first needs them."""
-        vents, terrain, since, device = self.vents, self._terrain, self.since, self._device
+        vents, since, device = self.vents, self.since, self._device
         table: np.ndarray = np.zeros(len(vents), dtype=Outlet.numpy_dtype())
         starts, times, fluxes, volumes = [0], list[float](), list[float](), list[float]()
         emitted = self._before.volume.tolist()
-        for row, vent, radius, volume in zip(table, vents, self._radii, emitted, strict=True):
+        table['radius'], table['length'] = self._radii, self._lengths
+        for row, vent, volume in zip(table, vents, emitted, strict=True):
             end = vent.position if vent.end is None else vent.end
             row['start'], row['end'] = vent.position - self._centre, end - self._centre
-            row['radius'], row['length'] = radius, math.dist(vent.position, end)
             row['temperature'], row['velocity'] = vent.temperature, vent.velocity
             begins = [max(time, since) for time, _ in vent.series]
             times += begins
@@ -367,8 +368,7 @@ class VentSet:
             index = np.searchsorted(times, begins, side='right') - 1
             row[:] = np.where(index >= 0, fluxes[index], 0.0)
         total = rates.sum(axis=0)
-        radii = np.array(self._radii)
-        lengths = np.array([math.dist(one.position, one.end or one.position) for one in self.vents])
+        radii, lengths = np.array(self._radii), np.array(self._lengths)
         # lava comes out on cells with data only
         ground = float(self._terrain.has_data.sum()) * self._terrain.resolution**2
         areas = np.minimum(math.pi * radii**2 + 2.0 * radii * lengths, ground)
