@@ -249,7 +249,9 @@ class ParticleSolver(Solver):
         # lava may have solidified before the effect was switched off
         if self.raised is not None or 'solidified' in parts:
             self.own_terrain().load(parts.pop('solidified', {}))
-        self.state.load(parts.pop('state', {}), capacity_for(checkpoint))
+        state = parts.pop('state', {})
+        self.state.load(state, capacity_for(checkpoint))
+        time = float(state['clock'][at.TIME])
         vents = parts.pop('vents', {})
         emission = Emission.from_arrays(vents, len(checkpoint.scene.vents))
         self.open_vents(checkpoint.since, emission)
@@ -260,7 +262,7 @@ class ParticleSolver(Solver):
         arrived = parts.pop('arrived', None)
         if arrived is not None:
             self.covered.load(arrived)
-        check_restored(checkpoint, parts, self.time)
+        check_restored(checkpoint, parts, time)
         self.volume_before = checkpoint.emitted
         # the neighbour grid was created without the particles
         self.cover()

@@ -92,7 +92,7 @@ class Solver:
     def __init__(
         self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
     ) -> None:
-        """Allocate the arrays; ``start_with`` opens the vents.
+        """Allocate the arrays; ``start_with`` or ``load`` places lava and vents.
 
         Args:
             scene: Terrain, vents and lava.
@@ -109,16 +109,18 @@ class Solver:
         self.raised: RaisedTerrain | None = None
         self.covered = CoveredCells(scene.terrain, device)
         self._place_terrain()
-        self.cover()
 
     def start_with(self, particles: Particles | None) -> None:
         """Place the initial particles, open the vents of the scene, and find the highest ground.
 
         Raises:
-            LavaError: If a particle is not on the terrain, or a discharge is out of range.
+            LavaError: If a particle is not on the terrain, a discharge is out of range, or the
+                spacing is too small for the terrain.
         """
         places = _NOWHERE
-        if particles is not None:
+        if particles is None:
+            self.cover()
+        else:
             assert self.accuracy.spacing is not None
             rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
             self.add_particles(rows)

@@ -341,7 +341,7 @@ class State(Arrays):
             dtype, of_item = _item_of(array.dtype)
             shape = (*(array.shape if name in self._saved else (count,)), *of_item)
             _put(array, at.fitting(f'state.{name}', arrays.get(name), shape, dtype))
-        _, counts = self.read_clock()
+        counts = arrays['counts']
         if (counts[at.PARTICLES], counts[at.NEWCOMERS], counts[at.STAGE]) != (count, 0, 0):
             expected = f'{count} particles, between two steps'
             raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
