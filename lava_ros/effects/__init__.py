@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType, ModuleType
@@ -93,7 +94,11 @@ class Effects:
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names of the effects that are on, in the order of their ranks."""
-        return (name for name in EFFECTS if name in self)
+        return iter(self._on)
+
+    @cached_property
+    def _on(self) -> tuple[str, ...]:
+        return tuple(name for name in EFFECTS if name in self)
 
     def any(self, what: str) -> bool:
         """Return True if an effect that is on declares an attribute, such as ``needs_age``."""

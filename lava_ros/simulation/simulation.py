@@ -85,10 +85,12 @@ class Simulation:
                 unknown or contradicts the formulation, or spacing or thickness is out of range.
             OutOfMemoryError: If the simulation does not fit into memory. All methods may raise it.
         """
-        self._prepare(scene, effects, accuracy or Accuracy(), device, horizon)
+        given = accuracy or Accuracy()
+        self._prepare(scene, effects, given, device, horizon)
         if particles is None:
             particles = particles_of(scene, self.solver.column_spacing)
-        self.solver.start_with(particles)
+        with naming_the_cause(scene, given):
+            self.solver.start_with(particles)
         self._schedule_review(is_due=particles is not None)
 
     def _prepare(

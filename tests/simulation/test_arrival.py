@@ -139,7 +139,7 @@ def test_arrival_is_kept_on_new_terrain():
 
 
 def squares_under(particles, thickness, cell, shape):
-    """Return the fraction of each cell in the particles' squares, of the simulation's width."""
+    """Return the squares of cells under particles, of the simulation's width, as bool."""
     parts = covered_cells.PARTS
     middle = (np.arange(parts * max(shape)) + 0.5) * cell / parts
     half = 0.5 * covered_cells.WIDTH * np.sqrt(particles.volume / thickness)
@@ -147,7 +147,12 @@ def squares_under(particles, thickness, cell, shape):
     for (x, y), reach in zip(particles.position, half, strict=True):
         rows, columns = (np.abs(middle - place) <= reach for place in (y, x))
         under |= np.outer(rows[: len(under)], columns[: under.shape[1]])
-    return under.reshape(shape[0], parts, shape[1], parts).mean(axis=(1, 3))
+    return under
+
+
+def fraction_of(squares, shape):
+    parts = covered_cells.PARTS
+    return squares.reshape(shape[0], parts, shape[1], parts).mean(axis=(1, 3))
 
 
 def test_fraction_of_a_cell_is_that_in_the_squares_of_particles(device):
@@ -160,7 +165,7 @@ def test_fraction_of_a_cell_is_that_in_the_squares_of_particles(device):
         accuracy=Accuracy(spacing=3.0, thickness=1.0),
     )
     shown, sample = simulation.snapshot(), simulation.sample()
-    expected = squares_under(sample, sample.thickness, cell, shape)
+    expected = fraction_of(squares_under(sample, sample.thickness, cell, shape), shape)
     rows, columns = (sample.position[:, ::-1] // cell).astype(int).T
     touched = np.zeros(shape, dtype=bool)
     touched[rows, columns] = True
@@ -171,6 +176,35 @@ def test_fraction_of_a_cell_is_that_in_the_squares_of_particles(device):
     np.testing.assert_array_equal(np.isfinite(shown.arrived), expected > 0.0)
     np.testing.assert_array_equal(np.isfinite(shown.half_inundated), expected >= 0.5)
     assert shown.area(shown.inundated) == pytest.approx(expected.sum() * cell**2)
+
+
+@pytest.mark.parametrize('way', [0.0, 0.3, 3.0])
+def test_covered_squares_are_those_of_all_places_of_particles(way, device):
+    shape, cell = (12, 15), 4.0
+    random = np.random.default_rng(2)
+    places, volumes = random.uniform(8.0, 38.0, (60, 2)), random.uniform(2.0, 30.0, 60)
+    simulation = Simulation(
+        Scene(Terrain(np.zeros(shape), cell)), effects={}, device=device,
+        accuracy=Accuracy(spacing=3.0, thickness=1.0),
+        particles=Particles(places, volumes, 1400.0),
+    )
+    squares = np.zeros(np.multiply(covered_cells.PARTS, shape), dtype=bool)
+    touched = np.zeros(shape, dtype=bool)
+    for _ in range(4):
+        sample = simulation.sample()
+        squares |= squares_under(sample, sample.thickness, cell, shape)
+        rows, columns = (sample.position[:, ::-1] // cell).astype(int).T
+        touched[rows, columns] = True
+        expected = fraction_of(squares, shape)
+        expected[touched & (expected == 0.0)] = 0.02
+        shown = simulation.snapshot().inundated
+        np.testing.assert_allclose(shown, expected, atol=1e-6)
+        rows = simulation.solver.state.read_particles()
+        rows[:, :2] += random.uniform(-way, way, (len(rows), 2))
+        simulation.solver.state.write_particles(rows)
+        simulation.solver.cover()
+        simulation.solver.record_covered_ground()
+    assert (expected == 1.0).sum() > 20 and ((expected > 0.02) & (expected < 1.0)).sum() > 20
 
 
 @pytest.mark.parametrize('cell', [20.0, 10.0, 5.0, 2.0])

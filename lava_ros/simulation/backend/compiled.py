@@ -52,6 +52,14 @@ _PATCH = """
     }
     return patch;
 """
+#: As above, of two by two items.
+_SQUARE = """
+    const int* row = reinterpret_cast<const int*>(
+        reinterpret_cast<const char*>(values.data) + size_t(i) * values.strides[0]) + j;
+    const int* next = reinterpret_cast<const int*>(
+        reinterpret_cast<const char*>(row) + values.strides[0]);
+    return wp::vec_t<4, int>(row[0], row[1], next[0], next[1]);
+"""
 #: All threads of a particle are active, and adjacent in a warp.
 _SUM = """
 #if defined(__CUDA_ARCH__)
@@ -368,6 +376,12 @@ def load9(real: Any) -> Any:
     def load(values: wp.array2d(dtype=real), i: int, j: int) -> mat33: ...
 
     return load
+
+
+@wp.func_native(_SQUARE)
+def load_square(values: wp.array2d(dtype=wp.int32), i: int, j: int) -> wp.vec4i:
+    """Read items [i, j], [i, j + 1], [i + 1, j] and [i + 1, j + 1]."""
+    ...
 
 
 @wp.func_native(_ANNOUNCE)

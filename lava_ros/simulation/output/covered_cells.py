@@ -16,7 +16,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.scene.terrain import HALF, PARTS
-from lava_ros.simulation.backend.compiled import mark_bits, raise_to
+from lava_ros.simulation.backend.compiled import load_square, mark_bits, raise_to
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import arguments_type
 
@@ -39,6 +39,7 @@ def note_function(real: Any, is_new: bool) -> Any:
     common cell write the same time.
     """
     vec4: Any = wp.types.vector(4, real)
+    vec4i: Any = wp.vec4i
     raised = raise_to(wp.int32)
 
     @wp.func
@@ -47,17 +48,16 @@ def note_function(real: Any, is_new: bool) -> Any:
         return wp.clamp(place - cell * wp.static(PARTS), 0, wp.static(PARTS))
 
     @wp.func
-    def is_done(x: real, y: real, half: real, m: arguments_type(real)) -> bool:
-        """Return True if a square touches at most two by two cells, which are covered wholly."""
-        south, north = int(wp.floor(y - half)), int(wp.floor(y + half))
-        west, east = int(wp.floor(x - half)), int(wp.floor(x + half))
-        if south < 0 or west < 0 or north >= m.ground.rows or east >= m.ground.columns:
-            return False
-        if north - south > 1 or east - west > 1:
-            return False
-        all_four = m.covered[south, west] & m.covered[south, east]
-        all_four &= m.covered[north, west] & m.covered[north, east]
-        return all_four == wp.static(WHOLE)
+    def bits_of(
+        south: int, north: int, west: int, east: int, row: int, column: int
+    ) -> int:
+        """Return the bits of a cell's squares in a rectangle of squares, counted among all."""
+        # bits of the first column of squares before the first row of them and up to the last one
+        below = (1 << (wp.static(PARTS) * squares_before(south, row))) - 1
+        above = (1 << (wp.static(PARTS) * squares_before(north, row))) - 1
+        left = (1 << squares_before(west, column)) - 1
+        right = (1 << squares_before(east, column)) - 1
+        return (wp.max(above - below, 0) & wp.static(_COLUMN)) * wp.max(right - left, 0)
 
     @wp.func
     def note(p: vec4, thickness: real, m: arguments_type(real)):
@@ -65,7 +65,6 @@ def note_function(real: Any, is_new: bool) -> Any:
         x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse
         own_row, own_column = int(wp.floor(y)), int(wp.floor(x))
         rows, columns = m.ground.rows, m.ground.columns
-        is_inside = own_row >= 0 and own_row < rows and own_column >= 0 and own_column < columns
         # squares from the first one with its centre in that of the particle to the end
         south = wp.int32(0)
         north = wp.int32(0)
@@ -79,12 +78,32 @@ def note_function(real: Any, is_new: bool) -> Any:
             if is_thick:
                 parts = real(wp.static(PARTS))
                 half = real(wp.static(0.5 * WIDTH)) * wp.sqrt(p[2] / thickness) * inverse
-                if is_inside and is_done(x, y, half, m):
-                    return
+                row = int(wp.floor(y - half))
+                column = int(wp.floor(x - half))
+                # mostly a square touches at most two by two cells, which are read at once
+                is_small = y + half < real(row + 2) and x + half < real(column + 2)
+                is_small = is_small and row >= 0 and row + 1 < rows
+                is_small = is_small and column >= 0 and column + 1 < columns
+                found = vec4i(0)
+                if is_small:
+                    found = load_square(m.covered, row, column)
+                    if found[0] & found[1] & found[2] & found[3] == wp.static(WHOLE):
+                        return
                 south = int(wp.ceil((y - half) * parts - real(0.5)))
                 north = int(wp.ceil((y + half) * parts - real(0.5)))
                 west = int(wp.ceil((x - half) * parts - real(0.5)))
                 east = int(wp.ceil((x + half) * parts - real(0.5)))
+                if is_small:
+                    new = bits_of(south, north, west, east, row, column) & ~found[0]
+                    new |= bits_of(south, north, west, east, row, column + 1) & ~found[1]
+                    new |= bits_of(south, north, west, east, row + 1, column) & ~found[2]
+                    new |= bits_of(south, north, west, east, row + 1, column + 1) & ~found[3]
+                    own = wp.where(
+                        own_row == row, wp.where(own_column == column, found[0], found[1]),
+                        wp.where(own_column == column, found[2], found[3]),
+                    )
+                    if new == 0 and own != 0:
+                        return
                 last_row = wp.max(own_row, wp.max(north - 1, 0) // wp.static(PARTS))
                 last_column = wp.max(own_column, wp.max(east - 1, 0) // wp.static(PARTS))
                 first_row = wp.min(own_row, wp.max(south, 0) // wp.static(PARTS))
@@ -102,14 +121,8 @@ def note_function(real: Any, is_new: bool) -> Any:
                 return
         time = wp.float32(m.clock[at.TIME])
         for row in range(first_row, last_row + 1):
-            # bits of the first row of squares before the first one and up to the last one
-            below = (1 << (wp.static(PARTS) * squares_before(south, row))) - 1
-            above = (1 << (wp.static(PARTS) * squares_before(north, row))) - 1
-            lines = wp.max(above - below, 0) & wp.static(_COLUMN)
             for column in range(first_column, last_column + 1):
-                left = (1 << squares_before(west, column)) - 1
-                right = (1 << squares_before(east, column)) - 1
-                bits = lines * wp.max(right - left, 0)
+                bits = bits_of(south, north, west, east, row, column)
                 is_own = row == own_row and column == own_column
                 is_known = m.ground.known[row, column] != wp.uint8(0)
                 if is_known and (bits != 0 or is_own):

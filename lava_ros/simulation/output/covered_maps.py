@@ -106,8 +106,12 @@ class CoveredCells:
     def __init__(self, terrain: Terrain, device: Any) -> None:
         """Allocate for a terrain that no lava has touched."""
         self._terrain, self._device = terrain, device
-        self._put(
-            np.full(terrain.shape, -1.0), np.full(terrain.shape, -1.0), np.zeros(terrain.shape)
+        # filled on the device: members of an ensemble do this one after the other
+        self.maps = CellMaps(
+            wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device),
+            wp.full(terrain.shape, -1.0, dtype=wp.float32, device=device),
+            wp.zeros(terrain.shape, dtype=wp.int32, device=device),
+            wp.zeros(4, dtype=wp.int32, device=device),
         )
 
     def _put(

@@ -46,7 +46,7 @@ def _raise_peaks(
     if not (wp.isfinite(height) and height >= wp.float32(0.0)):
         flaw[0] = 1
         return
-    if height > peaks[0, i, j] or wp.isnan(peaks[0, i, j]):
+    if height > peaks[0, i, j]:
         peaks[0, i, j] = height
     if height == wp.float32(0.0):
         return
@@ -92,10 +92,10 @@ class Peaks:
             start: Time of the first observation [s].
             device: Warp device.
         """
-        self._threshold, self._start = threshold, start
-        peaks = np.full((2, *terrain.shape), np.nan, dtype=np.float32)
-        peaks[0, terrain.has_data] = 0.0
-        self._peaks = wp.array(peaks, dtype=wp.float32, device=device)
+        self._threshold, self._start, self._has_data = threshold, start, terrain.has_data
+        # filled on the device: members of an ensemble do this one after the other
+        self._peaks = wp.zeros((2, *terrain.shape), dtype=wp.float32, device=device)
+        self._peaks[1].fill_(np.nan)
         self._flaw = wp.zeros(1, dtype=wp.int32, device=device)
 
     def observe(self, state: State, known: Any, raster: Raster) -> None:
@@ -121,6 +121,7 @@ class Peaks:
             self._peaks[0], self._peaks[1],
         )
         arrived, half_inundated, squares, thickness, temperature = _read_parts(maps, part)
+        thickness[~self._has_data[part]] = np.nan
         arrival, half = (
             np.where(times >= 0.0, np.maximum(times.astype(np.float64), start), np.nan)
             for times in (arrived, half_inundated)

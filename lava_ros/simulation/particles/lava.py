@@ -68,7 +68,7 @@ class ParticleLava:
     def __init__(
         self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
     ) -> None:
-        """Allocate the arrays; there are no vents yet.
+        """Allocate the arrays; ``start_with`` or ``load`` places lava and vents.
 
         Args:
             scene: Terrain, vents and lava.
@@ -85,7 +85,6 @@ class ParticleLava:
         self.raised: RaisedTerrain | None = None
         self.covered = CoveredCells(scene.terrain, device)
         self.place_terrain()
-        self.cover()
 
     def place_terrain(self, *, is_raised: bool = False) -> None:
         """Copy the terrain to the device, and create the grids and kernels that depend on it.

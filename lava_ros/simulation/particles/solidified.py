@@ -34,6 +34,11 @@ from lava_ros.simulation.particles.terrain import averaged, StaggeredTerrain
 THICKNESS_UNIT = 2.0**-44
 
 
+def volume_of(placed: np.ndarray, resolution: float) -> float:
+    """Return the volume of a thickness in ``THICKNESS_UNIT`` on cells of a side [m3]."""
+    return float(placed.sum(dtype=np.float64)) * THICKNESS_UNIT * resolution**2
+
+
 @quick_kernel(fast_math=False)
 def _show(
     thread: int,

@@ -4,6 +4,7 @@
 """The arrays of a simulation on its device."""
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 import math
 from typing import Any
 
@@ -249,14 +250,6 @@ class State(Arrays):
         """Names of the arrays in checkpoints that do not depend on the number of particles."""
         return [name for name, one in self._declared.items() if one.is_saved]
 
-    def _put(self, name: str, values: np.ndarray) -> None:
-        """Replace the first items of an array."""
-        # a count of 0 would copy everything
-        if len(values):
-            array = self.arrays[name]
-            rows = wp.array(values, dtype=array.dtype, device=self.device)
-            wp.copy(array, rows, count=len(values))
-
     def write_target(
         self, time: float, limit: float | None = None, max_end: float = math.inf
     ) -> None:
@@ -304,12 +297,12 @@ class State(Arrays):
             kept['temperature_remainder'] = values[:, 3] - values[:, 3].astype(np.float32)
         if len(values) > FULLEST * self.capacity:
             self._allocate(room_for(len(values)))
-        self._put('particle', values)
+        _put(self.particle, values)
         for name in self._carried:
             self.arrays[name].zero_()
         self._begin_ages()
         for name, former in kept.items():
-            self._put(name, former)
+            _put(self.arrays[name], former)
         self.write_count(at.PARTICLES, len(values))
         self.write_count(at.NEWCOMERS, 0)
 
@@ -340,14 +333,15 @@ class State(Arrays):
             LavaError: If an array is missing or has the wrong shape or type.
         """
         count = len(arrays['particle'])
-        self._allocate(capacity)
+        if capacity != self.capacity:
+            self._allocate(capacity)
+        own = self.arrays
         for name in ('particle', *self._carried, *self._saved):
-            # reading the array itself would wait for the device
-            array = self.arrays[name]
-            item = wp.empty(0, dtype=array.dtype, device='cpu').numpy()
-            shape = (*(array.shape if name in self._saved else (count,)), *item.shape[1:])
-            self._put(name, at.fitting(f'state.{name}', arrays.get(name), shape, item.dtype))
-        _, counts = self.read_clock()
+            array = own[name]
+            dtype, of_item = _item_of(array.dtype)
+            shape = (*(array.shape if name in self._saved else (count,)), *of_item)
+            _put(array, at.fitting(f'state.{name}', arrays.get(name), shape, dtype))
+        counts = arrays['counts']
         if (counts[at.PARTICLES], counts[at.NEWCOMERS], counts[at.STAGE]) != (count, 0, 0):
             expected = f'{count} particles, between two steps'
             raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
@@ -370,6 +364,21 @@ class State(Arrays):
         if self.has_temperature_remainder:
             rows[:, 3] += read(self.temperature_remainder[:count])
         return rows
+
+
+def _put(array: wp.array, values: np.ndarray) -> None:
+    """Replace the first items of an array."""
+    # a count of 0 would copy everything
+    if len(values):
+        rows = wp.array(values, dtype=array.dtype, device='cpu', copy=False)
+        wp.copy(array, rows, count=len(values))
+
+
+@lru_cache
+def _item_of(dtype: Any) -> tuple[np.dtype, tuple[int, ...]]:
+    """Return the numpy type, and the shape, of an item of a Warp array."""
+    empty = wp.empty(0, dtype=dtype, device='cpu').numpy()
+    return empty.dtype, empty.shape[1:]
 
 
 def room_for(count: int) -> int:

@@ -111,10 +111,6 @@ class VentSet:
     Attributes:
         vents: The vents.
         since: Time from which they emit [s].
-        due: Times at which the next and the second next particles of each vent are due [s],
-            float64, shape [vents, 2].
-        released: Number of emitted particles of each vent, shape [vents], at least one.
-        outlets: Tables of the vents for kernels.
         counted: Indices of the vents whose ground ``ParticleSolver.raise_top`` has counted.
     """
 
@@ -146,7 +142,7 @@ class VentSet:
         # read at each advance, so computed once
         self._opening = [vent.next_opening(since) for vent in self.vents]
         self._particle_volume = particle_volume = accuracy.particle_volume
-        self._thickness = thickness
+        self._thickness, self._rise = thickness, spacing if thickness is None else thickness
         self._groups = [
             1 if not accuracy.symmetric else _FISSURE_GROUP if vent.end else _DISC_GROUP
             for vent in vents
@@ -155,50 +151,69 @@ class VentSet:
         self._before = self._with_places(before, terrain, spacing)
         conduits = before.volume - before.released * particle_volume
         self._is_filled = conduits > _ROUNDING * particle_volume
-        table: np.ndarray = np.zeros(len(self.vents), dtype=Outlet.numpy_dtype())
-        self._centre = centre_of(terrain)
+        self._terrain, self._centre = terrain, centre_of(terrain)
         # such a disc covers the terrain; of a wider one hardly any place would be on it
         widest = terrain.resolution * math.hypot(*terrain.shape)
-        starts, times, fluxes, volumes = [0], [], [], []
-        for row, vent, emitted in zip(table, vents, before.volume.tolist(), strict=True):
+        self._radii = [min(max(vent.radius, spacing), widest) for vent in vents]
+        self._lengths = [math.dist(vent.position, vent.end or vent.position) for vent in vents]
+
+    @cached_property
+    def outlets(self) -> Outlets:
+        """Tables of the vents for kernels, made when a kernel first needs them."""
+        vents, since, device = self.vents, self.since, self._device
+        table: np.ndarray = np.zeros(len(vents), dtype=Outlet.numpy_dtype())
+        starts, times, fluxes, volumes = [0], list[float](), list[float](), list[float]()
+        emitted = self._before.volume.tolist()
+        table['radius'], table['length'] = self._radii, self._lengths
+        for row, vent, volume in zip(table, vents, emitted, strict=True):
             end = vent.position if vent.end is None else vent.end
             row['start'], row['end'] = vent.position - self._centre, end - self._centre
-            row['radius'] = min(max(vent.radius, spacing), widest)
-            row['length'] = math.dist(vent.position, end)
             row['temperature'], row['velocity'] = vent.temperature, vent.velocity
             begins = [max(time, since) for time, _ in vent.series]
             times += begins
             fluxes += [flux for _, flux in vent.series]
-            volumes += [emitted + volume for volume in vent.volumes_at(begins, since=since)]
+            volumes += [volume + more for more in vent.volumes_at(begins, since=since)]
             starts.append(len(times))
         table['phase'], table['downhill'] = self._before.phase, self._before.downhill
         table['group'] = self._groups
-        radii, lengths = table['radius'], table['length']
-        # lava comes out on cells with data only
-        ground = float(terrain.has_data.sum()) * terrain.resolution**2
-        self._areas = np.minimum(math.pi * radii**2 + 2.0 * radii * lengths, ground).tolist()
-        self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
-        self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
-        self.outlets = Outlets()
-        self.outlets.starts = wp.array(starts, dtype=wp.int32, device=device)
+        made = Outlets()
+        made.starts = wp.array(starts, dtype=wp.int32, device=device)
         # with an extra item: Warp has no empty slice at the end of an array
         rows = [times, fluxes, volumes]
         series = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
         ends = np.cumsum([0, *map(len, rows)]).tolist()
-        self.outlets.times, self.outlets.fluxes, self.outlets.volumes = (
+        made.times, made.fluxes, made.volumes = (
             series[first:end] for first, end in pairwise(ends)
         )
-        self.outlets.vents = wp.array(table, dtype=Outlet, device=device)
-        self.outlets.particle_volume = particle_volume
-        per_vent = _MAX_PARTICLES_PER_STEP // max(len(self.vents), 1)
-        self.outlets.max_per_step = max(per_vent, _MIN_PARTICLE_LIMIT)
-        self.outlets.released, self.outlets.due = self.released, self.due
-        self._restrict(terrain, radii, spacing if thickness is None else thickness)
-        if self.vents:
-            self.released.assign(before.released)
+        made.vents = wp.array(table, dtype=Outlet, device=device)
+        made.particle_volume = self._particle_volume
+        per_vent = _MAX_PARTICLES_PER_STEP // max(len(vents), 1)
+        made.max_per_step = max(per_vent, _MIN_PARTICLE_LIMIT)
+        made.released = wp.zeros(max(1, len(vents)), dtype=wp.int32, device=device)
+        made.due = wp.zeros(len(vents), dtype=wp.vec2d, device=device)
+        self._restrict(made)
+        if vents:
+            made.released.assign(self._before.released)
             wp.launch(
-                foresee, len(self.vents), inputs=[self.outlets], outputs=[self.due], device=device
+                foresee, len(vents), inputs=[made], outputs=[made.due], device=device
             )
+        return made
+
+    @property
+    def due(self) -> Any:
+        """Times at which the next two particles of each vent are due [s], float64, [vents, 2]."""
+        return self.outlets.due
+
+    @property
+    def released(self) -> Any:
+        """Number of emitted particles of each vent, int32, shape [vents], at least one."""
+        return self.outlets.released
+
+    def _read_released(self) -> np.ndarray:
+        """Return a copy of the number of emitted particles of each vent."""
+        # without tables no particle has been emitted
+        has_tables = 'outlets' in vars(self)
+        return (read(self.released) if has_tables else self._before.released)[: len(self.vents)]
 
     def _with_places(self, before: Emission, terrain: Terrain, spacing: float) -> Emission:
         """Return an emission in which the missing phases and directions are chosen."""
@@ -215,33 +230,40 @@ class VentSet:
             downhill[index] = _downhill(terrain, self.vents[index].position) / math.pi
         return Emission(before.volume, before.released, phase, downhill)
 
-    def _restrict(self, terrain: Terrain, radii: np.ndarray, rise: float) -> None:
+    def _restrict(self, outlets: Any) -> None:
         """List the places of each vent around which lava may not come out everywhere."""
+        terrain, rise = self._terrain, self._rise
         places, first = [np.empty((0, 2))], [0]
-        nowhere = wp.empty(0, dtype=wp.vec2d, device=self._device)
-        self.outlets.places = nowhere
-        self.outlets.first_place = wp.zeros(
+        outlets.places = wp.empty(0, dtype=wp.vec2d, device=self._device)
+        outlets.first_place = wp.zeros(
             len(self.vents) + 1, dtype=wp.int32, device=self._device
         )
-        for number, (vent, radius) in enumerate(zip(self.vents, radii.tolist(), strict=True)):
+        for number, (vent, radius) in enumerate(zip(self.vents, self._radii, strict=True)):
             if not is_open(vent, radius, terrain, rise):
-                tried = self.places(number, 0, _CANDIDATES)
+                tried = self._places(outlets, number, 0, _CANDIDATES)
                 found = permitted_places(vent, tried, terrain, rise)
                 if len(found) < _CANDIDATES or not np.array_equal(found, tried):
                     places.append(found - self._centre)
             first.append(sum(map(len, places)))
         if first[-1]:
-            self.outlets.places = wp.array(
+            outlets.places = wp.array(
                 np.concatenate(places), dtype=wp.vec2d, device=self._device
             )
-            self.outlets.first_place.assign(np.array(first, dtype=np.int32))
-        self._is_restricted = np.diff(first) > 0
+            outlets.first_place.assign(np.array(first, dtype=np.int32))
+
+    def _is_restricted(self, number: int) -> bool:
+        """Return True if lava may not come out everywhere around a vent."""
+        first, end = read(self.outlets.first_place)[number : number + 2]
+        return bool(end > first)
 
     def places(self, number: int, first: int, count: int) -> np.ndarray:
         """Return the places of consecutive particles of a vent, (x, y) [m], shape [count, 2]."""
+        return self._places(self.outlets, number, first, count)
+
+    def _places(self, outlets: Any, number: int, first: int, count: int) -> np.ndarray:
         places = wp.empty(count, dtype=wp.vec2d, device=self._device)
         wp.launch(
-            list_places, count, inputs=[number, first, self.outlets], outputs=[places],
+            list_places, count, inputs=[number, first, outlets], outputs=[places],
             device=self._device,
         )
         return read(places) + self._centre
@@ -249,14 +271,14 @@ class VentSet:
     def emission(self, time: float) -> Emission:
         """Return the emission up to a time [s]; no step may be running."""
         given = [vent.volume_between(self.since, time) for vent in self.vents]
-        released = read(self.released)[: len(self.vents)]
+        released = self._read_released()
         return replace(self._before, volume=self._before.volume + given, released=released)
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy the arrays of ``Emission``, and ``counted``, for a checkpoint at ``since``."""
         counted = np.zeros(len(self.vents), dtype=np.int32)
         counted[list(self.counted)] = 1
-        released = read(self.released)[: len(self.vents)]
+        released = self._read_released()
         return asdict(self._before) | {'released': released, 'counted': counted}
 
     def conduit_particles(
@@ -280,10 +302,10 @@ class VentSet:
             count = group * math.ceil(count / group)
         if not count:
             return []
-        if group > 1 and count == 1 and not self._is_restricted[number]:
+        if group > 1 and count == 1 and not self._is_restricted(number):
             places = 0.5 * np.add(vent.position, vent.end or vent.position)[None]
         else:
-            places = self.places(number, int(read(self.released)[number]), count)
+            places = self.places(number, int(self._read_released()[number]), count)
         return [(x, y, waiting / count, vent.temperature) for x, y in places.tolist()]
 
     def emitting_by(self, until: float) -> set[int]:
@@ -315,7 +337,7 @@ class VentSet:
             released: A copy of ``released`` at that time, by default the current values.
         """
         if released is None:
-            released = read(self.released)
+            released = self._read_released()
         released = released[: len(self.vents)]
         given = [vent.volume_between(self.since, time) for vent in self.vents]
         return self._before.volume + given - released * self._particle_volume
@@ -343,7 +365,11 @@ class VentSet:
             index = np.searchsorted(times, begins, side='right') - 1
             row[:] = np.where(index >= 0, fluxes[index], 0.0)
         total = rates.sum(axis=0)
-        strongest = np.max(rates.T / self._areas, axis=1, initial=0.0)
+        radii, lengths = np.array(self._radii), np.array(self._lengths)
+        # lava comes out on cells with data only
+        ground = float(self._terrain.has_data.sum()) * self._terrain.resolution**2
+        areas = np.minimum(math.pi * radii**2 + 2.0 * radii * lengths, ground)
+        strongest = np.max(rates.T / areas, axis=1, initial=0.0)
         with np.errstate(divide='ignore'):
             steps = np.minimum(
                 0.5 * self._thickness / strongest,
