@@ -36,6 +36,7 @@ class HeatState:
         descent: Height that lava has fallen in that step [m], float32, a map.
         elevation: Elevation of the bare ground [m], float64, a map.
         frozen: Thickness of solidified lava [m], float64, a map.
+        cold: 1 for rows with lava that has become colder than the solidus, int32, shape [rows].
     """
 
     law: Any
@@ -50,6 +51,7 @@ class HeatState:
     descent: Any
     elevation: Any
     frozen: Any
+    cold: Any
 
     @classmethod
     def on(cls, cells: CellState, scene: Scene, effects: Effects) -> 'HeatState':
@@ -62,7 +64,9 @@ class HeatState:
         """
         shape, lava = cells.thickness.shape, scene.lava
         arrays = {
-            name: wp.zeros(shape, dtype=item.type.dtype, device=cells.device)
+            name: wp.zeros(
+                shape[: item.type.ndim], dtype=item.type.dtype, device=cells.device
+            )
             for name, item in Heat.vars.items()
             if isinstance(item.type, wp.array)
         }

@@ -154,7 +154,7 @@ class CellLava:
             array.assign(np.pad(values, 1, mode='edge'))
         state.peaks.assign([float(lava.thickness.max(initial=0.0)), 0.0])
         wp.launch(
-            ground_kernel(self.effects), dim=len(state.thickness.numpy()),
+            ground_kernel(self.effects), dim=1,
             inputs=[state.argument(), heat.argument()], device=self.device,
         )
         self._write_laws()

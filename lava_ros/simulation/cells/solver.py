@@ -37,6 +37,7 @@ from lava_ros.simulation.cells.state import (
     UNTIL,
     WAITING,
 )
+from lava_ros.simulation.cells.threads import THREADS
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.checkpoint_contents import (
@@ -77,14 +78,15 @@ def check_effects(effects: Effects) -> None:
 
 
 @lru_cache
-def _kernel(effects: Effects, is_heated: bool) -> Any:
+def _kernel(effects: Effects, is_heated: bool, blocks: int = 1) -> Any:
     """Return the kernel that takes steps, at most a number, and records what lava covers."""
-    step = step_function(effects, is_uniform=True)
-    heated_step, note = heated_step_function(effects) if is_heated else None, note_function()
+    step = step_function(effects, is_uniform=True, blocks=blocks)
+    heated_step = heated_step_function(effects, blocks) if is_heated else None
+    note = note_function(blocks)
 
     @wp.kernel(
-        module='unique', enable_backward=False, grid_stride=False,
-        module_options={'enable_backward': False},
+        module='unique', enable_backward=False, grid_stride=False, cluster_dim=blocks,
+        launch_bounds=THREADS, module_options={'enable_backward': False},
     )
     def take_steps(s: Cells, m: Heat, c: Covered, most: int):
         for _ in range(most):
@@ -104,7 +106,10 @@ def _kernel(effects: Effects, is_heated: bool) -> Any:
 def _note_kernel() -> Any:
     note = note_function()
 
-    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+    @wp.kernel(
+        module='unique', enable_backward=False, grid_stride=False, launch_bounds=THREADS,
+        module_options={'enable_backward': False},
+    )
     def note_lava(s: Cells, c: Covered):
         note(s, c)
 
@@ -188,6 +193,7 @@ class CellSolver(CellLava):
             warmth.ravel()[cells] += parts * (rate / area) * vent.temperature
         ringed = np.pad(source, 1)
         state.source.assign(ringed)
+        state.poured = float(ringed.max())
         hottest = max((vent.temperature for vent in self.vents.vents), default=0.0)
         with np.errstate(invalid='ignore', divide='ignore'):
             hot = np.where(source > 0.0, warmth / source, hottest)

@@ -69,6 +69,7 @@ class Cells:
     cell: wp.float32
     weight: wp.float32
     film: wp.float32
+    poured: wp.float64
     law: FaceLaw
     thickness: wp.array2d(dtype=wp.float64)
     stage: wp.array2d(dtype=wp.float32)
@@ -94,6 +95,8 @@ class Cells:
     counts: wp.array(dtype=wp.int32)
     peaks: wp.array(dtype=wp.float64)
     left: wp.array(dtype=wp.float64)
+    gone: wp.array(dtype=wp.float64)
+    slots: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -112,6 +115,7 @@ class Heat:
     descent: wp.array2d(dtype=wp.float32)
     elevation: wp.array2d(dtype=wp.float64)
     frozen: wp.array2d(dtype=wp.float64)
+    cold: wp.array(dtype=wp.int32)
 
 
 @dataclass(eq=False)
@@ -148,6 +152,9 @@ class CellState:
         peaks: ``THICKEST`` [m] and ``RATE``, the stiffness of the latest step [1/s], float64.
         left: Volume over the cell area [m] that has left by ``BORDER``, ``HOLES``, ``SEA``,
             float64, shape [3].
+        gone: The same of a row in the latest step, float64, shape [3 rows].
+        slots: Maxima of a step and of the one before, int32, shape [32], on a GPU.
+        poured: Largest rate of emission [m/s].
     """
 
     terrain: Terrain
@@ -180,6 +187,9 @@ class CellState:
     counts: Any
     peaks: Any
     left: Any
+    gone: Any
+    slots: Any
+    poured: float = 0.0
 
     @classmethod
     def on(
@@ -199,7 +209,10 @@ class CellState:
         """
         heights = ringed_heights(terrain)
         shape = heights.shape
-        sizes = {'box': 4, 'vent_box': 4, 'clock': 8, 'counts': 4, 'peaks': 2, 'left': 3}
+        sizes = {
+            'box': 4, 'vent_box': 4, 'clock': 8, 'counts': 4, 'peaks': 2, 'left': 3,
+            'gone': 3 * shape[0], 'slots': 32,
+        }
         arrays = {
             name: wp.zeros(sizes.get(name, shape), dtype=item.type.dtype, device=device)
             for name, item in Cells.vars.items()
