@@ -25,6 +25,7 @@ from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
 from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
+from lava_ros.simulation.cells.peaks import Highest, raise_function
 from lava_ros.simulation.cells.state import (
     Cells,
     FULL,
@@ -37,7 +38,6 @@ from lava_ros.simulation.cells.state import (
     UNTIL,
     WAITING,
 )
-from lava_ros.simulation.cells.threads import THREADS
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.checkpoint_contents import (
@@ -78,17 +78,17 @@ def check_effects(effects: Effects) -> None:
 
 
 @lru_cache
-def _kernel(effects: Effects, is_heated: bool, blocks: int = 1) -> Any:
+def _kernel(effects: Effects, is_heated: bool) -> Any:
     """Return the kernel that takes steps, at most a number, and records what lava covers."""
-    step = step_function(effects, is_uniform=True, blocks=blocks)
-    heated_step = heated_step_function(effects, blocks) if is_heated else None
-    note = note_function(blocks)
+    step = step_function(effects, is_uniform=True)
+    heated_step, note = heated_step_function(effects) if is_heated else None, note_function()
+    raise_row = raise_function()
 
     @wp.kernel(
-        module='unique', enable_backward=False, grid_stride=False, cluster_dim=blocks,
-        launch_bounds=THREADS, module_options={'enable_backward': False},
+        module='unique', enable_backward=False, grid_stride=False,
+        module_options={'enable_backward': False},
     )
-    def take_steps(s: Cells, m: Heat, c: Covered, most: int):
+    def take_steps(s: Cells, m: Heat, c: Covered, k: Highest, most: int):
         for _ in range(most):
             if s.clock[TIME] >= s.clock[TARGET] or s.clock[WAITING] > wp.float64(0.0):
                 break
@@ -98,6 +98,8 @@ def _kernel(effects: Effects, is_heated: bool, blocks: int = 1) -> Any:
                 step(s)
             if s.clock[WAITING] == wp.float64(0.0):
                 note(s, c)
+                for row in range(s.box[0], s.box[1] + 1):
+                    raise_row(s, m, k, row, s.box[2], s.box[3])
 
     return take_steps
 
@@ -106,10 +108,7 @@ def _kernel(effects: Effects, is_heated: bool, blocks: int = 1) -> Any:
 def _note_kernel() -> Any:
     note = note_function()
 
-    @wp.kernel(
-        module='unique', enable_backward=False, grid_stride=False, launch_bounds=THREADS,
-        module_options={'enable_backward': False},
-    )
+    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
     def note_lava(s: Cells, c: Covered):
         note(s, c)
 
@@ -193,7 +192,6 @@ class CellSolver(CellLava):
             warmth.ravel()[cells] += parts * (rate / area) * vent.temperature
         ringed = np.pad(source, 1)
         state.source.assign(ringed)
-        state.poured = float(ringed.max())
         hottest = max((vent.temperature for vent in self.vents.vents), default=0.0)
         with np.errstate(invalid='ignore', divide='ignore'):
             hot = np.where(source > 0.0, warmth / source, hottest)
@@ -237,7 +235,8 @@ class CellSolver(CellLava):
         covered.known = self._known
         for name in CELL_MAPS:
             setattr(covered, name, getattr(self.covered.maps, name))
-        self._arguments = self.state.argument(), self.heat.argument(), covered
+        flow, heat = self.state.argument(), self.heat.argument()
+        self._arguments = flow, heat, covered, self.peaks.highest
 
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
@@ -304,7 +303,7 @@ class CellSolver(CellLava):
         """Record the ground that lava covers now."""
         if not self._is_set:
             self._set(self.time)
-        flow, _, covered = self._arguments
+        flow, _, covered, _ = self._arguments
         wp.launch(_note_kernel(), dim=1, inputs=[flow, covered], device=self.device)
 
     # what the solver of particles does between steps, and cells need not
@@ -356,6 +355,7 @@ class CellSolver(CellLava):
     def replace_terrain(self, scene: Scene) -> None:
         """Replace the terrain by that of another scene; lava outside it has left."""
         now, former, grid, lava = self.time, self.state, self.grid, self.columns()
+        peaks = self.peaks
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
         self._place_terrain()
@@ -375,6 +375,7 @@ class CellSolver(CellLava):
                 after[cells] = 0.0
         self.state.left.assign(left / new)
         self.put(moved)
+        self.peaks.move(peaks, grid, self.grid)
         self._cover()
         self.open_vents(now)
         self._note()
