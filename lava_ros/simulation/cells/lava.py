@@ -25,9 +25,9 @@ from lava_ros.simulation.cells.state import (
     FULL,
     STAGES,
     STEPS,
-    THICKEST,
     TIME,
 )
+from lava_ros.simulation.cells.threads import THREADS
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.covered_maps import CoveredCells, show_covered_cells
@@ -79,13 +79,16 @@ class CellLava:
         scene: The current scene.
         effects: The effects that are on.
         accuracy: The resolution, without automatic values.
-        device: The Warp device, a CPU.
+        device: The Warp device.
         grid: The ground on the solver's cells.
         state: Arrays of the flow, and the clock.
         heat: Temperature and age of the lava, and the ground that it has become.
         covered: What lava has covered of each cell of the terrain.
         peaks: Largest thickness and highest temperature of each cell, which steps update.
         vents: The vents on the cells.
+        clock: Times of the latest step and the limits of the next (``CellState``) [s].
+        counts: Numbers of steps and stages (``CellState``).
+        thickest: Largest thickness of the lava [m].
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of cells with lava at any count so far.
     """
@@ -100,6 +103,7 @@ class CellLava:
         assert accuracy.thickness is not None
         self._film = FILM * min(accuracy.thickness, 1.0)
         self.volume_before, self.most_particles = 0.0, 0
+        self.clock, self.counts, self.thickest = np.zeros(8), np.zeros(4, dtype=int), 0.0
         self._maps = _Maps(device)
         self.covered = CoveredCells(scene.terrain, device)
         self._place_terrain()
@@ -117,12 +121,11 @@ class CellLava:
         self.heat = HeatState.on(self.state, self.scene, self.effects)
         self.peaks = CellPeaks(self.state.thickness.shape, self.device)
         # solidified lava in all, so that the number of maps does not depend on effects
-        self.grids = wp.zeros(
-            (3 + len(SHOWN), *terrain.shape), dtype=wp.float32, device=self.device
-        )
-        self.grids.numpy()[:, ~terrain.has_data] = np.nan
+        maps = np.zeros((3 + len(SHOWN), *terrain.shape), dtype=np.float32)
+        maps[:, ~terrain.has_data] = np.nan
         # times of cells that lava has not reached
-        self.grids.numpy()[-2:] = np.nan
+        maps[-2:] = np.nan
+        self.grids = wp.array(maps, dtype=wp.float32, device=self.device)
         self.window = Window(terrain.shape, 2)
         self._known = wp.array(
             terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=self.device
@@ -150,15 +153,17 @@ class CellLava:
             (state.thickness, lava.thickness), (state.stage, lava.thickness),
             (heat.former, lava.thickness), (heat.frozen, lava.solidified),
         ):
-            array.assign(np.pad(values, 1).astype(array.numpy().dtype))
+            array.assign(np.pad(values, 1).astype(wp.dtype_to_numpy(array.dtype)))
         for array, values in (
             (heat.temperature, lava.temperature), (heat.emission_time, lava.emission_time),
         ):
             array.assign(np.pad(values, 1, mode='edge'))
-        state.peaks.assign([float(lava.thickness.max(initial=0.0)), 0.0])
+        self.thickest = float(lava.thickness.max(initial=0.0))
+        state.peaks.assign([self.thickest, 0.0])
+        self._has_lava = np.pad(lava.thickness, 1) > self._film
         wp.launch(
-            ground_kernel(self.effects), dim=1,
-            inputs=[state.argument(), heat.argument()], device=self.device,
+            ground_kernel(self.effects), dim=THREADS if self.device.is_cuda else 1,
+            block_dim=THREADS, inputs=[state.argument(), heat.argument()], device=self.device,
         )
         self._write_laws()
 
@@ -175,12 +180,12 @@ class CellLava:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self.state.clock.numpy()[TIME])
+        return float(self.clock[TIME])
 
     @property
     def steps(self) -> int:
         """Number of time steps so far."""
-        return int(self.state.counts.numpy()[STEPS])
+        return int(self.counts[STEPS])
 
     @property
     def count(self) -> int:
@@ -202,7 +207,7 @@ class CellLava:
     @property
     def is_empty(self) -> bool:
         """True if no cell has lava that flows."""
-        return bool(self.state.peaks.numpy()[THICKEST] <= self._film)
+        return self.thickest <= self._film
 
     def emitted_fraction(self, until: float) -> float:
         """Return the volume of all lava so far over that at a later time [s]."""
@@ -226,9 +231,12 @@ class CellLava:
         total = np.where(known, (flowing + solid).astype(np.float32), np.nan)
         with np.errstate(invalid='ignore', divide='ignore'):
             mean = np.where(flowing > 0.0, warmth / flowing, self.scene.lava.solidus)
-        maps = self.grids.numpy()[:, part[0], part[1]]
-        maps[0], maps[1] = total, np.where(total > 0.0, mean, np.nan)
-        maps[2] = np.where(known, solid, np.nan)
+        maps = np.stack(
+            [total, np.where(total > 0.0, mean, np.nan), np.where(known, solid, np.nan)]
+        ).astype(np.float32)
+        if maps.size:
+            own = wp.array(maps, dtype=wp.float32, device=self.device)
+            wp.copy(self.grids[:3, part[0], part[1]], own)
         show_covered_cells(self._maps, self.grids[-len(SHOWN) :], self.window)
         return self.grids
 
@@ -237,7 +245,7 @@ class CellLava:
         maps, terrain, budget = self.draw_maps().numpy().copy(), self.scene.terrain, self.budget()
         inundated, half_inundated, arrived = maps[-len(SHOWN) :]
         thin = np.sum(maps[0], where=np.isnan(arrived) & (maps[0] > 0.0), dtype=np.float64)
-        counts, clock = self.state.counts.numpy(), self.state.clock.numpy()
+        counts, clock = self.counts, self.clock
         freezes = self.effects.any('freezes') or bool(budget.frozen)
         snapshot = Snapshot(
             time=self.time, terrain=terrain, thickness=maps[0], temperature=maps[1],

@@ -12,6 +12,7 @@ import warp as wp
 from lava_ros.scene import Terrain
 from lava_ros.simulation.cells.grid import on_terrain
 from lava_ros.simulation.cells.state import Cells, Heat
+from lava_ros.simulation.cells.threads import shared
 from lava_ros.simulation.particles.terrain import averaged
 
 
@@ -24,29 +25,36 @@ class Highest:
 
 
 _RAISE = """{
+    const int* box = s.box.data;
+    const long top = box[0], bottom = box[1], left = box[2], right = box[3];
+    SHARED
     const long w = s.stride;
-    const float* __restrict y = s.stage.data;
-    const double* __restrict frozen = m.frozen.data;
-    const double* __restrict warmth = m.temperature.data;
-    float* __restrict thickness = k.thickness.data;
-    float* __restrict temperature = k.temperature.data;
-    for (long p = i * w + first; p <= i * w + last; ++p) {
-        const float total = y[p] + (float)frozen[p];
-        const float warm = y[p] > 0.0f ? (float)warmth[p] : 0.0f;
-        thickness[p] = total > thickness[p] ? total : thickness[p];
-        temperature[p] = warm > temperature[p] ? warm : temperature[p];
-    }
+    const float* APART y = s.stage.data;
+    const double* APART frozen = m.frozen.data;
+    const double* APART warmth = m.temperature.data;
+    float* APART thickness = k.thickness.data;
+    float* APART temperature = k.temperature.data;
+    for (long i = first_of(top); i <= last_of(bottom); i += lines)
+        for (long p = i * w + left + lane; p <= i * w + right; p += lanes) {
+            const float total = y[p] + (float)frozen[p];
+            const float warm = y[p] > 0.0f ? (float)warmth[p] : 0.0f;
+            thickness[p] = total > thickness[p] ? total : thickness[p];
+            temperature[p] = warm > temperature[p] ? warm : temperature[p];
+        }
 }"""
 
 
 @lru_cache
-def raise_function() -> Any:
-    """Return the device function that raises the peaks of a part of a row to the current lava."""
+def raise_function(blocks: int = 1) -> Any:
+    """Return the device function that raises the peaks to the current lava.
 
-    @wp.func_native(_RAISE)
-    def raise_row(s: Cells, m: Heat, k: Highest, i: int, first: int, last: int): ...
+    ``blocks`` is the number of blocks of a world on a GPU.
+    """
 
-    return raise_row
+    @wp.func_native(_RAISE.replace('SHARED', shared(blocks)))
+    def raise_peaks(s: Cells, m: Heat, k: Highest): ...
+
+    return raise_peaks
 
 
 class CellPeaks:

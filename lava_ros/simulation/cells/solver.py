@@ -3,11 +3,11 @@
 
 """The solver on cells behind a simulation, with the methods of the solver of particles.
 
-It runs on a CPU, in one thread.
+On a CPU it runs in one thread. On a GPU it is a member of a batch (``cells/batch.py``), or alone.
 """
 
 from collections.abc import Generator, Iterable
-from functools import lru_cache
+from functools import partial
 import math
 import time as wall_clock
 from typing import Any
@@ -19,17 +19,14 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.cells.covered import Covered, note_function
-from lava_ros.simulation.cells.flow import step_function
+from lava_ros.simulation.batch import current_batch
+from lava_ros.simulation.cells.batch import CellGroup
+from lava_ros.simulation.cells.covered import Covered
 from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
-from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
-from lava_ros.simulation.cells.peaks import Highest, raise_function
 from lava_ros.simulation.cells.state import (
-    Cells,
     FULL,
-    Heat,
     LENGTH,
     LONGEST,
     MAX_END,
@@ -39,6 +36,7 @@ from lava_ros.simulation.cells.state import (
     WAITING,
 )
 from lava_ros.simulation.cells.vents import CellVents
+from lava_ros.simulation.cells.worlds import CLOCK, COUNTS, THICKEST, world_of, Worlds
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.checkpoint_contents import (
     check_conserved,
@@ -77,44 +75,6 @@ def check_effects(effects: Effects) -> None:
             raise LavaError(f'effects.{name}', True, expected)
 
 
-@lru_cache
-def _kernel(effects: Effects, is_heated: bool) -> Any:
-    """Return the kernel that takes steps, at most a number, and records what lava covers."""
-    step = step_function(effects, is_uniform=True)
-    heated_step, note = heated_step_function(effects) if is_heated else None, note_function()
-    raise_row = raise_function()
-
-    @wp.kernel(
-        module='unique', enable_backward=False, grid_stride=False,
-        module_options={'enable_backward': False},
-    )
-    def take_steps(s: Cells, m: Heat, c: Covered, k: Highest, most: int):
-        for _ in range(most):
-            if s.clock[TIME] >= s.clock[TARGET] or s.clock[WAITING] > wp.float64(0.0):
-                break
-            if wp.static(is_heated):
-                heated_step(s, m)
-            else:
-                step(s)
-            if s.clock[WAITING] == wp.float64(0.0):
-                note(s, c)
-                for row in range(s.box[0], s.box[1] + 1):
-                    raise_row(s, m, k, row, s.box[2], s.box[3])
-
-    return take_steps
-
-
-@lru_cache
-def _note_kernel() -> Any:
-    note = note_function()
-
-    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
-    def note_lava(s: Cells, c: Covered):
-        note(s, c)
-
-    return note_lava
-
-
 class CellSolver(CellLava):
     """Lava on cells, with vents and kernels."""
 
@@ -130,17 +90,16 @@ class CellSolver(CellLava):
             device: The Warp device.
 
         Raises:
-            LavaError: If the device is a GPU, an effect is on that cells do not have, or the
-                accuracy limits the mobility.
+            LavaError: If an effect is on that cells do not have, or the accuracy limits the
+                mobility.
         """
-        if device.is_cuda:
-            raise LavaError('device', str(device), 'cpu with method cells')
         check_effects(effects)
         if accuracy.mobility_limit is not None:
             expected = 'none with method cells; method particles has it'
             raise LavaError('mobility_limit', accuracy.mobility_limit, expected)
         super().__init__(scene, effects, accuracy, device)
         self._end, self._steps_at_once = math.inf, 16
+        self._worlds: Worlds | None = None
 
     def start_with(self, particles: Particles | None) -> None:
         """Place the initial lava, and open the vents of the scene.
@@ -192,6 +151,7 @@ class CellSolver(CellLava):
             warmth.ravel()[cells] += parts * (rate / area) * vent.temperature
         ringed = np.pad(source, 1)
         state.source.assign(ringed)
+        state.poured = float(ringed.max())
         hottest = max((vent.temperature for vent in self.vents.vents), default=0.0)
         with np.errstate(invalid='ignore', divide='ignore'):
             hot = np.where(source > 0.0, warmth / source, hottest)
@@ -200,16 +160,12 @@ class CellSolver(CellLava):
             hot[:] = hottest
         self.heat.vent_temperature.assign(np.pad(hot, 1).astype(np.float32))
         state.vent_box.assign(_box_of(ringed > 0.0))
-        wet = _box_of((ringed > 0.0) | (state.stage.numpy() > np.float32(state.film)))
+        wet = _box_of((ringed > 0.0) | self._has_lava)
         if wet[1] >= wet[0]:
             last = np.repeat(np.array(ringed.shape, dtype=np.int32) - 1, 2)
             wet = np.clip(wet + np.array([-2, 2, -2, 2], dtype=np.int32), 0, last)
-        box = state.box.numpy()
-        if box[1] > box[0]:
-            # the window never shrinks: the air also cools the cells where lava will be
-            least, most = np.minimum(wet, box), np.maximum(wet, box)
-            wet = np.where([True, False, True, False], least, most).astype(np.int32)
-        state.box.assign(wet)
+        # the window never shrinks: the air also cools the cells where lava will be
+        self._reached = wet
         self._make_arguments()
         self._longest_step = self._find_longest_step()
         self._is_set = True
@@ -235,16 +191,18 @@ class CellSolver(CellLava):
         covered.known = self._known
         for name in CELL_MAPS:
             setattr(covered, name, getattr(self.covered.maps, name))
-        flow, heat = self.state.argument(), self.heat.argument()
-        self._arguments = flow, heat, covered, self.peaks.highest
+        self._world = world_of(
+            self.state.argument(), self.heat.argument(), covered, self.peaks.highest
+        )
+        if self._worlds is not None:
+            self._worlds.put(0, self._world)
 
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
         """Advance to a time, as ``advance.advancing_to``; no step is ever incomplete."""
         self._end = self._end if end is None else end
-        clock = self.state.clock.numpy()
-        clock[WAITING] = 0.0
+        clock = self.clock
         while clock[TIME] < until and wall_clock.monotonic() < deadline:
             time = float(clock[TIME])
             if not self._is_set:
@@ -256,13 +214,13 @@ class CellSolver(CellLava):
             if self.is_empty and not self.vents.rates(time).any():
                 # nothing moves
                 clock[TIME] = min(until, stop)
+                yield
             else:
-                self._take_steps()
+                yield from self._taking_steps(deadline)
                 if clock[WAITING] > 0.0:
                     break
             if clock[TIME] >= change:
                 self._is_set = False
-            yield
         is_step_pending = bool(clock[WAITING] > 0.0)
         step = clock[WAITING] if is_step_pending else clock[FULL]
         clock[WAITING] = 0.0
@@ -274,37 +232,57 @@ class CellSolver(CellLava):
         own = longest_step(self.scene, self.accuracy, self.effects, cell)
         return min(own, self.heat.longest_step(cell))
 
+    def _taking_steps(self, deadline: float) -> Generator[None, None, None]:
+        """Take steps to ``clock[TARGET]`` as a member of a batch, or some steps alone."""
+        batch = current_batch()
+        if batch is None or not self.device.is_cuda:
+            self._take_steps()
+            yield
+            return
+        kind = self.effects, self._is_heated
+        batch.advance_world(
+            kind, partial(CellGroup, *kind, self.device), self._world, (self.clock, self._reached)
+        )
+        yield
+        self._read(batch.readback)
+
     def _take_steps(self) -> None:
         """Take some steps, for about ``_LAUNCH_TIME``."""
         begun, before = wall_clock.perf_counter(), self.steps
-        wp.launch(
-            _kernel(self.effects, self._is_heated), dim=1,
-            inputs=[*self._arguments, self._steps_at_once], device=self.device,
-        )
+        self._launch(self.clock, self._steps_at_once)
         spent = (wall_clock.perf_counter() - begun) / max(self.steps - before, 1)
         self._steps_at_once = min(max(int(_LAUNCH_TIME / spent), 1), _MAX_STEPS)
+
+    def _launch(self, clock: np.ndarray, steps: int) -> None:
+        """Take at most some steps by a clock, and read where they ended; 0 records the lava."""
+        if self._worlds is None:
+            self._worlds = Worlds(1, self.device)
+            self._worlds.put(0, self._world)
+        self._worlds.order(0, clock, self._reached)
+        self._read(self._worlds.launch([0], self.effects, self._is_heated, steps)()[0])
+
+    def _read(self, report: np.ndarray) -> None:
+        """Take clock, counts and thickest lava from a report."""
+        self.clock[:], self.counts[:] = report[CLOCK], report[COUNTS]
+        self.thickest = float(report[THICKEST])
 
     def sample(self) -> ParticleSample:
         """Return the cells with lava as columns at their middles."""
         if not self._is_set:
             self._set(self.time)
         # a step that may not end is only begun
-        clock = self.state.clock.numpy()
+        clock = self.clock.copy()
         clock[MAX_END], clock[TARGET], clock[UNTIL] = clock[TIME], math.inf, math.inf
         clock[LONGEST] = self._longest_step
-        wp.launch(
-            _kernel(self.effects, self._is_heated), dim=1, inputs=[*self._arguments, 1],
-            device=self.device,
-        )
-        clock[WAITING] = 0.0
+        self._launch(clock, 1)
+        self.clock[WAITING] = 0.0
         return self.read_sample()
 
     def _note(self) -> None:
         """Record the ground that lava covers now."""
         if not self._is_set:
             self._set(self.time)
-        flow, _, covered, _ = self._arguments
-        wp.launch(_note_kernel(), dim=1, inputs=[flow, covered], device=self.device)
+        self._launch(self.clock, 0)
 
     # what the solver of particles does between steps, and cells need not
 
@@ -359,7 +337,6 @@ class CellSolver(CellLava):
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
         self._place_terrain()
-        self.state.clock.assign(former.clock)
         self.state.counts.assign(former.counts)
         moved = mixed(lava, lambda values: averaged(values, grid, self.grid))
         area, new = grid.resolution**2, self.grid.resolution**2
@@ -388,7 +365,7 @@ class CellSolver(CellLava):
         ])
         return {
             'state.particle': rows,
-            'cells.clock': self.state.clock.numpy()[_TIMES],
+            'cells.clock': self.clock[_TIMES],
             **{f'cells.{name}': getattr(self.state, name).numpy().copy() for name in _SAVED},
             **{f'heat.{name}': getattr(self.heat, name).numpy().copy() for name in _SAVED_HEAT},
             **{f'arrived.{name}': item for name, item in self.covered.save().items()},
@@ -416,7 +393,7 @@ class CellSolver(CellLava):
         for name, array in (('cells.thickness', state.thickness), ('heat.frozen', heat.frozen)):
             if array.numpy().min() < 0.0:
                 raise LavaError(f'checkpoint.{name}', float(array.numpy().min()), 'at least 0 m')
-        times = take('cells', 'clock', state.clock.numpy()[_TIMES])
+        times = take('cells', 'clock', self.clock[_TIMES])
         fluidity, strength, peaks = (
             getattr(state, name).numpy().copy() for name in ('fluidity', 'strength', 'peaks')
         )
@@ -425,7 +402,8 @@ class CellSolver(CellLava):
         state.fluidity.assign(fluidity)
         state.strength.assign(strength)
         state.peaks.assign(peaks)
-        state.clock.numpy()[_TIMES] = times
+        self.clock[_TIMES], self.counts[:] = times, state.counts.numpy()
+        self.thickest = float(peaks[0])
         arrived = {
             name.removeprefix('arrived.'): arrays.pop(name) for name in [*arrays]
             if name.startswith('arrived.')
