@@ -163,16 +163,19 @@ _STEP = """
     // calls a function of the faces of a row, from the first to the last: along the row, then
     // those to the next row
     auto faces_of = [&](long i, auto visit) {
-        if (i >= row_0 && i <= row_1)
-            visit(i * w + left + lane, i * w + right - 1, 1, w, drop_x, drop_y, side_x, 0);
-        if (i < bottom)
-            visit(i * w + column_0 + lane, i * w + column_1, w, 1, drop_y, drop_x, side_y, 1);
+        for (int axis = 0; axis < 2; ++axis) {
+            if (axis == 0 ? (i < row_0 || i > row_1) : i == bottom) continue;
+            visit(
+                axis, i * w + (axis ? column_0 : left) + lane,
+                i * w + (axis ? column_1 : right - 1), axis ? w : 1, axis ? 1 : w,
+                axis ? drop_y : drop_x, axis ? drop_x : drop_y, axis ? side_y : side_x);
+        }
     };
     // stiffness, and then largest displacement a second, at the start of the step
     int stiff = 0, pace = 0;
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
-        faces_of(i, [&](long from, long to, long next, long side, const float* APART drop,
-                        const float* APART beside, const float* APART factor, int) {
+        faces_of(i, [&](int, long from, long to, long next, long side, const float* APART drop,
+                        const float* APART beside, const float* APART factor) {
             int highest = 0;
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(p, p + next, side, drop[p], factor, beside);
@@ -187,8 +190,9 @@ _STEP = """
     most = __builtin_bit_cast(float, raised(slots + STIFF));
     const bool is_open = !raised(slots + CLOSED);
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
-        faces_of(i, [&](long from, long to, long next, long side, const float* APART drop,
-                        const float* APART beside, const float* APART factor, int axis) {
+        faces_of(i, [&](int axis, long from, long to, long next, long side,
+                        const float* APART drop, const float* APART beside,
+                        const float* APART factor) {
             float* APART first = axis ? first_y : first_x;
             int highest = 0;
             for (long p = from; p <= to; p += lanes) {
@@ -263,9 +267,9 @@ _STEP = """
                     y[p] = kind[p] ? 0.0f : y[p];
         };
         for (long i = first_of(top); i <= last_of(bottom); i += lines) {
-            faces_of(i, [&](long from, long to, long next, long side,
+            faces_of(i, [&](int axis, long from, long to, long next, long side,
                             const float* APART drop, const float* APART beside,
-                            const float* APART factor, int axis) {
+                            const float* APART factor) {
                 const float* APART first = axis ? first_y : first_x;
                 const float* APART newer = axis ? newer_y : newer_x;
                 float* APART older = axis ? older_y : older_x;
