@@ -279,7 +279,11 @@ class CellLava:
 
     def observe_now(self, peaks: Peaks) -> None:
         """Check the current flow; the steps themselves keep its peaks."""
-        peaks.check(self.state.thickness.numpy(), self.heat.temperature.numpy())
+        if self.device.is_cuda:
+            # not a number anywhere makes the largest one of the report none
+            peaks.check(np.array(self.thickest), np.array(0.0))
+        else:
+            peaks.check(self.state.thickness.numpy(), self.heat.temperature.numpy())
 
     def read_peaks(self, peaks: Peaks, *, where_wet: bool) -> PeakMaps:
         """Return the peaks so far, of all cells or of the rectangle that lava can reach."""

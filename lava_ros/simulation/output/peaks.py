@@ -123,10 +123,14 @@ class Peaks:
             solidus: Temperature of lava that was solid throughout [K].
         """
         is_known = known[part]
-        peaks = self._peaks.numpy()[:, part[0], part[1]]
-        peaks[0] = np.where(is_known, thickness, np.nan)
         warm = np.where(temperature > 0.0, temperature, solidus)
-        peaks[1] = np.where(is_known & (thickness > 0.0), warm, np.nan)
+        peaks = np.stack([
+            np.where(is_known, thickness, np.nan),
+            np.where(is_known & (thickness > 0.0), warm, np.nan),
+        ]).astype(np.float32)
+        if peaks.size:
+            own = wp.array(peaks, dtype=wp.float32, device=self._peaks.device)
+            wp.copy(self._peaks[:, part[0], part[1]], own)
 
     def check(self, thickness: np.ndarray, temperature: np.ndarray) -> None:
         """Note whether the thickness [m] or the temperature [K] of cells cannot be shown."""
