@@ -52,16 +52,35 @@ _STABLE = 0.9
 #: Maximum number of passes that limit what cells give.
 _LIMITS = 4
 
+#: Constants of a face in a step, of the lava at its start: what enters a cell within the step is
+#: as warm as there. A face between Newtonian lava has flux over fall and h^3 [1/(m3 s)].
+_NEWTONIAN_FACE = """
+    auto face_of = [&](long p, long q, const float* factor, float* mobility, float*) {
+        const float a = y[p], b = y[q];
+        mobility[p] = FLUID FACTOR;
+    };
+"""
+
+#: The same by a law: its fluidity [1/(Pa s)] and yield strength [Pa].
+_LAW_FACE = """
+    auto face_of = [&](long p, long q, const float*, float* mobility, float* held) {
+        const float a = y[p], b = y[q], share = 1.0f / (a + b + 1e-30f);
+        mobility[p] = (a * fluidity[p] + b * fluidity[q]) * share;
+        held[p] = (a * strength[p] + b * strength[q]) * share;
+    };
+"""
+
 #: Flux between two cells by the mean of h^3, and its coefficient: flux over fall [1/s].
 _NEWTONIAN = """
-    auto flux_of = [&](long p, long q, long, float drop, const float* factor, const float*) {
+    auto flux_of = [&](long p, long q, long, float drop, const float*, const float*,
+                       float mobility, float) {
         float a = y[p], b = y[q];
         Flux f;
         f.fall = a - b + drop;
         a = a > film ? a : 0.0f;
         b = b > film ? b : 0.0f;
         f.sum = a + b;
-        f.rate = FLUID * f.sum * (a * a + b * b) FACTOR;
+        f.rate = mobility * f.sum * (a * a + b * b);
         f.stiff = stiffened(f.rate, f.fall, a, b);
         f.most = most * a;
         f.least = -most * b;
@@ -77,7 +96,7 @@ _BY_LAW = """
         return (fall > 0.0f ? y[p] : y[q]) > film ? fall : 0.0f;
     };
     auto flux_of = [&](long p, long q, long side, float drop, const float* cross,
-                       const float* beside) {
+                       const float* beside, float mobility, float held) {
         float a = y[p], b = y[q];
         Flux f;
         f.fall = a - b + drop;
@@ -88,11 +107,9 @@ _BY_LAW = """
             fall_of(p - side, p, beside) + fall_of(p, p + side, beside)
             + fall_of(q - side, q, beside) + fall_of(q, q + side, beside));
         const float share = 1.0f / (f.sum + 1e-30f);
-        const float fluid = (a * fluidity[p] + b * fluidity[q]) * share;
-        const float held = (a * strength[p] + b * strength[q]) * share;
         const auto speed = LAW(
             s.law, s.weight, 0.5f * f.sum, -f.fall * per_cell, across, -drop * per_cell, cross[p],
-            fluid, held);
+            mobility, held);
         // mean of h^3 over the cube of the mean
         const float mean = per_cell * per_cell * (a * a + b * b) * share;
         f.rate = f.sum > 0.0f ? mean * speed[0] : 0.0f;
@@ -120,6 +137,10 @@ _STEP = """
     const float* APART strength = s.strength.data;
     const unsigned char* APART kind = s.kind.data;
     const double* source = s.source.data;
+    float* mobility_x = s.mobility_x.data;
+    float* mobility_y = s.mobility_y.data;
+    float* held_x = s.held_x.data;
+    float* held_y = s.held_y.data;
     float* first_x = s.first_x.data;
     float* first_y = s.first_y.data;
     double* clock = s.clock.data;
@@ -174,11 +195,15 @@ _STEP = """
     // stiffness, and then largest displacement a second, at the start of the step
     int stiff = 0, pace = 0;
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
-        faces_of(i, [&](int, long from, long to, long next, long side, const float* APART drop,
+        faces_of(i, [&](int axis, long from, long to, long next, long side, const float* APART drop,
                         const float* APART beside, const float* APART factor) {
+            float* APART mobility = axis ? mobility_y : mobility_x;
+            float* APART held = axis ? held_y : held_x;
+            for (long p = from; p <= to; p += lanes) face_of(p, p + next, factor, mobility, held);
             int highest = 0;
             for (long p = from; p <= to; p += lanes) {
-                const Flux f = flux_of(p, p + next, side, drop[p], factor, beside);
+                const Flux f = flux_of(
+                    p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
                 const int one = bits(f.stiff);
                 highest = one > highest ? one : highest;
             }
@@ -193,10 +218,13 @@ _STEP = """
         faces_of(i, [&](int axis, long from, long to, long next, long side,
                         const float* APART drop, const float* APART beside,
                         const float* APART factor) {
+            const float* APART mobility = axis ? mobility_y : mobility_x;
+            const float* APART held = axis ? held_y : held_x;
             float* APART first = axis ? first_y : first_x;
             int highest = 0;
             for (long p = from; p <= to; p += lanes) {
-                const Flux f = flux_of(p, p + next, side, drop[p], factor, beside);
+                const Flux f = flux_of(
+                    p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
                 const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
                 first[p] = amount;
                 const float part = 2.0f / (f.sum + 1000.0f * film);
@@ -270,6 +298,8 @@ _STEP = """
             faces_of(i, [&](int axis, long from, long to, long next, long side,
                             const float* APART drop, const float* APART beside,
                             const float* APART factor) {
+                const float* APART mobility = axis ? mobility_y : mobility_x;
+                const float* APART held = axis ? held_y : held_x;
                 const float* APART first = axis ? first_y : first_x;
                 const float* APART newer = axis ? newer_y : newer_x;
                 float* APART older = axis ? older_y : older_x;
@@ -278,7 +308,8 @@ _STEP = """
                     return;
                 }
                 for (long p = from; p <= to; p += lanes) {
-                    const Flux f = flux_of(p, p + next, side, drop[p], factor, beside);
+                    const Flux f = flux_of(
+                        p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
                     const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
                     older[p] = m * newer[p] + v * older[p] + t * amount + t0 * first[p];
                 }
@@ -505,14 +536,15 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
     """
     law = face_law(effects)
     is_steep = effects.function('factor', wp.float32) is not None
-    own = 'fluid * (a * fluidity[p] + b * fluidity[q]) / (f.sum + 1e-30f)'
+    own = 'fluid * (a * fluidity[p] + b * fluidity[q]) / (a + b + 1e-30f)'
     parts = {
         'SHARED': shared(blocks),
         'SLOTS': _SLOTS,
         'CLEAR_OWN': _CLEAR.replace('WHICH', 'slots'),
         'CLEAR': _CLEAR.replace('WHICH', 'others'),
         'LOST': _LOST,
-        'FLUX': _NEWTONIAN if law is None else _BY_LAW,
+        'FLUX': _NEWTONIAN_FACE + _NEWTONIAN if law is None else _LAW_FACE + _BY_LAW,
+        'HELD': '0.0f' if law is None else 'held[p]',
         'FLUID': 'fluid' if is_uniform else own,
         'UNIFORM': '* fluidity[0]' if is_uniform else '',
         'FACTOR': '* factor[p]' if is_steep else '',

@@ -86,6 +86,10 @@ class Cells:
     flux_y: wp.array2d(dtype=wp.float32)
     former_x: wp.array2d(dtype=wp.float32)
     former_y: wp.array2d(dtype=wp.float32)
+    mobility_x: wp.array2d(dtype=wp.float32)
+    mobility_y: wp.array2d(dtype=wp.float32)
+    held_x: wp.array2d(dtype=wp.float32)
+    held_y: wp.array2d(dtype=wp.float32)
     first_x: wp.array2d(dtype=wp.float32)
     first_y: wp.array2d(dtype=wp.float32)
     kind: wp.array2d(dtype=wp.uint8)
@@ -145,6 +149,8 @@ class CellState:
             of faces.
         former_x, former_y, first_x, first_y: Thickness passed until the stage before, and per time
             at the start of the step [m/s], float32, maps of faces.
+        mobility_x, mobility_y, held_x, held_y: Constants of the faces in a step (``flow.py``),
+            float32, maps of faces.
         kind: 0 for ground, and 1 + ``BORDER``, ``HOLES`` or ``SEA``, uint8, a map.
         box: First and last row, first and last column of the window, int32, shape [4].
         clock: Times (``TIME`` and following) [s], float64, shape [8].
@@ -178,6 +184,10 @@ class CellState:
     flux_y: Any
     former_x: Any
     former_y: Any
+    mobility_x: Any
+    mobility_y: Any
+    held_x: Any
+    held_y: Any
     first_x: Any
     first_y: Any
     kind: Any
