@@ -201,7 +201,6 @@ _STEP = """
             float* APART held = axis ? held_y : held_x;
             for (long p = from; p <= to; p += lanes) face_of(p, p + next, factor, mobility, held);
             int highest = 0;
-            VECTORISED
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(
                     p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
@@ -223,7 +222,6 @@ _STEP = """
             const float* APART held = axis ? held_y : held_x;
             float* APART first = axis ? first_y : first_x;
             int highest = 0;
-            VECTORISED
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(
                     p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
@@ -309,7 +307,6 @@ _STEP = """
                     for (long p = from; p <= to; p += lanes) older[p] = t0 * first[p];
                     return;
                 }
-                VECTORISED
                 for (long p = from; p <= to; p += lanes) {
                     const Flux f = flux_of(
                         p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
@@ -554,7 +551,6 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
         'SIDE': 'factor' if law is None else 'cross',
         'LAG': '0' if law is None else '1',
         'LAW': '' if law is None else law.native_func,
-        'VECTORISED': '_Pragma("clang loop vectorize_width(8)")',
         'MAX_STAGES': MAX_STAGES,
         'DISPLACEMENT': DISPLACEMENT if is_uniform else HEATED_DISPLACEMENT,
         'GROWTH': GROWTH,
