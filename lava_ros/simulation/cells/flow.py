@@ -27,6 +27,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
+from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells.state import Cells, FaceLaw, TARGET, TIME
 from lava_ros.simulation.cells.threads import shared, THREADS
 
@@ -163,7 +164,7 @@ _STEP = """
     SLOTS
     // what is written at the end of the step
     const double time = clock[0], until = clock[2], longest = clock[3], former_step = clock[5];
-    const double max_end = clock[6], thickest = s.peaks.data[0];
+    const double max_end = clock[6], poured = clock[8], thickest = s.peaks.data[0];
 
     int is_closed = 0;
     for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
@@ -195,8 +196,9 @@ _STEP = """
     // stiffness, and then largest displacement a second, at the start of the step
     int stiff = 0, pace = 0;
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
-        faces_of(i, [&](int axis, long from, long to, long next, long side, const float* APART drop,
-                        const float* APART beside, const float* APART factor) {
+        faces_of(i, [&](int axis, long from, long to, long next, long side,
+                        const float* APART drop, const float* APART beside,
+                        const float* APART factor) {
             float* APART mobility = axis ? mobility_y : mobility_x;
             float* APART held = axis ? held_y : held_x;
             for (long p = from; p <= to; p += lanes) face_of(p, p + next, factor, mobility, held);
@@ -238,7 +240,6 @@ _STEP = """
     raise(slots + PACE, pace);
     together();
 
-    const double poured = s.poured;
     double step = former_step > 0.0 ? GROWTH * former_step : longest;
     // where lava comes out, by half of the thickness at most
     const double added = 0.5 * thickest + 1000.0 * film;
@@ -408,8 +409,10 @@ _STEP = """
         wet[3] = last - i * w > wet[3] ? last - i * w : wet[3];
     }
     raise(slots + HIGHEST, highest);
-    raise(slots + SOUTH, (int)(top + 2 - wet[0])), raise(slots + NORTH, (int)(wet[1] - bottom + 2));
-    raise(slots + WEST, (int)(left + 2 - wet[2])), raise(slots + EAST, (int)(wet[3] - right + 2));
+    raise(slots + SOUTH, (int)(top + 2 - wet[0]));
+    raise(slots + NORTH, (int)(wet[1] - bottom + 2));
+    raise(slots + WEST, (int)(left + 2 - wet[2]));
+    raise(slots + EAST, (int)(wet[3] - right + 2));
     together();
     LOST
     if (is_first) {
@@ -493,7 +496,7 @@ def face_law(effects: Effects) -> Any:
 
     strength = held if effects.having('strength') else None
     speed = effects.function(
-        'speed', wp, real, FaceLaw, column_type(real), viscosity, strength
+        'speed', VECTOR_MATH, real, FaceLaw, column_type(real), viscosity, strength
     )
     if speed is None:
         return None

@@ -38,43 +38,37 @@ _RAISE = """
                 const double drop = z(i, j) - z(i, j + 1);
                 const double cross = 0.5 * (northward(i, j) + northward(i, j + 1));
                 s.drop_x.data[p] = (float)drop, s.cross_x.data[p] = (float)cross;
-                FACTOR_X
+                s.factor_x.data[p] = FACTOR;
             }
             if (i < last_row) {
                 const double drop = z(i, j) - z(i + 1, j);
                 const double cross = 0.5 * (eastward(i, j) + eastward(i + 1, j));
                 s.drop_y.data[p] = (float)drop, s.cross_y.data[p] = (float)cross;
-                FACTOR_Y
+                s.factor_y.data[p] = FACTOR;
             }
         }
     }
     together();
 """
 
-_FACTOR = """
-            s.factor_AXIS.data[p] = CALL(wp::vec_t<2, float>(
-                (float)(drop * per_cell), (float)cross));
-"""
+_FACTOR = 'CALL(wp::vec_t<2, float>((float)(drop * per_cell), (float)cross))'
 
 
 @lru_cache
-def ground_function(effects: Effects, blocks: int = 1, *, is_whole: bool = False) -> Any:
+def ground_function(factor: Any, blocks: int = 1, *, is_whole: bool = False) -> Any:
     """Return the device function that makes the faces of a window fit the ground.
 
     Its arguments: ``Cells``, ``Heat``, first and last row and column.
 
     Args:
-        effects: The effects that are on.
+        factor: Function of effects for the fluxes on a slope, or None.
         blocks: Number of blocks of a world on a GPU.
         is_whole: True for all rows of the window, False for those beside marked ones
             (``Heat.cold``).
     """
-    factor = effects.function('factor', wp.float32)
     raising = _RAISE.replace('MARKED', 'false' if is_whole else 'true')
-    for axis in 'XY':
-        part = _FACTOR.replace('AXIS', axis.lower()) if factor else ''
-        raising = raising.replace(f'FACTOR_{axis}', part)
-    raising = raising.replace('CALL', factor.native_func if factor else '')
+    own = _FACTOR.replace('CALL', factor.native_func) if factor else '1.0f'
+    raising = raising.replace('FACTOR', own)
     raising = raising.replace('SHARED', shared(blocks))
 
     @wp.func_native(f'{{{raising}}}')
@@ -91,15 +85,30 @@ def ground_function(effects: Effects, blocks: int = 1, *, is_whole: bool = False
 
 
 @lru_cache
-def ground_kernel(effects: Effects) -> Any:
-    """Return the kernel that makes all faces fit the ground."""
-    raise_ground = ground_function(effects, is_whole=True)
+def _ground_kernel(factor: Any) -> Any:
+    raise_ground = ground_function(factor, is_whole=True)
 
     @wp.kernel(
         module='unique', enable_backward=False, grid_stride=False, launch_bounds=THREADS,
         module_options={'enable_backward': False},
     )
-    def lay_ground(s: Cells, m: Heat):
+    def lay(s: Cells, m: Heat):
         raise_ground(s, m, 0, s.rows - 1, 0, s.stride - 1)
 
-    return lay_ground
+    return lay
+
+
+def lay_ground(cells: Any, heat: Any, effects: Effects) -> None:
+    """Make all faces fit the ground with the solidified lava.
+
+    Args:
+        cells: Argument of kernels (``Cells``).
+        heat: The same (``Heat``).
+        effects: The effects that are on.
+    """
+    device = heat.elevation.device
+    wp.launch(
+        _ground_kernel(effects.function('factor', wp.float32)),
+        dim=THREADS if device.is_cuda else 1, block_dim=THREADS, inputs=[cells, heat],
+        device=device,
+    )

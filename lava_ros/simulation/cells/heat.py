@@ -13,7 +13,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.heat import heat_of, warming_function
 from lava_ros.effects.laws import law_of
 from lava_ros.scene import Scene
-from lava_ros.simulation.cells.state import CellState, Heat
+from lava_ros.simulation.cells.state import CellState, Heat, maps_of
 from lava_ros.simulation.particles.terrain import ringed_heights
 
 _REAL = wp.float32
@@ -63,13 +63,7 @@ class HeatState:
             effects: The effects that are on.
         """
         shape, lava = cells.thickness.shape, scene.lava
-        arrays = {
-            name: wp.zeros(
-                shape[: item.type.ndim], dtype=item.type.dtype, device=cells.device
-            )
-            for name, item in Heat.vars.items()
-            if isinstance(item.type, wp.array)
-        }
+        arrays = maps_of(Heat, shape, cells.device, {'cold': shape[0]})
         diffusivity = 0.0
         if 'conduction' in effects:
             diffusivity = lava.conductivity / (lava.density * lava.specific_heat)

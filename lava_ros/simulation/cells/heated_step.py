@@ -352,7 +352,9 @@ def heated_step_function(effects: Effects, blocks: int = 1) -> Any:
     step = step_function(effects, is_uniform=False, blocks=blocks)
     functions = heat_functions(effects, blocks)
     transport, exchange = functions.transport, functions.exchange
-    freeze, raise_ground = functions.freeze, ground_function(effects, blocks)
+    freeze, raise_ground = functions.freeze, ground_function(
+        effects.function('factor', _REAL), blocks
+    )
     freezes = effects.any('freezes')
 
     @wp.func

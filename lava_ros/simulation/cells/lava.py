@@ -16,7 +16,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.cells.grid import grid_of, on_terrain
-from lava_ros.simulation.cells.ground import ground_kernel
+from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.peaks import CellPeaks
 from lava_ros.simulation.cells.state import (
@@ -27,7 +27,6 @@ from lava_ros.simulation.cells.state import (
     STEPS,
     TIME,
 )
-from lava_ros.simulation.cells.threads import THREADS
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.covered_maps import CoveredCells, show_covered_cells
@@ -103,7 +102,7 @@ class CellLava:
         assert accuracy.thickness is not None
         self._film = FILM * min(accuracy.thickness, 1.0)
         self.volume_before, self.most_particles = 0.0, 0
-        self.clock, self.counts, self.thickest = np.zeros(8), np.zeros(4, dtype=int), 0.0
+        self.clock, self.counts, self.thickest = np.zeros(9), np.zeros(4, dtype=int), 0.0
         self._maps = _Maps(device)
         self.covered = CoveredCells(scene.terrain, device)
         self._place_terrain()
@@ -149,33 +148,39 @@ class CellLava:
     def put(self, lava: Columns) -> None:
         """Replace the lava and the ground that it has become."""
         state, heat = self.state, self.heat
-        for array, values in (
-            (state.thickness, lava.thickness), (state.stage, lava.thickness),
-            (heat.former, lava.thickness), (heat.frozen, lava.solidified),
+        for values, arrays in (
+            (lava.thickness, (state.thickness, state.stage, heat.former)),
+            (lava.solidified, (heat.frozen,)),
         ):
-            array.assign(np.pad(values, 1).astype(wp.dtype_to_numpy(array.dtype)))
-        for array, values in (
-            (heat.temperature, lava.temperature), (heat.emission_time, lava.emission_time),
-        ):
-            array.assign(np.pad(values, 1, mode='edge'))
+            for array in arrays:
+                if values.any():
+                    array.assign(np.pad(values, 1).astype(wp.dtype_to_numpy(array.dtype)))
+                else:
+                    array.zero_()
+        is_wet = lava.thickness > 0.0
+        #: Temperatures of the lava [K], and the window in which it is.
+        self._temperatures = set(np.unique(lava.temperature[is_wet]).tolist())
+        self._lava_box = box_of(lava.thickness > self._film)
+        _fill(heat.emission_time, lava.emission_time)
         self.thickest = float(lava.thickness.max(initial=0.0))
         state.peaks.assign([self.thickest, 0.0])
-        self._has_lava = np.pad(lava.thickness, 1) > self._film
-        wp.launch(
-            ground_kernel(self.effects), dim=THREADS if self.device.is_cuda else 1,
-            block_dim=THREADS, inputs=[state.argument(), heat.argument()], device=self.device,
-        )
-        self._write_laws()
+        lay_ground(state.argument(), heat.argument(), self.effects)
+        self._warm(lava.temperature)
 
-    def _write_laws(self) -> None:
-        """Write viscosity and yield strength of all cells by their temperature and age."""
-        rheology, temperature = Rheology(self.scene.lava, self.effects), self.heat.temperature
-        found, which = np.unique(temperature.numpy().astype(np.float32), return_inverse=True)
-        which = which.reshape(temperature.shape)
-        values = [1.0 / rheology.viscosity_at(float(one)) for one in found]
-        self.state.fluidity.assign(np.array(values, dtype=np.float32)[which])
-        values = [rheology.strength_at(float(one)) for one in found]
-        self.state.strength.assign(np.array(values, dtype=np.float32)[which])
+    def _warm(self, temperature: np.ndarray) -> None:
+        """Write temperature [K], shape [rows, columns], and viscosity and yield strength by it."""
+        rheology, state = Rheology(self.scene.lava, self.effects), self.state
+        _fill(self.heat.temperature, temperature)
+        found, which = np.array([temperature.flat[0]]), None
+        if (temperature != found[0]).any():
+            found, which = np.unique(temperature.astype(np.float32), return_inverse=True)
+        for array, law in (
+            (state.fluidity, lambda one: 1.0 / rheology.viscosity_at(one)),
+            (state.strength, rheology.strength_at),
+        ):
+            values = np.array([law(float(np.float32(one))) for one in found], dtype=np.float32)
+            where = 0 if which is None else which.reshape(temperature.shape)
+            _fill(array, np.broadcast_to(values[where], temperature.shape))
 
     @property
     def time(self) -> float:
@@ -332,6 +337,24 @@ def mixed(columns: Columns, into: Any) -> Columns:
             for values in (columns.temperature, columns.emission_time)
         )
     return Columns(thickness, temperature, emission_time, into(columns.solidified))
+
+
+def box_of(cells: np.ndarray) -> np.ndarray:
+    """Return first and last row and column of marked cells; without any the last is before."""
+    ends = []
+    for axis in (1, 0):
+        found = np.flatnonzero(cells.any(axis=axis))
+        ends += [found[0], found[-1]] if found.size else [0, -1]
+    return np.array(ends, dtype=np.int32)
+
+
+def _fill(array: Any, values: np.ndarray) -> None:
+    """Write a map without its ring, which continues it."""
+    first = values.flat[0]
+    if (values == first).all():
+        array.fill_(float(first))
+    else:
+        array.assign(np.pad(values, 1, mode='edge').astype(wp.dtype_to_numpy(array.dtype)))
 
 
 def _inner(array: Any) -> np.ndarray:

@@ -30,6 +30,7 @@ from lava_ros.simulation.cells.state import (
     LENGTH,
     LONGEST,
     MAX_END,
+    POURED,
     TARGET,
     TIME,
     UNTIL,
@@ -100,6 +101,8 @@ class CellSolver(CellLava):
         super().__init__(scene, effects, accuracy, device)
         self._end, self._steps_at_once = math.inf, 16
         self._worlds: Worlds | None = None
+        self._world: Any = None
+        self._is_heated = False
 
     def start_with(self, particles: Particles | None) -> None:
         """Place the initial lava, and open the vents of the scene.
@@ -137,53 +140,56 @@ class CellSolver(CellLava):
         self.vents = CellVents(
             self.scene.vents, self.grid, since, rise=self.accuracy.thickness
         )
-        self._is_set = False
+        self._is_set, self._world = False, None
 
     def _set(self, time: float) -> None:
-        """Write the rates of emission from a time [s], and the window of the lava."""
-        state, area = self.state, self.grid.resolution**2
-        source, warmth = np.zeros((2, *self.grid.shape))
-        rates = self.vents.rates(time)
-        for vent, (cells, parts), rate in zip(
-            self.vents.vents, self.vents.weights, rates, strict=True
-        ):
-            source.ravel()[cells] += parts * (rate / area)
-            warmth.ravel()[cells] += parts * (rate / area) * vent.temperature
-        ringed = np.pad(source, 1)
-        state.source.assign(ringed)
-        state.poured = float(ringed.max())
-        hottest = max((vent.temperature for vent in self.vents.vents), default=0.0)
-        with np.errstate(invalid='ignore', divide='ignore'):
-            hot = np.where(source > 0.0, warmth / source, hottest)
-        if len({vent.temperature for vent in self.vents.vents}) == 1:
-            # not the rounded mean of equal numbers
-            hot[:] = hottest
-        self.heat.vent_temperature.assign(np.pad(hot, 1).astype(np.float32))
-        state.vent_box.assign(_box_of(ringed > 0.0))
-        wet = _box_of((ringed > 0.0) | self._has_lava)
-        if wet[1] >= wet[0]:
-            last = np.repeat(np.array(ringed.shape, dtype=np.int32) - 1, 2)
-            wet = np.clip(wet + np.array([-2, 2, -2, 2], dtype=np.int32), 0, last)
-        # the window never shrinks: the air also cools the cells where lava will be
-        self._reached = wet
-        self._make_arguments()
-        self._longest_step = self._find_longest_step()
+        """Write the rates of emission from a time [s]."""
+        state, cells = self.state, self.vents.cells
+        source, hot = self.vents.sources(time, self.grid.resolution**2)
+        #: Largest rate of emission [m/s].
+        self.clock[POURED] = source.max(initial=0.0)
+        row, column = (ends + 1 for ends in np.divmod(cells, self.grid.shape[1]))
+        row, column, source, hot = (
+            one[source > 0.0] for one in (row, column, source, hot)
+        )
+        box = np.array([0, -1, 0, -1], dtype=np.int32)
+        if row.size:
+            box[:] = row.min(), row.max(), column.min(), column.max()
+        first, end = int(box[0]), int(box[1]) + 1
+        for array, values in ((state.source, source), (self.heat.vent_temperature, hot)):
+            rows = np.zeros((end - first, array.shape[1]), dtype=wp.dtype_to_numpy(array.dtype))
+            rows[row - first, column] = values
+            array.zero_()
+            if row.size:
+                array[first:end].assign(rows)
+        state.vent_box.assign(box)
+        self._reached = self._window_with(box)
+        if self._world is None:
+            self._make_world()
         self._is_set = True
 
-    def _make_arguments(self) -> None:
+    def _window_with(self, vents: np.ndarray) -> np.ndarray:
+        """Return the window that the next steps need at least, by that of the vents."""
+        lava = self._lava_box + np.int32(1)
+        boxes = [one for one in (vents, lava) if one[1] >= one[0]]
+        if not boxes:
+            return vents
+        # the window never shrinks: the air also cools the cells where lava will be
+        ends = np.stack(boxes)
+        wet = np.where([True, False, True, False], ends.min(axis=0), ends.max(axis=0))
+        last = np.repeat(np.array(self.state.thickness.shape, dtype=np.int32) - 1, 2)
+        return np.clip(wet + np.array([-2, 2, -2, 2], dtype=np.int32), 0, last)
+
+    def _make_world(self) -> None:
         """Make the arguments of the kernels, and find out whether lava carries heat."""
-        temperature, thickness = (
-            array.numpy() for array in (self.heat.temperature, self.state.thickness)
-        )
-        temperatures = {vent.temperature for vent in self.vents.vents}
-        temperatures |= set(np.unique(temperature[thickness > 0.0]).tolist())
-        was_heated = getattr(self, '_is_heated', False)
-        self._is_heated = carries_heat(self.scene, self.effects) or len(temperatures) > 1
+        was_heated = self._is_heated
+        self._temperatures |= {vent.temperature for vent in self.vents.vents}
+        self._is_heated = carries_heat(self.scene, self.effects) or len(self._temperatures) > 1
         if self._is_heated and not was_heated:
-            self.heat.former.assign(thickness.astype(np.float32))
-        elif not self._is_heated and temperatures:
-            self.heat.temperature.fill_(temperatures.pop())
-            self._write_laws()
+            wp.copy(self.heat.former, self.state.stage)
+        elif not self._is_heated and self._temperatures:
+            (temperature,) = self._temperatures
+            self._warm(np.full(self.grid.shape, temperature))
         covered = Covered()
         covered.rows, covered.columns = self.scene.terrain.shape
         covered.scale = self.scene.terrain.resolution / self.grid.resolution
@@ -194,6 +200,9 @@ class CellSolver(CellLava):
         self._world = world_of(
             self.state.argument(), self.heat.argument(), covered, self.peaks.highest
         )
+        cell = self.grid.resolution
+        own = longest_step(self.scene, self.accuracy, self.effects, cell)
+        self._longest_step = min(own, self.heat.longest_step(cell))
         if self._worlds is not None:
             self._worlds.put(0, self._world)
 
@@ -225,12 +234,6 @@ class CellSolver(CellLava):
         step = clock[WAITING] if is_step_pending else clock[FULL]
         clock[WAITING] = 0.0
         return Stop(float(clock[TIME]), float(step), is_step_pending)
-
-    def _find_longest_step(self) -> float:
-        """Return the longest step that the user, the effects and conduction allow [s]."""
-        cell = self.grid.resolution
-        own = longest_step(self.scene, self.accuracy, self.effects, cell)
-        return min(own, self.heat.longest_step(cell))
 
     def _taking_steps(self, deadline: float) -> Generator[None, None, None]:
         """Take steps to ``clock[TARGET]`` as a member of a batch, or some steps alone."""
@@ -319,7 +322,7 @@ class CellSolver(CellLava):
         self.heat.law, self.heat.constants = constants.law, constants.constants
         self.heat.diffusivity = constants.diffusivity
         self.put(lava)
-        self._is_set = False
+        self._is_set, self._world = False, None
 
     def replace_vents(self, scene: Scene) -> list[Any]:
         """Continue with the vents of another scene; no lava waits in conduits."""
@@ -418,11 +421,3 @@ class CellSolver(CellLava):
             self._note()
         check_conserved(self.budget())
 
-
-def _box_of(cells: np.ndarray) -> np.ndarray:
-    """Return first and last row and column of marked cells; without any the last is before."""
-    ends = []
-    for axis in (1, 0):
-        found = np.flatnonzero(cells.any(axis=axis))
-        ends += [found[0], found[-1]] if found.size else [0, -1]
-    return np.array(ends, dtype=np.int32)

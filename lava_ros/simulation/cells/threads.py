@@ -12,9 +12,9 @@ each block has a band of rows, each warp every n-th row of it, and each thread e
 THREADS = 512
 
 #: Names in C++: numbers of this thread's cells along a row (``lane``, ``lanes``) and of its rows
-#: (``first_of``, ``last_of``, ``lines``); ``together`` waits for all threads of the world and makes
-#: their results readable; ``raise`` and ``raised`` find a maximum of positive integers, with
-#: ``together`` in between, in the items of ``slots``. ``top`` and ``bottom`` are the rows to share.
+#: (``first_of``, ``last_of``, ``lines``), of those from ``top`` to ``bottom``. ``together`` waits
+#: for all threads of the world and makes their results readable. ``raise`` and, after that,
+#: ``raised`` find a maximum of positive integers, and ``summed`` adds numbers of a warp.
 SHARED = """
 #if defined(__CUDA_ARCH__)
 #define APART

@@ -3,11 +3,12 @@
 
 """Launches that take steps of one world or of several, each with its own time and window.
 
-The host gives each world an order: its clock, and a window that its own must contain. A world takes
-an order once, by its number. After the steps of a launch each world reports its clock, its counts
-and its thickest lava, and the host reads all reports in one copy.
+The host gives each world an order: its clock, and a window that its own must contain. A world
+takes an order once, by its number. After the steps of a launch each world reports its clock, its
+counts and its thickest lava, and the host reads all reports in one copy.
 """
 
+from collections import deque
 from collections.abc import Callable, Sequence
 import ctypes
 from functools import lru_cache
@@ -18,6 +19,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.simulation.backend.compiled import on_cuda
+from lava_ros.simulation.backend.memory import Readback
 from lava_ros.simulation.cells.covered import Covered, note_function
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.heated_step import heated_step_function
@@ -26,31 +28,32 @@ from lava_ros.simulation.cells.state import Cells, Heat, TARGET, TIME, WAITING
 from lava_ros.simulation.cells.threads import shared, THREADS
 
 #: Parts of a report: clock and counts (``CellState``), largest thickness [m], number of the order.
-CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 8), slice(8, 12), 12, 13
+CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 9), slice(9, 13), 13, 14
 
-#: Items of an order: clock, window (first and last row and column) and number.
-_ORDER, _REPORT = 13, 14
+#: Number of items of a report, and of an order: clock, window (``CellState.box``) and number.
+_REPORT, _ORDER = 15, 14
 
-#: Largest number of blocks of a world on a GPU: those of a cluster run at the same time.
-_MAX_BLOCKS = 8
+#: Number of blocks of a world on a GPU if there are few worlds, and minimum compute capability:
+#: those of a cluster run at the same time.
+_MAX_BLOCKS, _MIN_ARCH = 16, 90
 
 _BEGIN = """{
     const long top = 0, bottom = 0;
     SHARED
     const double* order = orders.data + row * ORDER;
     double* taken = numbers.data + row;
-    const bool is_new = order[12] != *taken;
+    const bool is_new = order[13] != *taken;
     together();
     if (is_new && is_first) {
-        for (int n = 0; n < 8; ++n) s.clock.data[n] = order[n];
+        for (int n = 0; n < 9; ++n) s.clock.data[n] = order[n];
         int* box = s.box.data;
         const bool is_empty = box[1] <= box[0];
         for (int n = 0; n < 4; ++n) {
-            const int own = (int)order[8 + n];
+            const int own = (int)order[9 + n];
             const bool is_wider = n % 2 ? own > box[n] : own < box[n];
-            if (order[9] > order[8] && (is_empty || is_wider)) box[n] = own;
+            if (order[10] > order[9] && (is_empty || is_wider)) box[n] = own;
         }
-        *taken = order[12];
+        *taken = order[13];
     }
     together();
 }"""
@@ -60,10 +63,10 @@ _END = """{
     SHARED
     if (!is_first) return;
     double* report = reports.data + row * REPORT;
-    for (int n = 0; n < 8; ++n) report[n] = s.clock.data[n];
-    for (int n = 0; n < 4; ++n) report[8 + n] = s.counts.data[n];
-    report[12] = s.peaks.data[0];
-    report[13] = numbers.data[row];
+    for (int n = 0; n < 9; ++n) report[n] = s.clock.data[n];
+    for (int n = 0; n < 4; ++n) report[9 + n] = s.counts.data[n];
+    report[13] = s.peaks.data[0];
+    report[14] = numbers.data[row];
 }"""
 
 
@@ -154,46 +157,33 @@ class Worlds:
 
     def __init__(self, rows: int, device: Any) -> None:
         """Allocate for at most some worlds."""
-        self._device = device
+        self._device, self._size = device, ctypes.sizeof(World.ctype)
         self._kept: list[Any] = [None] * rows
-        self._size = ctypes.sizeof(World.ctype)
-        self._packed = np.zeros((rows, self._size), dtype=np.uint8)
-        self._there = wp.zeros(rows * self._size, dtype=wp.uint8, device=device)
-        self._worlds = wp.array(
-            ptr=self._there.ptr, dtype=World, shape=(rows,), device=device
-        )
-        self._is_new = np.zeros(rows, dtype=bool)
-        self._rows = wp.zeros(rows, dtype=wp.int32, device=device)
-        self._chosen: list[int] = []
-        self._orders = np.zeros((rows, _ORDER))
-        self._has_orders = False
-        zeros = wp.zeros((rows, _ORDER), dtype=wp.float64, device=device)
-        self._orders_there = zeros
+        memory = wp.zeros(rows * self._size, dtype=wp.uint8, device=device)
+        self._worlds = wp.array(ptr=memory.ptr, dtype=World, shape=(rows,), device=device)
+        self._packed = _Mirror(memory)
+        self._orders = _Mirror(wp.zeros((rows, _ORDER), dtype=wp.float64, device=device))
+        self._rows = _Mirror(wp.zeros(rows, dtype=wp.int32, device=device))
         self._reports = wp.zeros((rows, _REPORT), dtype=wp.float64, device=device)
         self._numbers = wp.zeros(rows, dtype=wp.float64, device=device)
-        self._processors = device.sm_count if device.is_cuda else 1
+        # each is free again when the next but one begins
+        self._copies = deque(Readback((self._reports, self._numbers)) for _ in range(3))
+        self._launches: dict[Any, Any] = {}
 
     def put(self, row: int, world: Any) -> None:
         """Assign a row to a world, whose arrays live as long as it has the row."""
         packed = ctypes.string_at(ctypes.addressof(world.__ctype__()), self._size)
-        self._packed[row] = np.frombuffer(packed, dtype=np.uint8)
-        self._kept[row], self._is_new[row] = world, True
+        self._packed.write(row * self._size, np.frombuffer(packed, dtype=np.uint8))
+        self._kept[row] = world
 
     def order(self, row: int, clock: np.ndarray, window: np.ndarray) -> None:
         """Give the world of a row its clock, and a window that its own must contain."""
-        order = self._orders[row]
-        order[CLOCK], order[8:12] = clock, window
-        order[12] += 1.0
-        self._has_orders = True
+        number = self._orders.here[row, -1] + 1.0
+        self._orders.write(row, np.array([[*clock, *window, number]]))
 
     def is_current(self, row: int, report: np.ndarray) -> bool:
         """Return True if the report of a row follows its latest order."""
-        return bool(report[NUMBER] == self._orders[row, 12])
-
-    def blocks(self, count: int) -> int:
-        """Return the number of blocks of each of some worlds."""
-        fit = self._device.is_cuda and self._device.arch >= 90
-        return _MAX_BLOCKS if fit and count * _MAX_BLOCKS <= self._processors else 1
+        return bool(report[NUMBER] == self._orders.here[row, -1])
 
     def launch(
         self, rows: Sequence[int], effects: Effects, is_heated: bool, steps: int
@@ -203,41 +193,63 @@ class Worlds:
         Returns:
             Function that waits and returns the reports of all rows, float64.
         """
-        self._send(rows)
-        blocks, is_cuda = self.blocks(len(rows)), self._device.is_cuda
-        kernel = steps_kernel(effects, is_heated, blocks, is_cuda)
-        wp.launch(
-            kernel, dim=len(rows) * (blocks * THREADS if is_cuda else 1), block_dim=THREADS,
-            inputs=[
-                self._worlds, self._rows, self._orders_there, self._reports, self._numbers, steps
-            ],
-            device=self._device,
-        )
-        if not is_cuda:
-            return self._reports.numpy
-        copy = wp.empty_like(self._reports, device='cpu', pinned=True)
-        wp.copy(copy, self._reports)
-        event = wp.get_stream(self._device).record_event()
+        if not np.array_equal(self._rows.here[: len(rows)], rows):
+            self._rows.write(0, np.array(rows, dtype=np.int32))
+        for mirror in (self._packed, self._orders, self._rows):
+            mirror.send()
+        blocks, is_cuda = blocks_of(self._device, len(rows)), self._device.is_cuda
+        key = effects, is_heated, blocks, len(rows)
+        command = self._launches.get(key)
+        if command is None:
+            self._launches.clear()
+            command = self._launches[key] = wp.launch(
+                steps_kernel(effects, is_heated, blocks, is_cuda),
+                dim=len(rows) * (blocks * THREADS if is_cuda else 1), block_dim=THREADS,
+                inputs=[
+                    self._worlds, self._rows.there, self._orders.there, self._reports,
+                    self._numbers, 0,
+                ],
+                device=self._device, record_cmd=True,
+            )
+        command.set_param_at_index(5, steps)
+        command.launch()
+        self._copies.rotate()
+        finish = self._copies[0].begin()
+        return lambda: finish()[0]
 
-        def read() -> np.ndarray:
-            wp.synchronize_event(event)
-            values: np.ndarray = copy.numpy()
-            return values
 
-        return read
+def blocks_of(device: Any, count: int) -> int:
+    """Return the number of blocks of each of some worlds on a GPU."""
+    if not device.is_cuda or device.arch < _MIN_ARCH:
+        return 1
+    return _MAX_BLOCKS if count * _MAX_BLOCKS <= device.sm_count else 1
 
-    def _send(self, rows: Sequence[int]) -> None:
-        """Copy worlds, orders and numbers of rows that changed to the device."""
-        new = np.flatnonzero(self._is_new)
-        if new.size:
-            first, end = int(new[0]), int(new[-1]) + 1
-            part = self._there[first * self._size : end * self._size]
-            part.assign(self._packed[first:end].ravel())
-            self._is_new[:] = False
-        if self._has_orders:
-            self._orders_there.assign(self._orders)
-            self._has_orders = False
-        chosen = list(rows)
-        if chosen != self._chosen:
-            self._rows[: len(chosen)].assign(np.array(chosen, dtype=np.int32))
-            self._chosen = chosen
+
+class _Mirror:
+    """An array on a device, and its copy on the host, which is the same on a CPU.
+
+    Attributes:
+        there: The array.
+        here: The copy.
+    """
+
+    def __init__(self, there: Any) -> None:
+        """Begin with an array of zeros."""
+        self.there, self._is_apart = there, there.device.is_cuda
+        self.here = there.numpy()
+        self._first, self._end = 0, 0
+
+    def write(self, first: int, values: np.ndarray) -> None:
+        """Write values from an item of the first axis on."""
+        end = first + len(values)
+        self.here[first:end] = values
+        if self._end:
+            self._first, self._end = min(first, self._first), max(end, self._end)
+        else:
+            self._first, self._end = first, end
+
+    def send(self) -> None:
+        """Copy what has been written to the device."""
+        if self._end and self._is_apart:
+            self.there[self._first : self._end].assign(self.here[self._first : self._end])
+        self._first = self._end = 0
