@@ -28,13 +28,12 @@ def speed(
     @wp.func
     def bingham(law: law_type, weight: real, column: column_type) -> vec2:
         thickness = column.normal_thickness
-        stress = weight * thickness * column.slope
+        # no branch, which would keep a CPU from vectorising a loop over columns
+        stress = wp.max(weight * thickness * column.slope, real(1e-30))
         resisted = strength(law, column)
-        if stress <= resisted:
-            return vec2()
-        b = resisted / stress
+        b = wp.min(resisted / stress, real(1.0))
         # 1 - b without the cancellation of the quotient
-        free = (stress - resisted) / stress
+        free = wp.max(stress - resisted, real(0.0)) / stress
         newtonian = weight * thickness * thickness
         newtonian /= real(3.0) * viscosity(law, column.temperature)
         return newtonian * free * vec2(

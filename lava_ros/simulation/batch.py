@@ -225,6 +225,31 @@ class Batch:
         assert self._route is not None
         group.advance(row, until, self._route)
 
+    def advance_world(
+        self, kind: Any, make: Callable[[int], Any], world: Any, order: Any
+    ) -> None:
+        """Advance lava on cells with all other members of its kind, once the route yields.
+
+        Args:
+            kind: What members in one launch have in common.
+            make: Function that makes their group (``cells/batch.py``), for a number of rows.
+            world: Arrays and constants of the member.
+            order: Its clock and window.
+        """
+        assert self._route is not None
+        self._has_asked = True
+        key = self._route, True
+        group, row, of, _ = self._places.get(key, (None, 0, None, 0))
+        if group is None or of is not world:
+            self._leave(*key)
+            group = self._groups.get((True, kind))
+            if group is None:
+                group = self._groups[True, kind] = make(self._at_once)
+            row = group.free.pop()
+            group.put(row, world)
+            self._places[key] = group, row, world, 0
+        group.advance(row, order, self._route)
+
     def launch(self, state: State, record: Callable[[], list[Launch]]) -> None:
         """Run launches once for the current route, once the route yields.
 

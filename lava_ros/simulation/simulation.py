@@ -291,7 +291,13 @@ class Simulation:
         own = self.accuracy.inundation_threshold
         if not math.isclose(threshold, own):
             raise LavaError('threshold', threshold, f'{own:g} m, the threshold of the simulation')
+        self.solver.start_peaks()
         return Peaks(self.scene.terrain, own, self.time, self.solver.device)
+
+    @property
+    def keeps_peaks(self) -> bool:
+        """True if steps keep the peaks themselves, so that few observations suffice."""
+        return self.accuracy.method == 'cells'
 
     @within_memory()
     def observe(self, peaks: Peaks) -> None:

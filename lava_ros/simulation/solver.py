@@ -113,6 +113,9 @@ class Solver(Protocol):
     def begin_snapshot(self, *, overlaps: bool) -> PendingSnapshot:
         """Map the flow; the copy to the host may overlap with the next steps."""
 
+    def start_peaks(self) -> None:
+        """Begin to keep peaks, if the steps keep them."""
+
     def observe_now(self, peaks: Peaks) -> None:
         """Raise peaks to the values of the current flow."""
 

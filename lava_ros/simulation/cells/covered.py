@@ -18,6 +18,7 @@ import warp as wp
 
 from lava_ros.scene.terrain import HALF, PARTS
 from lava_ros.simulation.cells.state import Cells
+from lava_ros.simulation.cells.threads import shared
 from lava_ros.simulation.output.covered_cells import WHOLE
 
 #: Thickness of a cell that lava covers wholly, over that of its thickest neighbour.
@@ -45,22 +46,25 @@ class Covered:
 _NOTE = """{
     const long w = s.stride, rows = c.rows, columns = c.columns;
     const float scale = c.scale, least = c.threshold;
-    const float* __restrict y = s.stage.data;
+    const float* y = s.stage.data;
     const double* source = s.source.data;
     const float time = (float)s.clock.data[0];
     auto clamped = [](long value, long low, long high) {
         return value < low ? low : value > high ? high : value;
     };
     // rows and columns of the terrain within the window of the solver
-    auto of = [&](long place) { return (long)__builtin_floorf((place - 1) / scale); };
+    auto of = [&](long place) { return (long)floorf((place - 1) / scale); };
     const long top = clamped(of(s.box.data[0]), 0, rows - 1);
     const long bottom = clamped(of(s.box.data[1]), 0, rows - 1);
     const long left = clamped(of(s.box.data[2]), 0, columns - 1);
     const long right = clamped(of(s.box.data[3]), 0, columns - 1);
-    auto raise = [&](int place, long value) {
+    SHARED
+    auto extend = [&](int place, long value) {
         if (value > c.bounds.data[place]) c.bounds.data[place] = (int)value;
     };
-    raise(0, rows - top), raise(1, bottom + 1), raise(2, columns - left), raise(3, right + 1);
+    if (is_first)
+        extend(0, rows - top), extend(1, bottom + 1), extend(2, columns - left),
+            extend(3, right + 1);
     auto reaches = [&](long r, long q, float up, float along) {
         const float* at = y + r * w + q;
         const float own = at[0];
@@ -73,8 +77,8 @@ _NOTE = """{
                                            : (south > north ? up : 1.0f - up);
         return from * (FULL * thickest) <= own;
     };
-    for (long i = top; i <= bottom; ++i)
-        for (long j = left; j <= right; ++j) {
+    for (long i = first_of(top); i <= last_of(bottom); i += lines)
+        for (long j = left + lane; j <= right; j += lanes) {
             const long cell = i * columns + j;
             int bits = c.covered.data[cell];
             if (bits == WHOLE || !c.known.data[cell]) continue;
@@ -97,11 +101,12 @@ _NOTE = """{
             if (!is_touched) continue;
             c.covered.data[cell] = bits;
             if (c.arrived.data[cell] < 0.0f) c.arrived.data[cell] = time;
-            if (__builtin_popcount(bits) >= HALF && c.half_inundated.data[cell] < 0.0f)
+            if (counted(bits) >= HALF && c.half_inundated.data[cell] < 0.0f)
                 c.half_inundated.data[cell] = time;
         }
+    if (is_first_warp)
     for (long i = s.vent_box.data[0]; i <= s.vent_box.data[1]; ++i)
-        for (long j = s.vent_box.data[2]; j <= s.vent_box.data[3]; ++j) {
+        for (long j = s.vent_box.data[2] + lane; j <= s.vent_box.data[3]; j += lanes) {
             const long row = of(i), column = of(j);
             if (source[i * w + j] <= 0.0 || row < 0 || row >= rows || column < 0
                 || column >= columns) continue;
@@ -112,10 +117,14 @@ _NOTE = """{
 
 
 @lru_cache
-def note_function() -> Any:
-    """Return the device function that records the ground covered at the end of a step."""
+def note_function(blocks: int = 1) -> Any:
+    """Return the device function that records the ground covered at the end of a step.
+
+    ``blocks`` is the number of blocks of a world on a GPU.
+    """
     code = _NOTE
     for name, value in (
+        ('SHARED', shared(blocks)),
         ('WHOLE', WHOLE), ('PARTS', PARTS), ('HALF', HALF), ('FULL', f'{FULL}f')
     ):
         code = code.replace(name, str(value))

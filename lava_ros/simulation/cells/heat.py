@@ -13,7 +13,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.heat import heat_of, warming_function
 from lava_ros.effects.laws import law_of
 from lava_ros.scene import Scene
-from lava_ros.simulation.cells.state import CellState, Heat
+from lava_ros.simulation.cells.state import CellState, Heat, maps_of
 from lava_ros.simulation.particles.terrain import ringed_heights
 
 _REAL = wp.float32
@@ -36,6 +36,7 @@ class HeatState:
         descent: Height that lava has fallen in that step [m], float32, a map.
         elevation: Elevation of the bare ground [m], float64, a map.
         frozen: Thickness of solidified lava [m], float64, a map.
+        cold: 1 for rows with lava that has become colder than the solidus, int32, shape [rows].
     """
 
     law: Any
@@ -50,6 +51,7 @@ class HeatState:
     descent: Any
     elevation: Any
     frozen: Any
+    cold: Any
 
     @classmethod
     def on(cls, cells: CellState, scene: Scene, effects: Effects) -> 'HeatState':
@@ -61,11 +63,7 @@ class HeatState:
             effects: The effects that are on.
         """
         shape, lava = cells.thickness.shape, scene.lava
-        arrays = {
-            name: wp.zeros(shape, dtype=item.type.dtype, device=cells.device)
-            for name, item in Heat.vars.items()
-            if isinstance(item.type, wp.array)
-        }
+        arrays = maps_of(Heat, shape, cells.device, {'cold': shape[0]})
         diffusivity = 0.0
         if 'conduction' in effects:
             diffusivity = lava.conductivity / (lava.density * lava.specific_heat)

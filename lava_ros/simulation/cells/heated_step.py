@@ -16,7 +16,7 @@ leaves. A cell next to dry ground has no slope. The time of emission moves in th
 Then every cell is a column of lava (effects/column.py), with the laws of all other columns. Lava
 colder than the solidus becomes ground.
 
-The functions work on a part of a row, in loops that a CPU vectorises.
+The functions work on a window of cells, in loops over rows that a CPU vectorises.
 """
 
 from dataclasses import dataclass
@@ -33,6 +33,7 @@ from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
 from lava_ros.simulation.cells.state import Cells, Heat, WAITING
+from lava_ros.simulation.cells.threads import shared
 
 _REAL = wp.float32
 
@@ -41,21 +42,16 @@ _VECTORISED = '_Pragma("clang loop vectorize_width(8)")'
 
 #: Changes of temperature and time of emission by transport.
 _TRANSPORT = """
+    SHARED
     const long w = s.stride;
-    // the ring is dry, so lava beyond it has no effect
-    const long south = i > 1 ? 2 * w : w, north = i < s.rows - 2 ? 2 * w : w;
     const float step = (float)s.clock.data[1], film = s.film;
-    const float* __restrict before = m.former.data;
-    const double* __restrict after = s.thickness.data;
-    const float* __restrict gx = s.flux_x.data;
-    const float* __restrict gy = s.flux_y.data;
-    const double* __restrict source = s.source.data;
+    const float* APART before = m.former.data;
+    const double* APART after = s.thickness.data;
+    const float* APART gx = s.flux_x.data;
+    const float* APART gy = s.flux_y.data;
+    const double* APART source = s.source.data;
     auto least = [](float a, float b) { return a < b ? a : b; };
     auto most = [](float a, float b) { return a > b ? a : b; };
-    // only cells with lava
-    long from = i * w + first, to = i * w + last;
-    while (from <= to && after[from] == 0.0) ++from;
-    while (from <= to && after[to] == 0.0) --to;
     // 0 where the differences behind and ahead differ in sign
     auto limited = [&](float behind, float ahead) {
         const float third = (behind + 2.0f * ahead) * (1.0f / 3.0f);
@@ -77,10 +73,12 @@ _TRANSPORT = """
         const float slope = 0.5f * stays * limited(given - back, ahead - given);
         return g * (given + (has_back > film && has_ahead > film ? slope : 0.0f));
     };
-    auto transport = [&](const double* __restrict value, auto fresh_value,
-                         float* __restrict change) {
+    auto transport = [&](long i, long from, long to, const double* APART value, auto fresh_value,
+                         float* APART change) {
+        // the ring is dry, so lava beyond it has no effect
+        const long south = i > 1 ? 2 * w : w, north = i < s.rows - 2 ? 2 * w : w;
         VECTORISED
-        for (long p = from; p <= to; ++p) {
+        for (long p = from; p <= to; p += lanes) {
             auto at = [&](long q) {
                 Value v;
                 v.lava = before[q], v.value = (float)(value[q] - value[p]);
@@ -110,15 +108,26 @@ _TRANSPORT = """
             change[p] = h > 0.0f ? moved : 0.0f;
         }
     };
-    const float* __restrict given = m.vent_temperature.data;
-    transport(m.temperature.data, [&](long p) { return given[p]; }, m.warming.data);
-    RENEWAL
+    const float* APART given = m.vent_temperature.data;
+    FALL
+    for (long i = first_of(top); i <= last_of(bottom); i += lines) {
+        // only cells with lava
+        long from = i * w + left + lane, to = i * w + right;
+        while (is_serial && from <= to && after[from] == 0.0) ++from;
+        while (is_serial && from <= to && after[to] == 0.0) --to;
+        transport(
+            i, from, to, m.temperature.data, [&](long p) { return given[p]; }, m.warming.data);
+        RENEWAL
+        DESCENT
+    }
+    together();
 """
 
 #: The same for the time of emission, that of the middle of the step for lava that comes out.
 _RENEWAL = """
-    const double middle = s.clock.data[0] - 0.5 * s.clock.data[1];
-    transport(m.emission_time.data, [&](long) { return middle; }, m.renewal.data);
+        const double middle = s.clock.data[0] - 0.5 * s.clock.data[1];
+        transport(
+            i, from, to, m.emission_time.data, [&](long) { return middle; }, m.renewal.data);
 """
 
 #: Heat that lava conducts from one cell to another, over the area of a cell.
@@ -133,68 +142,74 @@ _CONDUCTION = """
 """
 
 #: Height by which the lava of a cell falls: that of the potential energy lost at its faces.
-_DESCENT = """
-    const float* __restrict drop_x = s.drop_x.data;
-    const float* __restrict drop_y = s.drop_y.data;
-    float* __restrict descent = m.descent.data;
+_FALL = """
+    const float* APART drop_x = s.drop_x.data;
+    const float* APART drop_y = s.drop_y.data;
+    float* APART descent = m.descent.data;
     auto fallen = [&](long p, long q, float g, float drop) {
         const float a = (float)after[p], b = (float)after[q];
         const float fall = drop + 0.5f * (before[p] + a - before[q] - b);
         // what has left both cells takes its heat with it
         return g * fall / most(most(a + b, g > 0.0f ? g : -g), 1e-9f);
     };
-    for (long p = from; p <= to; ++p)
-        descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1])
-            + fallen(p, p + 1, gx[p], drop_x[p])
-            + fallen(p - w, p, gy[p - w], drop_y[p - w])
-            + fallen(p, p + w, gy[p], drop_y[p]);
+"""
+_DESCENT = """
+        for (long p = from; p <= to; p += lanes)
+            descent[p] = fallen(p - 1, p, gx[p - 1], drop_x[p - 1])
+                + fallen(p, p + 1, gx[p], drop_x[p])
+                + fallen(p - w, p, gy[p - w], drop_y[p - w])
+                + fallen(p, p + w, gy[p], drop_y[p]);
 """
 
-#: The column of each cell; returns 1 if one is colder than the solidus.
+#: The column of each cell; marks rows in which one is colder than the solidus.
 _EXCHANGE = """
+    SHARED
     const long w = s.stride;
     const float step = (float)s.clock.data[1], film = s.film, per_cell = 1.0f / s.cell;
     const double begun = s.clock.data[0] - s.clock.data[1];
-    const float* __restrict gx = s.flux_x.data;
-    const float* __restrict gy = s.flux_y.data;
-    const float* __restrict drop_x = s.drop_x.data;
-    const float* __restrict drop_y = s.drop_y.data;
-    const double* __restrict thickness = s.thickness.data;
-    const float* __restrict warming = m.warming.data;
-    const float* __restrict renewal = m.renewal.data;
-    const float* __restrict descent = m.descent.data;
-    float* __restrict former = m.former.data;
-    double* __restrict temperature = m.temperature.data;
-    double* __restrict emission_time = m.emission_time.data;
-    float* __restrict fluidity = s.fluidity.data;
-    float* __restrict strength = s.strength.data;
+    const float* APART gx = s.flux_x.data;
+    const float* APART gy = s.flux_y.data;
+    const float* APART drop_x = s.drop_x.data;
+    const float* APART drop_y = s.drop_y.data;
+    const double* APART thickness = s.thickness.data;
+    const float* APART warming = m.warming.data;
+    const float* APART renewal = m.renewal.data;
+    const float* APART descent = m.descent.data;
+    float* APART former = m.former.data;
+    double* APART temperature = m.temperature.data;
+    double* APART emission_time = m.emission_time.data;
+    float* APART fluidity = s.fluidity.data;
+    float* APART strength = s.strength.data;
     auto larger = [](float a, float b) { return a > b ? a : b; };
-    // only cells with lava, now or before the step
-    long from = i * w + first, to = i * w + last;
-    while (from <= to && thickness[from] == 0.0 && former[from] == 0.0f) ++from;
-    while (from <= to && thickness[to] == 0.0 && former[to] == 0.0f) --to;
-    int cold = 0;
-    VECTORISED
-    for (long p = from; p <= to; ++p) {
-        const float h = (float)thickness[p];
-        auto column = empty;
-        column.thickness = larger(h, film);
-        column.normal_thickness = column.thickness;
-        column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
-        COSINE
-        SPEED
-        DROP
-        AGE
-        double now = temperature[p] + warming[p];
-        WARM
-        temperature[p] = now;
-        column.temperature = (float)now;
-        VISCOSITY
-        STRENGTH
-        former[p] = h;
-        COLD
+    for (long i = first_of(top); i <= last_of(bottom); i += lines) {
+        // only cells with lava, now or before the step
+        long from = i * w + left + lane, to = i * w + right;
+        while (is_serial && from <= to && thickness[from] == 0.0 && former[from] == 0.0f) ++from;
+        while (is_serial && from <= to && thickness[to] == 0.0 && former[to] == 0.0f) --to;
+        int cold = 0;
+        VECTORISED
+        for (long p = from; p <= to; p += lanes) {
+            const float h = (float)thickness[p];
+            auto column = empty;
+            column.thickness = larger(h, film);
+            column.normal_thickness = column.thickness;
+            column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
+            COSINE
+            SPEED
+            DROP
+            AGE
+            double now = temperature[p] + warming[p];
+            WARM
+            temperature[p] = now;
+            column.temperature = (float)now;
+            VISCOSITY
+            STRENGTH
+            former[p] = h;
+            COLD
+        }
+        MARK
     }
-    return cold;
+    together();
 """
 
 #: What a column needs by the effects that are on; ``CALL`` is the device function of each.
@@ -202,12 +217,12 @@ _PARTS = {
     'COSINE': """
         const float down_x = -0.5f * per_cell * (drop_x[p - 1] + drop_x[p]);
         const float down_y = -0.5f * per_cell * (drop_y[p - w] + drop_y[p]);
-        column.normal_thickness *= __builtin_sqrtf(CALL(wp::vec_t<2, float>(down_x, down_y)));
+        column.normal_thickness *= sqrtf(CALL(wp::vec_t<2, float>(down_x, down_y)));
     """,
     'SPEED': """
         const float mean = larger(0.5f * (former[p] + h), film);
         const float x = gx[p - 1] + gx[p], y = gy[p - w] + gy[p];
-        column.speed = 0.5f * s.cell * __builtin_sqrtf(x * x + y * y)
+        column.speed = 0.5f * s.cell * sqrtf(x * x + y * y)
             / (mean * larger(step, 1e-9f));
     """,
     'DROP': 'column.drop = descent[p] / larger(step, 1e-9f);',
@@ -220,28 +235,39 @@ _PARTS = {
     'VISCOSITY': 'fluidity[p] = 1.0f / CALL(m.law, column.temperature);',
     'STRENGTH': 'column.age = age + step; strength[p] = CALL(m.law, column);',
     'COLD': 'cold |= h > 0.0f && column.temperature < m.constants.solidus;',
+    'MARK': """
+#if defined(__CUDA_ARCH__)
+        cold = __any_sync(~0u, cold);
+#endif
+        if (lane == 0) m.cold.data[i] = cold;
+    """,
 }
 
-#: Lava colder than the solidus in a part of a row becomes ground.
+#: Lava colder than the solidus becomes ground, in the rows that have any.
 _FREEZE = """
+    SHARED
     const long w = s.stride;
-    for (long p = i * w + first; p <= i * w + last; ++p) {
-        const double h = s.thickness.data[p];
-        if (h > 0.0 && (float)m.temperature.data[p] < m.constants.solidus) {
-            m.frozen.data[p] += h;
-            s.thickness.data[p] = 0.0;
-            s.stage.data[p] = 0.0f;
-            m.former.data[p] = 0.0f;
+    for (long i = first_of(top); i <= last_of(bottom); i += lines) {
+        if (!m.cold.data[i]) continue;
+        for (long p = i * w + left + lane; p <= i * w + right; p += lanes) {
+            const double h = s.thickness.data[p];
+            if (h > 0.0 && (float)m.temperature.data[p] < m.constants.solidus) {
+                m.frozen.data[p] += h;
+                s.thickness.data[p] = 0.0;
+                s.stage.data[p] = 0.0f;
+                m.former.data[p] = 0.0f;
+            }
         }
     }
+    together();
 """
 
 @dataclass(frozen=True)
 class HeatFunctions:
-    """Device functions of a part of a row, from the first to the last column.
+    """Device functions of a window: of ``Cells``, ``Heat``, and first and last row and column.
 
-    Their arguments: ``Cells``, ``Heat``, row, first and last column. ``exchange`` returns 1 if the
-    lava of a cell is colder than the solidus; ``freeze`` is called only then.
+    ``exchange`` marks the rows (``Heat.cold``) in which lava is colder than the solidus, which
+    ``freeze`` makes ground.
     """
 
     transport: Any
@@ -250,8 +276,11 @@ class HeatFunctions:
 
 
 @lru_cache
-def heat_functions(effects: Effects) -> HeatFunctions:
-    """Return the device functions of the heat with some effects on."""
+def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
+    """Return the device functions of the heat with some effects on.
+
+    ``blocks`` is the number of blocks of a world on a GPU.
+    """
     column_struct = column_type(_REAL)
     warming = warming_function(VECTOR_MATH, _REAL, effects, is_straight=True)
     viscosity = viscosity_function(VECTOR_MATH, _REAL, effects)
@@ -260,14 +289,17 @@ def heat_functions(effects: Effects) -> HeatFunctions:
     has_age, falls = effects.any('needs_age'), effects.any('needs_drop')
     vec2 = wp.types.vector(2, _REAL)
 
-    moving = _TRANSPORT.replace('VECTORISED', _VECTORISED)
-    moving = moving.replace('RENEWAL', _RENEWAL if has_age else '')
-    moving = moving.replace('CONDUCTION', _CONDUCTION if 'conduction' in effects else '')
+    moving = _TRANSPORT
+    for name, part, is_on in (
+        ('RENEWAL', _RENEWAL, has_age), ('CONDUCTION', _CONDUCTION, 'conduction' in effects),
+        ('FALL', _FALL, falls), ('DESCENT', _DESCENT, falls),
+    ):
+        moving = moving.replace(name, part if is_on else '')
     exchanging = _EXCHANGE
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
         ('AGE', has_age), ('WARM', warming), ('VISCOSITY', viscosity), ('STRENGTH', strength),
-        ('COLD', effects.any('freezes')),
+        ('COLD', effects.any('freezes')), ('MARK', effects.any('freezes')),
     ):
         part = _PARTS[name] if needed else ''
         if hasattr(needed, 'native_func'):
@@ -276,23 +308,26 @@ def heat_functions(effects: Effects) -> HeatFunctions:
     if any(EFFECTS[name].needs_age for name in effects.having('terms')):
         # a loop within the loop, which no compiler vectorises
         exchanging = exchanging.replace('VECTORISED', '')
-    exchanging = exchanging.replace('VECTORISED', _VECTORISED)
     if not has_age:
         exchanging = exchanging.replace('age + step', '0.0f').replace('age, step', '0.0f, step')
+    moving, exchanging, freezing = (
+        f'{{{part}}}'.replace('SHARED', shared(blocks)).replace('VECTORISED', _VECTORISED)
+        for part in (moving, exchanging, _FREEZE)
+    )
 
-    @wp.func_native(f'{{{moving}{_DESCENT if falls else ""}}}')
-    def transport(s: Cells, m: Heat, i: int, first: int, last: int): ...
+    @wp.func_native(moving)
+    def transport(s: Cells, m: Heat, top: int, bottom: int, left: int, right: int): ...
 
-    @wp.func_native(f'{{{exchanging}}}')
+    @wp.func_native(exchanging)
     def exchange_native(
-        s: Cells, m: Heat, i: int, first: int, last: int, empty: column_struct
-    ) -> int: ...
+        s: Cells, m: Heat, top: int, bottom: int, left: int, right: int, empty: column_struct
+    ): ...
 
     @wp.func
-    def exchange(s: Cells, m: Heat, i: int, first: int, last: int) -> int:
+    def exchange(s: Cells, m: Heat, top: int, bottom: int, left: int, right: int):
         empty = column_struct()
         # never: what the native function calls is compiled before it
-        if i < 0:
+        if top < 0:
             if wp.static(warming is not None):
                 empty.drop += warming(m.constants, empty, 0.0, 0.0, 0.0)
             if wp.static(strength is not None):
@@ -300,21 +335,26 @@ def heat_functions(effects: Effects) -> HeatFunctions:
             if wp.static(cosine_squared is not None):
                 empty.drop += cosine_squared(vec2())
             empty.drop += viscosity(m.law, 0.0)
-        return exchange_native(s, m, i, first, last, empty)
+        exchange_native(s, m, top, bottom, left, right, empty)
 
-    @wp.func_native(f'{{{_FREEZE}}}')
-    def freeze(s: Cells, m: Heat, i: int, first: int, last: int): ...
+    @wp.func_native(freezing)
+    def freeze(s: Cells, m: Heat, top: int, bottom: int, left: int, right: int): ...
 
     return HeatFunctions(transport, exchange, freeze)
 
 
 @lru_cache
-def heated_step_function(effects: Effects) -> Any:
-    """Return the device function that takes a step of lava that carries heat on a CPU."""
-    step = step_function(effects, is_uniform=False)
-    functions = heat_functions(effects)
+def heated_step_function(effects: Effects, blocks: int = 1) -> Any:
+    """Return the device function that takes a step of lava that carries heat.
+
+    ``blocks`` is the number of blocks of a world on a GPU.
+    """
+    step = step_function(effects, is_uniform=False, blocks=blocks)
+    functions = heat_functions(effects, blocks)
     transport, exchange = functions.transport, functions.exchange
-    freeze, raise_ground = functions.freeze, ground_function(effects)
+    freeze, raise_ground = functions.freeze, ground_function(
+        effects.function('factor', _REAL), blocks
+    )
     freezes = effects.any('freezes')
 
     @wp.func
@@ -325,14 +365,10 @@ def heated_step_function(effects: Effects) -> Any:
         step(s)
         if s.clock[WAITING] > wp.float64(0.0):
             return
-        for i in range(top, bottom + 1):
-            transport(s, m, i, left, right)
-        for i in range(top, bottom + 1):
-            cold = exchange(s, m, i, left, right)
-            if wp.static(freezes):  # noqa: SIM102, the static test decides
-                if cold == 1:
-                    freeze(s, m, i, left, right)
-                    for row in range(i - 1, i + 2):
-                        raise_ground(s, m, row, left - 1, right + 1)
+        transport(s, m, top, bottom, left, right)
+        exchange(s, m, top, bottom, left, right)
+        if wp.static(freezes):
+            freeze(s, m, top, bottom, left, right)
+            raise_ground(s, m, top - 1, bottom + 1, left - 1, right + 1)
 
     return heated_step

@@ -17,15 +17,15 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.cells.grid import grid_of, on_terrain
-from lava_ros.simulation.cells.ground import ground_kernel
+from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
+from lava_ros.simulation.cells.peaks import CellPeaks
 from lava_ros.simulation.cells.state import (
     CellState,
     EVALUATIONS,
     FULL,
     STAGES,
     STEPS,
-    THICKEST,
     TIME,
 )
 from lava_ros.simulation.cells.vents import CellVents
@@ -79,12 +79,16 @@ class CellLava:
         scene: The current scene.
         effects: The effects that are on.
         accuracy: The resolution, without automatic values.
-        device: The Warp device, a CPU.
+        device: The Warp device.
         grid: The ground on the solver's cells.
         state: Arrays of the flow, and the clock.
         heat: Temperature and age of the lava, and the ground that it has become.
         covered: What lava has covered of each cell of the terrain.
+        peaks: Largest thickness and highest temperature of each cell, which steps update.
         vents: The vents on the cells.
+        clock: Times of the latest step and the limits of the next (``CellState``) [s].
+        counts: Numbers of steps and stages (``CellState``).
+        thickest: Largest thickness of the lava [m].
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of cells with lava at any count so far.
     """
@@ -99,6 +103,7 @@ class CellLava:
         assert accuracy.thickness is not None
         self._film = FILM * min(accuracy.thickness, 1.0)
         self.volume_before, self.most_particles = 0.0, 0
+        self.clock, self.counts, self.thickest = np.zeros(9), np.zeros(4, dtype=int), 0.0
         self._maps = _Maps(device)
         self.covered = CoveredCells(scene.terrain, device)
         self._place_terrain()
@@ -114,13 +119,13 @@ class CellLava:
             film=self._film,
         )
         self.heat = HeatState.on(self.state, self.scene, self.effects)
+        self.peaks = CellPeaks(self.state.thickness.shape, self.device)
         # solidified lava in all, so that the number of maps does not depend on effects
-        self.grids = wp.zeros(
-            (3 + len(SHOWN), *terrain.shape), dtype=wp.float32, device=self.device
-        )
-        self.grids.numpy()[:, ~terrain.has_data] = np.nan
+        maps = np.zeros((3 + len(SHOWN), *terrain.shape), dtype=np.float32)
+        maps[:, ~terrain.has_data] = np.nan
         # times of cells that lava has not reached
-        self.grids.numpy()[-2:] = np.nan
+        maps[-2:] = np.nan
+        self.grids = wp.array(maps, dtype=wp.float32, device=self.device)
         self.window = Window(terrain.shape, 2)
         self._known = wp.array(
             terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=self.device
@@ -144,41 +149,49 @@ class CellLava:
     def put(self, lava: Columns) -> None:
         """Replace the lava and the ground that it has become."""
         state, heat = self.state, self.heat
-        for array, values in (
-            (state.thickness, lava.thickness), (state.stage, lava.thickness),
-            (heat.former, lava.thickness), (heat.frozen, lava.solidified),
+        for values, arrays in (
+            (lava.thickness, (state.thickness, state.stage, heat.former)),
+            (lava.solidified, (heat.frozen,)),
         ):
-            array.assign(np.pad(values, 1).astype(array.numpy().dtype))
-        for array, values in (
-            (heat.temperature, lava.temperature), (heat.emission_time, lava.emission_time),
-        ):
-            array.assign(np.pad(values, 1, mode='edge'))
-        state.peaks.assign([float(lava.thickness.max(initial=0.0)), 0.0])
-        wp.launch(
-            ground_kernel(self.effects), dim=len(state.thickness.numpy()),
-            inputs=[state.argument(), heat.argument()], device=self.device,
-        )
-        self._write_laws()
+            for array in arrays:
+                if values.any():
+                    array.assign(np.pad(values, 1).astype(wp.dtype_to_numpy(array.dtype)))
+                else:
+                    array.zero_()
+        is_wet = lava.thickness > 0.0
+        #: Temperatures of the lava [K], and the window in which it is.
+        self._temperatures = set(np.unique(lava.temperature[is_wet]).tolist())
+        self._lava_box = box_of(lava.thickness > self._film)
+        _fill(heat.emission_time, lava.emission_time)
+        self.thickest = float(lava.thickness.max(initial=0.0))
+        state.peaks.assign([self.thickest, 0.0])
+        lay_ground(state.argument(), heat.argument(), self.effects)
+        self._warm(lava.temperature)
 
-    def _write_laws(self) -> None:
-        """Write viscosity and yield strength of all cells by their temperature and age."""
-        rheology, temperature = Rheology(self.scene.lava, self.effects), self.heat.temperature
-        found, which = np.unique(temperature.numpy().astype(np.float32), return_inverse=True)
-        which = which.reshape(temperature.shape)
-        values = [1.0 / rheology.viscosity_at(float(one)) for one in found]
-        self.state.fluidity.assign(np.array(values, dtype=np.float32)[which])
-        values = [rheology.strength_at(float(one)) for one in found]
-        self.state.strength.assign(np.array(values, dtype=np.float32)[which])
+    def _warm(self, temperature: np.ndarray) -> None:
+        """Write temperature [K], shape [rows, columns], and viscosity and yield strength by it."""
+        rheology, state = Rheology(self.scene.lava, self.effects), self.state
+        _fill(self.heat.temperature, temperature)
+        found, which = np.array([temperature.flat[0]]), None
+        if (temperature != found[0]).any():
+            found, which = np.unique(temperature.astype(np.float32), return_inverse=True)
+        for array, law in (
+            (state.fluidity, lambda one: 1.0 / rheology.viscosity_at(one)),
+            (state.strength, rheology.strength_at),
+        ):
+            values = np.array([law(float(np.float32(one))) for one in found], dtype=np.float32)
+            where = 0 if which is None else which.reshape(temperature.shape)
+            _fill(array, np.broadcast_to(values[where], temperature.shape))
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self.state.clock.numpy()[TIME])
+        return float(self.clock[TIME])
 
     @property
     def steps(self) -> int:
         """Number of time steps so far."""
-        return int(self.state.counts.numpy()[STEPS])
+        return int(self.counts[STEPS])
 
     @property
     def count(self) -> int:
@@ -200,7 +213,7 @@ class CellLava:
     @property
     def is_empty(self) -> bool:
         """True if no cell has lava that flows."""
-        return bool(self.state.peaks.numpy()[THICKEST] <= self._film)
+        return self.thickest <= self._film
 
     def emitted_fraction(self, until: float) -> float:
         """Return the volume of all lava so far over that at a later time [s]."""
@@ -224,9 +237,12 @@ class CellLava:
         total = np.where(known, (flowing + solid).astype(np.float32), np.nan)
         with np.errstate(invalid='ignore', divide='ignore'):
             mean = np.where(flowing > 0.0, warmth / flowing, self.scene.lava.solidus)
-        maps = self.grids.numpy()[:, part[0], part[1]]
-        maps[0], maps[1] = total, np.where(total > 0.0, mean, np.nan)
-        maps[2] = np.where(known, solid, np.nan)
+        maps = np.stack(
+            [total, np.where(total > 0.0, mean, np.nan), np.where(known, solid, np.nan)]
+        ).astype(np.float32)
+        if maps.size:
+            own = wp.array(maps, dtype=wp.float32, device=self.device)
+            wp.copy(self.grids[:3, part[0], part[1]], own)
         show_covered_cells(self._maps, self.grids[-len(SHOWN) :], self.window)
         return self.grids
 
@@ -235,7 +251,7 @@ class CellLava:
         maps, terrain, budget = self.draw_maps().numpy().copy(), self.scene.terrain, self.budget()
         inundated, half_inundated, arrived = maps[-len(SHOWN) :]
         thin = np.sum(maps[0], where=np.isnan(arrived) & (maps[0] > 0.0), dtype=np.float64)
-        counts, clock = self.state.counts.numpy(), self.state.clock.numpy()
+        counts, clock = self.counts, self.clock
         freezes = self.effects.any('freezes') or bool(budget.frozen)
         snapshot = Snapshot(
             time=self.time, terrain=terrain, thickness=maps[0], temperature=maps[1],
@@ -262,15 +278,23 @@ class CellLava:
             in_holes=float(left[HOLES]), in_sea=float(left[SEA]),
         )
 
+    def start_peaks(self) -> None:
+        """Begin to keep peaks with the current lava."""
+        warm = np.where(self.state.thickness.numpy() > 0.0, self.heat.temperature.numpy(), 0.0)
+        self.peaks.restart(self.state.thickness.numpy() + self.heat.frozen.numpy(), warm)
+
     def observe_now(self, peaks: Peaks) -> None:
-        """Raise peaks to the values of the current flow."""
-        self.draw_maps()
-        peaks.observe(self._maps, self._known, self)
+        """Check the current flow; the steps themselves keep its peaks."""
+        if self.device.is_cuda:
+            # not a number anywhere makes the largest one of the report none
+            peaks.check(np.array(self.thickest), np.array(0.0))
+        else:
+            peaks.check(self.state.thickness.numpy(), self.heat.temperature.numpy())
 
     def observing(self, peaks: Peaks) -> Iterator[None]:
         """Generator form of ``observe_now``: the other members of a batch are not involved."""
         self.observe_now(peaks)
-        yield
+        yield from ()
 
     def maps_and_sample(self) -> tuple[Any, ParticleSample]:
         """Map the lava, and return the cells with lava as columns."""
@@ -280,7 +304,14 @@ class CellLava:
         """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
         rows, columns = self.scene.terrain.shape
         part = slice(0, rows), slice(0, columns)
-        return peaks.read(self._maps, self.window.rectangle(self._maps) if where_wet else part)
+        if where_wet:
+            part = self.window.rectangle(self._maps)
+        terrain = self.scene.terrain
+        peaks.put(
+            *self.peaks.on_terrain(self.grid, terrain, part), part, terrain.has_data,
+            solidus=self.scene.lava.solidus,
+        )
+        return peaks.read(self._maps, part)
 
     def read_sample(self) -> ParticleSample:
         """Return the cells with lava as columns, by the fluxes of the latest evaluation."""
@@ -316,6 +347,24 @@ def mixed(columns: Columns, into: Any) -> Columns:
             for values in (columns.temperature, columns.emission_time)
         )
     return Columns(thickness, temperature, emission_time, into(columns.solidified))
+
+
+def box_of(cells: np.ndarray) -> np.ndarray:
+    """Return first and last row and column of marked cells; without any the last is before."""
+    ends = []
+    for axis in (1, 0):
+        found = np.flatnonzero(cells.any(axis=axis))
+        ends += [found[0], found[-1]] if found.size else [0, -1]
+    return np.array(ends, dtype=np.int32)
+
+
+def _fill(array: Any, values: np.ndarray) -> None:
+    """Write a map without its ring, which continues it."""
+    first = values.flat[0]
+    if (values == first).all():
+        array.fill_(float(first))
+    else:
+        array.assign(np.pad(values, 1, mode='edge').astype(wp.dtype_to_numpy(array.dtype)))
 
 
 def _inner(array: Any) -> np.ndarray:

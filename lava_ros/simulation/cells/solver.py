@@ -3,11 +3,11 @@
 
 """The solver on cells behind a simulation, with the methods of the solver of particles.
 
-It runs on a CPU, in one thread.
+On a CPU it runs in one thread. On a GPU it is a member of a batch (``cells/batch.py``), or alone.
 """
 
 from collections.abc import Generator
-from functools import lru_cache
+from functools import partial
 import math
 import time as wall_clock
 from typing import Any
@@ -19,25 +19,25 @@ from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.cells.covered import Covered, note_function
-from lava_ros.simulation.cells.flow import step_function
+from lava_ros.simulation.batch import current_batch
+from lava_ros.simulation.cells.batch import CellGroup
+from lava_ros.simulation.cells.covered import Covered
 from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
-from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
 from lava_ros.simulation.cells.state import (
-    Cells,
     FULL,
-    Heat,
     LENGTH,
     LONGEST,
     MAX_END,
+    POURED,
     TARGET,
     TIME,
     UNTIL,
     WAITING,
 )
 from lava_ros.simulation.cells.vents import CellVents
+from lava_ros.simulation.cells.worlds import CLOCK, COUNTS, THICKEST, world_of, Worlds
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.checkpoint_contents import (
     check_conserved,
@@ -76,41 +76,6 @@ def check_effects(effects: Effects) -> None:
             raise LavaError(f'effects.{name}', True, expected)
 
 
-@lru_cache
-def _kernel(effects: Effects, is_heated: bool) -> Any:
-    """Return the kernel that takes steps, at most a number, and records what lava covers."""
-    step = step_function(effects, is_uniform=True)
-    heated_step, note = heated_step_function(effects) if is_heated else None, note_function()
-
-    @wp.kernel(
-        module='unique', enable_backward=False, grid_stride=False,
-        module_options={'enable_backward': False},
-    )
-    def take_steps(s: Cells, m: Heat, c: Covered, most: int):
-        for _ in range(most):
-            if s.clock[TIME] >= s.clock[TARGET] or s.clock[WAITING] > wp.float64(0.0):
-                break
-            if wp.static(is_heated):
-                heated_step(s, m)
-            else:
-                step(s)
-            if s.clock[WAITING] == wp.float64(0.0):
-                note(s, c)
-
-    return take_steps
-
-
-@lru_cache
-def _note_kernel() -> Any:
-    note = note_function()
-
-    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
-    def note_lava(s: Cells, c: Covered):
-        note(s, c)
-
-    return note_lava
-
-
 class CellSolver(CellLava):
     """Lava on cells, with vents and kernels."""
 
@@ -126,17 +91,18 @@ class CellSolver(CellLava):
             device: The Warp device.
 
         Raises:
-            LavaError: If the device is a GPU, an effect is on that cells do not have, or the
-                accuracy limits the mobility.
+            LavaError: If an effect is on that cells do not have, or the accuracy limits the
+                mobility.
         """
-        if device.is_cuda:
-            raise LavaError('device', str(device), 'cpu with method cells')
         check_effects(effects)
         if accuracy.mobility_limit is not None:
             expected = 'none with method cells; method particles has it'
             raise LavaError('mobility_limit', accuracy.mobility_limit, expected)
         super().__init__(scene, effects, accuracy, device)
         self._end, self._steps_at_once = math.inf, 16
+        self._worlds: Worlds | None = None
+        self._world: Any = None
+        self._is_heated = False
 
     def start_with(self, particles: Particles | None) -> None:
         """Place the initial lava, and open the vents of the scene.
@@ -174,56 +140,56 @@ class CellSolver(CellLava):
         self.vents = CellVents(
             self.scene.vents, self.grid, since, rise=self.accuracy.thickness
         )
-        self._is_set = False
+        self._is_set, self._world = False, None
 
     def _set(self, time: float) -> None:
-        """Write the rates of emission from a time [s], and the window of the lava."""
-        state, area = self.state, self.grid.resolution**2
-        source, warmth = np.zeros((2, *self.grid.shape))
-        rates = self.vents.rates(time)
-        for vent, (cells, parts), rate in zip(
-            self.vents.vents, self.vents.weights, rates, strict=True
-        ):
-            source.ravel()[cells] += parts * (rate / area)
-            warmth.ravel()[cells] += parts * (rate / area) * vent.temperature
-        ringed = np.pad(source, 1)
-        state.source.assign(ringed)
-        hottest = max((vent.temperature for vent in self.vents.vents), default=0.0)
-        with np.errstate(invalid='ignore', divide='ignore'):
-            hot = np.where(source > 0.0, warmth / source, hottest)
-        if len({vent.temperature for vent in self.vents.vents}) == 1:
-            # not the rounded mean of equal numbers
-            hot[:] = hottest
-        self.heat.vent_temperature.assign(np.pad(hot, 1).astype(np.float32))
-        state.vent_box.assign(_box_of(ringed > 0.0))
-        wet = _box_of((ringed > 0.0) | (state.stage.numpy() > np.float32(state.film)))
-        if wet[1] >= wet[0]:
-            last = np.repeat(np.array(ringed.shape, dtype=np.int32) - 1, 2)
-            wet = np.clip(wet + np.array([-2, 2, -2, 2], dtype=np.int32), 0, last)
-        box = state.box.numpy()
-        if box[1] > box[0]:
-            # the window never shrinks: the air also cools the cells where lava will be
-            least, most = np.minimum(wet, box), np.maximum(wet, box)
-            wet = np.where([True, False, True, False], least, most).astype(np.int32)
-        state.box.assign(wet)
-        self._make_arguments()
-        self._longest_step = self._find_longest_step()
+        """Write the rates of emission from a time [s]."""
+        state, cells = self.state, self.vents.cells
+        source, hot = self.vents.sources(time, self.grid.resolution**2)
+        #: Largest rate of emission [m/s].
+        self.clock[POURED] = source.max(initial=0.0)
+        row, column = (ends + 1 for ends in np.divmod(cells, self.grid.shape[1]))
+        row, column, source, hot = (
+            one[source > 0.0] for one in (row, column, source, hot)
+        )
+        box = np.array([0, -1, 0, -1], dtype=np.int32)
+        if row.size:
+            box[:] = row.min(), row.max(), column.min(), column.max()
+        first, end = int(box[0]), int(box[1]) + 1
+        for array, values in ((state.source, source), (self.heat.vent_temperature, hot)):
+            rows = np.zeros((end - first, array.shape[1]), dtype=wp.dtype_to_numpy(array.dtype))
+            rows[row - first, column] = values
+            array.zero_()
+            if row.size:
+                array[first:end].assign(rows)
+        state.vent_box.assign(box)
+        self._reached = self._window_with(box)
+        if self._world is None:
+            self._make_world()
         self._is_set = True
 
-    def _make_arguments(self) -> None:
+    def _window_with(self, vents: np.ndarray) -> np.ndarray:
+        """Return the window that the next steps need at least, by that of the vents."""
+        lava = self._lava_box + np.int32(1)
+        boxes = [one for one in (vents, lava) if one[1] >= one[0]]
+        if not boxes:
+            return vents
+        # the window never shrinks: the air also cools the cells where lava will be
+        ends = np.stack(boxes)
+        wet = np.where([True, False, True, False], ends.min(axis=0), ends.max(axis=0))
+        last = np.repeat(np.array(self.state.thickness.shape, dtype=np.int32) - 1, 2)
+        return np.clip(wet + np.array([-2, 2, -2, 2], dtype=np.int32), 0, last)
+
+    def _make_world(self) -> None:
         """Make the arguments of the kernels, and find out whether lava carries heat."""
-        temperature, thickness = (
-            array.numpy() for array in (self.heat.temperature, self.state.thickness)
-        )
-        temperatures = {vent.temperature for vent in self.vents.vents}
-        temperatures |= set(np.unique(temperature[thickness > 0.0]).tolist())
-        was_heated = getattr(self, '_is_heated', False)
-        self._is_heated = carries_heat(self.scene, self.effects) or len(temperatures) > 1
+        was_heated = self._is_heated
+        self._temperatures |= {vent.temperature for vent in self.vents.vents}
+        self._is_heated = carries_heat(self.scene, self.effects) or len(self._temperatures) > 1
         if self._is_heated and not was_heated:
-            self.heat.former.assign(thickness.astype(np.float32))
-        elif not self._is_heated and temperatures:
-            self.heat.temperature.fill_(temperatures.pop())
-            self._write_laws()
+            wp.copy(self.heat.former, self.state.stage)
+        elif not self._is_heated and self._temperatures:
+            (temperature,) = self._temperatures
+            self._warm(np.full(self.grid.shape, temperature))
         covered = Covered()
         covered.rows, covered.columns = self.scene.terrain.shape
         covered.scale = self.scene.terrain.resolution / self.grid.resolution
@@ -231,15 +197,21 @@ class CellSolver(CellLava):
         covered.known = self._known
         for name in CELL_MAPS:
             setattr(covered, name, getattr(self.covered.maps, name))
-        self._arguments = self.state.argument(), self.heat.argument(), covered
+        self._world = world_of(
+            self.state.argument(), self.heat.argument(), covered, self.peaks.highest
+        )
+        cell = self.grid.resolution
+        own = longest_step(self.scene, self.accuracy, self.effects, cell)
+        self._longest_step = min(own, self.heat.longest_step(cell))
+        if self._worlds is not None:
+            self._worlds.put(0, self._world)
 
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
         """Advance to a time, as ``Solver.advancing_to``; no step is ever incomplete."""
         self._end = self._end if end is None else end
-        clock = self.state.clock.numpy()
-        clock[WAITING] = 0.0
+        clock = self.clock
         while clock[TIME] < until and wall_clock.monotonic() < deadline:
             time = float(clock[TIME])
             if not self._is_set:
@@ -251,55 +223,69 @@ class CellSolver(CellLava):
             if self.is_empty and not self.vents.rates(time).any():
                 # nothing moves
                 clock[TIME] = min(until, stop)
+                yield
             else:
-                self._take_steps()
+                yield from self._taking_steps(deadline)
                 if clock[WAITING] > 0.0:
                     break
             if clock[TIME] >= change:
                 self._is_set = False
-            yield
         is_step_pending = bool(clock[WAITING] > 0.0)
         step = clock[WAITING] if is_step_pending else clock[FULL]
         clock[WAITING] = 0.0
         return Stop(float(clock[TIME]), float(step), is_step_pending)
 
-    def _find_longest_step(self) -> float:
-        """Return the longest step that the user, the effects and conduction allow [s]."""
-        cell = self.grid.resolution
-        own = longest_step(self.scene, self.accuracy, self.effects, cell)
-        return min(own, self.heat.longest_step(cell))
+    def _taking_steps(self, deadline: float) -> Generator[None, None, None]:
+        """Take steps to ``clock[TARGET]`` as a member of a batch, or some steps alone."""
+        batch = current_batch()
+        if batch is None or not self.device.is_cuda:
+            self._take_steps()
+            yield
+            return
+        kind = self.effects, self._is_heated
+        batch.advance_world(
+            kind, partial(CellGroup, *kind, self.device), self._world, (self.clock, self._reached)
+        )
+        yield
+        self._read(batch.readback)
 
     def _take_steps(self) -> None:
         """Take some steps, for about ``_LAUNCH_TIME``."""
         begun, before = wall_clock.perf_counter(), self.steps
-        wp.launch(
-            _kernel(self.effects, self._is_heated), dim=1,
-            inputs=[*self._arguments, self._steps_at_once], device=self.device,
-        )
+        self._launch(self.clock, self._steps_at_once)
         spent = (wall_clock.perf_counter() - begun) / max(self.steps - before, 1)
         self._steps_at_once = min(max(int(_LAUNCH_TIME / spent), 1), _MAX_STEPS)
+
+    def _launch(self, clock: np.ndarray, steps: int) -> None:
+        """Take at most some steps by a clock, and read where they ended; 0 records the lava."""
+        if self._worlds is None:
+            self._worlds = Worlds(1, self.device)
+            self._worlds.put(0, self._world)
+        self._worlds.order(0, clock, self._reached)
+        self._read(self._worlds.launch([0], self.effects, self._is_heated, steps)()[0])
+
+    def _read(self, report: np.ndarray) -> None:
+        """Take clock, counts and thickest lava from a report."""
+        self.clock[:], self.counts[:] = report[CLOCK], report[COUNTS]
+        self.thickest = float(report[THICKEST])
 
     def sample(self) -> ParticleSample:
         """Return the cells with lava as columns at their middles."""
         if not self._is_set:
             self._set(self.time)
         # a step that may not end is only begun
-        clock = self.state.clock.numpy()
+        clock = self.clock.copy()
         clock[MAX_END], clock[TARGET], clock[UNTIL] = clock[TIME], math.inf, math.inf
         clock[LONGEST] = self._longest_step
-        wp.launch(
-            _kernel(self.effects, self._is_heated), dim=1, inputs=[*self._arguments, 1],
-            device=self.device,
-        )
-        clock[WAITING] = 0.0
+        self._launch(clock, 1)
+        self.clock[WAITING] = 0.0
         return self.read_sample()
 
     def _note(self) -> None:
         """Record the ground that lava covers now."""
         if not self._is_set:
             self._set(self.time)
-        flow, _, covered = self._arguments
-        wp.launch(_note_kernel(), dim=1, inputs=[flow, covered], device=self.device)
+        self._launch(self.clock, 0)
 
     def prepare_advance(self, until: float, end: float) -> None:
         """Do nothing: ``advancing_to`` skips the time without lava."""
@@ -320,7 +306,7 @@ class CellSolver(CellLava):
         self.heat.law, self.heat.constants = constants.law, constants.constants
         self.heat.diffusivity = constants.diffusivity
         self.put(lava)
-        self._is_set = False
+        self._is_set, self._world = False, None
 
     def replace_vents(self, scene: Scene) -> None:
         """Continue with the vents of another scene; no lava waits in conduits."""
@@ -333,10 +319,10 @@ class CellSolver(CellLava):
     def replace_terrain(self, scene: Scene) -> None:
         """Replace the terrain by that of another scene; lava outside it has left."""
         now, former, grid, lava = self.time, self.state, self.grid, self.columns()
+        peaks = self.peaks
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
         self._place_terrain()
-        self.state.clock.assign(former.clock)
         self.state.counts.assign(former.counts)
         moved = mixed(lava, lambda values: averaged(values, grid, self.grid))
         area, new = grid.resolution**2, self.grid.resolution**2
@@ -352,6 +338,7 @@ class CellSolver(CellLava):
                 after[cells] = 0.0
         self.state.left.assign(left / new)
         self.put(moved)
+        self.peaks.move(peaks, grid, self.grid)
         self._cover()
         self.open_vents(now)
         self._note()
@@ -364,7 +351,7 @@ class CellSolver(CellLava):
         ])
         return {
             'state.particle': rows,
-            'cells.clock': self.state.clock.numpy()[_TIMES],
+            'cells.clock': self.clock[_TIMES],
             **{f'cells.{name}': getattr(self.state, name).numpy().copy() for name in _SAVED},
             **{f'heat.{name}': getattr(self.heat, name).numpy().copy() for name in _SAVED_HEAT},
             **{f'arrived.{name}': item for name, item in self.covered.save().items()},
@@ -392,7 +379,7 @@ class CellSolver(CellLava):
         for name, array in (('cells.thickness', state.thickness), ('heat.frozen', heat.frozen)):
             if array.numpy().min() < 0.0:
                 raise LavaError(f'checkpoint.{name}', float(array.numpy().min()), 'at least 0 m')
-        times = take('cells', 'clock', state.clock.numpy()[_TIMES])
+        times = take('cells', 'clock', self.clock[_TIMES])
         fluidity, strength, peaks = (
             getattr(state, name).numpy().copy() for name in ('fluidity', 'strength', 'peaks')
         )
@@ -401,7 +388,8 @@ class CellSolver(CellLava):
         state.fluidity.assign(fluidity)
         state.strength.assign(strength)
         state.peaks.assign(peaks)
-        state.clock.numpy()[_TIMES] = times
+        self.clock[_TIMES], self.counts[:] = times, state.counts.numpy()
+        self.thickest = float(peaks[0])
         arrived = {
             name.removeprefix('arrived.'): arrays.pop(name) for name in [*arrays]
             if name.startswith('arrived.')
@@ -416,11 +404,3 @@ class CellSolver(CellLava):
             self._note()
         check_conserved(self.budget())
 
-
-def _box_of(cells: np.ndarray) -> np.ndarray:
-    """Return first and last row and column of marked cells; without any the last is before."""
-    ends = []
-    for axis in (1, 0):
-        found = np.flatnonzero(cells.any(axis=axis))
-        ends += [found[0], found[-1]] if found.size else [0, -1]
-    return np.array(ends, dtype=np.int32)

@@ -30,6 +30,7 @@ Cells with ``kind`` > 0 are outside of the ground: lava that enters leaves the s
 volume is added to ``left``.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -40,14 +41,14 @@ from lava_ros.effects.column import structure
 from lava_ros.effects.heat import heat_type
 from lava_ros.effects.laws import filled, law_type, law_values
 from lava_ros.scene import Lava, Terrain
+from lava_ros.simulation.backend.memory import zeros
 from lava_ros.simulation.particles.layout import BORDER, HOLES, SEA
-from lava_ros.simulation.particles.terrain import ringed_heights
 
-#: Items of ``clock``, all in s: time, and length of the latest step; time that no step may pass,
+#: Items of ``clock``, in s: time, and length of the latest step; time that no step may pass,
 #: as the source changes there; longest step; time at or after which no step begins; length that
 #: the latest step would have had without a stop; time after which no step ends; length of the step
-#: that has not begun because it would, else 0.
-TIME, LENGTH, UNTIL, LONGEST, TARGET, FULL, MAX_END, WAITING = range(8)
+#: that has not begun because it would, else 0; and the largest rate of emission [m/s].
+TIME, LENGTH, UNTIL, LONGEST, TARGET, FULL, MAX_END, WAITING, POURED = range(9)
 
 #: Items of ``counts``: steps, evaluations of all fluxes, stages of the latest step, steps after
 #: which fluxes were reduced so that no cell has less than nothing.
@@ -85,6 +86,10 @@ class Cells:
     flux_y: wp.array2d(dtype=wp.float32)
     former_x: wp.array2d(dtype=wp.float32)
     former_y: wp.array2d(dtype=wp.float32)
+    mobility_x: wp.array2d(dtype=wp.float32)
+    mobility_y: wp.array2d(dtype=wp.float32)
+    held_x: wp.array2d(dtype=wp.float32)
+    held_y: wp.array2d(dtype=wp.float32)
     first_x: wp.array2d(dtype=wp.float32)
     first_y: wp.array2d(dtype=wp.float32)
     kind: wp.array2d(dtype=wp.uint8)
@@ -94,6 +99,8 @@ class Cells:
     counts: wp.array(dtype=wp.int32)
     peaks: wp.array(dtype=wp.float64)
     left: wp.array(dtype=wp.float64)
+    gone: wp.array(dtype=wp.float64)
+    slots: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -112,6 +119,23 @@ class Heat:
     descent: wp.array2d(dtype=wp.float32)
     elevation: wp.array2d(dtype=wp.float64)
     frozen: wp.array2d(dtype=wp.float64)
+    cold: wp.array(dtype=wp.int32)
+
+
+def maps_of(
+    kind: Any, shape: tuple[int, int], device: Any, sizes: Mapping[str, int]
+) -> dict[str, Any]:
+    """Return arrays of zeros for all fields of a struct: maps of a shape, others of a size."""
+    types = {
+        name: item.type for name, item in kind.vars.items() if isinstance(item.type, wp.array)
+    }
+    found = zeros(
+        {name: (one.dtype, sizes.get(name, shape[0] * shape[1])) for name, one in types.items()},
+        device,
+    )
+    return {
+        name: array if name in sizes else array.reshape(shape) for name, array in found.items()
+    }
 
 
 @dataclass(eq=False)
@@ -141,13 +165,17 @@ class CellState:
             of faces.
         former_x, former_y, first_x, first_y: Thickness passed until the stage before, and per time
             at the start of the step [m/s], float32, maps of faces.
+        mobility_x, mobility_y, held_x, held_y: Constants of the faces in a step (``flow.py``),
+            float32, maps of faces.
         kind: 0 for ground, and 1 + ``BORDER``, ``HOLES`` or ``SEA``, uint8, a map.
         box: First and last row, first and last column of the window, int32, shape [4].
-        clock: Times (``TIME`` and following) [s], float64, shape [8].
+        clock: Times (``TIME`` and following), float64, shape [9].
         counts: Counts (``STEPS`` and following), int32, shape [4].
         peaks: ``THICKEST`` [m] and ``RATE``, the stiffness of the latest step [1/s], float64.
         left: Volume over the cell area [m] that has left by ``BORDER``, ``HOLES``, ``SEA``,
             float64, shape [3].
+        gone: The same of a row in the latest step, float64, shape [3 rows].
+        slots: Maxima of a step and of the one before, int32, shape [32], on a GPU.
     """
 
     terrain: Terrain
@@ -171,6 +199,10 @@ class CellState:
     flux_y: Any
     former_x: Any
     former_y: Any
+    mobility_x: Any
+    mobility_y: Any
+    held_x: Any
+    held_y: Any
     first_x: Any
     first_y: Any
     kind: Any
@@ -180,13 +212,14 @@ class CellState:
     counts: Any
     peaks: Any
     left: Any
+    gone: Any
+    slots: Any
 
     @classmethod
     def on(
-        cls, terrain: Terrain, device: Any, *, lava: Lava, weight: float, film: float,
-        cosine_squared: Any = None,
+        cls, terrain: Terrain, device: Any, *, lava: Lava, weight: float, film: float
     ) -> 'CellState':
-        """Return the state of a terrain without lava, at time 0.
+        """Return the state of a terrain without lava, at time 0; the faces have no ground yet.
 
         Args:
             terrain: The ground.
@@ -194,44 +227,19 @@ class CellState:
             weight: Density times gravity [N/m3].
             film: Thickness below which lava does not flow [m].
             lava: The material.
-            cosine_squared: Function from slopes of the ground, rise over run, to cos^2; None
-                without ``steep``.
         """
-        heights = ringed_heights(terrain)
-        shape = heights.shape
-        sizes = {'box': 4, 'vent_box': 4, 'clock': 8, 'counts': 4, 'peaks': 2, 'left': 3}
-        arrays = {
-            name: wp.zeros(sizes.get(name, shape), dtype=item.type.dtype, device=device)
-            for name, item in Cells.vars.items()
-            if isinstance(item.type, wp.array)
+        rows, columns = terrain.shape
+        shape = rows + 2, columns + 2
+        sizes = {
+            'box': 4, 'vent_box': 4, 'clock': 9, 'counts': 4, 'peaks': 2, 'left': 3,
+            'gone': 3 * shape[0], 'slots': 32,
         }
+        arrays = maps_of(Cells, shape, device, sizes)
         law = filled(FaceLaw(), law_values(lava))
         state = cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
-        state.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0])
+        state.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0, 0.0])
         state.kind.assign(_kinds(terrain))
-        state.lay_ground(heights, cosine_squared)
         return state
-
-    def lay_ground(self, heights: np.ndarray, cosine_squared: Any) -> None:
-        """Write the arrays of the ground.
-
-        Args:
-            heights: Elevation of the cells and the ring [m], float64, a map.
-            cosine_squared: As for ``on``.
-        """
-        slope = np.gradient(heights, self.cell)
-        for axis, name in ((1, 'x'), (0, 'y')):
-            ahead, here = [slice(None)] * 2, [slice(None)] * 2
-            ahead[axis], here[axis] = slice(1, None), slice(None, -1)
-            after, before = tuple(ahead), tuple(here)
-            drop, cross, factor = np.zeros((3, *heights.shape))
-            drop[before] = heights[before] - heights[after]
-            cross[before] = 0.5 * (slope[1 - axis][before] + slope[1 - axis][after])
-            factor[:] = 1.0
-            if cosine_squared is not None:
-                factor = cosine_squared(np.hypot(drop / self.cell, cross)) ** 2
-            for item, values in (('drop', drop), ('cross', cross), ('factor', factor)):
-                getattr(self, f'{item}_{name}').assign(values.astype(np.float32))
 
     def argument(self) -> Any:
         """Return the argument of kernels."""

@@ -23,8 +23,8 @@ class CellVents:
     Attributes:
         vents: The vents.
         since: Time from which they emit [s].
-        weights: Fraction of the lava of each vent that comes out in a cell, as the indices of
-            cells and their fractions, for each vent.
+        cells: Indices of the cells in which lava comes out, in ascending order.
+        weights: Fraction of the lava of each vent that comes out in each of these cells.
     """
 
     def __init__(
@@ -39,11 +39,34 @@ class CellVents:
             rise: Maximum rise of the ground outside a vent's own radius [m].
         """
         self.vents, self.since = vents, since
-        self.weights = [_weights_of(vent, grid, rise) for vent in vents]
+        found = [_weights_of(vent, grid, rise) for vent in vents]
+        places = [np.zeros(0, dtype=int), *(cells for cells, _ in found)]
+        self.cells = np.unique(np.concatenate(places))
+        self.weights = np.zeros((len(vents), self.cells.size))
+        for own, (cells, parts) in zip(self.weights, found, strict=True):
+            own[np.searchsorted(self.cells, cells)] = parts
 
     def rates(self, time: float) -> np.ndarray:
         """Return the discharge of each vent from a time until the next change [m3/s]."""
         return np.array([vent.discharge_at(time) for vent in self.vents])
+
+    def sources(self, time: float, area: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return what comes out of each cell from a time until the next change.
+
+        Args:
+            time: The time [s].
+            area: Area of a cell [m2].
+
+        Returns:
+            Rate of emission [m/s], and temperature of the lava [K], each as ``cells``.
+        """
+        hot = np.array([vent.temperature for vent in self.vents])
+        rates = self.weights * self.rates(time)[:, None] / area
+        source = rates.sum(axis=0)
+        with np.errstate(invalid='ignore', divide='ignore'):
+            mean = np.where(source > 0.0, hot @ rates / source, hot.max(initial=0.0))
+        # not the rounded mean of equal numbers
+        return source, np.clip(mean, hot.min(initial=np.inf), hot.max(initial=0.0))
 
     def next_change(self, time: float) -> float:
         """Return the time after ``time`` at which a discharge changes next [s], or infinity."""

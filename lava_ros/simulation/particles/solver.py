@@ -247,6 +247,9 @@ class ParticleSolver(ParticleLava):
             self.neighbors.widen(int(counts[at.NEAR_BORDER]))
             self.state.launches.forget()
 
+    def start_peaks(self) -> None:
+        """Do nothing: observations gather the peaks of particles."""
+
     def observe_now(self, peaks: Peaks) -> None:
         """Raise peaks to the values of the current flow.
 

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from lava_ros.effects import EFFECTS, Effects, load
-from lava_ros.scene import Terrain
+from lava_ros.effects import EFFECTS, Effects
+from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.cells.flow import step_kernel
+from lava_ros.simulation.cells.ground import lay_ground
+from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.state import CellState, LENGTH, LIMITED, STAGES, STEPS, TIME
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY, ISOTHERMAL, NU
@@ -36,11 +38,10 @@ def lava_on(
     elevation, cell, thickness, *, effects=NONE, lava=ISOTHERMAL, viscosity=None, film=1e-6
 ):
     """Return the state of some lava, and a function that advances it to a time [s]."""
-    squared = (lambda slope: load('steep').cosine(slope) ** 2) if 'steep' in effects else None
-    state = CellState.on(
-        Terrain(elevation, cell), 'cpu', lava=lava, weight=WEIGHT, film=film,
-        cosine_squared=squared,
-    )
+    terrain = Terrain(elevation, cell)
+    state = CellState.on(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
+    scene = Scene(terrain, (), lava)
+    lay_ground(state.argument(), HeatState.on(state, scene, effects).argument(), effects)
     state.thickness.assign(np.pad(thickness, 1))
     state.stage.assign(np.pad(thickness, 1).astype(np.float32))
     viscosity = np.full(elevation.shape, lava.viscosity) if viscosity is None else viscosity

@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Threads of a step on cells: one on a CPU, and on a GPU those of all blocks of a world.
+
+The C++ of a step has loops over the rows and columns of a window. On a CPU one thread takes all of
+them, in loops that the compiler vectorises. On a GPU a world has a block or a cluster of blocks:
+each block has a band of rows, each warp every n-th row of it, and each thread every 32nd cell.
+"""
+
+#: Number of threads of a block.
+THREADS = 512
+
+#: Names in C++: numbers of this thread's cells along a row (``lane``, ``lanes``) and of its rows
+#: (``first_of``, ``last_of``, ``lines``), of those from ``top`` to ``bottom``. ``together`` waits
+#: for all threads of the world and makes their results readable. ``raise`` and, after that,
+#: ``raised`` find a maximum of positive integers, and ``summed`` adds numbers of a warp.
+SHARED = """
+#if defined(__CUDA_ARCH__)
+#define APART
+    constexpr bool is_serial = false;
+    const long lanes = 32, lane = threadIdx.x & 31;
+    const long lines = blockDim.x >> 5;
+    const long rank = blockIdx.x % BLOCKS, band = (bottom - top + BLOCKS) / BLOCKS;
+    const bool is_first_warp = rank == 0 && threadIdx.x < 32;
+    const bool is_first = is_first_warp && lane == 0;
+    const long band_0 = top + rank * band, band_1 = band_0 + band - 1;
+    auto first_of = [&](long i) { return (i > band_0 ? i : band_0) + (threadIdx.x >> 5); };
+    auto last_of = [&](long i) { return i < band_1 ? i : band_1; };
+    auto together = [&] { TOGETHER };
+    auto raise = [&](int* place, int value) {
+        for (int apart = 16; apart > 0; apart /= 2) {
+            const int other = __shfl_xor_sync(~0u, value, apart);
+            value = other > value ? other : value;
+        }
+        if (lane == 0 && value > 0) atomicMax(place, value);
+    };
+    auto raised = [](int* place) { return *(volatile int*)place; };
+    auto counted = [](int value) { return __popc(value); };
+    auto summed = [](double value) {
+        for (int apart = 16; apart > 0; apart /= 2)
+            value += __shfl_xor_sync(~0u, value, apart);
+        return value;
+    };
+#else
+#define APART __restrict
+    constexpr bool is_serial = true, is_first = true, is_first_warp = true;
+    constexpr long lanes = 1, lane = 0, lines = 1;
+    auto first_of = [](long i) { return i; };
+    auto last_of = [](long i) { return i; };
+    auto together = [] {};
+    auto raise = [](int* place, int value) { *place = value > *place ? value : *place; };
+    auto raised = [](int* place) { return *place; };
+    auto counted = [](int value) { return __builtin_popcount(value); };
+    auto summed = [](double value) { return value; };
+#endif
+"""
+
+_BARRIERS = {
+    False: '__syncthreads();',
+    True: (
+        'asm volatile("barrier.cluster.arrive.release.aligned;\\n'
+        'barrier.cluster.wait.acquire.aligned;" ::: "memory");'
+    ),
+}
+
+
+def shared(blocks: int) -> str:
+    """Return the C++ that shares the rows from ``top`` to ``bottom`` among threads.
+
+    Args:
+        blocks: Number of blocks of a world on a GPU.
+    """
+    return SHARED.replace('BLOCKS', str(blocks)).replace('TOGETHER', _BARRIERS[blocks > 1])

@@ -1,0 +1,255 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Launches that take steps of one world or of several, each with its own time and window.
+
+The host gives each world an order: its clock, and a window that its own must contain. A world
+takes an order once, by its number. After the steps of a launch each world reports its clock, its
+counts and its thickest lava, and the host reads all reports in one copy.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+import ctypes
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.simulation.backend.compiled import on_cuda
+from lava_ros.simulation.backend.memory import Readback
+from lava_ros.simulation.cells.covered import Covered, note_function
+from lava_ros.simulation.cells.flow import step_function
+from lava_ros.simulation.cells.heated_step import heated_step_function
+from lava_ros.simulation.cells.peaks import Highest, raise_function
+from lava_ros.simulation.cells.state import Cells, Heat, TARGET, TIME, WAITING
+from lava_ros.simulation.cells.threads import shared, THREADS
+
+#: Parts of a report: clock and counts (``CellState``), largest thickness [m], number of the order.
+CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 9), slice(9, 13), 13, 14
+
+#: Number of items of a report, and of an order: clock, window (``CellState.box``) and number.
+_REPORT, _ORDER = 15, 14
+
+#: Number of blocks of a world on a GPU if there are few worlds, and minimum compute capability:
+#: those of a cluster run at the same time.
+_MAX_BLOCKS, _MIN_ARCH = 16, 90
+
+_BEGIN = """{
+    const long top = 0, bottom = 0;
+    SHARED
+    const double* order = orders.data + row * ORDER;
+    double* taken = numbers.data + row;
+    const bool is_new = order[13] != *taken;
+    together();
+    if (is_new && is_first) {
+        for (int n = 0; n < 9; ++n) s.clock.data[n] = order[n];
+        int* box = s.box.data;
+        const bool is_empty = box[1] <= box[0];
+        for (int n = 0; n < 4; ++n) {
+            const int own = (int)order[9 + n];
+            const bool is_wider = n % 2 ? own > box[n] : own < box[n];
+            if (order[10] > order[9] && (is_empty || is_wider)) box[n] = own;
+        }
+        *taken = order[13];
+    }
+    together();
+}"""
+
+_END = """{
+    const long top = 0, bottom = 0;
+    SHARED
+    if (!is_first) return;
+    double* report = reports.data + row * REPORT;
+    for (int n = 0; n < 9; ++n) report[n] = s.clock.data[n];
+    for (int n = 0; n < 4; ++n) report[9 + n] = s.counts.data[n];
+    report[13] = s.peaks.data[0];
+    report[14] = numbers.data[row];
+}"""
+
+
+@wp.struct
+class World:
+    """Arrays and constants of a simulation."""
+
+    flow: Cells
+    heat: Heat
+    covered: Covered
+    highest: Highest
+
+
+def world_of(flow: Any, heat: Any, covered: Any, highest: Any) -> Any:
+    """Return a world of its parts."""
+    world = World()
+    world.flow, world.heat, world.covered, world.highest = flow, heat, covered, highest
+    return world
+
+
+@lru_cache
+def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) -> Any:
+    """Return the kernel that takes steps, at most a number, and records what lava covers.
+
+    Without steps it records what lava covers now.
+
+    Args:
+        effects: The effects that are on.
+        is_heated: True if lava carries heat.
+        blocks: Number of blocks of a world on a GPU.
+        is_cuda: True for a GPU, which divides and takes roots by its own instructions.
+    """
+    step = step_function(effects, is_uniform=True, blocks=blocks)
+    heated_step = heated_step_function(effects, blocks) if is_heated else None
+    note, raise_peaks = note_function(blocks), raise_function(blocks)
+    beginning, ending = (
+        text.replace('SHARED', shared(blocks)).replace('ORDER', str(_ORDER))
+        .replace('REPORT', str(_REPORT)) for text in (_BEGIN, _END)
+    )
+
+    @wp.func_native(on_cuda(f'return blockIdx.x / {blocks};', 'return thread;'))
+    def place_of(thread: int) -> int: ...
+
+    @wp.func_native(beginning)
+    def begin(
+        s: Cells, orders: wp.array2d(dtype=wp.float64), numbers: wp.array(dtype=wp.float64),
+        row: int,
+    ): ...
+
+    @wp.func_native(ending)
+    def end(
+        s: Cells, reports: wp.array2d(dtype=wp.float64), numbers: wp.array(dtype=wp.float64),
+        row: int,
+    ): ...
+
+    @wp.kernel(
+        module='unique', enable_backward=False, grid_stride=False, cluster_dim=blocks,
+        launch_bounds=THREADS, module_options={'enable_backward': False, 'fast_math': is_cuda},
+    )
+    def take_steps(
+        worlds: wp.array(dtype=World), rows: wp.array(dtype=wp.int32),
+        orders: wp.array2d(dtype=wp.float64), reports: wp.array2d(dtype=wp.float64),
+        numbers: wp.array(dtype=wp.float64), most: int,
+    ):
+        row = rows[place_of(wp.tid())]
+        world = worlds[row]
+        clock = world.flow.clock
+        begin(world.flow, orders, numbers, row)
+        if most == 0:
+            note(world.flow, world.covered)
+        for _ in range(most):
+            if clock[TIME] >= clock[TARGET] or clock[WAITING] > wp.float64(0.0):
+                break
+            if wp.static(is_heated):
+                heated_step(world.flow, world.heat)
+            else:
+                step(world.flow)
+            if clock[WAITING] == wp.float64(0.0):
+                note(world.flow, world.covered)
+                raise_peaks(world.flow, world.heat, world.highest)
+        end(world.flow, reports, numbers, row)
+
+    return take_steps
+
+
+class Worlds:
+    """Worlds whose steps a launch takes together."""
+
+    def __init__(self, rows: int, device: Any) -> None:
+        """Allocate for at most some worlds."""
+        self._device, self._size = device, ctypes.sizeof(World.ctype)
+        self._kept: list[Any] = [None] * rows
+        memory = wp.zeros(rows * self._size, dtype=wp.uint8, device=device)
+        self._worlds = wp.array(ptr=memory.ptr, dtype=World, shape=(rows,), device=device)
+        self._packed = _Mirror(memory)
+        self._orders = _Mirror(wp.zeros((rows, _ORDER), dtype=wp.float64, device=device))
+        self._rows = _Mirror(wp.zeros(rows, dtype=wp.int32, device=device))
+        self._reports = wp.zeros((rows, _REPORT), dtype=wp.float64, device=device)
+        self._numbers = wp.zeros(rows, dtype=wp.float64, device=device)
+        # each is free again when the next but one begins
+        self._copies = deque(Readback((self._reports, self._numbers)) for _ in range(3))
+        self._launches: dict[Any, Any] = {}
+
+    def put(self, row: int, world: Any) -> None:
+        """Assign a row to a world, whose arrays live as long as it has the row."""
+        packed = ctypes.string_at(ctypes.addressof(world.__ctype__()), self._size)
+        self._packed.write(row * self._size, np.frombuffer(packed, dtype=np.uint8))
+        self._kept[row] = world
+
+    def order(self, row: int, clock: np.ndarray, window: np.ndarray) -> None:
+        """Give the world of a row its clock, and a window that its own must contain."""
+        number = self._orders.here[row, -1] + 1.0
+        self._orders.write(row, np.array([[*clock, *window, number]]))
+
+    def is_current(self, row: int, report: np.ndarray) -> bool:
+        """Return True if the report of a row follows its latest order."""
+        return bool(report[NUMBER] == self._orders.here[row, -1])
+
+    def launch(
+        self, rows: Sequence[int], effects: Effects, is_heated: bool, steps: int
+    ) -> Callable[[], np.ndarray]:
+        """Take at most some steps of the worlds of some rows.
+
+        Returns:
+            Function that waits and returns the reports of all rows, float64.
+        """
+        if not np.array_equal(self._rows.here[: len(rows)], rows):
+            self._rows.write(0, np.array(rows, dtype=np.int32))
+        for mirror in (self._packed, self._orders, self._rows):
+            mirror.send()
+        blocks, is_cuda = blocks_of(self._device, len(rows)), self._device.is_cuda
+        key = effects, is_heated, blocks, len(rows)
+        command = self._launches.get(key)
+        if command is None:
+            self._launches.clear()
+            command = self._launches[key] = wp.launch(
+                steps_kernel(effects, is_heated, blocks, is_cuda),
+                dim=len(rows) * (blocks * THREADS if is_cuda else 1), block_dim=THREADS,
+                inputs=[
+                    self._worlds, self._rows.there, self._orders.there, self._reports,
+                    self._numbers, 0,
+                ],
+                device=self._device, record_cmd=True,
+            )
+        command.set_param_at_index(5, steps)
+        command.launch()
+        self._copies.rotate()
+        finish = self._copies[0].begin()
+        return lambda: finish()[0]
+
+
+def blocks_of(device: Any, count: int) -> int:
+    """Return the number of blocks of each of some worlds on a GPU."""
+    if not device.is_cuda or device.arch < _MIN_ARCH:
+        return 1
+    return _MAX_BLOCKS if count * _MAX_BLOCKS <= device.sm_count else 1
+
+
+class _Mirror:
+    """An array on a device, and its copy on the host, which is the same on a CPU.
+
+    Attributes:
+        there: The array.
+        here: The copy.
+    """
+
+    def __init__(self, there: Any) -> None:
+        """Begin with an array of zeros."""
+        self.there, self._is_apart = there, there.device.is_cuda
+        self.here = there.numpy()
+        self._first, self._end = 0, 0
+
+    def write(self, first: int, values: np.ndarray) -> None:
+        """Write values from an item of the first axis on."""
+        end = first + len(values)
+        self.here[first:end] = values
+        if self._end:
+            self._first, self._end = min(first, self._first), max(end, self._end)
+        else:
+            self._first, self._end = first, end
+
+    def send(self) -> None:
+        """Copy what has been written to the device."""
+        if self._end and self._is_apart:
+            self.there[self._first : self._end].assign(self.here[self._first : self._end])
+        self._first = self._end = 0
