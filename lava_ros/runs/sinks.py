@@ -42,6 +42,10 @@ class ScheduledSink(Sink):
         self.due = math.inf if self.is_done else self.times[self._done]
 
 
+#: Number of observations of a flow whose steps keep the peaks: for reviews and the progress.
+FEW = 8
+
+
 class TimeSink(ScheduledSink):
     """Calls a function with the simulated time [s] of each observation."""
 
@@ -87,6 +91,9 @@ class PeakSink(ScheduledSink):
         Raises:
             LavaError: If there are too many particles.
         """
+        if simulation.keeps_peaks:
+            # from the last one backwards
+            times = times[:: -max(len(times) // FEW, 1)][::-1]
         super().__init__([simulation.time, *times])
         self._peaks = simulation.start_peaks(threshold)
         self._max_particles, self._of = max_particles, of

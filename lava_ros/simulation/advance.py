@@ -187,6 +187,9 @@ class ParticleSolver(Solver):
         """Advance to a time; yield between launches (``advance.advancing_to``)."""
         return advancing_to(self, until, end, deadline, max_end)
 
+    def start_peaks(self) -> None:
+        """Do nothing: observations gather the peaks of particles."""
+
     def observe_now(self, peaks: Peaks) -> None:
         """Raise peaks to the values of the current flow.
 

@@ -305,7 +305,13 @@ class Simulation:
         own = self.accuracy.inundation_threshold
         if not math.isclose(threshold, own):
             raise LavaError('threshold', threshold, f'{own:g} m, that of the simulation')
+        self.solver.start_peaks()
         return Peaks(self.scene.terrain, own, self.time, self.solver.device)
+
+    @property
+    def keeps_peaks(self) -> bool:
+        """True if steps keep the peaks themselves, so that few observations suffice."""
+        return self.accuracy.method == 'cells'
 
     @within_memory()
     def observe(self, peaks: Peaks) -> None:
@@ -320,7 +326,7 @@ class Simulation:
     def observing(self, peaks: Peaks) -> Iterator[None]:
         """Generator form of ``observe``, which yields to the other members of a batch."""
         batch = current_batch()
-        if batch is None or self.accuracy.method == 'cells':
+        if batch is None or self.keeps_peaks:
             self.observe(peaks)
             return
         self._complete()

@@ -18,6 +18,7 @@ from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.cells.grid import grid_of, on_terrain
 from lava_ros.simulation.cells.ground import ground_kernel
 from lava_ros.simulation.cells.heat import HeatState
+from lava_ros.simulation.cells.peaks import CellPeaks
 from lava_ros.simulation.cells.state import (
     CellState,
     EVALUATIONS,
@@ -83,6 +84,7 @@ class CellLava:
         state: Arrays of the flow, and the clock.
         heat: Temperature and age of the lava, and the ground that it has become.
         covered: What lava has covered of each cell of the terrain.
+        peaks: Largest thickness and highest temperature of each cell, which steps update.
         vents: The vents on the cells.
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of cells with lava at any count so far.
@@ -113,6 +115,7 @@ class CellLava:
             film=self._film,
         )
         self.heat = HeatState.on(self.state, self.scene, self.effects)
+        self.peaks = CellPeaks(self.state.thickness.shape, self.device)
         # solidified lava in all, so that the number of maps does not depend on effects
         self.grids = wp.zeros(
             (3 + len(SHOWN), *terrain.shape), dtype=wp.float32, device=self.device
@@ -261,16 +264,27 @@ class CellLava:
             in_holes=float(left[HOLES]), in_sea=float(left[SEA]),
         )
 
+    def start_peaks(self) -> None:
+        """Begin to keep peaks with the current lava."""
+        warm = np.where(self.state.thickness.numpy() > 0.0, self.heat.temperature.numpy(), 0.0)
+        self.peaks.restart(self.state.thickness.numpy() + self.heat.frozen.numpy(), warm)
+
     def observe_now(self, peaks: Peaks) -> None:
-        """Raise peaks to the values of the current flow."""
-        self.draw_maps()
-        peaks.observe(self._maps, self._known, self)
+        """Check the current flow; the steps themselves keep its peaks."""
+        peaks.check(self.state.thickness.numpy(), self.heat.temperature.numpy())
 
     def read_peaks(self, peaks: Peaks, *, where_wet: bool) -> PeakMaps:
         """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
         rows, columns = self.scene.terrain.shape
         part = slice(0, rows), slice(0, columns)
-        return peaks.read(self._maps, self.window.rectangle(self._maps) if where_wet else part)
+        if where_wet:
+            part = self.window.rectangle(self._maps)
+        terrain = self.scene.terrain
+        peaks.put(
+            *self.peaks.on_terrain(self.grid, terrain, part), part, terrain.has_data,
+            solidus=self.scene.lava.solidus,
+        )
+        return peaks.read(self._maps, part)
 
     def read_sample(self) -> ParticleSample:
         """Return the cells with lava as columns, by the fluxes of the latest evaluation."""

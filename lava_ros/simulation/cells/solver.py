@@ -25,6 +25,7 @@ from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
 from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.lava import CellLava, Columns, mixed
+from lava_ros.simulation.cells.peaks import Highest, raise_function
 from lava_ros.simulation.cells.state import (
     Cells,
     FULL,
@@ -81,12 +82,13 @@ def _kernel(effects: Effects, is_heated: bool) -> Any:
     """Return the kernel that takes steps, at most a number, and records what lava covers."""
     step = step_function(effects, is_uniform=True)
     heated_step, note = heated_step_function(effects) if is_heated else None, note_function()
+    raise_row = raise_function()
 
     @wp.kernel(
         module='unique', enable_backward=False, grid_stride=False,
         module_options={'enable_backward': False},
     )
-    def take_steps(s: Cells, m: Heat, c: Covered, most: int):
+    def take_steps(s: Cells, m: Heat, c: Covered, k: Highest, most: int):
         for _ in range(most):
             if s.clock[TIME] >= s.clock[TARGET] or s.clock[WAITING] > wp.float64(0.0):
                 break
@@ -96,6 +98,8 @@ def _kernel(effects: Effects, is_heated: bool) -> Any:
                 step(s)
             if s.clock[WAITING] == wp.float64(0.0):
                 note(s, c)
+                for row in range(s.box[0], s.box[1] + 1):
+                    raise_row(s, m, k, row, s.box[2], s.box[3])
 
     return take_steps
 
@@ -231,7 +235,8 @@ class CellSolver(CellLava):
         covered.known = self._known
         for name in CELL_MAPS:
             setattr(covered, name, getattr(self.covered.maps, name))
-        self._arguments = self.state.argument(), self.heat.argument(), covered
+        flow, heat = self.state.argument(), self.heat.argument()
+        self._arguments = flow, heat, covered, self.peaks.highest
 
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
@@ -298,7 +303,7 @@ class CellSolver(CellLava):
         """Record the ground that lava covers now."""
         if not self._is_set:
             self._set(self.time)
-        flow, _, covered = self._arguments
+        flow, _, covered, _ = self._arguments
         wp.launch(_note_kernel(), dim=1, inputs=[flow, covered], device=self.device)
 
     # what the solver of particles does between steps, and cells need not
@@ -350,6 +355,7 @@ class CellSolver(CellLava):
     def replace_terrain(self, scene: Scene) -> None:
         """Replace the terrain by that of another scene; lava outside it has left."""
         now, former, grid, lava = self.time, self.state, self.grid, self.columns()
+        peaks = self.peaks
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
         self._place_terrain()
@@ -369,6 +375,7 @@ class CellSolver(CellLava):
                 after[cells] = 0.0
         self.state.left.assign(left / new)
         self.put(moved)
+        self.peaks.move(peaks, grid, self.grid)
         self._cover()
         self.open_vents(now)
         self._note()

@@ -109,6 +109,32 @@ class Peaks:
         arguments = [known, raster.grids, self._peaks, self._flaw]
         raster.window.launch(state, _raise_peaks, arguments)
 
+    def put(
+        self, thickness: np.ndarray, temperature: np.ndarray, part: tuple[slice, slice],
+        known: np.ndarray, *, solidus: float,
+    ) -> None:
+        """Replace the peaks by those that the motion has kept, for some rows and columns.
+
+        Args:
+            thickness: Largest thickness [m], shape [rows, columns] of the part.
+            temperature: Highest temperature [K], same shape; 0 of lava that was solid throughout.
+            part: Rows and columns.
+            known: True for cells with data, shape of the terrain.
+            solidus: Temperature of lava that was solid throughout [K].
+        """
+        is_known = known[part]
+        peaks = self._peaks.numpy()[:, part[0], part[1]]
+        peaks[0] = np.where(is_known, thickness, np.nan)
+        warm = np.where(temperature > 0.0, temperature, solidus)
+        peaks[1] = np.where(is_known & (thickness > 0.0), warm, np.nan)
+
+    def check(self, thickness: np.ndarray, temperature: np.ndarray) -> None:
+        """Note whether the thickness [m] or the temperature [K] of cells cannot be shown."""
+        for number, values in enumerate((thickness, temperature), start=1):
+            # a sum is finite if all are
+            if not np.isfinite(values.sum()):
+                self._flaw.fill_(number)
+
     def flaw(self) -> str:
         """Return why an observation cannot be shown as a map; empty if there is no reason."""
         return _FLAWS[int(read(self._flaw)[0])]
