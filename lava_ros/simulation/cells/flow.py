@@ -86,9 +86,12 @@ _BY_LAW = """
         const float across = -0.25f * per_cell * (
             fall_of(p - side, p, beside) + fall_of(p, p + side, beside)
             + fall_of(q - side, q, beside) + fall_of(q, q + side, beside));
+        // of the lava at the start of the step: what enters a cell within it is as warm as there
+        const float had_p = (float)h[p], had_q = (float)h[q];
+        const float had = 1.0f / (had_p + had_q + 1e-30f);
+        const float fluid = (had_p * fluidity[p] + had_q * fluidity[q]) * had;
+        const float held = (had_p * strength[p] + had_q * strength[q]) * had;
         const float share = 1.0f / (f.sum + 1e-30f);
-        const float fluid = (a * fluidity[p] + b * fluidity[q]) * share;
-        const float held = (a * strength[p] + b * strength[q]) * share;
         const auto speed = LAW(
             s.law, s.weight, 0.5f * f.sum, -f.fall * per_cell, across, -drop * per_cell, cross[p],
             fluid, held);
@@ -432,7 +435,9 @@ def step_function(effects: Effects, *, is_uniform: bool) -> Any:
     """
     law = face_law(effects)
     is_steep = effects.function('factor', wp.float32) is not None
-    own = 'fluid * (a * fluidity[p] + b * fluidity[q]) / (f.sum + 1e-30f)'
+    # of the lava at the start of the step: what enters a cell within it is as warm as there
+    own = 'fluid * ((float)h[p] * fluidity[p] + (float)h[q] * fluidity[q])'
+    own += ' / ((float)h[p] + (float)h[q] + 1e-30f)'
     parts = {
         'FLUX': _NEWTONIAN if law is None else _BY_LAW,
         'FLUID': 'fluid' if is_uniform else own,
