@@ -30,6 +30,7 @@ from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.effects.laws import strength_function, viscosity_function
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
+from lava_ros.simulation.cells.covered import FULL
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
 from lava_ros.simulation.cells.state import Cells, Heat, WAITING
@@ -168,6 +169,7 @@ _EXCHANGE = """
     double* __restrict emission_time = m.emission_time.data;
     float* __restrict fluidity = s.fluidity.data;
     float* __restrict strength = s.strength.data;
+    const float* __restrict y = s.stage.data;
     auto larger = [](float a, float b) { return a > b ? a : b; };
     // only cells with lava, now or before the step
     long from = i * w + first, to = i * w + last;
@@ -178,7 +180,9 @@ _EXCHANGE = """
     for (long p = from; p <= to; ++p) {
         const float h = (float)thickness[p];
         auto column = empty;
-        column.thickness = larger(h, film);
+        // the edge of a front is thicker than its mean over the cell (covered.py)
+        const float beside = larger(larger(y[p - 1], y[p + 1]), larger(y[p - w], y[p + w]));
+        column.thickness = larger(larger(h, film), FULL * beside);
         column.normal_thickness = column.thickness;
         column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
         COSINE
@@ -263,7 +267,7 @@ def heat_functions(effects: Effects) -> HeatFunctions:
     moving = _TRANSPORT.replace('VECTORISED', _VECTORISED)
     moving = moving.replace('RENEWAL', _RENEWAL if has_age else '')
     moving = moving.replace('CONDUCTION', _CONDUCTION if 'conduction' in effects else '')
-    exchanging = _EXCHANGE
+    exchanging = _EXCHANGE.replace('FULL', f'{FULL}f')
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
         ('AGE', has_age), ('WARM', warming), ('VISCOSITY', viscosity), ('STRENGTH', strength),
