@@ -68,6 +68,7 @@ def calibrate(args: argparse.Namespace) -> int:
     other cases score on each case. With --fit-until, outlines of later dates are forecast. The
     same command continues an interrupted search.
     """
+    from lava_ros.cli.scenes import settle_method
     from lava_ros.hindcast.calibration import (
         BATCH,
         evaluating,
@@ -104,9 +105,7 @@ def calibrate(args: argparse.Namespace) -> int:
     moved = [item.name for item in parameters]
     kept, asked = sorted(stated - {*moved}), sorted(stated & {*moved})
     until = _until(args.fit_until, cases)
-    if args.method == 'cells':
-        # cells run on a CPU
-        args.device = args.device or 'cpu'
+    settle_method(args, cases[0].scene, cases[0].duration, {})
     settings = Settings(args.preset, args.spacing, args.device, method=args.method)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE

@@ -14,7 +14,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.options import device_named, forced_effects, seconds_of
 from lava_ros.cli.planned import planned, target_of
-from lava_ros.cli.scenes import log_resolution, scene_as_given
+from lava_ros.cli.scenes import log_resolution, scene_as_given, settle_method
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
@@ -90,6 +90,7 @@ def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             # the map is the distribution of the place
             fixed = scene.uncertainty.fixing(['position'])
             scene = replace(scene, uncertainty=fixed)
+        settle_method(args, median_scene(scene), seconds_of('--until', args.until), forced)
         plan = make_plan(
             scene,
             horizon=seconds_of('--until', args.until),
@@ -102,6 +103,7 @@ def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
         log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, args.threshold)
         return plan, None
     case = load_case(args.scene, material=args.material)
+    settle_method(args, case.scene, case.duration, forced)
     settings = Settings(
         args.preset, args.spacing, args.device, forced, method=args.method
     )

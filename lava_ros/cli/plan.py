@@ -40,7 +40,7 @@ def plan(args: argparse.Namespace) -> int:
     time that it takes. lava run has the same options.
     """
     from lava_ros.cli.planned import planned, target_of
-    from lava_ros.cli.scenes import log_resolution, scene_from_arguments
+    from lava_ros.cli.scenes import log_resolution, scene_from_arguments, settle_method
     from lava_ros.forecast.sampling import MAX_MEMBERS
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.presets import preset_accuracy
@@ -59,9 +59,7 @@ def plan(args: argparse.Namespace) -> int:
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
         members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
     scene = scene_from_arguments(args)
-    if args.method == 'cells':
-        # cells run on a CPU
-        args.device = args.device or 'cpu'
+    settle_method(args, scene, until, forced)
     found = planned(
         scene, target, until, forced, args.device, method=args.method, members=members,
         with_inputs=True,

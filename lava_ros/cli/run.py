@@ -153,9 +153,6 @@ def run(args: argparse.Namespace) -> int:
     ):
         if getattr(args, chosen) is not None:
             refuse(others, partial(validation.conflict, f'--{chosen}'))
-    if args.method == 'cells':
-        # cells run on a CPU
-        args.device = args.device or 'cpu'
     args.until = args.until or HORIZON
     args.preset = args.preset or (ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
     if is_ensemble:
