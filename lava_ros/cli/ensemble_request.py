@@ -14,7 +14,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.options import device_named, forced_effects, seconds_of
 from lava_ros.cli.planned import planned, target_of
-from lava_ros.cli.scenes import log_resolution, scene_as_given
+from lava_ros.cli.scenes import log_resolution, scene_as_given, settle_method
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
@@ -90,6 +90,7 @@ def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             # the map is the distribution of the place
             fixed = scene.uncertainty.fixing(['position'])
             scene = replace(scene, uncertainty=fixed)
+        settle_method(args, median_scene(scene), seconds_of('--until', args.until), forced)
         plan = make_plan(
             scene,
             horizon=seconds_of('--until', args.until),
@@ -102,7 +103,10 @@ def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
         log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, args.threshold)
         return plan, None
     case = load_case(args.scene, material=args.material)
-    settings = Settings(args.preset, args.spacing, args.device, forced)
+    settle_method(args, case.scene, case.duration, forced)
+    settings = Settings(
+        args.preset, args.spacing, args.device, forced, method=args.method
+    )
     return plan_of(case, settings, threshold=args.threshold), case
 
 
@@ -114,13 +118,14 @@ def with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
     Raises:
         LavaError: If the folder cannot be read, or no spacing can be found.
     """
-    if args.spacing is not None or plan.accuracy.method == 'cells':
+    target, method = target_of(args), plan.accuracy.method
+    if args.spacing is not None or (method == 'cells' and not target):
         return plan, ''
     spacing, text = stored_spacing(Path(args.output)), ''
-    if spacing is None and (target := target_of(args)):
+    if spacing is None and target:
         spacing = planned(
             median_scene(plan.scene), target, plan.horizon, plan.forced or {}, args.device,
-            members=args.members,
+            method=method, members=args.members,
         ).spacing
     elif spacing is None:
         choice = choose_spacing(

@@ -20,6 +20,9 @@ DEFAULT_PRESET = 'standard'
 #: Solvers (``accuracy.METHODS``).
 METHODS = ('particles', 'cells')
 
+#: Choice of the solver by the flow (``method.AUTO``).
+AUTO = 'auto'
+
 #: Default simulated time of a run, as in ``lava_ros.simulation.resolution``.
 HORIZON = '24h'
 
@@ -193,7 +196,8 @@ _SHARED = {item[0][0]: item for item in (
     argument('--material', 'NAME', 'lava by name; replaces the lava of the case'),
     argument(
         '--method', None, 'carriers of the lava: particles, or cells, which take less time and '
-        'lack some effects', 'particles', choices=METHODS,
+        'lack some effects; auto: cells for lava that does not cool, if they have the effects '
+        'that the flow needs', 'particles', choices=(*METHODS, AUTO),
     ),
     argument(
         '--node', 'NAME', 'node whose simulation to read, in a bag with several: its full name, '

@@ -141,21 +141,18 @@ def run(args: argparse.Namespace) -> int:
     if is_case:
         unused = _VENTS if is_ensemble else ('--threshold',)
         refuse(
-            (*_INPUTS, *_MAPS, '--within', '--error', '--method', *unused),
+            (*_INPUTS, *_MAPS, '--within', '--error', *unused),
             lambda name: validation.surplus(name, f'to {args.scene}, a mapped eruption'),
         )
     if not is_case or is_ensemble:
         other = 'the folder of a mapped eruption' + ' without --members' * is_ensemble
         refuse(_names(_CASE), lambda name: validation.dependence(name, other))
     for chosen, others in (
-        ('spacing', ('--within', '--error')), ('within', ('--error', '--preset', '--method')),
-        ('error', ('--preset', '--method')),
+        ('spacing', ('--within', '--error')), ('within', ('--error', '--preset')),
+        ('error', ('--preset',)),
     ):
         if getattr(args, chosen) is not None:
             refuse(others, partial(validation.conflict, f'--{chosen}'))
-    if args.method == 'cells':
-        # cells run on a CPU
-        args.device = args.device or 'cpu'
     args.until = args.until or HORIZON
     args.preset = args.preset or (ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
     if is_ensemble:

@@ -38,7 +38,7 @@ RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html',
 
 def run_case(args: argparse.Namespace) -> int:
     """Simulate a mapped eruption, compare it with the map, and return the exit status."""
-    from lava_ros.cli.scenes import WORDS
+    from lava_ros.cli.scenes import settle_method, WORDS
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
     from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
@@ -63,16 +63,17 @@ def run_case(args: argparse.Namespace) -> int:
         effusion_rate=args.discharge,
         words=WORDS,
     )
+    settle_method(args, case.scene, case.duration, forced_effects(args))
     settings = Settings(
         args.preset, args.spacing, args.device, forced_effects(args), args.maps,
-        mobility_limit=args.mobility_limit,
+        mobility_limit=args.mobility_limit, method=args.method,
     )
     output = Path(args.output or Path('runs') / f'{case.name}_{args.preset}')
     _prepare(output)
     unfinished = output / UNFINISHED
     if args.fresh:
         shutil.rmtree(unfinished, ignore_errors=True)
-    if settings.spacing is None:
+    if settings.spacing is None and settings.method == 'particles':
         choice = choose_case_spacing(case, settings, runs=runs)
         settings = replace(settings, spacing=choice.spacing)
         print(choice.text())

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.options import device_named, forced_effects, seconds_of
 from lava_ros.cli.planned import planned, target_of
-from lava_ros.cli.scenes import log_resolution, sourced_scene
+from lava_ros.cli.scenes import log_resolution, settle_method, sourced_scene
 from lava_ros.errors import LavaError
 from lava_ros.runs.scene_run import Request
 from lava_ros.simulation.accuracy import Accuracy
@@ -39,14 +39,15 @@ def request_of(args: argparse.Namespace) -> Request:
     target = target_of(args)
     if args.threshold is not None:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
-    device = device_named(args.device)
     sourced = sourced_scene(args)
     scene = sourced.scene
+    settle_method(args, scene, until, forced)
+    device = device_named(args.device)
 
     def accuracy() -> tuple[str, Accuracy]:
         preset, spacing = args.preset, args.spacing
         if target:
-            found = planned(scene, target, until, forced, device)
+            found = planned(scene, target, until, forced, device, method=args.method)
             preset, spacing = found.preset, found.spacing
         elif spacing is None and args.method == 'particles':
             spacing = _spacing_of(preset, scene, forced, until, device)

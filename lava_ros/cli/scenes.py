@@ -18,6 +18,7 @@ from lava_ros.scene import KELVIN, Scene
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.source import SceneSource, SourcedScene
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.method import AUTO, choose_method
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolution_of
 
@@ -93,6 +94,23 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     scene = source_of(args).load().scene
     _log_vents(scene)
     return scene
+
+
+def settle_method(
+    args: argparse.Namespace, scene: Scene, horizon: float, forced: Mapping[str, bool]
+) -> None:
+    """Choose the method for a scene up to a horizon [s] if ``--method auto`` asks for it.
+
+    Without a device, cells run on a CPU.
+    """
+    if args.method == AUTO:
+        # plans have no preset
+        accuracy = preset_accuracy(getattr(args, 'preset', None) or DEFAULT)
+        choice = choose_method(scene, accuracy, forced, horizon=horizon)
+        args.method = choice.method
+        print(f'method: {choice.method}, because {choice.reason}')
+    if args.method == 'cells':
+        args.device = args.device or 'cpu'
 
 
 def log_resolution(
