@@ -61,6 +61,8 @@ def run_case(args: argparse.Namespace) -> int:
         vent=args.vent or (),
         vents=args.vents,
         effusion_rate=args.discharge,
+        from_outline=_time_of(args.from_outline),
+        solidified=args.solidified,
         words=WORDS,
     )
     settings = Settings(
@@ -134,6 +136,14 @@ def run_case(args: argparse.Namespace) -> int:
         print(f'lava run: {item}', file=sys.stderr)
     print('\n'.join(f'written to {path}' for path in [*files, output / RESULT]))
     return 0
+
+
+def _time_of(text: str | None) -> float | str | None:
+    """Return a time in s as a number, and a date as its text."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return text
 
 
 def _dated(

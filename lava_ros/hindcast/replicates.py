@@ -199,9 +199,16 @@ def _changed(
 
     # vents and grids change together: a vent may be off the ground between the two
     bare = replace(case.scene, vents=()).on(terrain)
-    scene = replace(bare, vents=_vents_at(case, place))
+    # emplaced flows extend over the terrain of the case
+    flows = tuple(
+        replace(flow, thickness=grid(flow.thickness)) for flow in case.scene.emplaced_flows
+    )
+    scene = replace(bare, vents=_vents_at(case, place), emplaced_flows=flows)
     outlines = tuple(replace(item, footprint=grid(item.footprint)) for item in case.outlines)
-    return replace(case, scene=scene, footprint=grid(case.footprint), outlines=outlines)
+    initial = None if case.initial is None else grid(case.initial)
+    return replace(
+        case, scene=scene, footprint=grid(case.footprint), outlines=outlines, initial=initial
+    )
 
 
 def _vents_at(case: Case, place: Callable[[Place], Place]) -> tuple[Vent, ...]:
