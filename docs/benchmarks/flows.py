@@ -6,8 +6,8 @@
 python docs/benchmarks/flows.py OUT.csv --case DIR [--case DIR ...] [--set NAME ...] [--device D]
     [--spacing METRES] [--mobility-limit SPEED] [--machine M]
 
-Each row is a set on a flow, or on one of the dated outlines of a flow: a single run at `draft`, and
-two references without a model of lava (``lava_ros/hindcast/score.py``). Sets are the materials of
+Each row is a set on a flow, or on one of the dated outlines of a flow: runs at `draft`, and two
+references without a model of lava (``lava_ros/hindcast/score.py``). Sets are the materials of
 ``lava materials`` and ``FITTED``, the best set of lapalma_h200.csv on 24 September 2021.
 """
 

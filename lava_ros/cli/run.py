@@ -75,8 +75,8 @@ _CASE = in_group(
         float,
     ),
     argument(
-        '--from-outline', 'TIME', 'start from the mapped outline of this time, in s of the clock of '
-        'the case or as a date: lava that erupted before lies in it, and later outlines are '
+        '--from-outline', 'TIME', 'start from the mapped outline of this time, in s of the clock '
+        'of the case or as a date: lava that erupted before lies in it, and later outlines are '
         'scored (default: start with the eruption, or as the case says)',
     ),
     argument(

@@ -5,8 +5,8 @@
 
 The constants are the same for all cases, and the score is the mean of the cases' scores, each the
 mean over its dated outlines. The leave-one-out score of a case is the score with the set that is
-best for the other cases. Outlines of a case after a date are not fitted: their scores are scores of
-forecasts.
+best for the other cases. Outlines of a case after a date are not fitted: their scores are those
+of forecasts.
 
 A mapped outline constrains few constants, and the score jumps when a flow passes an obstacle on
 the other side. The result is therefore the set of all runs that are nearly as good as the best,

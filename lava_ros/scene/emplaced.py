@@ -261,9 +261,9 @@ def _thickness_on(
     if given is not None or volume is not None:
         areas = read_polygons(name, path, terrain)
         covered = mark_cells(terrain, areas) & terrain.has_data
-        if volume is None:
+        if given is not None:
             result = np.where(covered, given, 0.0)
-        else:
+        elif volume is not None:
             result = profile_of(covered, volume, terrain.resolution)
         places = np.concatenate([item.rings[0] for item in areas])
         _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)

@@ -130,7 +130,9 @@ def test_eruption_counts_once_however_many_outlines_it_has():
     def numbers(eruption: float, jaccard: float, fitted: float = 1.0) -> dict[str, float]:
         return {'eruption': eruption, 'fitted': fitted, 'jaccard': jaccard}
 
-    dated = {'two 1': numbers(1.0, 0.3), 'two 2': numbers(1.0, 0.5), 'two 3': numbers(1.0, 0.9, 0.0)}
+    dated = {
+        'two 1': numbers(1.0, 0.3), 'two 2': numbers(1.0, 0.5), 'two 3': numbers(1.0, 0.9, 0.0),
+    }
     samples = [
         ParameterSample({'viscosity': 1.0}, {'one': numbers(0.0, 0.8), **dated}),
         ParameterSample({'viscosity': 2.0}, {'one': numbers(0.0, 0.7), **dated}),

@@ -7,10 +7,10 @@ import json
 import math
 from pathlib import Path
 
-from command_line import done
 import numpy as np
 import pytest
 
+from command_line import done
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.replicates import directions

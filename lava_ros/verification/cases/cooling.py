@@ -37,8 +37,8 @@ HOT, COLD, SLOPE = 1360.0, 300.0, math.radians(6.0)
 #: Flux of the sheets [m2/s], their width and length [m].
 FLUX, WIDTH, LENGTH = 0.1, 180.0, 130.0
 
-#: Length and width [m] of the sheet under a crust. Its sides spread, by sqrt(4 D t) = 50 m until the
-#: last comparison: the middle is then thinner by 1e-4.
+#: Length and width [m] of the sheet under a crust. Its sides spread by sqrt(4 D t) = 50 m until
+#: the last comparison, and the compared middle is thinner by 1e-3 then.
 CRUSTED = 70.0, 300.0
 
 #: Half of the length along the slope over which lava is emitted, and spacing of the sheets'
