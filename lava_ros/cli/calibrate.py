@@ -61,12 +61,12 @@ def calibrate(args: argparse.Namespace) -> int:
 
     The command runs one or more cases (docs/VALIDATION.md) with many sets of values of a few
     constants inside their published ranges, the same set for all cases. It never changes a
-    constant that a case states, unless --unknown names it. The score of a set is the
-    mean over the cases, each the mean over its dated outlines. The command reports the sets that
-    score nearly as well as the best, the spread of each constant among them, the constants that do not affect the score, the interval
-    that contains each constant with a probability of 90 %, and how well constants fitted to the
-    other cases score on each case. With --fit-until, outlines of later dates are forecast. The
-    same command continues an interrupted search.
+    constant that a case states, unless --unknown names it. The score of a set is the mean over
+    the cases, each the mean over its dated outlines. The command reports the sets that score
+    nearly as well as the best, the spread of each constant among them, the constants that do
+    not affect the score, the interval that contains each constant with a probability of 90 %,
+    and how well constants fitted to the other cases score on each case. With --fit-until,
+    outlines of later dates are forecast. The same command continues an interrupted search.
     """
     from lava_ros.hindcast.calibration import (
         BATCH,
