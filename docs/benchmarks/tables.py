@@ -13,6 +13,7 @@ import csv
 from pathlib import Path
 import re
 
+from described_flows import described_flows
 from kernel_ratio import time_ratio
 
 HERE = Path(__file__).parent
@@ -585,6 +586,18 @@ def _two_digits(number: str) -> str:
     return f'{float(f"{float(number):.2g}"):g}'
 
 
+def described() -> Iterator[Line]:
+    """Yield the described flows with the kind that follows from their numbers."""
+    yield 'flow', 'Q [m³/s]', 'slope', 'Ψ', 'kind of the authors', 'kind found', 'source'
+    for flow in described_flows():
+        found = flow.found.name
+        yield (
+            flow.name, f'{flow.found.discharge:g}', f'{flow.found.slope:g}',
+            f'{float(f"{flow.found.crust:.2g}"):g}', flow.kind,
+            f'**{found}**: {flow.missed_because}' if flow.missed_because else found, flow.source,
+        )
+
+
 def mobility_limits() -> Iterator[Line]:
     """Yield cost and area of a flow by the limit of the mobility."""
     yield ('limit', 'steps', 'CPU time', 'area', 'Jaccard index with no limit')
@@ -608,7 +621,7 @@ PAGES: Mapping[str, Tables] = {
     },
     'MODEL.md': {
         'carriers': carriers, 'grounds': grounds, 'kernel_radii': kernel_radii,
-        'kernel_ratios': kernel_ratios, 'mobility_limits': mobility_limits,
+        'described': described, 'kernel_ratios': kernel_ratios, 'mobility_limits': mobility_limits,
     },
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'presets.md': {
