@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene.emplaced import EmplacedFlow
 from lava_ros.scene.materials import material_named
+from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.flow_kind import crust_time, MAX_STRESS
-from lava_ros.simulation.output.measurement import measure_kind
+from lava_ros.simulation.flow_kind import crust_time, kind_of, MAX_STRESS
+from lava_ros.simulation.output.measurement import current_resolution, measure_kind
 from lava_ros.simulation.resolution import resolution_of
 from project import ROOT
 from scripts import load_script
@@ -101,3 +103,21 @@ def test_measured_mound_of_basalt_is_implausible_and_a_pond_is_not(
     found = measure_kind(snapshot, expected)
     assert found.is_measured and found.thickness > 0.4 * height
     assert any('implausible' in text for text in found.warnings()) == is_flagged
+
+
+def test_emplaced_lava_that_cannot_be_is_flagged_without_a_vent():
+    """Whatever the cause of a mound: here it is there at the start."""
+    fall = -0.1 * 10.0 * np.arange(60, dtype=np.float32)
+    ground = Terrain(np.tile(fall, (60, 1)), 10.0)
+    for height, is_flagged in ((150.0, True), (3.0, False)):
+        thickness = np.zeros((60, 60))
+        thickness[20:40, 20:40] = height
+        flow = EmplacedFlow(thickness, 10.0, (0.0, 0.0))
+        scene = Scene(ground, (), material_named('etna_basalt').lava, emplaced_flows=(flow,))
+        simulation = Simulation(scene, accuracy=Accuracy(spacing=10.0), device='cpu')
+        found = current_resolution(
+            simulation.snapshot(), simulation.accuracy, simulation.resolution
+        )
+        assert found.kind.name == 'unfed' and found.kind.is_measured
+        assert any('implausible' in text for text in found.warnings()) == is_flagged
+    assert kind_of(Scene(ground, (), scene.lava), 3600.0) is None
