@@ -4,7 +4,7 @@
 """Score sets of constants on all mapped flows.
 
 python docs/benchmarks/flows.py OUT.csv --case DIR [--case DIR ...] [--set NAME ...] [--device D]
-    [--spacing METRES] [--mobility-limit SPEED] [--machine M]
+    [--from-outline TIME] [--vents FILE] [--spacing METRES] [--mobility-limit SPEED] [--machine M]
 
 Each row is a set on a flow, or on one of the dated outlines of a flow: runs at `draft`, and two
 references without a model of lava (``lava_ros/hindcast/score.py``). Sets are the materials of
@@ -42,30 +42,39 @@ def outlined(case: Case) -> Case:
     return replace(case, outlines=(Outline(case.duration, '', case.footprint),))
 
 
-def scored(name: str, folder: str, settings: Settings, runs: int, machine: str) -> Any:
+def scored(name: str, folder: str, settings: Settings, args: argparse.Namespace) -> Any:
     """Run a set on a case, and yield its rows."""
     values = fitted() if name == FITTED else {}
-    case = outlined(load_case(folder, material='etna_basalt' if values else name))
+    case = outlined(load_case(
+        folder, material='etna_basalt' if values else name, vents=args.vents,
+        from_outline=args.from_outline,
+    ))
     case, begun = changed(case, values), time.monotonic()
-    results = run_together([(case, way) for way in directions(runs)], settings)
+    results = run_together([(case, way) for way in directions(args.runs)], settings)
     seconds = time.monotonic() - begun
     scores = score_outlines(case, [result.snapshot for result in results])
     references = refer(case, {score.outline: score.area_error for score in scores})
     for score in scores:
         reference = references[score.outline]
         yield {
-            'constants': name, 'case': case.name, 'outline': score.outline,
+            'constants': name, 'case': case.name, 'from_outline': args.from_outline or '',
+            'vents': Path(args.vents).stem if args.vents else '', 'outline': score.outline,
             'preset': settings.preset, 'spacing_m': results[0].resolution.spacing,
-            'mobility_limit_m_per_s': settings.mobility_limit or '', 'runs': runs,
+            'mobility_limit_m_per_s': settings.mobility_limit or '', 'runs': args.runs,
             'jaccard': score.jaccard, 'area_ratio': 1.0 + score.area_error,
             'length_ratio': 1.0 + score.length_error,
             'persistence': '' if reference.persistence is None else reference.persistence,
             'descent': reference.descent, 'seconds': seconds,
             'effects': ' '.join(results[0].effects),
             'values': ' '.join(f'{key}={value:.6g}' for key, value in values.items()),
-            'device': results[0].device, 'machine': machine, 'version': version(),
+            'device': results[0].device, 'machine': args.machine, 'version': version(),
             'command': 'python docs/benchmarks/flows.py',
         }
+
+
+def _key(row: dict[str, Any]) -> tuple[Any, ...]:
+    names = 'constants', 'case', 'from_outline', 'vents', 'mobility_limit_m_per_s'
+    return tuple(str(row[name]) for name in names)
 
 
 def main() -> None:
@@ -76,6 +85,8 @@ def main() -> None:
     names = [*materials(), FITTED]
     parser.add_argument('--set', action='append', choices=names, dest='sets')
     parser.add_argument('--runs', type=int, default=1)
+    parser.add_argument('--from-outline', metavar='TIME')
+    parser.add_argument('--vents', metavar='FILE')
     parser.add_argument('--spacing', type=float)
     parser.add_argument('--mobility-limit', type=float)
     parser.add_argument('--device')
@@ -88,9 +99,9 @@ def main() -> None:
     rows: list[dict[str, Any]] = lines_of(args.output.resolve()) if args.output.exists() else []
     for name in args.sets or names:
         for folder in args.case:
-            own = list(scored(name, folder, settings, args.runs, args.machine))
-            is_new = {(row['constants'], row['case']) for row in own}
-            rows = [row for row in rows if (row['constants'], row['case']) not in is_new] + own
+            own = list(scored(name, folder, settings, args))
+            is_new = {_key(row) for row in own}
+            rows = [row for row in rows if _key(row) not in is_new] + own
             write_csv(rows, args.output)
             for row in own:
                 print(f'{name}, {row["case"]} {row["outline"][:10]}: {row["jaccard"]:.3f}, area '

@@ -71,8 +71,8 @@ _CASE = in_group(
     ),
     argument(
         '--mobility-limit', 'U', 'maximum speed of lava over its slope [m/s]: faster lava moves '
-        'as if its viscosity were higher, which shortens runs of fluid lava (default: none)',
-        float,
+        'as if its viscosity were higher (default: one that bounds the time of a run of lava that '
+        'is fluid at the vent, and none for other lava)', float,
     ),
     argument(
         '--from-outline', 'TIME', 'start from the mapped outline of this time, in s of the clock '

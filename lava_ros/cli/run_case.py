@@ -78,6 +78,12 @@ def run_case(args: argparse.Namespace) -> int:
         choice = choose_case_spacing(case, settings, runs=runs)
         settings = replace(settings, spacing=choice.spacing)
         print(choice.text())
+    bound = settings.accuracy(case).mobility_limit
+    if settings.mobility_limit is None and bound is not None:
+        print(
+            f'lava that is fluid at the vent: its speed over its slope is limited to {bound:g} '
+            'm/s, as by a higher viscosity (--mobility-limit 1e9 for no limit)'
+        )
     run = Run(case, settings, folder=unfinished)
     if run.is_resumed:
         print(f'continuing the unfinished run in {output}', file=sys.stderr)

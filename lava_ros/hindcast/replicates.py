@@ -157,9 +157,12 @@ def run_together(
 
     def route(number: int, case: Case, direction: Orientation) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
-        # all directions use the spacing and the thickness of the original case
+        # all directions use the spacing, the thickness and the limit of the original case
         accuracy = settings.accuracy(case)
-        same = replace(settings, spacing=accuracy.spacing, thickness=accuracy.thickness)
+        same = replace(
+            settings, spacing=accuracy.spacing, thickness=accuracy.thickness,
+            mobility_limit=accuracy.mobility_limit,
+        )
         run = Run(direction.rotate(case), same, folder=kept, has_maps=False)
 
         def show(time: float) -> None:
