@@ -26,7 +26,7 @@ from lava_ros.hindcast.free_parameters import changed
 from lava_ros.hindcast.outlines import Outline
 from lava_ros.hindcast.replicates import directions, run_together
 from lava_ros.hindcast.run import Settings
-from lava_ros.hindcast.score import refer, score_outlines
+from lava_ros.hindcast.score import jaccard, refer, score_outlines
 from lava_ros.scene.materials import materials
 from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.verification.rows import write_csv
@@ -42,6 +42,14 @@ def outlined(case: Case) -> Case:
     return replace(case, outlines=(Outline(case.duration, '', case.footprint),))
 
 
+def _persistence_of_start(case: Case, text: str) -> float | str:
+    """Return the score of the outline of the start at a later one; empty without one."""
+    if case.initial is None:
+        return ''
+    later = next(item for item in case.outlines if item.text == text)
+    return jaccard(case.initial, later.footprint)
+
+
 def scored(name: str, folder: str, settings: Settings, args: argparse.Namespace) -> Any:
     """Run a set on a case, and yield its rows."""
     values = fitted() if name == FITTED else {}
@@ -49,9 +57,9 @@ def scored(name: str, folder: str, settings: Settings, args: argparse.Namespace)
         folder, material='etna_basalt' if values else name, vents=args.vents,
         from_outline=args.from_outline,
     ))
-    case, begun = changed(case, values), time.monotonic()
+    case, begun, busy = changed(case, values), time.monotonic(), time.process_time()
     results = run_together([(case, way) for way in directions(args.runs)], settings)
-    seconds = time.monotonic() - begun
+    seconds, cpu = time.monotonic() - begun, time.process_time() - busy
     scores = score_outlines(case, [result.snapshot for result in results])
     references = refer(case, {score.outline: score.area_error for score in scores})
     for score in scores:
@@ -60,11 +68,13 @@ def scored(name: str, folder: str, settings: Settings, args: argparse.Namespace)
             'constants': name, 'case': case.name, 'from_outline': args.from_outline or '',
             'vents': Path(args.vents).stem if args.vents else '', 'outline': score.outline,
             'preset': settings.preset, 'spacing_m': results[0].resolution.spacing,
-            'mobility_limit_m_per_s': settings.mobility_limit or '', 'runs': args.runs,
+            'mobility_limit_m_per_s': results[0].accuracy.mobility_limit or '', 'runs': args.runs,
             'jaccard': score.jaccard, 'area_ratio': 1.0 + score.area_error,
             'length_ratio': 1.0 + score.length_error,
             'persistence': '' if reference.persistence is None else reference.persistence,
+            'persistence_of_start': _persistence_of_start(case, score.outline),
             'descent': reference.descent, 'seconds': seconds,
+            'cpu_s': cpu if settings.device == 'cpu' else '',
             'effects': ' '.join(results[0].effects),
             'values': ' '.join(f'{key}={value:.6g}' for key, value in values.items()),
             'device': results[0].device, 'machine': args.machine, 'version': version(),
@@ -73,7 +83,7 @@ def scored(name: str, folder: str, settings: Settings, args: argparse.Namespace)
 
 
 def _key(row: dict[str, Any]) -> tuple[Any, ...]:
-    names = 'constants', 'case', 'from_outline', 'vents', 'mobility_limit_m_per_s'
+    names = 'constants', 'case', 'from_outline', 'vents'
     return tuple(str(row[name]) for name in names)
 
 
