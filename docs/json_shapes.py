@@ -385,6 +385,7 @@ SAMPLE = keys('A set of values', {
         **{name: SCORE[name] for name in (
             'jaccard', 'recall', 'precision', 'length_error', 'area_error')},
         'single': number('Index: jaccard of the first run'),
+        'eruption': number('Number of the case, from 0'),
         'fitted': number('Number: 1 if the result was fitted'),
         'directions': number('Number of runs'), 'wall_time_s': number('Wall time'),
     })),
@@ -400,6 +401,7 @@ CALIBRATION = keys('A calibration', {
         'case': NAME, 'values': SAMPLE['properties']['values'],
         'jaccard': number('Index with the set that is best for the other cases'),
         'best': number('Index with its own best set'),
+        'eruption': count('Number of the case, from 0'),
     })),
     'fitted': each(text(), 'Cases and outlines that were fitted'),
     'forecasts': each(keys('An outline that was not fitted', {

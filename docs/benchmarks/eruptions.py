@@ -96,11 +96,12 @@ def sets_of(calibration: Path, cases: list[str]) -> dict[str, tuple[str, Mapping
     with table.open(encoding='utf-8') as file:
         header = next(csv.reader(file))
     material = load_case(cases[0], material='etna_basalt')
-    names = tuple(header[: header.index('case')])
-    unknowns = free_parameters_of(material, names, dict.fromkeys(names, (0.1, 1e9)))
-    trials = read_samples(table, unknowns, [Path(case).name for case in cases])
+    searched = tuple(header[: header.index('case')])
+    unknowns = free_parameters_of(material, searched, dict.fromkeys(searched, (0.1, 1e9)))
+    names = [Path(case).name for case in cases]
+    trials = read_samples(table, unknowns, names)
     found = {f'calibrated, {calibration.name}': ('etna_basalt', near_optimal(trials)[0].values)}
-    for item in leave_one_out(trials):
+    for item in leave_one_out(trials, names):
         name = f'calibrated without {item.case}, {calibration.name}'
         found[name] = ('etna_basalt', item.values)
     return found

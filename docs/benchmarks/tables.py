@@ -13,6 +13,7 @@ import csv
 from pathlib import Path
 import re
 
+from described_flows import described_flows
 from kernel_ratio import time_ratio
 
 HERE = Path(__file__).parent
@@ -42,42 +43,97 @@ def scores() -> Iterator[Line]:
         )
 
 
-#: Names of the mapped eruptions, and of the sets of constants with the eruption of their fit.
+#: Names of the mapped eruptions, and of the sets of constants with the flows that they fit: the
+#: beginning of the case and of the date of the outline.
 ERUPTIONS = {
-    'etna2001': 'Etna 2001', 'etna2006': 'Etna 2006', 'lapalma2021': 'La Palma 2021, ',
+    'etna2001': 'Etna 2001', 'etna2006': 'Etna 2006', 'lapalma2021': 'La Palma 2021',
 }
-MATERIALS = {'etna_basalt': 'Etna', 'fitted to 24 September': 'La Palma'}
+MATERIALS = {
+    'etna_basalt': ('`etna_basalt`', ('etna',)),
+    'fitted_basalt': ('`fitted_basalt`', ('etna', 'lapalma')),
+    'fitted to 24 September': ('fitted to La Palma, 24 September', ('lapalma2021 2021-09-24',)),
+    'basalt': ('`basalt`', ()),
+}
+
+
+def _flow_rows() -> dict[tuple[str, str], dict[str, dict[str, str]]]:
+    """Return the rows of runs from the onset, by case and outline, and by set."""
+    found: dict[tuple[str, str], dict[str, dict[str, str]]] = {}
+    for row in lines_of('flows.csv'):
+        if not row['from_outline']:
+            found.setdefault((row['case'], row['outline']), {})[row['constants']] = row
+    return dict(sorted(found.items()))
 
 
 def flows() -> Iterator[Line]:
     """Yield the scores of all mapped flows at draft, fitted or not, beside two references."""
-    yield ('flow', '`etna_basalt`', 'fitted to La Palma, 24 September', 'steepest descent',
+    yield ('flow', *(title for title, _ in MATERIALS.values()), 'steepest descent',
            'outline before')
-    descents = {row['case']: row['descent'] for row in lines_of('references.csv')}
-    rows = [row | {'jaccard': row['majority'], 'outline': '', 'persistence': '',
-                   'descent': descents[row['case']]}
-            for name in ('eruptions.csv', 'eruptions_other_volcano.csv')
-            for row in lines_of(name) if row['preset'] == 'draft']
-    rows += [row for row in lines_of('lapalma_outlines.csv') if row['constants'] in MATERIALS]
-    found = {(row['case'], row['outline'], row['constants']): row for row in rows}
-    others: dict[str, list[float]] = {name: [] for name in MATERIALS}
-    for case, outline in dict.fromkeys((row['case'], row['outline']) for row in rows):
+    scores: dict[str, dict[str, list[float]]] = {name: {} for name in MATERIALS}
+    for (case, outline), rows in _flow_rows().items():
         cells = []
-        for name, place in MATERIALS.items():
-            row = found[case, outline, name]
-            is_fitted = ERUPTIONS[case].startswith(place) and (
-                place == 'Etna' or outline.startswith('2021-09-24')
-            )
-            if not ERUPTIONS[case].startswith(place):
-                others[name].append(float(row['jaccard']))
-            cells.append(f'{float(row["jaccard"]):.2f}' + ' (fitted)' * is_fitted)
-        before = row['persistence']
+        for name, (_, fitted) in MATERIALS.items():
+            score = float(rows[name]['jaccard'])
+            scores[name].setdefault(case, []).append(score)
+            cells.append(f'{score:.2f}' + ' (fitted)' * f'{case} {outline}'.startswith(fitted))
+        first = rows['etna_basalt']
+        before = first['persistence']
+        date = outline.removesuffix('T12:00:00Z')
         yield (
-            f'{ERUPTIONS[case]}{outline.removesuffix("T12:00:00Z")}', *cells,
-            f'{float(row["descent"]):.2f}', f'{float(before):.2f}' if before else '',
+            f'{ERUPTIONS[case]}{date and f", {date}"}', *cells, f'{float(first["descent"]):.2f}',
+            f'{float(before):.2f}' if before else '',
         )
-    means = (f'**{sum(values) / len(values):.2f}**' for values in others.values())
-    yield ('mean over the other volcano', *means, '', '')
+    means = (
+        sum(sum(values) / len(values) for values in cases.values()) / len(cases)
+        for cases in scores.values()
+    )
+    yield ('mean of the three eruptions', *(f'**{mean:.2f}**' for mean in means), '', '')
+
+
+def left_out() -> Iterator[Line]:
+    """Yield the scores of each eruption with the set that is best for the two others."""
+    rows = lines_of('calibration_flows_h200.csv')
+    names = list(dict.fromkeys(row['case'] for row in rows))
+    cases = [name.partition(' ')[0] for name in names]
+    sets = [rows[first : first + len(names)] for first in range(0, len(rows), len(names))]
+
+    def score(number: int, case: str) -> float:
+        own = [float(row['jaccard']) for row in sets[number] if row['case'].startswith(case)]
+        return sum(own) / len(own)
+
+    def mean(number: int, wanted: Iterable[str]) -> float:
+        return sum(score(number, case) for case in wanted)
+
+    numbers = range(len(sets))
+    together = max(numbers, key=lambda number: mean(number, dict.fromkeys(cases)))
+    yield ('eruption left out', 'set that is best for the two others', 'its viscosity',
+           'best set of all three', 'its own best set')
+    for case in dict.fromkeys(cases):
+        others = [other for other in dict.fromkeys(cases) if other != case]
+        chosen = max(numbers, key=lambda number, others=others: mean(number, others))
+        yield (
+            ERUPTIONS[case], f'**{score(chosen, case):.2f}**',
+            f'{float(sets[chosen][0]["viscosity"]):,.0f} Pa s', f'{score(together, case):.2f}',
+            f'{max(score(number, case) for number in numbers):.2f}',
+        )
+
+
+def fluid() -> Iterator[Line]:
+    """Yield the cost of fluid lava on the mapped flows beside a fitted material."""
+    yield ('flow', 'material', 'spacing', 'limit', 'CPU time', 'Jaccard index', 'area')
+    for (case, outline), rows in _flow_rows().items():
+        # the area at the last outline, to which the time belongs
+        if outline and not outline.startswith('2021-10-21'):
+            continue
+        for name in ('etna_basalt', 'basalt'):
+            row = rows[name]
+            limit, cpu = row['mobility_limit_m_per_s'], row['cpu_s']
+            yield (
+                ERUPTIONS[case], f'`{name}`', f'{float(row["spacing_m"]):g} m',
+                f'{float(limit):g} m/s' if limit else 'none',
+                f'{float(cpu):.1f} s' if cpu else '', f'{float(row["jaccard"]):.2f}',
+                f'x {float(row["area_ratio"]):.2f}',
+            )
 
 
 def codes() -> Iterator[Line]:
@@ -131,23 +187,33 @@ def dates() -> Iterator[Line]:
         )
 
 
+#: Runs of La Palma by the outline of their start and the file of their vents.
+STARTS = {
+    ('', ''): 'from the onset, one vent',
+    ('2021-09-24T12:00:00Z', ''): 'from the outline of 24 September, one vent',
+    ('2021-09-24T12:00:00Z', 'lapalma_vents'): '... and the vents of 1 October',
+    ('2021-09-24T12:00:00Z', 'lapalma_vents_hot'): '... and later lava 40 K hotter',
+}
+
+
 def outlines() -> Iterator[Line]:
-    """Yield the scores of sets of constants on dated outlines."""
-    rows = lines_of('lapalma_outlines.csv')
-    found = {(row['constants'], row['outline']): row for row in rows}
-    names = list(dict.fromkeys(row['constants'] for row in rows))
-    runs = {row['constants']: row['runs'] for row in rows}
-    heads = (f'{name}, {runs[name]} {"run" if runs[name] == "1" else "runs"}' for name in names)
-    yield ('outline', *heads, 'steepest descent', 'outline before')
-    for date in dict.fromkeys(row['outline'] for row in rows):
-        every = [found[name, date] for name in names]
-        before = every[0]['persistence']
-        yield (
-            date.removesuffix('T12:00:00Z'),
-            *(f'{float(row["jaccard"]):.2f} (x {float(row["area_ratio"]):.2f}, '
-              f'x {float(row["length_ratio"]):.2f})' for row in every),
-            f'{float(every[0]["descent"]):.2f}', f'{float(before):.2f}' if before else '',
-        )
+    """Yield the scores of the set of 24 September on later outlines of La Palma, by the start."""
+    rows = [row for row in lines_of('flows.csv') if row['constants'] == 'fitted to 24 September'
+            and row['case'].startswith('lapalma') and row['outline'] > '2021-09-25']
+    dates = sorted({row['outline'] for row in rows})
+    yield ('run', *(date.removesuffix('T12:00:00Z') for date in dates))
+    for start, text in STARTS.items():
+        own = {row['outline']: row for row in rows if (row['from_outline'], row['vents']) == start}
+        yield (text, *(
+            f'{float(own[date]["jaccard"]):.2f} (x {float(own[date]["area_ratio"]):.2f}, '
+            f'x {float(own[date]["length_ratio"]):.2f})' for date in dates
+        ))
+    before = {row['outline']: row for row in rows if not row['from_outline']}
+    yield ('outline before', *(f'{float(before[date]["persistence"]):.2f}' for date in dates))
+    first = {row['outline']: row for row in rows if row['from_outline']}
+    yield ('outline of 24 September', *(
+        f'{float(first[date]["persistence_of_start"]):.2f}' for date in dates
+    ))
 
 
 def largest_gap(diagrams: Iterable[str]) -> float:
@@ -585,15 +651,28 @@ def _two_digits(number: str) -> str:
     return f'{float(f"{float(number):.2g}"):g}'
 
 
+def described() -> Iterator[Line]:
+    """Yield the described flows with the kind that follows from their numbers."""
+    yield 'flow', 'Q [m³/s]', 'slope', 'Ψ', 'kind of the authors', 'kind found', 'source'
+    for flow in described_flows():
+        found = flow.found.name
+        yield (
+            flow.name, f'{flow.found.discharge:g}', f'{flow.found.slope:g}',
+            f'{float(f"{flow.found.crust:.2g}"):g}', flow.kind,
+            f'**{found}**: {flow.missed_because}' if flow.missed_because else found, flow.source,
+        )
+
+
 def mobility_limits() -> Iterator[Line]:
     """Yield cost and area of a flow by the limit of the mobility."""
-    yield ('limit', 'steps', 'CPU time', 'area', 'Jaccard index with no limit')
+    yield ('limit', 'steps', 'CPU time', 'area of the runs', 'Jaccard index of the majorities')
     for row in lines_of('mobility_limit.csv'):
-        limit = row['mobility_limit_m_per_s']
+        limit, scatter = row['mobility_limit_m_per_s'], row['area_deviation_km2']
         yield (
-            f'{limit} m/s' if limit else 'none', f'{int(row["steps"]):,}',
-            f'{float(row["cpu_s"]):.1f} s', f'{float(row["area_km2"]):.2f} km²',
-            f'{float(row["jaccard_with_unlimited"]):.2f}',
+            f'{limit} m/s' if limit else 'none', f'{float(row["steps"]):,.0f}',
+            f'{float(row["cpu_s"]):.1f} s',
+            f'{float(row["area_km2"]):.2f} ± {float(scatter):.2f} km²',
+            f'{float(row["jaccard_of_majorities"]):.2f}',
         )
 
 
@@ -604,11 +683,12 @@ PAGES: Mapping[str, Tables] = {
     'VALIDATION.md': {
         'flows': flows, 'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes,
         'chances': chances, 'dates': dates, 'changes': changes, 'commands': commands,
-        'outlines': outlines,
+        'outlines': outlines, 'left_out': left_out,
     },
     'MODEL.md': {
         'carriers': carriers, 'grounds': grounds, 'kernel_radii': kernel_radii,
-        'kernel_ratios': kernel_ratios, 'mobility_limits': mobility_limits,
+        'described': described, 'kernel_ratios': kernel_ratios, 'mobility_limits': mobility_limits,
+        'fluid': fluid,
     },
     'PERFORMANCE.md': {'steps': steps, 'covered_cells': covered_cells, 'members': members},
     'presets.md': {

@@ -61,12 +61,12 @@ def calibrate(args: argparse.Namespace) -> int:
 
     The command runs one or more cases (docs/VALIDATION.md) with many sets of values of a few
     constants inside their published ranges, the same set for all cases. It never changes a
-    constant that a case states, unless --unknown names it. The score of a set is the
-    mean over the cases. The command reports the sets that score nearly as well as the best, the
-    spread of each constant among them, the constants that do not affect the score, the interval
-    that contains each constant with a probability of 90 %, and how well constants fitted to the
-    other cases score on each case. With --fit-until, outlines of later dates are forecast. The
-    same command continues an interrupted search.
+    constant that a case states, unless --unknown names it. The score of a set is the mean over
+    the cases, each the mean over its dated outlines. The command reports the sets that score
+    nearly as well as the best, the spread of each constant among them, the constants that do
+    not affect the score, the interval that contains each constant with a probability of 90 %,
+    and how well constants fitted to the other cases score on each case. With --fit-until,
+    outlines of later dates are forecast. The same command continues an interrupted search.
     """
     from lava_ros.cli.scenes import settle_method
     from lava_ros.hindcast.calibration import (
@@ -154,7 +154,7 @@ def calibrate(args: argparse.Namespace) -> int:
         )
     found, near = findings(parameters, samples), near_optimal(samples)
     _, effective = posterior_quantiles(parameters, samples)
-    left_out = leave_one_out(samples)
+    left_out = leave_one_out(samples, names)
     forecasts = [item for case in cases for item in _forecasts(case, near[0], fitted)]
     data = {
         'cases': names,
@@ -255,7 +255,7 @@ def _times(case: Case) -> list[tuple[str, float]]:
 
 def _until(text: str | None, cases: Sequence[Case]) -> dict[str, float]:
     """Return the time after which the outlines of each case are not fitted [s]."""
-    from lava_ros.hindcast.outlines import time_of_outline
+    from lava_ros.scene.from_outline import time_of_outline
 
     if text is None:
         return {}
@@ -318,8 +318,9 @@ def _print_findings(
           f'{len(samples)} sets')
     for case in left_out:
         print(
-            f'{case.case}: {near[0].mean([case.case]):.3f} with the best set, {case.jaccard:.3f} '
-            f'with the set that is best for the others, {case.best:.3f} with its own best set'
+            f'{case.case}: {near[0].mean([case.eruption]):.3f} with the best set, '
+            f'{case.jaccard:.3f} with the set that is best for the others, {case.best:.3f} with '
+            'its own best set'
         )
     print(f'{len(near)} sets are within {best - near[-1].jaccard:.3f} of the best; in them')
     print(f'{"":17} {"case":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation')

@@ -71,8 +71,17 @@ _CASE = in_group(
     ),
     argument(
         '--mobility-limit', 'U', 'maximum speed of lava over its slope [m/s]: faster lava moves '
-        'as if its viscosity were higher, which shortens runs of fluid lava (default: none)',
-        float,
+        'as if its viscosity were higher (default: one that bounds the time of a run of lava that '
+        'is fluid at the vent, and none for other lava)', float,
+    ),
+    argument(
+        '--from-outline', 'TIME', 'start from the mapped outline of this time, in s of the clock '
+        'of the case or as a date: lava that erupted before lies in it, and later outlines are '
+        'scored (default: start with the eruption, or as the case says)',
+    ),
+    argument(
+        '--solidified', 'F', 'lower fraction of the lava in this outline that is solid, and part '
+        'of the ground (default: 0)', float,
     ),
     shared('--low-pass', 'that of the case'), shared('--fresh', 'continue an interrupted run'),
 )
@@ -82,7 +91,7 @@ _MAPS = ('--at',)
 _INPUTS = (
     '--terrain', '--epsg', '--nodata', '--fill-holes', '--sea-level', '--until', '--start',
     '--gaps', '--porosity', '--measured', '--emplaced-flow', '--emplaced-thickness',
-    '--emplaced-as', '--terrain-at',
+    '--emplaced-volume', '--emplaced-solidified', '--emplaced-as', '--terrain-at',
 )
 _VENTS = ('--vent', '--vents', '--effusion-rate')
 

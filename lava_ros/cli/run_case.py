@@ -61,6 +61,8 @@ def run_case(args: argparse.Namespace) -> int:
         vent=args.vent or (),
         vents=args.vents,
         effusion_rate=args.discharge,
+        from_outline=_time_of(args.from_outline),
+        solidified=args.solidified,
         words=WORDS,
     )
     settle_method(args, case.scene, case.duration, forced_effects(args))
@@ -77,6 +79,12 @@ def run_case(args: argparse.Namespace) -> int:
         choice = choose_case_spacing(case, settings, runs=runs)
         settings = replace(settings, spacing=choice.spacing)
         print(choice.text())
+    bound = settings.accuracy(case).mobility_limit
+    if settings.mobility_limit is None and bound is not None:
+        print(
+            f'lava that is fluid at the vent: its speed over its slope is limited to {bound:g} '
+            'm/s, as by a higher viscosity (--mobility-limit 1e9 for no limit)'
+        )
     run = Run(case, settings, folder=unfinished)
     if run.is_resumed:
         print(f'continuing the unfinished run in {output}', file=sys.stderr)
@@ -135,6 +143,14 @@ def run_case(args: argparse.Namespace) -> int:
         print(f'lava run: {item}', file=sys.stderr)
     print('\n'.join(f'written to {path}' for path in [*files, output / RESULT]))
     return 0
+
+
+def _time_of(text: str | None) -> float | str | None:
+    """Return a time in s as a number, and a date as its text."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return text
 
 
 def _dated(

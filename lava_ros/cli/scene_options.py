@@ -93,11 +93,20 @@ _PARTS: tuple[str | Argument, ...] = (
     argument(
         '--emplaced-flow', 'FILE', 'flow that is there before the start: a raster of its '
         'thickness [m], such as thickness.tif of lava export, or a file of outlines with '
-        '--emplaced-thickness; may be repeated; adds to the flows of the scene',
+        '--emplaced-thickness or --emplaced-volume; may be repeated; adds to the flows of the '
+        'scene',
         action='append',
     ),
     argument(
         '--emplaced-thickness', 'M', 'thickness [m] of the outlines of emplaced flows', float
+    ),
+    argument(
+        '--emplaced-volume', 'M3', 'volume [m3] of the outlines of an emplaced flow, in place of '
+        'a thickness; it thins towards the margin', float,
+    ),
+    argument(
+        '--emplaced-solidified', 'F', 'lower fraction of emplaced lava that is solid, and part of '
+        'the ground (default: 0)', float,
     ),
     argument(
         '--emplaced-as', None, 'what emplaced flows are: lava, which starts at the eruption '

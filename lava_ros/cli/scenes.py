@@ -49,7 +49,10 @@ def source_of(args: argparse.Namespace) -> SceneSource:
     given: dict[str, Any] = {
         name: value for name, value in known.items() if value is not None and value is not False
     }
-    shared = {'thickness': args.emplaced_thickness, 'as': args.emplaced_as}
+    shared = {
+        'thickness': args.emplaced_thickness, 'volume': args.emplaced_volume,
+        'solidified': args.emplaced_solidified, 'as': args.emplaced_as,
+    }
     shared = {name: value for name, value in shared.items() if value is not None}
     if args.emplaced_flow:
         given['emplaced_flows'] = [{'file': file, **shared} for file in args.emplaced_flow]

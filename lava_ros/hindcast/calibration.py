@@ -3,9 +3,10 @@
 
 """Calibration: a search for constants with which hindcasts match mapped flow fields.
 
-The constants are the same for all cases, and the score is the mean of the cases' scores. The
-leave-one-out score of a case is the score with the set that is best for the other cases. Outlines
-of a case after a date are not fitted: their scores are scores of forecasts.
+The constants are the same for all cases, and the score is the mean of the cases' scores, each the
+mean over its dated outlines. The leave-one-out score of a case is the score with the set that is
+best for the other cases. Outlines of a case after a date are not fitted: their scores are those
+of forecasts.
 
 A mapped outline constrains few constants, and the score jumps when a flow passes an obstacle on
 the other side. The result is therefore the set of all runs that are nearly as good as the best,
@@ -60,7 +61,7 @@ BATCH = 16
 #: Columns of the table of runs in addition to the parameters.
 COLUMNS = (
     *('jaccard', 'single', 'recall', 'precision', 'length_error', 'area_error'),
-    *('fitted', 'directions', 'wall_time_s'),
+    *('eruption', 'fitted', 'directions', 'wall_time_s'),
 )
 
 
@@ -76,17 +77,27 @@ class ParameterSample:
 
     @property
     def jaccard(self) -> float:
-        """Score: the mean Jaccard index over the cases and outlines that are fitted."""
-        return self.mean(self.fitted)
+        """Score: the mean Jaccard index over the eruptions that are fitted."""
+        return self.mean(self.eruptions)
+
+    @property
+    def eruptions(self) -> list[int]:
+        """Numbers of the cases, from 0, that are fitted or have an outline that is."""
+        found = (self.numbers[name]['eruption'] for name in self.fitted)
+        return [int(number) for number in dict.fromkeys(found)]
 
     @property
     def fitted(self) -> list[str]:
         """Names of the cases and outlines that are fitted."""
         return [name for name, numbers in self.numbers.items() if numbers['fitted']]
 
-    def mean(self, cases: Iterable[str]) -> float:
-        """Return the mean Jaccard index over some of the cases."""
-        return float(np.mean([self.numbers[case]['jaccard'] for case in cases]))
+    def mean(self, eruptions: Iterable[int]) -> float:
+        """Return the mean Jaccard index over eruptions, each the mean of its fitted outlines."""
+        fitted = [self.numbers[name] for name in self.fitted]
+        return float(np.mean([
+            np.mean([numbers['jaccard'] for numbers in fitted if numbers['eruption'] == number])
+            for number in eruptions
+        ]))
 
 
 @dataclass(frozen=True)
@@ -260,24 +271,29 @@ def has_enough_samples(samples: Sequence[ParameterSample]) -> bool:
 class CrossValidation:
     """Score of constants on a case to which they were not fitted.
 
-    ``values`` is the best set for the other cases, ``jaccard`` its score on this case, and
-    ``best`` the best score of any set on this case.
+    ``values`` is the best set for the other cases, ``jaccard`` its score on this case, ``best``
+    the best score of any set on this case, and ``eruption`` the number of the case, from 0.
     """
 
     case: str
     values: Mapping[str, float]
     jaccard: float
     best: float
+    eruption: int
 
 
-def leave_one_out(samples: Sequence[ParameterSample]) -> list[CrossValidation]:
-    """Score each case with the set that is best for the other cases; empty for one case."""
-    cases, result = samples[0].fitted, []
-    for case in cases if len(cases) > 1 else []:
-        others = [other for other in cases if other != case]
+def leave_one_out(
+    samples: Sequence[ParameterSample], cases: Sequence[str]
+) -> list[CrossValidation]:
+    """Score each of the ``cases`` with the set that is best for the others; empty for one case."""
+    known, result = samples[0].eruptions, []
+    for case in known if len(known) > 1 else []:
+        others = [other for other in known if other != case]
         chosen = max(samples, key=lambda sample: sample.mean(others))
         best = max(sample.mean([case]) for sample in samples)
-        result.append(CrossValidation(case, chosen.values, chosen.mean([case]), best))
+        result.append(
+            CrossValidation(cases[case], chosen.values, chosen.mean([case]), best, case)
+        )
     return result
 
 
@@ -335,9 +351,10 @@ def _evaluate(
     return [
         {
             name: numbers
-            for case in cases
+            for number, case in enumerate(cases)
             for name, numbers in _numbers(
-                case, [next(parts) for _ in ways], taken / count, until.get(case.name, math.inf)
+                case, [next(parts) for _ in ways], taken / count,
+                until.get(case.name, math.inf), number,
             )
         }
         for _ in sets
@@ -345,7 +362,7 @@ def _evaluate(
 
 
 def _numbers(
-    case: Case, results: Sequence[Result], wall_time: float, until: float
+    case: Case, results: Sequence[Result], wall_time: float, until: float, eruption: int
 ) -> Iterator[tuple[str, Mapping[str, float]]]:
     """Yield the names and results, by ``COLUMNS``, of a set that took a wall time [s]."""
     rows: list[tuple[float, Any, list[float]]] = []
@@ -362,6 +379,7 @@ def _numbers(
         yield name, {
             **{column: float(plain[column]) for column in COLUMNS if column in plain},
             'single': float(np.mean(singles)),
+            'eruption': float(eruption),
             'fitted': float(time_mapped <= until),
             'directions': float(len(results)),
             'wall_time_s': wall_time,

@@ -43,6 +43,7 @@ class Case:
         low_pass: Width of the filter applied to the terrain [m]; 0: none.
         outlines: Mapped flow fields at several times, the last one ``footprint``; empty if the
             case has one footprint only.
+        initial: Mapped flow field from which the simulation starts; None without one.
         stated: Names of the constants of the lava that the files of the case state, with
             ``vent_temperature`` if they state it.
     """
@@ -58,6 +59,7 @@ class Case:
     volume: float
     low_pass: float = 0.0
     outlines: tuple[Outline, ...] = ()
+    initial: np.ndarray | None = None
     stated: frozenset[str] = frozenset()
 
     @property
@@ -88,7 +90,7 @@ class Case:
         """Return the case with other constants of the lava, by name.
 
         ``temperature`` is the eruption temperature [K], None for the current one; ``discharge`` is
-        a factor on all discharges.
+        a factor on all discharges, not on lava that is there at the start.
 
         Raises:
             LavaError: If a value is not valid.
@@ -101,8 +103,16 @@ class Case:
             )
             for vent in self.scene.vents
         )
-        scene = replace(self.scene, lava=replace(self.scene.lava, **lava), vents=vents)
-        return replace(self, scene=scene, volume=self.volume * discharge)
+        flows = tuple(
+            flow if temperature is None else replace(flow, temperature=temperature)
+            for flow in self.scene.emplaced_flows
+        )
+        scene = replace(
+            self.scene, lava=replace(self.scene.lava, **lava), vents=vents, emplaced_flows=flows
+        )
+        emplaced = sum(flow.volume for flow in flows)
+        volume = emplaced + (self.volume - emplaced) * discharge
+        return replace(self, scene=scene, volume=volume)
 
 
 def load_case(directory: str | Path, **changes: Any) -> Case:
@@ -129,7 +139,8 @@ def load_case(directory: str | Path, **changes: Any) -> Case:
     footprints = partial(_footprint, ground=ground)
     if 'outlines' in options:
         outlines = read_outlines(
-            options['outlines'], folder, footprints, start=start, onset=Onset.of(scene)
+            options['outlines'], folder, footprints, start=start, onset=Onset.of(scene),
+            starts_from_outline=read.initial is not None,
         )
         last = start + outlines[-1].time
     end = validation.number('case.end', options.get('end', last), above=start, unit='s')
@@ -153,9 +164,11 @@ def load_case(directory: str | Path, **changes: Any) -> Case:
         footprint=footprint,
         start=start,
         end=end,
-        volume=sum(vent.volume_between(0.0, end - start) for vent in scene.vents),
+        volume=sum(vent.volume_between(0.0, end - start) for vent in scene.vents)
+        + sum(flow.volume for flow in scene.emplaced_flows),
         low_pass=read.width,
         outlines=outlines,
+        initial=None if read.initial is None else read.initial.covered,
         stated=_stated(stated, read.vents),
     )
     check_outline(case.vent_cells, ground, footprint)

@@ -12,6 +12,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene.file_keys import OUTLINE_KEYS
+from lava_ros.scene.from_outline import time_of_outline
 from lava_ros.scene.onset import Onset
 
 
@@ -32,7 +33,7 @@ class Outline:
 
 def read_outlines(
     items: object, folder: Path, read: Callable[[Path], np.ndarray], *, start: float,
-    onset: Onset | None,
+    onset: Onset | None, starts_from_outline: bool = False,
 ) -> tuple[Outline, ...]:
     """Read the outlines that ``case.yaml`` lists.
 
@@ -43,6 +44,7 @@ def read_outlines(
         read: Function that reads a footprint on the cells of the case.
         start: Start of the simulation on the clock of the case [s].
         onset: Date of the start of the simulation; None without one: dates are then refused.
+        starts_from_outline: True to leave out outlines up to the start.
 
     Raises:
         LavaError: If a value or a file cannot be used, or times do not increase.
@@ -52,6 +54,8 @@ def read_outlines(
     for where, item in validation.items('case.outlines', items, expected, least=1):
         data = OUTLINE_KEYS(where, item)
         time = time_of_outline(f'{where}.time', data['time'], start, onset)
+        if starts_from_outline and time <= 0.0:
+            continue
         least = outlines[-1].time if outlines else 0.0
         if time <= least:
             expected = f'a time after {"the outline before" if outlines else "the start"}'
@@ -61,25 +65,7 @@ def read_outlines(
             raise LavaError(f'{where}.file', data['file'], f'a file in {folder}')
         text = f'{start + time:.10g} s' if onset is None else onset.utc(time)
         outlines.append(Outline(time, text, read(path)))
+    if not outlines:
+        raise LavaError('case.outlines', 'no later outline', 'one after that of the start')
     return tuple(outlines)
 
-
-def time_of_outline(where: str, value: object, start: float, onset: Onset | None) -> float:
-    """Return a time since the start of the simulation [s].
-
-    Args:
-        where: Name of the value in errors.
-        value: Time on the clock of the case [s], or a date in ISO 8601.
-        start: Start of the simulation on the clock of the case [s].
-        onset: Date of the start of the simulation; None without one.
-
-    Raises:
-        LavaError: If the value is neither, or is a date and there is no onset.
-    """
-    if not isinstance(value, str):
-        return validation.number(where, value, unit='s') - start
-    date = Onset.from_text(value, field=where)
-    if onset is None:
-        expected = 'a time [s]; a date also needs the date of time 0, effusion_rate: {start: DATE}'
-        raise LavaError(where, value, expected)
-    return (date.start - onset.start).total_seconds()

@@ -157,9 +157,12 @@ def run_together(
 
     def route(number: int, case: Case, direction: Orientation) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
-        # all directions use the spacing and the thickness of the original case
+        # all directions use the spacing, the thickness and the limit of the original case
         accuracy = settings.accuracy(case)
-        same = replace(settings, spacing=accuracy.spacing, thickness=accuracy.thickness)
+        same = replace(
+            settings, spacing=accuracy.spacing, thickness=accuracy.thickness,
+            mobility_limit=accuracy.mobility_limit,
+        )
         run = Run(direction.rotate(case), same, folder=kept, has_maps=False)
 
         def show(time: float) -> None:
@@ -199,9 +202,16 @@ def _changed(
 
     # vents and grids change together: a vent may be off the ground between the two
     bare = replace(case.scene, vents=()).on(terrain)
-    scene = replace(bare, vents=_vents_at(case, place))
+    # emplaced flows extend over the terrain of the case
+    flows = tuple(
+        replace(flow, thickness=grid(flow.thickness)) for flow in case.scene.emplaced_flows
+    )
+    scene = replace(bare, vents=_vents_at(case, place), emplaced_flows=flows)
     outlines = tuple(replace(item, footprint=grid(item.footprint)) for item in case.outlines)
-    return replace(case, scene=scene, footprint=grid(case.footprint), outlines=outlines)
+    initial = None if case.initial is None else grid(case.initial)
+    return replace(
+        case, scene=scene, footprint=grid(case.footprint), outlines=outlines, initial=initial
+    )
 
 
 def _vents_at(case: Case, place: Callable[[Place], Place]) -> tuple[Vent, ...]:

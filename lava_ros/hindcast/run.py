@@ -23,6 +23,7 @@ from lava_ros.errors import refusing
 from lava_ros.forecast.partner_runs import measure_error
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened, refined
+from lava_ros.hindcast.fluid import bounded
 from lava_ros.runs.drive import driving, Sink
 from lava_ros.runs.provenance import identity_of as run_identity
 from lava_ros.runs.provenance import program
@@ -76,7 +77,8 @@ class Settings:
         integrator: Time integration, unless the preset has its own displacement.
         thickness: Thickness scale, which sets the volume of a particle [m]; None for the scale of
             the expected flow.
-        mobility_limit: Maximum of speed over slope [m/s]; None for no limit.
+        mobility_limit: Maximum derivative of speed by slope [m/s]; None for one that bounds
+            the cost of fluid lava (fluid.py).
         method: Carriers of the lava (``Accuracy.method``).
     """
 
@@ -101,6 +103,7 @@ class Settings:
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant, integrator=self.integrator)
         forced = {**FORCED, **self.forced}
+        accuracy = bounded(accuracy, case.scene, forced, horizon=case.duration)
         return resolved_accuracy(accuracy, case.scene, forced, horizon=case.duration)
 
     def coarseness(self, case: Case) -> int:

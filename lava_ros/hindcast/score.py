@@ -123,6 +123,8 @@ def score_case(
         threshold: Minimum thickness of lava that counts [m].
     """
     terrain, footprint, thickness = case.scene.terrain, case.footprint, np.nan_to_num(thickness)
+    if case.initial is not None:
+        inundated = np.maximum(inundated, case.initial)
     standing, area = standing_cells(thickness, threshold), terrain.resolution**2
     inundated_area = area_of(inundated, terrain.resolution)
     standing_area = area_of(standing_part(standing, inundated), terrain.resolution)
@@ -204,7 +206,7 @@ def refer(
         before: Outline that persists; None: for each date the previous outline.
     """
     visits = count_visits(case.scene.terrain.elevation, case.vent_cells)
-    found, last = {}, before
+    found, last = {}, case.initial if before is None else before
     for outline in case.outlines:
         if outline.text in area_errors:
             cells = round((1.0 + area_errors[outline.text]) * int(outline.footprint.sum()))

@@ -1,7 +1,12 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Flows emplaced before the start: as lava that still flows, or as ground."""
+"""Flows emplaced before the start: as lava that still flows, as ground, or as lava on ground.
+
+Outlines with a volume have the profile of a perfectly plastic flow on level ground: the thickness
+is proportional to the square root of the distance from the margin (Nye 1952, Journal of Glaciology
+2, 103-107, for ice; Blake 1990, in Lava Flows and Domes, 88-126, for lava).
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -34,6 +39,9 @@ MAX_CELLS = 4_000_000
 #: Roles of a flow: lava at the start, or ground.
 KINDS = ('lava', 'ground')
 
+#: Check of the lower fraction of a flow that is solid.
+SOLIDIFIED_CHECK = partial(validation.number, at_least=0.0, at_most=0.99)
+
 #: Keys of a flow in a scene file.
 FLOW_KEYS = Keys({
     'file': Key(FILE_NAME, 'Raster of thickness [m], or outlines; relative to this file', True),
@@ -44,6 +52,14 @@ FLOW_KEYS = Keys({
     'thickness': Key(
         partial(validation.number, above=0.0, at_most=MAX_THICKNESS, unit='m'),
         'Thickness of outlines [m]',
+    ),
+    'volume': Key(
+        partial(validation.number, above=0.0, unit='m3'),
+        'Volume of outlines [m3], in place of a thickness: the flow thins towards its margin',
+    ),
+    'solidified': Key(
+        SOLIDIFIED_CHECK,
+        'Lower fraction of the thickness that is solid, and part of the ground; 0 if left out',
     ),
     'temperature': Key(
         TEMPERATURE_CHECK, 'Temperature of the lava [K]; the eruption temperature if left out'
@@ -160,40 +176,99 @@ def read_flows(
         data = FLOW_KEYS(name, item)
         path, kind = folder / data['file'], data.get('as', 'lava')
         temperature = data.get('temperature')
-        if temperature is not None and kind == 'ground':
-            raise validation.surplus(f'{name}.temperature', 'to ground')
+        for key in ('temperature', 'solidified'):
+            if key in data and kind == 'ground':
+                raise validation.surplus(f'{name}.{key}', 'to ground')
+        if 'thickness' in data and 'volume' in data:
+            raise validation.conflict(f'{name}.thickness', f'{name}.volume')
         thickness = _thickness_on(
-            name, path, terrain, data.get('thickness'), is_ground=kind == 'ground'
+            name, path, terrain, data.get('thickness'), data.get('volume'),
+            is_ground=kind == 'ground',
         )
-        cell = terrain.resolution * terrain.shape[0] / len(thickness)
-        flow = EmplacedFlow(thickness, cell, terrain.origin, temperature, path.name)
-        told = f'{flow.volume:,.0f} m3 over {flow.area:,.0f} m2, '
-        told += f'up to {thickness.max():.3g} m thick'
         if kind == 'ground':
+            told = _described(thickness, terrain)
             _LOG.info(f'{path.name}: the ground is raised by an emplaced flow of {told}')
             terrain = replace(terrain, elevation=terrain.elevation + thickness)
         else:
-            _LOG.info(f'{path.name}: lava at the start: {told}')
+            terrain, flow = emplace(
+                thickness, terrain, path.name, temperature, data.get('solidified', 0.0)
+            )
             flows.append(flow)
     return terrain, flows
 
 
+def emplace(
+    thickness: np.ndarray, terrain: Terrain, name: str, temperature: float | None = None,
+    solidified: float = 0.0,
+) -> tuple[Terrain, EmplacedFlow]:
+    """Return a terrain raised by the solid part of a flow, and the lava on it.
+
+    Args:
+        thickness: Thickness [m] on the cells of the terrain or on whole fractions of them, shape
+            [rows, columns].
+        terrain: Terrain below the flow.
+        name: Origin of the flow, for people.
+        temperature: Temperature of the lava [K]; None for that of erupting lava.
+        solidified: Lower fraction of the thickness that is solid.
+    """
+    _LOG.info(f'{name}: lava at the start: {_described(thickness, terrain)}')
+    parts = len(thickness) // terrain.shape[0]
+    flow = EmplacedFlow(
+        (1.0 - solidified) * thickness, terrain.resolution / parts, terrain.origin, temperature,
+        name,
+    )
+    if solidified:
+        rows, columns = terrain.shape
+        mean = thickness.reshape(rows, parts, columns, parts).mean(axis=(1, 3))
+        _LOG.info(f'{name}: {100.0 * solidified:g} % of its thickness are solid, and ground')
+        terrain = replace(terrain, elevation=terrain.elevation + solidified * mean)
+    return terrain, flow
+
+
+def profile_of(covered: np.ndarray, volume: float, cell: float) -> np.ndarray:
+    """Return the thickness [m] of a plastic flow, proportional to the root of the distance.
+
+    Args:
+        covered: Cells in the outline, bool, shape [rows, columns].
+        volume: Volume [m3].
+        cell: Side of a cell [m].
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    # from the centre of a cell to the margin, half a cell less than to the next centre
+    distance = np.where(covered, distance_transform_edt(np.pad(covered, 1))[1:-1, 1:-1] - 0.5, 0.0)
+    root = np.sqrt(distance)
+    return root * (volume / max(float(root.sum()) * cell**2, 1e-9))
+
+
+def _described(thickness: np.ndarray, terrain: Terrain) -> str:
+    cell = terrain.resolution * terrain.shape[0] / len(thickness)
+    area = float((thickness > 0.0).sum()) * cell**2
+    return (f'{thickness.sum() * cell**2:,.0f} m3 over {area:,.0f} m2, '
+            f'up to {thickness.max():.3g} m thick')
+
+
 def _thickness_on(
-    label: str, path: Path, terrain: Terrain, given: float | None, *, is_ground: bool
+    label: str, path: Path, terrain: Terrain, given: float | None, volume: float | None = None,
+    *, is_ground: bool,
 ) -> np.ndarray:
     """Return the thickness on the cells of a terrain, or on finer cells [m], 0 without lava.
 
-    The file has outlines if a thickness is ``given``. Ground is resampled to the cells of the
-    terrain, and may extend beyond it, with a warning.
+    The file has outlines if a thickness is ``given``, or a ``volume``. Ground is resampled to the
+    cells of the terrain, and may extend beyond it, with a warning.
     """
     name, suffix = f'{label}.file', path.suffix.lower()
-    if given is not None:
+    if given is not None or volume is not None:
         areas = read_polygons(name, path, terrain)
-        result = np.where(mark_cells(terrain, areas) & terrain.has_data, given, 0.0)
+        covered = mark_cells(terrain, areas) & terrain.has_data
+        if given is not None:
+            result = np.where(covered, given, 0.0)
+        elif volume is not None:
+            result = profile_of(covered, volume, terrain.resolution)
         places = np.concatenate([item.rings[0] for item in areas])
         _check_on_terrain(name, path, terrain, places, np.ones(len(places)), is_ground)
     elif suffix in vectors.ENDINGS and suffix != '.gpkg':
-        expected = f'a thickness [m], which the outlines of {path.name} do not have'
+        expected = f'a thickness [m] or volume [m3], which the outlines of {path.name} do not have'
         raise LavaError(f'{label}.thickness', None, expected)
     else:
         result = _raster_on(name, path, terrain, is_ground)

@@ -20,6 +20,7 @@ from lava_ros.scene.composition import MOLAR_MASSES, OXIDE_CHECK
 from lava_ros.scene.effusion_rates import RATE_KEYS, TABLE_KEYS
 from lava_ros.scene.emplaced import FLOW_KEYS
 from lava_ros.scene.events import CASE_EVENT_KEYS, SCENE_EVENT_KEYS
+from lava_ros.scene.from_outline import FROM_OUTLINE_KEYS
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import materials
 from lava_ros.scene.scene import ENVIRONMENT, Scene
@@ -112,6 +113,10 @@ CASE_KEYS = Keys({
     ),
     'events': Key(list_of(CASE_EVENT_KEYS.as_schema()), _EVENTS),
     'effusion_rate': Key(RATE_KEYS.as_schema(), 'Options for reading effusion_rate.csv'),
+    'from_outline': Key(
+        FROM_OUTLINE_KEYS.as_schema(),
+        'Outline from which the simulation starts: lava that erupted before lies in it',
+    ),
     'outlines': Key(
         list_of(OUTLINE_KEYS.as_schema(), 1),
         'Flow fields mapped at several times, in place of a footprint',

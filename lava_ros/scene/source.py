@@ -36,6 +36,7 @@ from lava_ros.scene.effusion_rates import (
 from lava_ros.scene.emplaced import EmplacedFlow, read_flows
 from lava_ros.scene.events import read_events
 from lava_ros.scene.file_keys import CASE_TERRAIN
+from lava_ros.scene.from_outline import initial_flow, InitialFlow
 from lava_ros.scene.given_vents import described, GivenVents, summit, usual_vent
 from lava_ros.scene.input_files import digests, files_in
 from lava_ros.scene.materials import Material
@@ -45,7 +46,7 @@ from lava_ros.scene.scene import date_text, ENVIRONMENT, onset_from, Scene, scen
 from lava_ros.scene.scene_files import read_scene
 from lava_ros.scene.terrain import Terrain
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain, terrain_path
-from lava_ros.scene.vent_files import check_places, read_vents, series_of, VentRow
+from lava_ros.scene.vent_files import check_places, read_vents, Series, series_of, VentRow
 
 #: Vents of the demo, (x, y) [m] and effusion rate [m3/s]: one in the crater, which is open to the
 #: north, and one on each side of its opening.
@@ -73,6 +74,7 @@ class CaseInputs:
         start: Start of the simulation on the clock of the case [s].
         last: End of the table of effusion rates on this clock [s].
         width: Width of the filter of the terrain [m]; 0: none.
+        initial: The flow from whose outline the simulation starts; None without one.
     """
 
     files: CaseFiles
@@ -81,6 +83,7 @@ class CaseInputs:
     start: float
     last: float
     width: float
+    initial: InitialFlow | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +138,8 @@ class SceneSource:
         material: Name of the lava.
         emplaced_flows: Flows before the start, in addition to those of the scene, as in its file.
         events: Changes of the ground, in addition to those of the scene, as in its file.
+        from_outline: Time of the outline of a case from which the simulation starts [s], or date.
+        solidified: Lower fraction of the lava in this outline that is solid.
         insist: True to accept numbers that cannot be.
         has_vents: False leaves a terrain alone without a vent on its summit.
         words: Names of fields in errors, as the user writes them; the names here for others.
@@ -157,6 +162,8 @@ class SceneSource:
     material: str | None = None
     emplaced_flows: Sequence[Mapping[str, Any]] = ()
     events: Sequence[Mapping[str, Any]] = ()
+    from_outline: float | str | None = None
+    solidified: float | None = None
     insist: bool = False
     has_vents: bool = True
     words: Mapping[str, str] = field(default_factory=dict)
@@ -245,6 +252,9 @@ class SceneSource:
 
     def _load_scene(self) -> SourcedScene:
         """Return the scene of a file, of a terrain or of the demonstration."""
+        for name in ('from_outline', 'solidified'):
+            if getattr(self, name) is not None:
+                raise validation.surplus(self._word(name), 'to a scene that is no case')
         options, given, terrain = self._terrain_options(), self._given, self.load_terrain()
         data: dict[str, Any] = {}
         if self.path is not None and not self._is_elevation:
@@ -291,6 +301,9 @@ class SceneSource:
         first, last = rates[0].start, rates[-1].end
         start = options.get('start', first)
         start = validation.number('case.start', start, at_most=last, unit='s')
+        series = series_of(rows, rates)
+        if (initial := self._initial_flow(files, ground, series, start, origin)) is not None:
+            start, ground, flows = initial.time, initial.ground, [*flows, initial.flow]
         usual = {'radius': VENT_RADIUS * ground.resolution} | {
             name: options[f'vent_{name}']
             for name in ('radius', 'temperature') if f'vent_{name}' in options
@@ -299,7 +312,7 @@ class SceneSource:
         data = {name: options[name] for name in shared if name in options} | {
             'vents': [
                 described(row, _since(start, fluxes), usual)
-                for row, fluxes in zip(rows, series_of(rows, rates), strict=True)
+                for row, fluxes in zip(rows, series, strict=True)
             ],
             'rate_error': error_of_rates(rates, choices.measured),
             'emplaced_flows': flows,
@@ -313,7 +326,30 @@ class SceneSource:
                 data['onset'] = date_text(origin + timedelta(seconds=start))
         width = validation.number('case.low_pass', width, at_least=0.0)
         return self._completed(
-            'case', data, ground, CaseInputs(files, ground, rows, start, last, width)
+            'case', data, ground, CaseInputs(files, ground, rows, start, last, width, initial)
+        )
+
+    def _initial_flow(
+        self, files: CaseFiles, ground: Terrain, series: Sequence[Series], first: float,
+        origin: datetime | None,
+    ) -> InitialFlow | None:
+        """Return the flow from whose outline a case starts; None without one."""
+        given = dict(files.options.get('from_outline', {}))
+        label = 'case.from_outline'
+        if self.from_outline is not None:
+            given, label = {'time': self.from_outline}, self._word('from_outline')
+        if self.solidified is not None:
+            if not given:
+                raise validation.dependence(
+                    self._word('solidified'), self._word('from_outline')
+                )
+            given['solidified'] = self.solidified
+        if not given:
+            return None
+        if not (outlines := files.options.get('outlines')):
+            raise validation.dependence(label, 'outlines in case.yaml')
+        return initial_flow(
+            given, outlines, files.folder, ground, series, first=first, origin=origin, label=label
         )
 
     def _rows_of_case(self, files: CaseFiles, ground: Terrain) -> tuple[VentRow, ...]:

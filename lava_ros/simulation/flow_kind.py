@@ -55,6 +55,9 @@ MAX_STRESS, MAX_DOME_STRESS = 2e5, 2e6
 #: Kind of a flow whose crust is older than the time in which it moves by its own thickness.
 TUBE_FED = 'tube-fed'
 
+#: Kind of an emplaced flow that no vent feeds.
+UNFED = 'unfed'
+
 #: Effects that a kind calls for, and the parts of its physics that the model lacks.
 _CALLED_FOR: dict[str, tuple[str, str]] = {
     'channel': ('cover and crust_strength', ''),
@@ -73,6 +76,7 @@ _CALLED_FOR: dict[str, tuple[str, str]] = {
         'inertia',
         'turbulent lava would be slower and thicker than the laminar flow that is computed',
     ),
+    UNFED: ('no effect of its own', ''),
 }
 
 
@@ -119,7 +123,9 @@ class FlowKind:
 
     @property
     def name(self) -> str:
-        """Kind of the flow: ``turbulent``, ``dome``, ``tube-fed``, ``sheet`` or ``channel``."""
+        """Kind: ``turbulent``, ``dome``, ``tube-fed``, ``sheet``, ``channel`` or ``unfed``."""
+        if self.discharge <= 0.0:
+            return UNFED
         if self.reynolds > LAMINAR:
             return 'turbulent'
         is_stiff = self.viscosity >= MIN_DOME_VISCOSITY
@@ -134,6 +140,7 @@ class FlowKind:
         """Numbers that decide, in a few words."""
         name, width = self.name, self.width / self.thickness
         return {
+            UNFED: 'lava lies there, and no vent has an effusion rate',
             'turbulent': f'Reynolds number {self.reynolds:.2g} is above {LAMINAR:g}',
             'dome': f'viscosity {self.viscosity:.2g} Pa s at the vent, thickness over diameter '
             f'{self.thickness / self.diameter:.2g} >= {MIN_DOME_ASPECT:g}',
@@ -197,14 +204,14 @@ def crust_time(scene: Scene, temperature: float) -> float:
 
 
 def kind_of(scene: Scene, horizon: float) -> FlowKind | None:
-    """Return the kind of the flow that is expected up to a horizon [s]; None without a discharge.
+    """Return the kind of the flow that is expected up to a horizon [s]; None without lava.
 
     The course is that of lava with the effects of every kind of flow, so that the kind does not
     depend on the effects that it calls for.
     """
     course = course_of(scene, considered(scene), horizon=horizon)
     if course is None:
-        return None
+        return _unfed_kind(scene)
     emitted = sum(flow.volume for flow in scene.emplaced_flows)
     emitted += sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
     return expected_kind(scene, course, emitted)
@@ -227,4 +234,27 @@ def expected_kind(scene: Scene, course: Course, emitted: float) -> FlowKind:
         crust_time=crust_time(scene, temperature),
         weight=lava.density * scene.gravity,
         strength=lava.yield_strength_at(temperature),
+    )
+
+
+def _unfed_kind(scene: Scene) -> FlowKind | None:
+    """Return the kind of emplaced lava without an effusion rate; None without such lava."""
+    area = sum(flow.area for flow in scene.emplaced_flows)
+    if area <= 0.0:
+        return None
+    diameter = 2.0 * math.sqrt(area / math.pi)
+    hottest = max(
+        flow.temperature or scene.lava.reference_temperature for flow in scene.emplaced_flows
+    )
+    return FlowKind(
+        discharge=0.0,
+        slope=0.0,
+        thickness=sum(flow.volume for flow in scene.emplaced_flows) / area,
+        width=diameter,
+        diameter=diameter,
+        viscosity=scene.lava.viscosity_at(hottest),
+        reynolds=0.0,
+        crust_time=crust_time(scene, hottest),
+        weight=scene.lava.density * scene.gravity,
+        strength=scene.lava.yield_strength_at(hottest),
     )

@@ -83,7 +83,7 @@ class Resolution:
             most of its thickness; ``given``, the user; ``cells``, those of the
             terrain, with method cells or without a discharge; or ``measured``, a running
             simulation.
-        kind: Kind of the flow (flow_kind.py); None without a discharge.
+        kind: Kind of the flow (flow_kind.py); None without lava.
         extent: Longer side of the terrain [m]; infinite if measured.
         finest: Minimum spacing [m], by the number of particles and by lateral stress; 0 if
             unknown.

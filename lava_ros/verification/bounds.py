@@ -45,7 +45,8 @@ def _after_hours(*limits: float) -> dict[str, Limits]:
 #:     leapfrog, see STEPS in inertia.py.
 #: viscous_heating: the slope at the end of a step is used for all of it, and the kernel lowers the
 #:     centre. conduction: heat: rounding. cooling_current: power: heat is still being stored.
-#: insulated_sheet: the edges of the sheet, which spread, and the particles at the source.
+#: insulated_sheet: the place at which lava leaves the fissure, to a part of the kernel radius: the
+#:     cooling changes by 3 % of its value in a metre.
 #: cooling_sheet: noise of the particles, and the scatter of temperatures at the source.
 #: cooling_plane: margins 2 m thick and at rest; fingers of hot lava at the front, by chance; the
 #:     reference, which changes by 3 % from cells of 2.5 m to 1.25 m.
@@ -113,8 +114,8 @@ BOUNDS: dict[str, dict[str, Limits]] = {
     'crust': _after_hours(0.03, 0.03, 0.015),
     'insulation': _after_hours(0.001, 0.0005, 0.0005),
     'insulated_sheet': {
-        'cooling after 500 s': (0.045, 0.015, 0.015),
-        'cooling after 1000 s': (0.12, 0.045, 0.045),
+        'cooling after 300 s': (0.035, 0.01, 0.01),
+        'cooling after 600 s': (0.09, 0.02, 0.02),
     },
     'latent_heat': _after_hours(2e-4, 3e-4, 1e-4),
     'steep_sheet': {

@@ -49,8 +49,9 @@ CASES = {
 
 def _evaluated(sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
     return [
-        {case: {**dict.fromkeys(COLUMNS, 0.0), 'fitted': 1.0, 'jaccard': max(score(values), 0.0)}
-         for case, score in CASES.items()}
+        {case: {**dict.fromkeys(COLUMNS, 0.0), 'eruption': number, 'fitted': 1.0,
+                'jaccard': max(score(values), 0.0)}
+         for number, (case, score) in enumerate(CASES.items())}
         for values in sets
     ]
 
@@ -101,7 +102,7 @@ def test_intervals_contain_the_best_values(trials):
 
 @pytest.mark.parametrize('jaccard', [0.0, 0.5])
 def test_intervals_do_not_depend_on_where_the_search_looked(jaccard):
-    numbers = {'one': {'fitted': 1.0, 'jaccard': jaccard}}
+    numbers = {'one': {'eruption': 0.0, 'fitted': 1.0, 'jaccard': jaccard}}
     emissivity = UNKNOWNS[1]
     samples = [
         ParameterSample({'emissivity': value}, numbers)
@@ -115,14 +116,31 @@ def test_intervals_do_not_depend_on_where_the_search_looked(jaccard):
 
 
 def test_cases_are_scored_with_the_constants_of_others(trials):
-    one, two = leave_one_out(trials)
+    one, two = leave_one_out(trials, list(CASES))
     assert (one.case, two.case) == ('one', 'two')
     assert one.values['emissivity'] < 0.3 < two.values['emissivity']
     for item in (one, two):
         assert item.jaccard == pytest.approx(CASES[item.case](item.values))
         assert item.jaccard < item.best
     alone = [ParameterSample(trial.values, {'one': trial.numbers['one']}) for trial in trials]
-    assert leave_one_out(alone) == []
+    assert leave_one_out(alone, ['one']) == []
+
+
+def test_eruption_counts_once_however_many_outlines_it_has():
+    def numbers(eruption: float, jaccard: float, fitted: float = 1.0) -> dict[str, float]:
+        return {'eruption': eruption, 'fitted': fitted, 'jaccard': jaccard}
+
+    dated = {
+        'two 1': numbers(1.0, 0.3), 'two 2': numbers(1.0, 0.5), 'two 3': numbers(1.0, 0.9, 0.0),
+    }
+    samples = [
+        ParameterSample({'viscosity': 1.0}, {'one': numbers(0.0, 0.8), **dated}),
+        ParameterSample({'viscosity': 2.0}, {'one': numbers(0.0, 0.7), **dated}),
+    ]
+    assert samples[0].jaccard == pytest.approx(0.5 * (0.8 + 0.4))
+    one, two = leave_one_out(samples, ['one', 'two'])
+    assert (one.case, two.case) == ('one', 'two')
+    assert two.values == {'viscosity': 1.0} and two.jaccard == pytest.approx(0.4)
 
 
 def test_search_is_repeatable_and_resumes(trials, tmp_path):

@@ -31,17 +31,18 @@ FAR = 1e9
 NOW = 100.0
 
 
-def simulation_of(scene, device='cpu'):
-    return Simulation(scene, accuracy=Accuracy(spacing=8.0, deterministic=True), device=device)
+def simulation_of(scene, device='cpu', effects=None):
+    accuracy = Accuracy(spacing=8.0, deterministic=True)
+    return Simulation(scene, effects=effects or {}, accuracy=accuracy, device=device)
 
 
 class Driven:
     """A worker whose slices and commands run in the thread of the test, with its own clock."""
 
-    def __init__(self, scene=SCENE, *, device='cpu', **options):
+    def __init__(self, scene=SCENE, *, device='cpu', effects=None, **options):
         self.now = NOW
         self.worker = SimulationWorker(
-            lambda scene: simulation_of(scene, device), clock=lambda: self.now, **options
+            lambda scene: simulation_of(scene, device, effects), clock=lambda: self.now, **options
         )
         self.run(self.worker.set_scene(scene))
 
@@ -72,9 +73,11 @@ def flow_of(simulation):
     return numbers, simulation.solver.state.read_particles().tobytes()
 
 
-@pytest.mark.parametrize(('scale', 'tick'), [(1.0, 0.1), (1.0, 0.02), (10.0, 0.1)])
-def test_worker_takes_the_steps_of_one_advance(device, scale, tick):
-    driven, launches = Driven(device=device, time_scale=scale), []
+@pytest.mark.parametrize(('scale', 'tick', 'effects'), [
+    (1.0, 0.1, {}), (1.0, 0.02, {'insulation': True}), (10.0, 0.1, {}),
+])
+def test_worker_takes_the_steps_of_one_advance(device, scale, tick, effects):
+    driven, launches = Driven(device=device, effects=effects, time_scale=scale), []
     simulation = driven.session.simulation
     run_stages = simulation.solver.run_stages
     simulation.solver.run_stages = lambda: (launches.append(1), run_stages())
@@ -84,7 +87,8 @@ def test_worker_takes_the_steps_of_one_advance(device, scale, tick):
         assert driven.session.time + status.age == pytest.approx((driven.now - NOW) * scale)
     found = flow_of(simulation)
     assert 100.0 < driven.session.time == simulation.time < 200.0
-    expected = simulation_of(SCENE, device)
+    assert effects.keys() <= set(simulation.effects)
+    expected = simulation_of(SCENE, device, effects)
     expected.advance(driven.session.time, limit=FAR)
     assert found == flow_of(expected)
     # about one idle stage for each step computes the length of the next step

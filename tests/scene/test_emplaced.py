@@ -128,6 +128,13 @@ def test_flow_is_ground_or_an_outline_with_one_thickness(tmp_path):
     _outline(tmp_path / 'a.geojson')
     _, (flow,) = _read(tmp_path, file='a.geojson', thickness=3.5)
     assert flow.volume == pytest.approx(100.0 * 100.0 * 3.5)
+    # or a volume, of which the lower part may be solid
+    raised, (flow,) = _read(tmp_path, file='a.geojson', volume=9e4, solidified=0.3)
+    assert flow.volume == pytest.approx(0.7 * 9e4)
+    built = float((raised.elevation - GROUND.elevation).sum()) * GROUND.resolution**2
+    assert built == pytest.approx(0.3 * 9e4, rel=1e-3)
+    with pytest.raises(LavaError, match='exclude each other'):
+        _read(tmp_path, file='a.geojson', volume=9e4, thickness=3.0)
     # a part off the terrain is a warning for ground and an error for lava
     _outline(tmp_path / 'wide.geojson', 400.0)
     raised, _ = _read(tmp_path, file='wide.geojson', thickness=2.0, **{'as': 'ground'})

@@ -36,6 +36,8 @@ LAVA = Lava.paper(viscosity=2e3, density=2600.0)
 COOLING = Lava.paper(viscosity=5e3, density=2600.0, convection=300.0, yield_strength=500.0,
                yield_rate=0.01, solidus=1395.0, conductivity=900.0)
 
+INSULATED = replace(LAVA, solidus=1150.0, conductivity=2.0)
+
 CRUSTED = replace(LAVA, conductivity=900.0, crust=True, ground_conductivity=2.0)
 
 SCENES = {
@@ -45,6 +47,7 @@ SCENES = {
     'green': (LAVA, Effects(green=True)),
     'helmholtz': (LAVA, Effects(helmholtz=True)),
     'crust': (CRUSTED, Effects(crust=True, ground=True, conduction=True)),
+    'insulation': (INSULATED, Effects(insulation=True, cooling=False)),
     'merging': (COOLING, Effects(merging=True, solidification=True)),
     'cells': (LAVA, Effects(arrhenius=False, cooling=False)),
     'freezing cells': (COOLING, Effects(yielding=True, solidification=True, conduction=True)),

@@ -319,8 +319,7 @@ class CellLava:
         The film that a front leaves in the cell ahead is as cold as the air.
         """
         least = self.accuracy.inundation_threshold
-        thickest = float(self.state.peaks.numpy()[THICKEST])
-        return self.read_sample(least=least if thickest >= least else 0.0)
+        return self.read_sample(least=least if self.thickest >= least else 0.0)
 
     def read_sample(self, *, least: float = 0.0) -> ParticleSample:
         """Return the cells with lava as columns, by the fluxes of the latest evaluation.
