@@ -107,11 +107,6 @@ _BY_LAW = """
         const float across = -0.25f * per_cell * (
             fall_of(p - side, p, beside) + fall_of(p, p + side, beside)
             + fall_of(q - side, q, beside) + fall_of(q, q + side, beside));
-        // of the lava at the start of the step: what enters a cell within it is as warm as there
-        const float had_p = (float)h[p], had_q = (float)h[q];
-        const float had = 1.0f / (had_p + had_q + 1e-30f);
-        const float fluid = (had_p * fluidity[p] + had_q * fluidity[q]) * had;
-        const float held = (had_p * strength[p] + had_q * strength[q]) * had;
         const float share = 1.0f / (f.sum + 1e-30f);
         const auto speed = LAW(
             s.law, s.weight, 0.5f * f.sum, -f.fall * per_cell, across, -drop * per_cell, cross[p],
