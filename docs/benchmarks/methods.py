@@ -51,8 +51,8 @@ def of_scene(name: str, preset: str, method: str) -> tuple[np.ndarray, dict[str,
     def begin() -> Simulation:
         return Simulation(item.scene, accuracy=accuracy, device='cpu', horizon=item.horizon)
 
-    # compiles the kernels
-    begin().advance(1e-3)
+    # compiles the kernels, on cells also those of effects that are switched on later
+    begin().advance(item.duration if method == 'cells' else 1e-3)
     begun = time.process_time()
     simulation = begin()
     simulation.advance(item.duration)
@@ -75,6 +75,9 @@ def of_case(folder: str, preset: str, method: str) -> tuple[np.ndarray, dict[str
     """Run a case, as ``of_scene``."""
     case = load_case(folder)
     settings = Settings(preset, None, 'cpu', method=method)
+    if method == 'cells':
+        # compiles the kernels
+        simulate(case, replace(settings, spacing=8.0 * case.scene.terrain.resolution))
     begun = time.process_time()
     result = simulate(case, settings)
     cpu = time.process_time() - begun
