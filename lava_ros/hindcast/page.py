@@ -115,6 +115,9 @@ def warnings(case: Case, result: Result) -> list[str]:
     found = [f'{text[0].upper()}{text[1:]}.' for text in result.snapshot.budget.warnings()]
     if result.resolution.warnings():
         found.append(f'{result.resolution.text()}.')
+    if case.initial is not None:
+        start = f'{case.start:g} s' if case.onset is None else case.onset.utc()
+        found.append(f'The run starts from the outline of {start}.')
     if case.low_pass:
         found.append(f'The elevation was smoothed over {case.low_pass:g} m.')
     return found
