@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,10 @@ def within_memory() -> Iterator[None]:
         raise OutOfMemoryError('memory', 'used up', expected) from error
 
 
+#: Size of an item of a type [bytes]; Warp counts it again each time.
+_size = lru_cache(wp.types.type_size_in_bytes)
+
+
 def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
     """Allocate arrays of zeros in one block of memory, three times as fast as one by one.
 
@@ -50,15 +55,15 @@ def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
     Raises:
         RuntimeError: If memory is insufficient.
     """
-    size = wp.types.type_size_in_bytes
+    piece = _size(_PIECE)
     starts, end = {}, 0
     for name, (dtype, count) in items.items():
         starts[name] = end
-        end += -(-count * size(dtype) // size(_PIECE))
+        end += -(-count * _size(dtype) // piece)
     block = wp.zeros(end, dtype=_PIECE, device=device)
     found = {}
     for name, (dtype, count) in items.items():
-        first = block.ptr + starts[name] * size(_PIECE)
+        first = block.ptr + starts[name] * piece
         array = wp.array(ptr=first, dtype=dtype, shape=count, device=device)
         array.block = block
         found[name] = array

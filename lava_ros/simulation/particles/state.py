@@ -116,12 +116,12 @@ class State(Arrays):
 
     def _allocate(self, capacity: int) -> None:
         """Allocate the arrays of some particles; keep those that do not depend on the number."""
-        kinds, items, others = at.kinds_of(self.real), {}, {}
+        kinds, items, others, own = at.kinds_of(self.real), {}, {}, self.arrays
         for name, one in self._declared.items():
             (length,) = one.shape
             if length == 'particle':
                 items[name] = kinds[one.dtype], capacity
-            elif self.arrays.get(name) is None:
+            elif own.get(name) is None:
                 others[name] = kinds[one.dtype], length
         arrays = zeros(items, self.device) | zeros(others, self.device)
         self.launches.forget()

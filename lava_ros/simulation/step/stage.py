@@ -110,9 +110,9 @@ class Stage:
             pace.longest = longest_step(
                 scene, accuracy, self._effects, self.constants.reach
             )
-            pace.ends, pace.limits, _ = (
+            pace.ends, pace.limits = (
                 wp.array(column, dtype=wp.float64, device=state.device)
-                for column in vents.step_limits.T
+                for column in vents.step_limits.T[:2]
             )
             pace.fixed = accuracy.fixed_step or 0.0
             pace.few = int(timestep.FEW * accuracy.refinement)
