@@ -77,6 +77,7 @@ class Settings:
         thickness: Thickness scale, which sets the volume of a particle [m]; None for the scale of
             the expected flow.
         mobility_limit: Maximum of speed over slope [m/s]; None for no limit.
+        method: Carriers of the lava (``Accuracy.method``).
     """
 
     preset: str = DEFAULT
@@ -88,13 +89,14 @@ class Settings:
     integrator: str = INTEGRATOR
     thickness: float | None = None
     mobility_limit: float | None = None
+    method: str = 'particles'
 
     def accuracy(self, case: Case) -> Accuracy:
         """Return the accuracy for a case: the preset's with longer steps, and deterministic."""
         # repeated runs take the same path at a fork of a flow, even on a GPU
         accuracy = replace(
             preset_accuracy(self.preset), spacing=self.spacing, thickness=self.thickness,
-            deterministic=True, mobility_limit=self.mobility_limit,
+            deterministic=True, mobility_limit=self.mobility_limit, method=self.method,
         )
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant, integrator=self.integrator)
@@ -102,7 +104,12 @@ class Settings:
         return resolved_accuracy(accuracy, case.scene, forced, horizon=case.duration)
 
     def coarseness(self, case: Case) -> int:
-        """Return the side of a simulated cell in cells of the elevation: about the spacing."""
+        """Return the side of a simulated cell in cells of the elevation: about the spacing.
+
+        Method cells makes its own grid of the elevation.
+        """
+        if self.method == 'cells':
+            return 1
         spacing = self.accuracy(case).spacing
         assert spacing is not None
         return max(1, round(spacing / case.scene.terrain.resolution))
