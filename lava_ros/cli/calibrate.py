@@ -52,7 +52,7 @@ SETTINGS = 'settings.json'
         'DIR', 'folder for the table and the result (default: '
         'calibrations/<cases>_<preset>)',
     ),
-    '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
+    '--method', '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
     '--material',
     preset='draft',
 )
@@ -104,7 +104,10 @@ def calibrate(args: argparse.Namespace) -> int:
     moved = [item.name for item in parameters]
     kept, asked = sorted(stated - {*moved}), sorted(stated & {*moved})
     until = _until(args.fit_until, cases)
-    settings = Settings(args.preset, args.spacing, args.device)
+    if args.method == 'cells':
+        # cells run on a CPU
+        args.device = args.device or 'cpu'
+    settings = Settings(args.preset, args.spacing, args.device, method=args.method)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
     present = {item.name for item in output.iterdir()}
@@ -200,7 +203,7 @@ def _keep_settings(
     path = output / SETTINGS
     plain: dict[str, Any] = {
         **{f'--{name}': getattr(args, name.replace('-', '_'))
-           for name in ('preset', 'spacing', 'low-pass', 'material')},
+           for name in ('method', 'preset', 'spacing', 'low-pass', 'material')},
         **{f'case {case.name}': identity_of(case, settings) for case in cases},
     }
     if has_runs:
@@ -208,7 +211,7 @@ def _keep_settings(
         with refusing('--output', str(path), expected, OSError):
             earlier = parse_json(SETTINGS, path.read_text(encoding='utf-8'))
         for name, value in plain.items():
-            if earlier.get(name) != value:
+            if earlier.get(name, 'particles' if name == '--method' else None) != value:
                 if name.startswith('case'):
                     problem = f'The {name} has changed since the runs in {output / TABLE}'
                     raise RefusalError(name, problem, 'Add --fresh to start again')

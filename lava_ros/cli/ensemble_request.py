@@ -102,7 +102,9 @@ def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
         log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, args.threshold)
         return plan, None
     case = load_case(args.scene, material=args.material)
-    settings = Settings(args.preset, args.spacing, args.device, forced)
+    settings = Settings(
+        args.preset, args.spacing, args.device, forced, method=args.method
+    )
     return plan_of(case, settings, threshold=args.threshold), case
 
 

@@ -141,7 +141,7 @@ def run(args: argparse.Namespace) -> int:
     if is_case:
         unused = _VENTS if is_ensemble else ('--threshold',)
         refuse(
-            (*_INPUTS, *_MAPS, '--within', '--error', '--method', *unused),
+            (*_INPUTS, *_MAPS, '--within', '--error', *unused),
             lambda name: validation.surplus(name, f'to {args.scene}, a mapped eruption'),
         )
     if not is_case or is_ensemble:

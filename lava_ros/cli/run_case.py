@@ -65,14 +65,14 @@ def run_case(args: argparse.Namespace) -> int:
     )
     settings = Settings(
         args.preset, args.spacing, args.device, forced_effects(args), args.maps,
-        mobility_limit=args.mobility_limit,
+        mobility_limit=args.mobility_limit, method=args.method,
     )
     output = Path(args.output or Path('runs') / f'{case.name}_{args.preset}')
     _prepare(output)
     unfinished = output / UNFINISHED
     if args.fresh:
         shutil.rmtree(unfinished, ignore_errors=True)
-    if settings.spacing is None:
+    if settings.spacing is None and settings.method == 'particles':
         choice = choose_case_spacing(case, settings, runs=runs)
         settings = replace(settings, spacing=choice.spacing)
         print(choice.text())
