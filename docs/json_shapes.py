@@ -99,7 +99,8 @@ def area_error(meaning: str) -> Schema:
 ERROR = keys('Numerical error', {
     'inundated': area_error('Error of the inundated area'),
     'standing': area_error('Error of the area with lava at the end'),
-    'spacing_m?': number('Particle spacing'),
+    'method?': text('Carriers of the lava: particles or cells'),
+    'spacing_m?': number('Particle spacing, or side of a cell of lava'),
     'cell_m?': number('Side of a cell'),
     'time_s': number('Simulated time at which it was measured'),
 })

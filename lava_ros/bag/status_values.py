@@ -19,6 +19,7 @@ def resolution_values(resolution: Resolution) -> dict[str, object]:
         'flow_kind_warnings': '; '.join(resolution.kind.warnings()),
     }
     return {
+        'method': resolution.method,
         'spacing_m': f'{resolution.spacing:.4g}',
         'flow_width_m': f'{resolution.width:.4g}',
         'particles_across': f'{resolution.across:.3g}',

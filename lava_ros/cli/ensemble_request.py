@@ -116,13 +116,14 @@ def with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
     Raises:
         LavaError: If the folder cannot be read, or no spacing can be found.
     """
-    if args.spacing is not None or plan.accuracy.method == 'cells':
+    target, method = target_of(args), plan.accuracy.method
+    if args.spacing is not None or (method == 'cells' and not target):
         return plan, ''
     spacing, text = stored_spacing(Path(args.output)), ''
-    if spacing is None and (target := target_of(args)):
+    if spacing is None and target:
         spacing = planned(
             median_scene(plan.scene), target, plan.horizon, plan.forced or {}, args.device,
-            members=args.members,
+            method=method, members=args.members,
         ).spacing
     elif spacing is None:
         choice = choose_spacing(

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
         '--members', 'N', 'number of members of an ensemble, which run one after the other; auto '
         'takes the number with the smallest error', '1',
     ),
-    '--until', '--on', '--off', '--device', '--json',
+    '--until', '--method', '--on', '--off', '--device', '--json',
 )
 def plan(args: argparse.Namespace) -> int:
     """Find the accuracy that a run, or an ensemble, can have in a given time.
 
     The command makes coarse pilot runs of a scene on this machine, in at most 15 % of the given
-    time. It prints a table of particle spacings with the numerical error and its parts, and the
-    time that a run takes, with those of the presets; for comparison, the effects of the uncertain
-    quantities; the preset and the spacing of the finest run that fits; and the number of members
-    that an ensemble can have, with the sampling error of a probability. With --error in place of
-    --within, the command finds the coarsest run with that error, and the time that it takes. lava
-    run has the same options.
+    time. It prints a table of particle spacings, or sizes of cells, with the numerical error and
+    its parts, and the time that a run takes, with those of the presets; for comparison, the
+    effects of the uncertain quantities; the preset and the spacing of the finest run that fits;
+    and the number of members that an ensemble can have, with the sampling error of a probability.
+    With --error in place of --within, the command finds the coarsest run with that error, and the
+    time that it takes. lava run has the same options.
     """
     from lava_ros.cli.planned import planned, target_of
     from lava_ros.cli.scenes import log_resolution, scene_from_arguments
@@ -59,8 +59,12 @@ def plan(args: argparse.Namespace) -> int:
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
         members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
     scene = scene_from_arguments(args)
+    if args.method == 'cells':
+        # cells run on a CPU
+        args.device = args.device or 'cpu'
     found = planned(
-        scene, target, until, forced, args.device, members=members, with_inputs=True,
+        scene, target, until, forced, args.device, method=args.method, members=members,
+        with_inputs=True,
         on_pilot=lambda pilot: print(
             f'pilot: spacing {pilot.spacing:.3g} m took {pilot.wall_time:.2g} s', flush=True
         ),
@@ -78,6 +82,7 @@ def plan(args: argparse.Namespace) -> int:
     if found.members > 1:
         print(f'error of a probability of 50 %: {100.0 * found.sampling_error:.2g} %')
     accuracy = preset_accuracy(found.preset, spacing=found.spacing)
+    accuracy = replace(accuracy, method=args.method)
     log_resolution(scene, accuracy, forced, until)
     lava = EruptingLava.of(scene)
     print(f'lava: {lava.text()}')
@@ -102,10 +107,12 @@ def _table(found: RunPlan) -> list[list[str]]:
     """Return the rows of the runs that could be made, with a head."""
     from lava_ros.layers.numbers import percent, seconds
 
-    cell = found.numerical_error.cell
+    cell, are_cells = found.numerical_error.cell, found.numerical_error.method == 'cells'
     head = [
-        'spacing', 'inundated area', 'particles', f'cells of {cell:g} m', 'standing area', 'time',
-        '',
+        'cells' if are_cells else 'spacing', 'inundated area',
+        'cells of lava' if are_cells else 'particles',
+        f'cells of ground of {cell:g} m' if are_cells else f'cells of {cell:g} m',
+        'standing area', 'time', '',
     ]
     rows = []
     for item in found.options:

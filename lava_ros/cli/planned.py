@@ -38,7 +38,7 @@ def target_of(args: argparse.Namespace) -> dict[str, float]:
 
 def planned(
     scene: Scene, target: Mapping[str, float], until: float, forced: Mapping[str, bool],
-    device: str | None, *, members: int | None = 1, **options: Any,
+    device: str | None, *, method: str = 'particles', members: int | None = 1, **options: Any,
 ) -> RunPlan:
     """Plan runs of a scene for a target, and print the plan.
 
@@ -48,6 +48,7 @@ def planned(
         until: Simulated time at which a run ends [s].
         forced: Effects forced on or off, by name.
         device: Warp device; None for the first GPU, or the CPU without one.
+        method: Carriers of the lava.
         members: Number of successive runs; None for the number with the smallest error.
         options: Other arguments of ``plan_runs``.
 
@@ -59,12 +60,13 @@ def planned(
     try:
         found = plan_runs(
             scene, within=target.get('within'), error=target.get('error'), horizon=until,
-            members=members, forced=forced, device=device, **options,
+            members=members, forced=forced, device=device, method=method, **options,
         )
     except LavaError as error:
         if error.field not in target:
             raise
         value = error.value if error.field == 'within' else f'{100.0 * target["error"]:g}%'
         raise LavaError(f'--{error.field}', value, error.expected) from None
-    print(f'plan: preset {found.preset}, spacing {found.spacing:.3g} m')
+    spacing = f'{"cells of" if method == "cells" else "spacing"} {found.spacing:.3g} m'
+    print(f'plan: preset {found.preset}, {spacing}')
     return found

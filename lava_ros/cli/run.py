@@ -148,8 +148,8 @@ def run(args: argparse.Namespace) -> int:
         other = 'the folder of a mapped eruption' + ' without --members' * is_ensemble
         refuse(_names(_CASE), lambda name: validation.dependence(name, other))
     for chosen, others in (
-        ('spacing', ('--within', '--error')), ('within', ('--error', '--preset', '--method')),
-        ('error', ('--preset', '--method')),
+        ('spacing', ('--within', '--error')), ('within', ('--error', '--preset')),
+        ('error', ('--preset',)),
     ):
         if getattr(args, chosen) is not None:
             refuse(others, partial(validation.conflict, f'--{chosen}'))

@@ -46,7 +46,7 @@ def request_of(args: argparse.Namespace) -> Request:
     def accuracy() -> tuple[str, Accuracy]:
         preset, spacing = args.preset, args.spacing
         if target:
-            found = planned(scene, target, until, forced, device)
+            found = planned(scene, target, until, forced, device, method=args.method)
             preset, spacing = found.preset, found.spacing
         elif spacing is None and args.method == 'particles':
             spacing = _spacing_of(preset, scene, forced, until, device)

@@ -81,7 +81,7 @@ def measuring(
             pairs[part] = Pair(others[0], others[1], richardson(2.0, GROUND_ORDER))
     return error_of(
         pairs, spacing=accuracy.spacing, cell=scene.terrain.resolution, time=time,
-        cost=clock() - begun,
+        cost=clock() - begun, method=accuracy.method,
     )
 
 

@@ -103,6 +103,12 @@ def accuracy_at(scene: Scene, refinement: float, horizon: float) -> Accuracy:
     return replace(accuracy, spacing=spacing_at(scene, refinement, horizon))
 
 
+def cells_at(scene: Scene, refinement: float) -> Accuracy:
+    """Return the accuracy of cells smaller than those of the terrain by a refinement."""
+    accuracy = PRESETS[preset_below(refinement)].accuracy
+    return replace(accuracy, method='cells', spacing=scene.terrain.resolution / refinement)
+
+
 def spacing_at(scene: Scene, refinement: float, horizon: float) -> float:
     """Return the particle spacing [m]: the spacing of ``standard`` for a horizon [s], refined."""
     return standard_resolution(scene, horizon).spacing / refinement

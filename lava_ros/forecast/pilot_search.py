@@ -76,6 +76,8 @@ class PilotSearch:
         device: Warp device; None for the first GPU, or the CPU without one.
         clock: Returns the time [s]; None counts the work of the pilots instead.
         on_pilot: Called with each pilot.
+        finer: Ratio of the refinements of one pilot and the next.
+        doubles: True if all refinements are ``first`` times a power of 2, as on cells.
         pilots: Pilots on the ground as it is, from the coarsest to the finest.
         spent: Time of all pilots [s].
         count: Number of all pilots.
@@ -89,6 +91,8 @@ class PilotSearch:
     device: str | None = None
     clock: Callable[[], float] | None = wall_clock.monotonic
     on_pilot: Callable[[Pilot], None] = lambda _: None
+    finer: float = FINER
+    doubles: bool = False
     pilots: list[Pilot] = field(default_factory=list)
     spent: float = 0.0
     count: int = 0
@@ -121,15 +125,23 @@ class PilotSearch:
                 self._error = self._measure(before, coarse)
                 refinement = self._next(budget() - self.spent, reserved)
                 last = self.pilots[-1].refinement
-                if refinement < CLOSEST * last or useful() <= FINER * last:
+                if refinement < CLOSEST * last or useful() <= self.finer * last:
                     break
-            elif FINER**GROWTH * pilot.wall_time <= budget() - self.spent:
-                refinement *= FINER
+            elif self.finer**GROWTH * pilot.wall_time <= budget() - self.spent:
+                refinement *= self.finer
             elif self.clock is not None:
                 # a coarser pilot if the time is short
-                refinement /= FINER
+                refinement /= self.finer
             else:
                 break
+
+    def steps(self, finest: float) -> list[float]:
+        """Return refinements of possible runs, from the first pilot's to ``finest``."""
+        first = self.pilots[0].refinement if self.doubles and self.pilots else self.first
+        if self.doubles:
+            count = 1 + math.floor(math.log2(max(finest / first, 1.0)) + 1e-6)
+            return [first * 2.0**power for power in range(count)]
+        return np.geomspace(first, finest, 400).tolist()
 
     def measure_finest_ground(self, left: float) -> None:
         """Measure the ground's part again, at the finest pilot, if it fits into a time [s]."""
@@ -142,7 +154,7 @@ class PilotSearch:
     def _next(self, left: float, reserved: Callable[[float], float]) -> float:
         """Return the refinement of the next pilot, which fits into the remaining time [s]."""
         last = self.pilots[-1]
-        steps = last.refinement * np.linspace(1.0, FINER, 13)
+        steps = last.refinement * np.linspace(1.0, self.finer, 2 if self.doubles else 13)
         # before the pilots on coarser ground and others, which are coarser
         left -= 1.3 * last.wall_time + reserved(left)
         fitting = [step for step in steps.tolist() if PILOT_MARGIN * self.cost(step) <= left]
@@ -188,7 +200,7 @@ class PilotSearch:
             pairs['ground'] = Pair(pilot.areas, coarse.areas, richardson(2.0, GROUND_ORDER))
         return error_of(
             pairs, spacing=finest.spacing, cell=self.scene.terrain.resolution, time=self.horizon,
-            cost=self.spent,
+            cost=self.spent, method=self.accuracy_at(finest.refinement).method,
         )
 
     def cost(self, refinement: float) -> float:

@@ -10,7 +10,7 @@ Members of an ensemble share the time. The probability from n members has a samp
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 import time as wall_clock
 
@@ -21,12 +21,14 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.member_scenes import changes_of, member_scene
 from lava_ros.forecast.pilot_runs import (
     accuracy_at,
+    cells_at,
     Pilot,
     preset_below,
     run_at,
     standard_resolution,
 )
 from lava_ros.forecast.pilot_search import (
+    FINER,
     FINEST,
     Option,
     PILOT_MARGIN,
@@ -37,9 +39,10 @@ from lava_ros.forecast.preset_spacing import spacing_of_preset
 from lava_ros.forecast.sampling import Member
 from lava_ros.scene import Scene
 from lava_ros.scene.ranges import with_ranges
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import difference, NumericalError
 from lava_ros.simulation.presets import PRESETS
-from lava_ros.simulation.resolution import resolution_of
+from lava_ros.simulation.resolution import Resolution, resolution_of
 from lava_ros.simulation.selection import effects_for
 
 #: Particles across the flow of the first pilot.
@@ -47,6 +50,9 @@ FIRST_ACROSS = 4.0
 
 #: Minimum refinement, and refinement of the first pilot if the width of the flow is unknown.
 COARSEST, UNKNOWN = 0.01, 0.15
+
+#: Refinement of the first pilot on cells, over those of the terrain.
+FIRST_CELLS = 0.25
 
 #: Minimum ratio of the particles' part to the ground's part of the error: finer particles change
 #: little.
@@ -132,6 +138,7 @@ def plan_runs(
     members: int | None = 1,
     forced: Mapping[str, bool] | None = None,
     device: str | None = None,
+    method: str = 'particles',
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
     with_inputs: bool = False,
@@ -140,7 +147,8 @@ def plan_runs(
 
     Pilots take at most 15 % of the time of the runs, except for the first two.
 
-    The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``.
+    The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``, with the
+    method.
 
     Args:
         scene: The scene; for an ensemble, the one with median inputs.
@@ -151,6 +159,7 @@ def plan_runs(
         members: Number of successive runs; None for the number with the smallest error.
         forced: Effects forced on or off, by name.
         device: Warp device; None for the first GPU, or the CPU without one.
+        method: Carriers of the lava. Cells are 2^k times as large as those of the terrain.
         on_pilot: Called after each pilot.
         clock: Returns the time [s]; ``time.process_time`` on a shared CPU.
         with_inputs: True for the effects of the uncertain quantities, ``RunPlan.inputs``.
@@ -167,14 +176,21 @@ def plan_runs(
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
     # all pilots use the effects of the preset standard
-    standard = standard_resolution(scene, horizon)
+    are_cells, standard = method == 'cells', standard_resolution(scene, horizon)
+    first = UNKNOWN if math.isnan(standard.width) else min(
+        max(FIRST_ACROSS / standard.across, COARSEST), 1.0
+    )
+
+    def accuracy(refinement: float) -> Accuracy:
+        if are_cells:
+            return cells_at(scene, refinement)
+        return accuracy_at(scene, refinement, horizon)
+
     search = PilotSearch(
-        scene, horizon, lambda refinement: accuracy_at(scene, refinement, horizon),
-        effects_for(scene, forced, accuracy=accuracy_at(scene, 1.0, horizon), horizon=horizon),
-        UNKNOWN if math.isnan(standard.width) else min(
-            max(FIRST_ACROSS / standard.across, COARSEST), 1.0
-        ),
-        device, clock, on_pilot,
+        scene, horizon, accuracy,
+        effects_for(scene, forced, accuracy=accuracy(1.0), horizon=horizon),
+        FIRST_CELLS if are_cells else first, device, clock, on_pilot,
+        finer=2.0 if are_cells else FINER, doubles=are_cells,
     )
     # compiles the kernels
     run_at(
@@ -221,13 +237,15 @@ def plan_runs(
         raise LavaError('within', within, expected)
     chosen = search.option(refinement)
     presets = {
-        name: min(standard.spacing / spacing_of_preset(
-            name, search, resolution_of(scene, preset.accuracy, horizon=horizon)
-        ), FINEST)
+        name: _refinement_of(name, search, horizon, standard)
         for name, preset in PRESETS.items() if preset.target is not None
     }
-    rows = refinement * ROW ** np.arange(-4.0, 5.0)
-    rows = np.unique([*rows[rows <= FINEST], *presets.values()])
+    near = refinement * (2.0 if are_cells else ROW) ** np.arange(-4.0, 5.0)
+    # one doubling beyond the pilots can be foreseen
+    finest = max(2.0 * search.pilots[-1].refinement, refinement) if are_cells else FINEST
+    rows = np.unique([
+        *near[(near <= finest) & (near >= FIRST_CELLS * are_cells)], *presets.values()
+    ])
     return RunPlan(
         preset=preset_below(refinement),
         spacing=chosen.spacing,
@@ -243,6 +261,17 @@ def plan_runs(
         presets=presets,
         inputs=inputs,
     )
+
+
+def _refinement_of(
+    preset: str, search: PilotSearch, horizon: float, standard: Resolution
+) -> float:
+    """Return the refinement of a preset with a target."""
+    accuracy = replace(PRESETS[preset].accuracy, method=search.accuracy_at(1.0).method)
+    expected = resolution_of(search.scene, accuracy, horizon=horizon)
+    if search.doubles:
+        return search.scene.terrain.resolution / expected.spacing
+    return min(standard.spacing / spacing_of_preset(preset, search, expected), FINEST)
 
 
 def change_inputs(
@@ -287,15 +316,14 @@ def finest_useful(search: PilotSearch) -> float:
 
 def refinement_below(search: PilotSearch, error: float) -> float:
     """Return the smallest refinement with at most an error of the inundated area, or FINEST."""
-    steps = np.geomspace(search.first, FINEST, 400).tolist()
-    found = (step for step in steps if search.error(step).inundated.total <= error)
+    found = (step for step in search.steps(FINEST) if search.error(step).inundated.total <= error)
     return next(found, FINEST)
 
 
 def choose(search: PilotSearch, within: float, members: int | None) -> tuple[float, int]:
     """Choose the refinement and the members that fit in the time with the smallest error."""
     best, least = (search.first, members or 1), math.inf
-    for refinement in np.geomspace(search.first, finest_useful(search), 400).tolist():
+    for refinement in search.steps(finest_useful(search)):
         each = max(search.cost(refinement), 1e-9)
         fitting = int(min(PLANNED_TIME_FRACTION * within / each, _MAX_MEMBERS))
         count = fitting if members is None else members

@@ -27,6 +27,7 @@ from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.scene.projection import system_words
+from lava_ros.simulation.accuracy import Accuracy, describe_carriers
 from lava_ros.simulation.numerical_error import NumericalError
 from lava_ros.simulation.output.inundation import raise_peak
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -161,15 +162,23 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
         'inundated area': f'covered by lava at least {result.snapshot.threshold:g} m thick so far',
         'events': events or 'none',
-        'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
-        f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
+        'preset': f'{settings.preset}: {_carriers(accuracy)}',
         'resolution': result.resolution.text(),
         'effects': ', '.join(_described(item) for item in result.decisions if item.is_on),
         'steps': f'{steps.count} steps, {steps.evaluations} evaluations, at most '
-        f'{result.most_particles} particles at once',
+        f'{result.most_particles} {accuracy.method} at once',
         'volume': result.snapshot.budget.text(),
         'wall time': f'{result.wall_time:.1f} s on {result.device}',
     }
+
+
+def _carriers(accuracy: Accuracy) -> str:
+    if accuracy.method == 'cells':
+        return f'cells of {accuracy.spacing:g} m'
+    return (
+        f'particles {accuracy.spacing:g} m apart where the flow is {accuracy.thickness:.2g} m '
+        f'thick, kernel radius {accuracy.ratio:g} times that'
+    )
 
 
 def _described(decision: Decision) -> str:
@@ -247,7 +256,7 @@ def draw_comparison(
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
         f'{duration(case.duration)}',
         'lava': EruptingLava.of(case.scene).text(),
-        'model': f'lava_ros {lava_ros.__version__}, depth-averaged lava as particles, numerical '
+        'model': f'lava_ros {lava_ros.__version__}, {describe_carriers(error.method)}, numerical '
         f'error {error.brief()}',
         'coordinates': system_words(case.scene.terrain.epsg, case.scene.terrain.wkt),
     }

@@ -36,7 +36,10 @@ def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
         found += _sentences(*budgets[-1].warnings())
     names = ('spacing_m', 'flow_width_m', 'particles_across')
     spacing, width, across = (run[-1].number(name) for name in names)
-    resolution = Resolution(spacing, math.nan, width, across, math.nan, 'measured')
+    resolution = Resolution(
+        spacing, math.nan, width, across, math.nan, 'measured',
+        method=run[-1].values.get('method', 'particles'),
+    )
     kind = run[-1].values.get('flow_kind_warnings', '')
     return [*found, *_under_resolved(resolution), *_sentences(kind)]
 
@@ -58,7 +61,7 @@ def _under_resolved(resolution: Resolution) -> list[str]:
     if not resolution.is_coarse:
         return []
     return [
-        f'The flow is under-resolved: {resolution.across:.2g} particles across about '
+        f'The flow is under-resolved: {resolution.across:.2g} {resolution.method} across about '
         f'{resolution.width:.2g} m. The inundated area would differ in a finer run.'
     ]
 

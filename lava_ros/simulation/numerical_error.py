@@ -108,10 +108,11 @@ class NumericalError:
     Attributes:
         inundated: Error of the area inundated so far.
         standing: Error of the area with standing lava.
-        spacing: Particle spacing of the run [m].
+        spacing: Particle spacing of the run, or size of its cells of lava [m].
         cell: Size of the terrain's cells [m].
         time: Simulated time at which the runs are compared [s].
         cost: Time of the partner runs [s].
+        method: Carriers of the lava (``Accuracy.method``).
     """
 
     inundated: AreaError
@@ -120,11 +121,13 @@ class NumericalError:
     cell: float
     time: float
     cost: float = math.nan
+    method: str = 'particles'
 
     def as_dict(self) -> dict[str, Any]:
         """Return the error as plain data, fractions of the areas."""
         return {
             **{name: getattr(self, name).as_dict() for name in Areas._fields},
+            'method': self.method,
             'spacing_m': self.spacing,
             'cell_m': self.cell,
             'time_s': self.time,
@@ -132,7 +135,7 @@ class NumericalError:
 
     @classmethod
     def from_dict(cls, plain: Mapping[str, Any]) -> 'NumericalError':
-        """Return the error of plain data (``as_dict``)."""
+        """Return the error of plain data (``as_dict``); before 0.2 of particles."""
         inundated, standing = (
             AreaError(
                 plain[name]['particles'],
@@ -141,7 +144,8 @@ class NumericalError:
             for name in Areas._fields
         )
         return cls(
-            inundated, standing, plain['spacing_m'], plain['cell_m'], plain['time_s']
+            inundated, standing, plain['spacing_m'], plain['cell_m'], plain['time_s'],
+            method=plain.get('method', 'particles'),
         )
 
     def text(self) -> str:
@@ -158,18 +162,23 @@ class NumericalError:
 
     def _parts(self, area: AreaError) -> list[str]:
         ground = 'unknown' if math.isnan(area.ground) else _percent(area.ground)
-        return [
-            f'particles {_percent(area.particles)}', f'cells of {self.cell:g} m {ground}'
-        ]
+        part = _percent(area.particles)
+        if self.method == 'cells':
+            return [
+                f'cells of lava of {self.spacing:g} m {part}',
+                f'cells of ground of {self.cell:g} m {ground}',
+            ]
+        return [f'particles {part}', f'cells of {self.cell:g} m {ground}']
 
     def advice(self) -> str:
-        """Return what limits the accuracy of the inundated area; empty if it is the particles."""
+        """Return what limits the accuracy of the inundated area; empty if it is the carriers."""
         area = self.inundated
         finest = area.total - np.nan_to_num(area.ground)
         if not area.ground > area.particles:
             return ''
+        finer = 'cells of lava' if self.method == 'cells' else 'particles'
         return (
-            f'finer particles change the error by less than {_percent(finest, up=True)}: '
+            f'finer {finer} change the error by less than {_percent(finest, up=True)}: '
             f"the ground's cells make {_percent(area.ground)}"
         )
 
@@ -198,7 +207,8 @@ def _percent(value: float, *, up: bool = False) -> str:
 
 
 def error_of(
-    pairs: Mapping[str, Pair], *, spacing: float, cell: float, time: float, cost: float = math.nan
+    pairs: Mapping[str, Pair], *, spacing: float, cell: float, time: float,
+    cost: float = math.nan, method: str = 'particles',
 ) -> NumericalError:
     """Return the error of a run from its pairs by part, ``particles`` and ``ground``.
 
@@ -208,7 +218,7 @@ def error_of(
     unknown = Areas(math.nan, math.nan)
     particles, ground = (errors.get(name, unknown) for name in ('particles', 'ground'))
     inundated, standing = map(AreaError, particles, ground)
-    return NumericalError(inundated, standing, spacing, cell, time, cost)
+    return NumericalError(inundated, standing, spacing, cell, time, cost, method)
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:

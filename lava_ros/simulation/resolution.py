@@ -88,6 +88,7 @@ class Resolution:
         finest: Minimum spacing [m], by the number of particles and by lateral stress; 0 if
             unknown.
         emitted: Volume that the vents emit [m3], and that is already there.
+        method: Carriers of the lava (``Accuracy.method``); then ``spacing`` is that of cells.
     """
 
     spacing: float
@@ -100,6 +101,7 @@ class Resolution:
     extent: float = math.inf
     finest: float = 0.0
     emitted: float = math.nan
+    method: str = 'particles'
 
     @property
     def particles(self) -> float:
@@ -115,7 +117,7 @@ class Resolution:
         """Return warnings as phrases; ``threshold`` is a given least thickness of lava [m]."""
         found = []
         if self.is_coarse:
-            found.append(f'the flow is under-resolved, below {MIN_ACROSS:g} particles across')
+            found.append(f'the flow is under-resolved, below {MIN_ACROSS:g} {self.method} across')
         if threshold is not None and self.thickness < threshold and not math.isnan(self.width):
             found.append(
                 f'lava about {self.thickness:.2g} m thick is expected, and only lava of '
@@ -136,7 +138,7 @@ class Resolution:
             return f'spacing {self.spacing:.3g} m; {reason}'
         # 180 and not 1.8e+02
         width, across = (float(f'{value:.2g}') for value in (self.width, self.across))
-        text = f'{across:g} particles across a flow of an expected width of {width:g} m'
+        text = f'{across:g} {self.method} across a flow of an expected width of {width:g} m'
         text += f' (spacing {self.spacing:.3g} m)'
         notes = self.warnings()
         if self.limit == 'particles':
@@ -215,7 +217,8 @@ def resolution_of(
     def known(spacing: float, limit: str) -> Resolution:
         across = width / spacing
         return Resolution(
-            spacing, thickness, width, across, cell, limit, kind, extent, least, emitted
+            spacing, thickness, width, across, cell, limit, kind, extent, least, emitted,
+            accuracy.method,
         )
 
     if accuracy.spacing is not None:

@@ -117,6 +117,7 @@ def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | N
         across=volume_quantile(width / distance, thickness, NARROW),
         cell=cell,
         limit='measured',
+        method=accuracy.method,
     )
 
 
