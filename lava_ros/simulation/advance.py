@@ -187,6 +187,10 @@ class ParticleSolver(Solver):
         """Advance to a time; yield between launches (``advance.advancing_to``)."""
         return advancing_to(self, until, end, deadline, max_end)
 
+    def read_flow(self) -> ParticleSample:
+        """Return the particles of the flow: all."""
+        return self.read_sample()
+
     def start_peaks(self) -> None:
         """Do nothing: observations gather the peaks of particles."""
 

@@ -515,7 +515,7 @@ class Simulation:
         """Measure the scales of the current flow; None without flowing lava."""
         self._complete()
         self.solver.sort()
-        grids, sample = self.solver.draw_maps(), self.solver.read_sample()
+        grids, sample = self.solver.draw_maps(), self.solver.read_flow()
         if not len(sample.volume):
             return None
         duration = max(self._horizon, self.time)

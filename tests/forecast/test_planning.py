@@ -4,7 +4,9 @@
 """The accuracy that a time limit affords, and `lava plan`."""
 
 from dataclasses import replace
+import itertools
 import json
+import math
 import re
 
 import numpy as np
@@ -21,6 +23,7 @@ from lava_ros.forecast.planning import plan_runs, PLANNED_TIME_FRACTION, USEFUL
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict
 from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
+from solver import only
 
 X, Y = np.meshgrid(np.arange(60) * 10.0, np.arange(40) * 10.0)
 SCENE = Scene(
@@ -94,6 +97,19 @@ def test_plan_uses_its_time_and_states_both_parts_of_its_error(monkeypatch, with
     assert plan.error == area.total
     assert plan.spacing == pilot_runs.spacing_at(SCENE, plan.refinement, 3600.0)
     assert (plan.members, plan.sampling_error) == (1, 0.0)
+
+
+def test_plan_on_cells_doubles_them():
+    # pilots of a few cells, which run
+    ground = Terrain(0.1 * np.add.outer(np.zeros(24), np.arange(32.0) * 10.0), 10.0)
+    scene = Scene(ground, (Vent((250.0, 120.0), 5.0, radius=10.0),), Lava.paper(viscosity=1e5))
+    found = plan_runs(
+        scene, error=0.5, horizon=200.0, forced=only('steep'), device='cpu', method='cells',
+        clock=itertools.count(0.0, 1e-3).__next__,
+    )
+    assert found.numerical_error.method == 'cells'
+    assert {math.log2(10.0 / item.spacing) % 1.0 for item in found.options} == {0.0}
+    assert found.numerical_error.inundated.total <= 0.5
 
 
 @pytest.mark.parametrize('error', [0.1, 0.03])

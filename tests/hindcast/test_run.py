@@ -65,6 +65,15 @@ def whole(valley: Case, tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, 
     return run, folder, [*times, run.time]
 
 
+def test_case_runs_on_cells_of_its_ground(valley):
+    result = simulate(valley, replace(SETTINGS, method='cells', spacing=None))
+    cell = valley.scene.terrain.resolution
+    assert result.accuracy.method == 'cells'
+    assert result.snapshot.terrain == valley.scene.terrain
+    assert result.resolution.method == 'cells' and result.accuracy.spacing == cell
+    assert score_snapshot(valley, result.snapshot).jaccard > 0.5
+
+
 def test_lava_flows_down_the_valley(valley, whole):
     run, folder, done = whole
     maps = _frames(folder)

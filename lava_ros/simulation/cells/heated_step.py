@@ -30,6 +30,7 @@ from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.effects.laws import strength_function, viscosity_function
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
+from lava_ros.simulation.cells.covered import FULL
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
 from lava_ros.simulation.cells.state import Cells, Heat, WAITING
@@ -180,6 +181,7 @@ _EXCHANGE = """
     double* APART emission_time = m.emission_time.data;
     float* APART fluidity = s.fluidity.data;
     float* APART strength = s.strength.data;
+    const float* APART y = s.stage.data;
     auto larger = [](float a, float b) { return a > b ? a : b; };
     for (long i = first_of(top); i <= last_of(bottom); i += lines) {
         // only cells with lava, now or before the step
@@ -191,7 +193,9 @@ _EXCHANGE = """
         for (long p = from; p <= to; p += lanes) {
             const float h = (float)thickness[p];
             auto column = empty;
-            column.thickness = larger(h, film);
+            // the edge of a front is thicker than its mean over the cell (covered.py)
+            const float beside = larger(larger(y[p - 1], y[p + 1]), larger(y[p - w], y[p + w]));
+            column.thickness = larger(larger(h, film), FULL * beside);
             column.normal_thickness = column.thickness;
             column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
             COSINE
@@ -295,7 +299,7 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
         ('FALL', _FALL, falls), ('DESCENT', _DESCENT, falls),
     ):
         moving = moving.replace(name, part if is_on else '')
-    exchanging = _EXCHANGE
+    exchanging = _EXCHANGE.replace('FULL', f'{FULL}f')
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
         ('AGE', has_age), ('WARM', warming), ('VISCOSITY', viscosity), ('STRENGTH', strength),

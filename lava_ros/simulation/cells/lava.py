@@ -303,10 +303,21 @@ class CellLava:
         )
         return peaks.read(self._maps, part)
 
-    def read_sample(self) -> ParticleSample:
-        """Return the cells with lava as columns, by the fluxes of the latest evaluation."""
+    def read_flow(self) -> ParticleSample:
+        """Return the cells whose lava counts as inundation, or all as ``read_sample``.
+
+        The film that a front leaves in the cell ahead is as cold as the air.
+        """
+        least = self.accuracy.inundation_threshold
+        return self.read_sample(least=least if self.thickest >= least else 0.0)
+
+    def read_sample(self, *, least: float = 0.0) -> ParticleSample:
+        """Return the cells with lava as columns, by the fluxes of the latest evaluation.
+
+        ``least`` is the minimum thickness [m], at least that of a film.
+        """
         grid, thickness = self.grid, _inner(self.state.thickness)
-        i, j = np.nonzero(thickness > self._film)
+        i, j = np.nonzero(thickness > max(self._film, least))
         own = thickness[i, j]
         east, north = self.state.first_x.numpy(), self.state.first_y.numpy()
         # faces on both sides of the cell, in maps with a ring

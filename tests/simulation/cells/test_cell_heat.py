@@ -17,6 +17,7 @@ from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.cells.covered import FULL
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.heated_step import heat_functions, heated_step_function
@@ -160,6 +161,15 @@ def test_hot_and_warm_lava_stay_apart_as_they_flow():
     assert mixed.sum() < 0.3 * wet.sum()
 
 
+def covered(thickness):
+    """Return the part of each cell that its lava covers."""
+    around = np.pad(thickness, 1)
+    beside = np.max([
+        around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]
+    ], axis=0)
+    return np.minimum(thickness / np.maximum(FULL * beside, 1e-9), 1.0)
+
+
 def test_heat_is_lost_by_the_surface_alone():
     lava = replace(LAVA, convection=500.0)
     flow = slide(lava, ['arrhenius', 'cooling'], TURNS[1])
@@ -169,7 +179,8 @@ def test_heat_is_lost_by_the_surface_alone():
         flow.advance(time)
         wet = flow.thickness > 1e-6
         contents.append(flow.content)
-        powers.append(500.0 * (flow.temperature[wet] - AIR).sum() / (2600.0 * 1000.0))
+        area = covered(flow.thickness)[wet]
+        powers.append(500.0 * (area * (flow.temperature[wet] - AIR)).sum() / (2600.0 * 1000.0))
     lost = contents[0] - contents[-1]
     assert lost == pytest.approx(np.trapezoid(powers, times), rel=0.01)
     assert lost > 0.05 * contents[0]
@@ -201,7 +212,10 @@ def test_column_of_a_cell_cools_as_all_columns_do(name):
     rng = np.random.default_rng(3)
     x, _ = centres(50.0)
     slope = 0.5 if 'steep' in effects else 0.0
-    thickness, temperature = rng.uniform(0.3, 5.0, x.shape), rng.uniform(700.0, 1500.0, x.shape)
+    # no cell is the edge of a front
+    least = 1.01 * FULL * 5.0
+    thickness = rng.uniform(least, 5.0, x.shape)
+    temperature = rng.uniform(700.0, 1500.0, x.shape)
     around = {'wind_speed': 0.5} if 'wind' in effects else {}
     flow = Flow(lava, effects, -slope * x, thickness, temperature, **around)
     exchange = heat_functions(flow.effects).exchange
@@ -271,6 +285,22 @@ def test_conducted_heat_follows_the_error_function():
     middle = np.abs(x) < 60.0
     assert np.abs(flow.temperature - expected)[10:-10][middle[10:-10]].max() < 0.01 * 400.0
     assert flow.temperature.mean() == pytest.approx(1200.0, rel=1e-6)
+
+
+def test_cold_film_ahead_of_a_front_does_not_dam_it():
+    lava = replace(LAVA, yield_strength=50.0, yield_rate=0.02)
+    x, _ = centres(50.0)
+    thickness = np.where(x < 0.0, 10.0, 1e-5)
+    flow = Flow(
+        lava, ['arrhenius', 'yielding'], -0.2 * x, thickness, np.where(x < 0.0, HOT, AIR)
+    )
+    law = Rheology(lava, flow.effects)
+    strength = np.vectorize(law.strength_at)(flow.heat.temperature.numpy())
+    flow.state.strength.assign(strength.astype(np.float32))
+    flow.advance(20.0)
+    ahead = (x > 0.0) & (x < CELL)
+    assert flow.thickness[ahead].min() > 2.0
+    assert flow.temperature[ahead].min() > HOT - 1.0
 
 
 def test_every_effect_of_a_column_has_a_part_on_cells():

@@ -55,6 +55,23 @@ def test_vents_emit_the_integral_of_their_rates():
     assert volume == pytest.approx(budget.held, rel=1e-6)
 
 
+def test_steps_keep_the_largest_thickness():
+    simulation = simulated(slope(), Vent((-60.0, 3.0), ((0.0, 8.0), (60.0, 0.0)), radius=7.0))
+    peaks = simulation.start_peaks(simulation.accuracy.inundation_threshold)
+    largest = np.zeros(simulation.scene.terrain.shape, dtype=np.float32)
+    for time in range(10, 301, 10):
+        simulation.advance(float(time))
+        largest = np.maximum(largest, np.nan_to_num(simulation.snapshot().thickness))
+    # one observation, at the end
+    simulation.observe(peaks)
+    found = simulation.read_peaks(peaks)
+    assert not found.flaw
+    wet = largest > 0.0
+    assert (found.thickness[wet] >= largest[wet]).all()
+    assert np.abs(found.thickness - largest)[wet].max() < 0.05 * largest.max()
+    assert np.nanmax(found.temperature) == pytest.approx(simulation.scene.vents[0].temperature)
+
+
 def test_narrow_vent_is_as_wide_as_a_cell():
     simulation = simulated(flat(41, 5.0), Vent((0.0, 0.0), 1.0, radius=0.1))
     simulation.advance(1.0)
