@@ -307,9 +307,9 @@ class CellLava:
         if where_wet:
             part = self.window.rectangle(self._maps)
         terrain = self.scene.terrain
+        thickness, temperature = self.peaks.on_terrain(self.grid, terrain, part)
         peaks.put(
-            *self.peaks.on_terrain(self.grid, terrain, part), part, terrain.has_data,
-            solidus=self.scene.lava.solidus,
+            thickness, temperature, part, terrain.has_data, solidus=self.scene.lava.solidus
         )
         return peaks.read(self._maps, part)
 
