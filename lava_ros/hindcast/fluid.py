@@ -33,7 +33,7 @@ ACROSS_STREAM, MAX_CELLS = 2.8, 2.8
 def bounded(
     accuracy: Accuracy, scene: Scene, forced: Mapping[str, bool], *, horizon: float
 ) -> Accuracy:
-    """Return an accuracy with bounds for fluid lava; the same one for other lava.
+    """Return an accuracy with bounds for fluid lava; the same one for other lava, and for cells.
 
     A spacing or a limit of the mobility that is given remains.
 
@@ -43,7 +43,7 @@ def bounded(
         forced: Effects forced on or off.
         horizon: Simulated duration [s].
     """
-    if accuracy.mobility_limit is not None:
+    if accuracy.mobility_limit is not None or accuracy.method == 'cells':
         return accuracy
     effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
     course = course_of(scene, effects, horizon=horizon)
