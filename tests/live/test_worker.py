@@ -54,6 +54,20 @@ def test_pause_holds_time_and_a_step_is_exact(bench):
     bench.go_on(0.25)
 
 
+@pytest.mark.parametrize('bench', [{'speed': 20.0}], indirect=True)
+def test_pause_ends_a_step(bench):
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.go_on()
+    bench.run(bench.worker.pause(True))
+    bench.run(bench.worker.step(1e6))
+    bench.wait(lambda: bench.simulation.time > 1.0)
+    bench.run(bench.worker.pause(True))
+    bench.wait(lambda: bench.worker.status.lag <= 0.0)
+    bench.run(bench.worker.pause(False))
+    # the rest of the step is not made up for
+    bench.go_on(0.25)
+
+
 @pytest.mark.parametrize('bench', [{'end_time': 2.0, 'time_scale': 10.0}], indirect=True)
 def test_simulation_stops_at_the_end_time(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
