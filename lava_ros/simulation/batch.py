@@ -201,7 +201,7 @@ class Batch:
     def __init__(self, *, at_once: int = AT_ONCE) -> None:
         """Create an empty batch with at most ``at_once`` active simulations."""
         self._at_once = at_once
-        #: Groups (``_Group``, ``cells.batch.CellGroup``), by whether they take steps and their kind.
+        #: Groups (``_Group``, ``cells.worlds.CellGroup``), by whether they take steps, and kind.
         self._groups: dict[Any, Any] = {}
         #: Group and row of each active route (True: for stages), and the state and its
         #: ``launches.forgotten`` at recording.
@@ -233,7 +233,7 @@ class Batch:
 
         Args:
             kind: What members in one launch have in common.
-            make: Function that makes their group (``cells/batch.py``), for a number of rows.
+            make: Function that makes their group (``cells/worlds.py``), for a number of rows.
             world: Arrays and constants of the member.
             order: Its clock and window.
         """
