@@ -201,10 +201,11 @@ class Batch:
     def __init__(self, *, at_once: int = AT_ONCE) -> None:
         """Create an empty batch with at most ``at_once`` active simulations."""
         self._at_once = at_once
-        self._groups: dict[Any, _Group] = {}
+        #: Groups (``_Group``, ``cells.worlds.CellGroup``), by whether they take steps, and kind.
+        self._groups: dict[Any, Any] = {}
         #: Group and row of each active route (True: for stages), and the state and its
         #: ``launches.forgotten`` at recording.
-        self._places: dict[tuple[Iterator[None], bool], tuple[_Group, int, State, int]] = {}
+        self._places: dict[tuple[Iterator[None], bool], tuple[Any, int, Any, int]] = {}
         self._route: Iterator[None] | None = None
         self._has_asked = False
 
@@ -232,14 +233,15 @@ class Batch:
 
         Args:
             kind: What members in one launch have in common.
-            make: Function that makes their group (``cells/batch.py``), for a number of rows.
+            make: Function that makes their group (``cells/worlds.py``), for a number of rows.
             world: Arrays and constants of the member.
             order: Its clock and window.
         """
         assert self._route is not None
         self._has_asked = True
-        key = self._route, True
-        group, row, of, _ = self._places.get(key, (None, 0, None, 0))
+        key, group = (self._route, True), None
+        if key in self._places:
+            group, row, of, _ = self._places[key]
         if group is None or of is not world:
             self._leave(*key)
             group = self._groups.get((True, kind))

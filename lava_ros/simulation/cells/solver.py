@@ -3,7 +3,7 @@
 
 """The solver on cells behind a simulation, with the methods of the solver of particles.
 
-On a CPU it runs in one thread. On a GPU it is a member of a batch (``cells/batch.py``), or alone.
+On a CPU it runs in one thread. On a GPU it is a member of a batch (``worlds.py``), or alone.
 """
 
 from collections.abc import Generator
@@ -20,7 +20,6 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import current_batch
-from lava_ros.simulation.cells.batch import CellGroup
 from lava_ros.simulation.cells.covered import Covered
 from lava_ros.simulation.cells.grid import deposit
 from lava_ros.simulation.cells.heat import carries_heat
@@ -37,7 +36,14 @@ from lava_ros.simulation.cells.state import (
     WAITING,
 )
 from lava_ros.simulation.cells.vents import CellVents
-from lava_ros.simulation.cells.worlds import CLOCK, COUNTS, THICKEST, world_of, Worlds
+from lava_ros.simulation.cells.worlds import (
+    CellGroup,
+    CLOCK,
+    COUNTS,
+    THICKEST,
+    world_of,
+    Worlds,
+)
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.checkpoint_contents import (
     check_conserved,

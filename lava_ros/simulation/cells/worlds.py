@@ -9,9 +9,10 @@ counts and its thickest lava, and the host reads all reports in one copy.
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 import ctypes
 from functools import lru_cache
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,13 @@ from lava_ros.simulation.backend.memory import Readback
 from lava_ros.simulation.cells.covered import Covered, note_function
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.heated_step import heated_step_function
-from lava_ros.simulation.cells.peaks import Highest, raise_function
+from lava_ros.simulation.cells.highest import Highest, raise_function
 from lava_ros.simulation.cells.state import Cells, Heat, TARGET, TIME, WAITING
 from lava_ros.simulation.cells.threads import shared, THREADS
+
+#: Wall time of a launch of a batch to aim at [s], as members that have arrived wait for its end,
+#: and maximum number of steps.
+_LAUNCH_TIME, _MAX_STEPS = 0.004, 4096
 
 #: Parts of a report: clock and counts (``CellState``), largest thickness [m], number of the order.
 CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 9), slice(9, 13), 13, 14
@@ -253,3 +258,61 @@ class _Mirror:
         if self._end and self._is_apart:
             self.there[self._first : self._end].assign(self.here[self._first : self._end])
         self._first = self._end = 0
+
+
+class CellGroup:
+    """Members of a batch (``simulation/batch.py``) whose steps run the same kernel, one row each.
+
+    Attributes:
+        rounds_at_once: Number of launches in flight.
+        under_way: Routes of the members that have been asked to advance, by row.
+        free: Rows without a member.
+    """
+
+    rounds_at_once = 2
+
+    def __init__(self, effects: Effects, is_heated: bool, device: Any, rows: int) -> None:
+        """Prepare for at most some members."""
+        self._kind = effects, is_heated
+        self._worlds = Worlds(rows, device)
+        self._steps = 8
+        self.under_way: dict[int, Iterator[None]] = {}
+        self.free = list(reversed(range(rows)))
+
+    def put(self, row: int, world: Any) -> None:
+        """Assign a row to a member."""
+        self._worlds.put(row, world)
+
+    def leave(self, row: int) -> None:
+        """Free a row."""
+        self.under_way.pop(row, None)
+        self.free.append(row)
+
+    def advance(
+        self, row: int, order: tuple[np.ndarray, np.ndarray], route: Iterator[None]
+    ) -> None:
+        """Advance the member of a row by its clock and window; then its route continues."""
+        self._worlds.order(row, *order)
+        self.under_way[row] = route
+
+    def begin(self) -> Callable[[], list[tuple[Iterator[None], np.ndarray]]]:
+        """Start a launch; return a function that waits and returns the due routes."""
+        rows, begun = sorted(self.under_way), perf_counter()
+        finish = self._worlds.launch(rows, *self._kind, self._steps)
+
+        def end() -> list[tuple[Iterator[None], np.ndarray]]:
+            reports = finish()
+            due = []
+            for row in rows:
+                report = reports[row]
+                if row not in self.under_way or not self._worlds.is_current(row, report):
+                    continue
+                clock = report[CLOCK]
+                if clock[TIME] >= clock[TARGET] or clock[WAITING] > 0.0:
+                    due.append((self.under_way.pop(row), report.copy()))
+            spent = perf_counter() - begun
+            more = self._steps * 2 if spent < _LAUNCH_TIME else self._steps // 2
+            self._steps = min(max(more, 1), _MAX_STEPS)
+            return due
+
+        return end
