@@ -10,8 +10,10 @@ A table is between ``<!-- table: NAME -->`` and ``<!-- end -->``.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 import csv
+import math
 from pathlib import Path
 import re
+import statistics
 
 from described_flows import described_flows
 from kernel_ratio import time_ratio
@@ -544,6 +546,46 @@ def carriers() -> Iterator[Line]:
         )
 
 
+def methods() -> Iterator[Line]:
+    """Yield how runs on cells differ from those of particles at draft, by the kind of flow."""
+    rows = [row for row in lines_of('methods.csv') if row['preset'] == 'draft']
+    particles = {row['scene']: row for row in rows if row['method'] == 'particles'}
+    kinds: dict[str, list[tuple[float, float, float]]] = {}
+    for row in rows:
+        other = particles.get(row['scene'])
+        if row['method'] == 'particles' or other is None:
+            continue
+        kind = 'cells lack an effect' if row['lacking'] else 'lava of one temperature'
+        if not row['lacking'] and {'cooling', 'cover', 'crust'} & {*other['effects'].split()}:
+            kind = 'lava cools'
+        stated = math.hypot(float(row['stated']), float(other['stated']))
+        ratio = float(row['cpu_s']) / float(other['cpu_s'])
+        kinds.setdefault(kind, []).append((float(row['difference']), stated, ratio))
+    yield ('flow', 'scenes', 'difference of the inundated areas, median',
+           'at most twice the stated errors of both', 'CPU time over that of particles, median')
+    for kind, found in sorted(kinds.items(), key=lambda item: -len(item[1])):
+        differences, _, ratios = zip(*found, strict=True)
+        agreeing = sum(one <= 2.0 * stated for one, stated, _ in found)
+        yield (
+            kind, str(len(found)), f'{100.0 * statistics.median(differences):.0f} %',
+            f'{agreeing} of {len(found)}', _two_digits(str(statistics.median(ratios))),
+        )
+
+
+def method_scores() -> Iterator[Line]:
+    """Yield the scores of mapped eruptions by both methods."""
+    yield ('flow', 'preset', 'method', 'Jaccard index', 'area', 'CPU time')
+    for row in lines_of('methods.csv'):
+        if row['jaccard']:
+            spacing = float(row['spacing_m'])
+            apart = 'cells of' if row['method'] == 'cells' else 'particles'
+            yield (
+                row['scene'].replace('etna', 'Etna '), f'`{row["preset"]}`',
+                f'{apart} {spacing:.2g} m', f'{float(row["jaccard"]):.2f}',
+                f'x {float(row["area_ratio"]):.2f}', f'{_two_digits(row["cpu_s"])} s',
+            )
+
+
 def twins() -> Iterator[Line]:
     """Yield how often truths arrive before the forecast times, and the reliability."""
     yield (
@@ -694,6 +736,7 @@ PAGES: Mapping[str, Tables] = {
     'presets.md': {
         'preset_costs': preset_costs, 'preset_gains': preset_gains,
         'preset_scores': preset_scores, 'command_times': command_times,
+        'methods': methods, 'method_scores': method_scores,
     },
     'NAV2.md': {'rolling_windows': rolling_windows, 'masks': masks},
     'how_to/ensemble.md': {'twins': twins, 'twins_outline': twins_outline},

@@ -14,7 +14,7 @@ import pytest
 
 from command_line import lava, refused
 from geodata import write_scene
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast import pilot_runs, pilot_search, planning
 from lava_ros.forecast.pilot_runs import Pilot
@@ -23,7 +23,6 @@ from lava_ros.forecast.planning import plan_runs, PLANNED_TIME_FRACTION, USEFUL
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict
 from lava_ros.simulation.numerical_error import Areas, PARTICLE_ORDER
-from solver import only
 
 X, Y = np.meshgrid(np.arange(60) * 10.0, np.arange(40) * 10.0)
 SCENE = Scene(
@@ -104,8 +103,8 @@ def test_plan_on_cells_doubles_them():
     ground = Terrain(0.1 * np.add.outer(np.zeros(24), np.arange(32.0) * 10.0), 10.0)
     scene = Scene(ground, (Vent((250.0, 120.0), 5.0, radius=10.0),), Lava.paper(viscosity=1e5))
     found = plan_runs(
-        scene, error=0.5, horizon=200.0, forced=only('steep'), device='cpu', method='cells',
-        clock=itertools.count(0.0, 1e-3).__next__,
+        scene, error=0.5, horizon=200.0, forced=dict.fromkeys(EFFECTS, False), device='cpu',
+        method='cells', clock=itertools.count(0.0, 1e-3).__next__,
     )
     assert found.numerical_error.method == 'cells'
     assert {math.log2(10.0 / item.spacing) % 1.0 for item in found.options} == {0.0}
