@@ -397,6 +397,7 @@ def main() -> None:
     parser.add_argument('--preset', default=DEFAULT)
     parser.add_argument('--runs', type=int, default=24, help='number of runs of a footprint')
     parser.add_argument('--particles', type=int, help='largest number of particles of a run')
+    parser.add_argument('--scene', action='append', help='name of a scene (default: all)')
     args = parser.parse_args()
     origin = {
         'device': args.device,
@@ -405,6 +406,8 @@ def main() -> None:
     }
     rows: list[dict[str, Any]] = []
     for item in scenes():
+        if args.scene and item.name not in args.scene:
+            continue
         for row in compare(
             item, device=args.device, preset=args.preset, runs=args.runs, particles=args.particles
         ):
