@@ -192,7 +192,7 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
 def areas_of(
     likely: np.ndarray | None, outline: Outline | None, resolution: float
 ) -> dict[str, float | None]:
-    """Return the mapped area, and the areas above three probabilities [km2]; None over all dates."""
+    """Return the mapped area and those above ``AREAS`` [km2], None over all dates."""
     names = ('mapped_km2', *(f'area_p{limit}_km2' for limit in AREAS))
     if likely is None or outline is None:
         return dict.fromkeys(names)
