@@ -14,7 +14,7 @@ written when it is done, and skipped if the table has it at that preset. Sets of
 import argparse
 from collections.abc import Mapping
 import csv
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 from pathlib import Path
 import platform
@@ -27,7 +27,7 @@ from tables import lines_of
 
 import lava_ros
 from lava_ros.hindcast.calibration import leave_one_out, near_optimal, read_samples
-from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.free_parameters import changed, free_parameters_of, UNITS
 from lava_ros.hindcast.replicates import agreement, directions, run_together
 from lava_ros.hindcast.run import Settings
@@ -57,28 +57,6 @@ SETS: dict[str, tuple[str, Mapping[str, float]]] = {
         'etna_magflow', {'crust_cover': 0.0, 'crust': 1.0, 'conductivity': 1.0},
     ),
 }
-
-#: One change of ``etna_basalt`` at a time.
-CHANGES: dict[str, tuple[str, Mapping[str, float]]] = {
-    name: ('etna_basalt', values)
-    for name, values in {
-        **{
-            f'ground smoothed over {width:g} m': {'low_pass': width}
-            for width in (5.0, 10.0, 20.0, 30.0)
-        },
-        **{f'vents of {radius:g} m': {'vent_radius': radius} for radius in (30.0, 60.0, 120.0)},
-        'crust diffusivity 2.5e-07 m²/s': {'crust_diffusivity': 2.5e-7},
-        'crust diffusivity 1e-06 m²/s': {'crust_diffusivity': 1e-6},
-        'latent heat 200000 J/kg': {'latent_heat': 2e5},
-        'yield strength 200 Pa': {'yield_strength': 200.0},
-        'yield strength 600 Pa': {'yield_strength': 600.0},
-        'solidus 1103 K': {'solidus': 1103.0},
-        'solidus 1183 K': {'solidus': 1183.0},
-    }.items()
-}
-
-#: Values of a set that are not constants of the lava.
-OPTIONS = ('crust', 'low_pass', 'vent_radius')
 
 
 @dataclass(frozen=True)
@@ -132,24 +110,15 @@ def sets_of(calibration: Path, cases: list[str]) -> dict[str, tuple[str, Mapping
     return found
 
 
-def with_vents(case: Case, radius: float) -> Case:
-    """Return a case with vents of a radius [m]."""
-    vents = tuple(replace(vent, radius=radius) for vent in case.scene.vents)
-    return replace(case, scene=replace(case.scene, vents=vents))
-
-
 def scored(
     name: str, folders: list[str], material: str, values: Mapping[str, float],
     settings: Settings, runs: int, command: str, machine: str,
 ) -> list[Row]:
     """Run a set on every case."""
-    smoothing = {key: value for key, value in values.items() if key == 'low_pass'}
+    cases = [load_case(folder, material=material) for folder in folders]
     crust = {key: bool(value) for key, value in values.items() if key == 'crust'}
-    constants = {key: value for key, value in values.items() if key not in OPTIONS}
-    cases = [load_case(folder, material=material, **smoothing) for folder in folders]
-    cases = [changed(case, constants).with_lava(crust) for case in cases]
-    if 'vent_radius' in values:
-        cases = [with_vents(case, values['vent_radius']) for case in cases]
+    rest = {key: value for key, value in values.items() if key != 'crust'}
+    cases = [changed(case, rest).with_lava(crust) for case in cases]
     started = time.monotonic()
     results = run_together(
         [(case, way) for case in cases for way in directions(runs)], settings
@@ -190,8 +159,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('output', type=Path)
     parser.add_argument('--case', action='append', required=True, metavar='DIR')
-    names = (*SETS, *CHANGES)
-    parser.add_argument('--set', action='append', default=[], choices=names, dest='sets')
+    parser.add_argument('--set', action='append', default=[], choices=tuple(SETS), dest='sets')
     parser.add_argument('--calibration', type=Path, metavar='DIR')
     parser.add_argument('--preset', choices=tuple(PRESETS), default='standard')
     parser.add_argument('--runs', type=int, default=8)
@@ -199,7 +167,7 @@ def main() -> None:
     parser.add_argument('--machine', default=platform.processor() or platform.machine())
     args = parser.parse_args()
     named = args.sets or ([] if args.calibration else SETS)
-    chosen = {name: {**SETS, **CHANGES}[name] for name in named}
+    chosen = {name: SETS[name] for name in named}
     if args.calibration:
         chosen |= sets_of(args.calibration, args.case)
     rows: list[dict[str, object]] = []

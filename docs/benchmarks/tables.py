@@ -169,19 +169,6 @@ def largest_gap(diagrams: Iterable[str]) -> float:
     )
 
 
-def changes() -> Iterator[Line]:
-    """Yield the scores of both flows of Etna with one change at a time."""
-    yield ('constants', *(f'{name}, {year}' for year in (2001, 2006)
-                          for name in ('majority', 'area', 'length')))
-    rows = [*lines_of('eruptions.csv'), *lines_of('eruptions_changes.csv')]
-    found = {(row['constants'], row['case']): row for row in rows if row['preset'] == 'draft'}
-    for name in dict.fromkeys(name for name, _ in found):
-        yield (f'`{name}`' if name == 'etna_basalt' else name, *(
-            f'{mark}{float(found[name, f"etna{year}"][column]):.2f}' for year in (2001, 2006)
-            for column, mark in (('majority', ''), ('area_ratio', 'x '), ('length_ratio', 'x '))
-        ))
-
-
 def front() -> Iterator[Line]:
     """Yield the lowest elevation that lava has reached by some times."""
     yield ('time', 'lowest cell', 'of single runs')
@@ -503,7 +490,9 @@ def twins() -> Iterator[Line]:
         'before P90', 'reliability', 'lava where no member has any', 'time of the pairs',
     )
     for row in lines_of('twins.csv'):
-        if row['forecast'] in ('ensemble', 'uncorrected'):
+        # forecasts that are not usable are not corrected
+        shown = ('uncorrected', 'ensemble') if row['usable'] == 'True' else ('uncorrected',)
+        if row['forecast'] in shown:
             points = f'{float(row["reliability_points"]):.1f} points'
             yield (
                 f'{row["truths"]} {row["truths_are"].replace("_", " ")}'
@@ -621,7 +610,7 @@ PAGES: Mapping[str, Tables] = {
     '../README.md': {'flows': flows},
     'VALIDATION.md': {
         'flows': flows, 'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes,
-        'chances': chances, 'dates': dates, 'changes': changes, 'front': front, 'commands': commands,
+        'chances': chances, 'dates': dates, 'front': front, 'commands': commands,
         'outlines': outlines,
     },
     'MODEL.md': {

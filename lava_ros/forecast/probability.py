@@ -95,8 +95,8 @@ def footprint_by(
     """Return the cells half inundated by a member by a time [s], bool, of the terrain's shape.
 
     With a usable error of the particle spacing, they are taken at the later time at which the
-    member, which is late, has reached the same extent. Times after the horizon are unknown, and are
-    replaced by the horizon.
+    member, which is late, has reached the same extent. Times after the horizon are unknown, and
+    are replaced by the horizon.
     """
     if error is not None and error.is_usable:
         time = min(time * math.exp(error.delay), max(time, plan.horizon))
