@@ -3,7 +3,7 @@
 
 """Compare the effects that are chosen for scenes with more effects.
 
-    python docs/benchmarks/choice.py choice_h100.csv --device cuda:0 --runs 12
+    python docs/benchmarks/choice.py choice_cpu.csv --preset draft --runs 6 --particles 500
 
 For every effect that exists in a scene and is off to the end of the run, a row compares the run
 with one in which this effect is forced on. A last row compares it with all effects. If the effect
@@ -397,6 +397,7 @@ def main() -> None:
     parser.add_argument('--preset', default=DEFAULT)
     parser.add_argument('--runs', type=int, default=24, help='number of runs of a footprint')
     parser.add_argument('--particles', type=int, help='largest number of particles of a run')
+    parser.add_argument('--scene', action='append', help='name of a scene (default: all)')
     args = parser.parse_args()
     origin = {
         'device': args.device,
@@ -405,6 +406,8 @@ def main() -> None:
     }
     rows: list[dict[str, Any]] = []
     for item in scenes():
+        if args.scene and item.name not in args.scene:
+            continue
         for row in compare(
             item, device=args.device, preset=args.preset, runs=args.runs, particles=args.particles
         ):

@@ -8,8 +8,8 @@
 The lava of each scene has a constant viscosity. The reference is the scheme in stages of
 finite_volumes.c, on the true ground in cells of about 1 m, with cos^4 of the slope. Both versions
 run `standard` with the effects that they choose. The version of this script also runs `draft`,
-and spacings that differ from the one before by factors of sqrt(2). Errors are compared on the
-cells of the scene:
+spacings that differ from the one before by factors of sqrt(2), and method cells on cells of twice,
+once and half the size of the ground's. Errors are compared on the cells of the scene:
 
     inundated    one minus the Jaccard index of the covered fractions of cells, as the version
                  itself counts them, and those of the reference
@@ -36,7 +36,6 @@ from error_scenes import error_scenes, isothermal
 import finite_volumes
 import numpy as np
 from plan_scenes import held_out
-from tables import lines_of
 
 #: Scenes, the number of smaller cells of the reference along a side of a cell, and the viscosity
 #: in place of that at the vent [Pa s]. Thin lava of 300 Pa s is too slow to need inertia.
@@ -52,6 +51,9 @@ SCENES: dict[str, tuple[int, float | None]] = {
 #: that run took less time [s].
 PRESETS = ('draft', 'standard')
 FACTORS, SHORT = tuple(2.0 ** (0.5 * power) for power in range(-1, 6)), 5.0
+
+#: Sizes of cells of method cells over those of the ground.
+CELLS = (2.0, 1.0, 0.5)
 
 #: Minimum thickness of lava that inundates ground [m]: that of the version before.
 THRESHOLD = 0.1
@@ -101,7 +103,7 @@ def reference(name: str, finer: int) -> tuple[np.ndarray, np.ndarray]:
     return first, second
 
 
-#: Preset and spacing [m] of a run; None is the spacing of the preset.
+#: Preset, or ``cells``, and spacing [m] of a run; None is the spacing of the preset.
 Setting = tuple[str, float | None]
 
 
@@ -120,7 +122,10 @@ def run(name: str, output: Path, settings: list[Setting]) -> None:
         return simulation, simulation.snapshot()
 
     for number, (preset, spacing) in enumerate(settings):
-        accuracy = preset_accuracy(preset, spacing=spacing)
+        if preset == 'cells':
+            accuracy = replace(preset_accuracy('standard', spacing=spacing), method='cells')
+        else:
+            accuracy = preset_accuracy(preset, spacing=spacing)
         if hasattr(accuracy, 'threshold'):
             accuracy = replace(accuracy, threshold=THRESHOLD)
         begun = time.process_time()
@@ -189,6 +194,9 @@ def main() -> None:
 
 def compare(output: Path, before: Path, names: list[str], processes: int) -> None:
     """Compare the versions on scenes, and write the rows so far after each one."""
+    # not in the version before
+    from tables import lines_of
+
     from lava_ros.verification.rows import write_csv
 
     rows = lines_of(output.resolve()) if output.exists() else []
@@ -220,13 +228,15 @@ def compared(before: Path, name: str) -> list[dict[str, Any]]:
         spacings = spacings[1:]
     settings: list[Setting] = [(preset, None) for preset in PRESETS]
     settings += [(preset, spacing) for preset in distinct for spacing in spacings]
+    cell = scene_of(name).scene.terrain.resolution
+    settings += [('cells', factor * cell) for factor in CELLS]
     rows = []
     results = [old, *made(Path(__file__).resolve().parents[2], name, settings)]
     for result, (preset, spacing) in zip(results, [('standard', None), *settings], strict=True):
         found = (result.pop('inundated'), result.pop('thickness'))
         rows.append({
-            'scene': name, 'cell_m': scene_of(name).scene.terrain.resolution,
-            'version': 'after' if rows else 'before', 'preset': '' if spacing else preset,
+            'scene': name, 'cell_m': cell, 'version': 'after' if rows else 'before',
+            'preset': '' if spacing and preset != 'cells' else preset,
             **result, **errors(found, exact), **known, 'machine': machine_name('cpu'),
             'command': 'python docs/benchmarks/equal_error.py',
         })

@@ -16,6 +16,9 @@ from tables import HERE, Line, lines_of, written
 
 PAGE = HERE / 'README.md'
 
+#: Preset of the rows of method cells.
+CELLS = 'cells'
+
 #: Columns of the errors.
 ERRORS = ('inundated', 'thickness')
 
@@ -52,24 +55,27 @@ def scenes() -> Iterator[tuple[str, Mapping[str, str], list[dict[str, str]]]]:
 
 
 def equal_error() -> Iterator[Line]:
-    """Yield the CPU time of `standard` before, and that of this version at the same error."""
+    """Yield the CPU time of each method at the error of `standard` before, over its time."""
     yield (
-        'scene', 'cells', '`standard` before', 'inundated', 'time at this error', 'ratio',
-        'thickness', 'time at this error', 'ratio',
+        'scene', 'cells', '`standard` before', 'inundated', 'time of particles', 'of method cells',
+        'thickness', 'time of particles', 'of method cells',
     )
-    ratios = defaultdict[str, list[float]](list)
+    ratios = defaultdict[tuple[str, bool], list[float]](list)
     for scene, before, after in scenes():
-        time, cells = float(before['cpu_s']), []
+        time, columns = float(before['cpu_s']), []
         for name in ERRORS:
-            same = at_error(after, name, float(before[name]))
-            ratios[name].append(same / time)
-            error = two_digits(100.0 * float(before[name]))
-            unit = ' s' if same < math.inf else ''
-            cells += [f'{error} %', f'{two_digits(same)}{unit}', two_digits(same / time)]
+            columns.append(f'{two_digits(100.0 * float(before[name]))} %')
+            for is_cells in (False, True):
+                runs = [row for row in after if (row['preset'] == CELLS) == is_cells]
+                ratio = at_error(runs, name, float(before[name])) / time
+                ratios[name, is_cells].append(ratio)
+                columns.append(two_digits(ratio))
         size = f'{float(before["cell_m"]):g} m'
-        yield (scene.replace('_', ' '), size, f'{two_digits(time)} s', *cells)
-    middle = [f'**{two_digits(median(ratios[name]))}**' for name in ERRORS]
-    yield ('median', '', '', '', '', middle[0], '', '', middle[1])
+        yield (scene.replace('_', ' '), size, f'{two_digits(time)} s', *columns)
+    middle = {key: f'**{two_digits(median(values))}**' for key, values in ratios.items()}
+    yield ('median', '', '', *(
+        cell for name in ERRORS for cell in ('', middle[name, False], middle[name, True])
+    ))
 
 
 def presets() -> Iterator[Line]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 from bench_scenes import (
@@ -12,6 +13,7 @@ from bench_scenes import (
     BenchScene,
     crater,
     ground,
+    PAPER_LAVA,
     plane,
     scenes,
     sum_of_waves,
@@ -26,9 +28,9 @@ from lava_ros.scene.lava import Lava
 
 def isothermal(viscosity: float, **others: float) -> Lava:
     """Return lava of a constant viscosity [Pa s] that does not cool."""
-    return Lava.paper(
-        density=2600.0, viscosity=viscosity, arrhenius=0.0, emissivity=0.0, convection=0.0,
-        **others,
+    return replace(
+        PAPER_LAVA, density=2600.0, viscosity=viscosity, arrhenius=0.0, emissivity=0.0,
+        convection=0.0, **others,
     )
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import math
 from pathlib import Path
 import platform
+import shutil
 import subprocess
 import time
 
@@ -84,10 +85,13 @@ class Row:
 
 def version() -> str:
     """Return the version of the package, with the commit if there is a repository."""
-    done = subprocess.run(
-        ['git', 'describe', '--always', '--dirty'], capture_output=True, text=True, check=False
-    )
-    return f'{lava_ros.__version__}+{done.stdout.strip()}'.rstrip('+')
+    commit = ''
+    if shutil.which('git'):
+        done = subprocess.run(
+            ['git', 'describe', '--always', '--dirty'], capture_output=True, text=True, check=False
+        )
+        commit = done.stdout.strip()
+    return f'{lava_ros.__version__}+{commit}'.rstrip('+')
 
 
 def sets_of(calibration: Path, cases: list[str]) -> dict[str, tuple[str, Mapping[str, float]]]:

@@ -24,7 +24,6 @@ declare -A command=(
     [live]="python3 docs/benchmarks/forecast.py cuda:0 GPU 256"
     [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
     [steps]="$lava check speed steps --device cuda:0 --repetitions 5 -o $out/steps_h200.csv"
-    [choice]="python3 docs/benchmarks/choice.py $out/choice_gpu.csv --device cuda:0 --preset standard --runs 12"
     [effects]="$lava check speed effects --device cuda:0 --repetitions 5 -o $out/effects_h200.csv"
     [accuracy]="$lava check accuracy --device cuda:0 --case green --case radiating_sheet --longest 20 -o $out/accuracy"
     [calibrate]="$lava calibrate $cases/etna2001 $cases/etna2006 --preset standard --directions 4 --device cuda:0 -o $out/calibration"
@@ -33,7 +32,7 @@ declare -A command=(
 )
 declare -A limit=(
     [batch]=120 [members]=280 [day]=100 [day_standard]=120 [whole]=400 [atlas]=400 [live]=110 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
-    [calibrate]=500 [eruptions]=300 [probability]=500 [choice]=600
+    [calibrate]=500 [eruptions]=300 [probability]=500
 )
 [ $# -gt 0 ] || set -- batch members day day_standard whole atlas live hard steps effects accuracy calibrate eruptions probability
 mkdir -p "$out"

@@ -117,10 +117,11 @@ def main() -> None:
     parser.add_argument('output', metavar='OUT.csv', type=Path)
     parser.add_argument('--folder', type=Path, required=True, help='folder of the areas')
     parser.add_argument('--scene', action='append', help='name of a scene (default: all)')
+    parser.add_argument('--preset', action='append', choices=NAMES, help='(default: all)')
     parser.add_argument('--workers', type=int, default=1, help='number of processes')
     args = parser.parse_args()
     names = [item.name for item in error_scenes() if not args.scene or item.name in args.scene]
-    jobs = [(scene, preset) for scene in names for preset in NAMES]
+    jobs = [(scene, preset) for scene in names for preset in args.preset or NAMES]
     context = multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(args.workers, mp_context=context) as pool:
         all_runs = [runs_of(name, args.folder) for name in names]

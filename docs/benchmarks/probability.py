@@ -61,6 +61,9 @@ PRINTED = (
     'twin_skill_with_outline',
 )
 
+#: Probabilities above which areas are given [%].
+AREAS = (10, 50, 90)
+
 #: Time of the observed outline, as a fraction of the horizon.
 OUTLINE_TIME = 1.0 / 3.0
 
@@ -118,6 +121,10 @@ class DatedRow:
     largest_gap: float | None
     half_jaccard: float | None
     persistence_jaccard: float | None
+    mapped_km2: float | None
+    area_p10_km2: float | None
+    area_p50_km2: float | None
+    area_p90_km2: float | None
     reliability: str
     seconds: float
     device: str
@@ -171,6 +178,7 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
                 **kept,
                 half_jaccard=None if is_all else jaccard(np.nan_to_num(values) >= 50.0, outline),
                 persistence_jaccard=None if is_all or last is None else jaccard(last, outline),
+                **areas_of(values, outline, plan.scene.terrain.resolution),
                 reliability=bins_text(found['reliability']) if is_all else '',
                 seconds=seconds,
                 device=args.device,
@@ -179,6 +187,20 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
                 command=command,
             )
             last = before if before is not None or is_all else outline.lava
+
+
+def areas_of(
+    likely: np.ndarray | None, outline: Outline | None, resolution: float
+) -> dict[str, float | None]:
+    """Return the mapped area and those above ``AREAS`` [km2], None over all dates."""
+    names = ('mapped_km2', *(f'area_p{limit}_km2' for limit in AREAS))
+    if likely is None or outline is None:
+        return dict.fromkeys(names)
+    maps = (outline.lava, *(np.nan_to_num(likely) >= limit for limit in AREAS))
+    return {
+        name: 1e-6 * float(cells.sum()) * resolution**2
+        for name, cells in zip(names, maps, strict=True)
+    }
 
 
 def bins_text(bins: list[dict[str, float]]) -> str:

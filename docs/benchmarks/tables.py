@@ -172,18 +172,21 @@ def chances() -> Iterator[Line]:
 
 
 def dates() -> Iterator[Line]:
-    """Yield the skill of the ensembles of a case with dated outlines, by date."""
-    rows = [row for row in lines_of('probability_dates_h100.csv') if row['date'] != 'all']
+    """Yield the areas and the skill of the ensembles of a case with dated outlines, by date."""
+    rows = [row for row in lines_of('probability_dates.csv') if row['date'] != 'all']
     # the members of published ranges are the same at all dates
     names = dict.fromkeys(row['ensemble'] for row in rows if row['ensemble'] != 'published ranges')
     found = {(row['ensemble'], row['date']): row for row in rows}
-    yield ('outline', 'outline before', *(name.replace('T12:00:00Z', '') for name in names))
+    yield ('outline', 'mapped area', 'area of 90 to 10 %', 'outline before',
+           *(name.replace('T12:00:00Z', '') for name in names))
     for date in dict.fromkeys(row['date'] for row in rows):
         first, *others = (found.get((name, date)) for name in names)
         assert first is not None
         former = first['persistence_jaccard']
         yield (
             date.removesuffix('T12:00:00Z'),
+            f'{float(first["mapped_km2"]):.2f} km²',
+            f'{float(first["area_p90_km2"]):.2f} to {float(first["area_p10_km2"]):.2f} km²',
             f'{float(former):.2f}' if former else '',
             *(f'{float(row["half_jaccard"]):.2f}' if row else '' for row in (first, *others)),
         )
@@ -234,15 +237,17 @@ def largest_gap(diagrams: Iterable[str]) -> float:
     )
 
 
-def changes() -> Iterator[Line]:
-    """Yield the scores of both flows of Etna with one change at a time."""
-    yield ('constants', *(f'{name}, {year}' for year in (2001, 2006)
-                          for name in ('majority', 'area', 'length')))
-    for row in lines_of('etna_changes_h200.csv'):
-        yield (row['change'], *(
-            f'{mark}{float(row[f"{name}_{year}"]):.2f}' for year in (2001, 2006)
-            for name, mark in (('jaccard', ''), ('area_ratio', 'x '), ('length_ratio', 'x '))
-        ))
+def front() -> Iterator[Line]:
+    """Yield the lowest elevation that lava has reached by some times."""
+    yield ('time', 'lowest cell', 'of single runs')
+    for row in lines_of('front.csv'):
+        hours = row['hours']
+        is_mapped = hours == 'mapped'
+        time = 'mapped flow' if is_mapped else (
+            f'{float(hours) / 24:g} d' if float(hours) >= 24 else f'{hours} h'
+        )
+        between = f'{float(row["lowest_m"]):,.0f} to {float(row["highest_m"]):,.0f} m'
+        yield time, f'{float(row["elevation_m"]):,.0f} m', '' if is_mapped else between
 
 
 def hindcast_steps() -> Iterator[Line]:
@@ -593,7 +598,9 @@ def twins() -> Iterator[Line]:
         'before P90', 'reliability', 'lava where no member has any', 'time of the pairs',
     )
     for row in lines_of('twins.csv'):
-        if row['forecast'] in ('ensemble', 'uncorrected'):
+        # forecasts that are not usable are not corrected
+        shown = ('uncorrected', 'ensemble') if row['usable'] == 'True' else ('uncorrected',)
+        if row['forecast'] in shown:
             points = f'{float(row["reliability_points"]):.1f} points'
             yield (
                 f'{row["truths"]} {row["truths_are"].replace("_", " ")}'
@@ -724,7 +731,7 @@ PAGES: Mapping[str, Tables] = {
     '../README.md': {'flows': flows},
     'VALIDATION.md': {
         'flows': flows, 'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes,
-        'chances': chances, 'dates': dates, 'changes': changes, 'commands': commands,
+        'chances': chances, 'dates': dates, 'front': front, 'commands': commands,
         'outlines': outlines, 'left_out': left_out,
     },
     'MODEL.md': {

@@ -290,19 +290,45 @@ def running(
     from lava_ros.simulation.batch import side_by_side
 
     done: list[MemberFields] = []
+    # members and the coarser runs of their pairs, until the other one ends, and members without
+    waiting: dict[int, MemberFields] = {}
+    coarse: dict[int, MemberFields] = {}
+    without_pair: set[int] = set()
+
+    def end(index: int) -> None:
+        if index in waiting and (index in coarse or index in without_pair):
+            fields = waiting.pop(index)
+            if (coarser := coarse.pop(index, None)) is not None:
+                shape = plan.scene.terrain.shape
+                fields = replace(fields, pair=pair_of(*fields.on(shape), *coarser.on(shape)))
+            done.append(fields)
 
     def route(member: Member) -> Iterator[None]:
         known = {} if progress is None else progress
         fields = yield from _fields_of(plan, member, device, max_particles, known)
-        if plan.has_pair(member) and not fields.called:
-            coarser = yield from _fields_of(plan.coarser, member, device, None, {})
-            shape = plan.scene.terrain.shape
-            fields = replace(fields, pair=pair_of(*fields.on(shape), *coarser.on(shape)))
-        done.append(fields)
+        waiting[member.index] = fields
+        if fields.called or not plan.has_pair(member):
+            without_pair.add(member.index)
+        end(member.index)
         # yield the fields before the next member begins
         yield
 
-    routes, at_once = map(route, members), batch_of(plan, device)
+    def coarser_route(member: Member) -> Iterator[None]:
+        # on a CPU it begins after its member, on a GPU both run side by side
+        if member.index not in without_pair:
+            fields = yield from _fields_of(plan.coarser, member, device, None, {})
+            if member.index not in without_pair:
+                coarse[member.index] = fields
+                end(member.index)
+                yield
+
+    def routes_of(members: Iterable[Member]) -> Iterator[Iterator[None]]:
+        for member in members:
+            yield route(member)
+            if plan.has_pair(member):
+                yield coarser_route(member)
+
+    routes, at_once = routes_of(members), batch_of(plan, device)
     for _ in side_by_side(routes, str(_device_of(plan, device)), at_once=at_once):
         yield from done
         done.clear()

@@ -94,11 +94,11 @@ def footprint_by(
 ) -> np.ndarray:
     """Return the cells half inundated by a member by a time [s], bool, of the terrain's shape.
 
-    With the error of the particle spacing, they are taken at the later time at which the member,
-    which is late, has reached the same extent. Times after the horizon are unknown, and are
-    replaced by the horizon.
+    With a usable error of the particle spacing, they are taken at the later time at which the
+    member, which is late, has reached the same extent. Times after the horizon are unknown, and
+    are replaced by the horizon.
     """
-    if error is not None:
+    if error is not None and error.is_usable:
         time = min(time * math.exp(error.delay), max(time, plan.horizon))
     inundated = np.zeros(plan.scene.terrain.shape, dtype=bool)
     rows, columns = footprint.half_sample.shape
@@ -218,8 +218,9 @@ class EnsembleAccumulator:
         reached = self._row >= 0
         rows = self._row[reached]
         error, counts = self.spacing_error, self._arrivals[: self._rows][rows]
-        end = 0.0 if error is None else error.end(counts, self._total)
-        cells = self._when(counts, error, end)
+        corrected = error if error is not None and error.is_usable else None
+        end = 0.0 if corrected is None else corrected.end(counts, self._total)
+        cells = self._when(counts, corrected, end)
         interval = 0.5 * self._plan.interval
         return HazardMaps(
             probability=on_terrain(cells.probability, 0.0),
@@ -239,7 +240,7 @@ class EnsembleAccumulator:
             + (0.0 if error is None else error.arrival_error(self._plan.horizon)),
             members_beyond=self._beyond,
             places=None if self._places is None else self._when(
-                self._place_arrivals, error, end
+                self._place_arrivals, corrected, end
             ),
             worst=WorstCase(
                 arrival=on_terrain(cells.earliest, np.nan),

@@ -123,7 +123,7 @@ class HazardMaps:
         places: Arrival at the named places; None without places.
         worst: The worst of the members in each cell; None if unknown.
         spacing_error: Error due to the particle spacing. Arrival times, probabilities and
-            ``areas`` are corrected for it; None if no pairs of runs have measured it.
+            ``areas`` are corrected for it if it is usable; None if no pairs have measured it.
     """
 
     probability: np.ndarray

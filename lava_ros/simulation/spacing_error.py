@@ -5,15 +5,15 @@
 
 The spacing shifts the lava of all members in the same direction. Every ``EVERY``-th member
 therefore runs a second time with particles ``COARSER`` times as far apart, or with cells of twice
-the size. With the arrival time
-t(x) of lava in a cell, and t_c(x) in the coarser run of the same draw, the time with very close
-particles is
+the size. With the arrival time t(x) of lava in a cell, and t_c(x) in the coarser run of the same
+draw, the time with very close particles is
 
     t(x) exp(-D),    D = mean of ln(t_c / t) / r,    r = COARSER^p - 1 or 2^p - 1
 
 with the order p of the statement of the numerical error (simulation/numerical_error.py). The same
-holds for the inundated area. D shifts the arrival times of all members; its uncertainty widens
-them: half of D for the order, and the scatter of ln(t_c / t) over cells and members.
+holds for the inundated area. D shifts the arrival times of all members unless it is too large
+(``MAX_CORRECTION``); its uncertainty widens them: half of D for the order, and the scatter of
+ln(t_c / t) over cells and members.
 docs/benchmarks/twins.csv compares the result with truths at a closer spacing.
 """
 
@@ -237,12 +237,12 @@ class SpacingError:
         return _continued(counts, total) @ kernel
 
     def corrected_areas(self, areas: dict[float, float]) -> dict[float, float]:
-        """Shift and widen the areas inundated in at least a fraction of the members.
+        """Shift and widen the areas inundated in at least a fraction of the members, if usable.
 
         ``areas`` are those of the members by the fraction, among them 0.5, in m2.
         """
         middle = areas[0.5]
-        if middle <= 0.0:
+        if middle <= 0.0 or not self.is_usable:
             return areas
         result = {}
         for fraction, area in areas.items():
@@ -261,8 +261,11 @@ class SpacingError:
 
     def text(self) -> str:
         """Format the error as one line."""
+        def percent(value: float) -> str:
+            return f'{float(f"{abs(100.0 * math.expm1(value)):.2g}"):g}'
+
         late, large = (
-            f'{abs(100.0 * math.expm1(value)):.2g} % {words[value < 0.0]}'
+            f'{percent(value)} % {words[value < 0.0]}'
             for value, words in (
                 (self.delay, ('too late', 'too early')), (self.growth, ('too large', 'too small'))
             )

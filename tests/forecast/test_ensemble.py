@@ -237,6 +237,31 @@ def test_pairs_of_members_are_kept_with_them(tmp_path: Path) -> None:
     assert not any(live.has_pair(item) for item in drawn)
 
 
+def test_both_runs_of_a_pair_run_side_by_side_on_a_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = uncertain_scene(10.0)
+    plan = make_plan(scene, horizon=200.0, accuracy=Accuracy(refinement=0.3), samples=4)
+    drawn = draw_members(scene, 5)
+    alone = run_members(plan, drawn, device='cpu')
+    most = 0
+
+    def in_turns(routes: Iterable[Iterator[None]], device: str, *, at_once: int) -> Iterator[None]:
+        nonlocal most
+        active = list(routes)
+        most = len(active)
+        while active:
+            for route in tuple(active):
+                if next(route, active) is active:
+                    active.remove(route)
+                yield
+
+    monkeypatch.setattr('lava_ros.simulation.batch.side_by_side', in_turns)
+    together = run_members(plan, drawn, device='cpu')
+    assert most == 7 and [item.index for item in together] == [0, 1, 2, 3, 4]
+    for one, other in zip(alone, together, strict=True):
+        assert one.pair == other.pair and (one.pair is None) == (one.index not in (0, 4))
+        assert np.array_equal(one.arrival, other.arrival, equal_nan=True)
+
+
 @pytest.fixture(scope='module')
 def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Runs, HazardMaps]:
     """Return a function that runs eight members on a slope, and the maps of one run."""

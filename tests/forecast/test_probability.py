@@ -352,9 +352,13 @@ def test_numerical_error_flattens_the_weights() -> None:
 
 def test_late_members_are_compared_with_an_outline_at_a_later_time() -> None:
     footprint = footprint_of(disc_fields(0, 1.0), PLAN)
-    error = SpacingError('particles', 8.0, 1, float(np.log(1.25)), 0.0, 0.0, 0.0, 0.0)
+    error = SpacingError('particles', 8.0, 1, float(np.log(1.15)), 0.0, 0.0, 0.0, 0.0)
     found = footprint_by(footprint, PLAN, 1600.0, error)
-    assert np.array_equal(found, footprint_by(footprint, PLAN, 2000.0))
+    assert np.array_equal(found, footprint_by(footprint, PLAN, 1840.0))
+    assert not np.array_equal(found, footprint_by(footprint, PLAN, 1600.0))
+    too_late = replace(error, delay=0.2)
+    not_moved = footprint_by(footprint, PLAN, 1600.0, too_late)
+    assert np.array_equal(not_moved, footprint_by(footprint, PLAN, 1600.0))
     at_end = footprint_by(footprint, PLAN, HORIZON, error)
     assert np.array_equal(at_end, footprint_by(footprint, PLAN, HORIZON))
 

@@ -117,12 +117,12 @@ def test_probabilities_have_the_corrected_area(growth: float) -> None:
 
 
 def test_areas_are_shifted_and_widened() -> None:
-    error = replace(NONE, growth=math.log(0.8), growth_spread=0.1)
+    error = replace(NONE, growth=math.log(0.9), growth_spread=0.1)
     areas = error.corrected_areas({0.1: 150.0, 0.5: 100.0, 0.9: 60.0})
-    assert areas[0.5] == pytest.approx(125.0)
+    assert areas[0.5] == pytest.approx(100.0 / 0.9)
     assert areas[0.1] / areas[0.5] > 1.5 and areas[0.9] / areas[0.5] < 0.6
     same = error.corrected_areas({0.1: 100.0, 0.5: 100.0, 0.9: 100.0})
-    assert same[0.1] == pytest.approx(125.0 * math.exp(0.1 * 1.2816), rel=1e-4)
+    assert same[0.1] == pytest.approx(100.0 / 0.9 * math.exp(0.1 * 1.2816), rel=1e-4)
     assert error.corrected_areas({0.1: 1.0, 0.5: 0.0, 0.9: 0.0})[0.1] == 1.0
 
 
@@ -135,3 +135,5 @@ def test_too_large_an_error_names_a_spacing_that_is_usable() -> None:
     assert 'too late' in good.text() and 'not usable' not in good.text()
     for values in ({'growth': -0.2}, {'area_error': 0.5}, {'area_error': 1.0}):
         assert not replace(NONE, **values).is_usable
+    areas = {0.1: 150.0, 0.5: 100.0, 0.9: 60.0}
+    assert bad.corrected_areas(areas) == areas
