@@ -27,7 +27,7 @@ STEPS, PARTICLES = 18_000, 10_000
 
 #: Minimum number of particles across the stream, and maximum spacing in cells of the ground, at
 #: a refinement of 1.
-ACROSS_STREAM, MAX_CELLS = 2.8, 2.8
+ACROSS_STREAM, MAX_CELLS = 2.4, 2.8
 
 
 def bounded(
