@@ -52,7 +52,7 @@ ERUPTIONS = {
 }
 MATERIALS = {
     'etna_basalt': ('`etna_basalt`', ('etna',)),
-    'fitted_basalt': ('`fitted_basalt`', ('etna', 'lapalma')),
+    'fitted to all flows': ('fitted to all flows', ('etna', 'lapalma')),
     'fitted to 24 September': ('fitted to La Palma, 24 September', ('lapalma2021 2021-09-24',)),
     'basalt': ('`basalt`', ()),
 }

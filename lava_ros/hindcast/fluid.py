@@ -23,11 +23,11 @@ from lava_ros.simulation.setup.course import course_of
 
 #: Numbers of steps and particles at a refinement of 1. Flows of ``etna_basalt`` have a sixth to
 #: half of the steps, and half to all of the particles.
-STEPS, PARTICLES = 20_000, 10_000
+STEPS, PARTICLES = 18_000, 10_000
 
 #: Minimum number of particles across the stream, and maximum spacing in cells of the ground, at
 #: a refinement of 1.
-ACROSS_STREAM, MAX_CELLS = 2.8, 2.8
+ACROSS_STREAM, MAX_CELLS = 2.4, 2.8
 
 
 def bounded(
