@@ -23,7 +23,6 @@ A document that changes the package changes a copy, in which its other blocks th
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 import json
 import os
 from pathlib import Path
@@ -280,11 +279,10 @@ def test_installation_succeeds(block: Block, tmp_path: Path) -> None:
         'HOME': str(tmp_path), 'PATH': f'{programs}{os.pathsep}{os.defpath}', 'LANG': 'C.UTF-8',
     }
     # pip needs the network of the machine
-    install = partial(
-        subprocess.run, ['bash', '-ec', script], cwd=tmp_path, env=environment, text=True,
-        capture_output=True, timeout=1000.0, check=False,
-    )
-    done = outside(install)
+    done = outside(lambda: subprocess.run(
+        ['bash', '-ec', script], cwd=tmp_path, env=environment, capture_output=True, text=True,
+        timeout=1000.0, check=False,
+    ))
     assert done.returncode == 0, f'{block}\n{done.stdout}\n{done.stderr}'
     assert f'lava_ros {lava_ros.__version__}' in done.stdout
 
