@@ -8,7 +8,8 @@ import json
 from pathlib import Path
 import re
 
-from json_shapes import COMMANDS, FOLDER, Schema, SHARED
+from json_parts import Schema
+from json_shapes import COMMANDS, FOLDER, SHARED
 
 PAGE = Path(__file__).with_name('json.md')
 

@@ -14,6 +14,9 @@ from lava_ros.errors import LavaError, RefusalError, UnknownKeyError
 
 Built = TypeVar('Built')
 
+#: Numbers closer to 0 than this count as 0: ratios and powers of them overflow or underflow.
+TINY = 1e-100
+
 _DECIMAL_COMMA = re.compile(r'\s*[-+]?\d+,\d+\s*')
 
 #: A number that is followed by a unit, such as 8 m3/s.
@@ -72,7 +75,8 @@ def number(
 ) -> float:
     """Return ``value`` as a finite float inside the given limits.
 
-    Text that represents a number is valid: the cells of tables are text.
+    Text that represents a number is valid: the cells of tables are text. A number closer to 0 than
+    ``TINY`` is read as 0.
 
     Raises:
         LavaError: If the value is not a finite number or is outside the limits.
@@ -81,6 +85,8 @@ def number(
         result = math.nan if isinstance(value, bool | bytes | bytearray) else float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         result = math.nan
+    if abs(result) < TINY:
+        result = 0.0
     if (
         math.isfinite(result)
         and (above is None or result > above)

@@ -130,7 +130,7 @@ class Bench:
 
     def wait_for_clock(self):
         """Wait until the worker has read the present time of the clock."""
-        self.wait(lambda: self.worker._clock._now == self.now)
+        self.wait(lambda: self.worker.pace.clock._now == self.now)
 
     def wait_for_state(self, state):
         self.wait(lambda: self.worker.status.state is state)

@@ -7,9 +7,9 @@
     python docs/benchmarks/cooling_plane.py carriers
 
 writes a row for each cell size [m] to cooling_plane.csv: the front [m] and, for each column of the
-map by its distance from the vent [m], the number of cells of 5 m on one side of the axis with a
-mean thickness above 0.1 m. The flow is symmetric, so half of it is computed. The
-reference of `cooling_front` is the result of `front_profile`.
+map by its distance from the vent [m], the number of cells of 5 m on one side of the axis that are
+covered at least half by lava thicker than 0.1 m. The flow is symmetric, so half of it is computed.
+The reference of `cooling_front` is the result of `front_profile`.
 
 `carriers` compares three carriers of heat on the same cells, in cell_heat.csv: van Leer's limited
 slope, a limited slope of third order (Koren 1993), and about four tracers a cell that carry the
@@ -25,6 +25,7 @@ import time as wall_clock
 import numpy as np
 
 from lava_ros.scene import Lava
+from lava_ros.simulation.output.inundation import footprint_cells
 from lava_ros.verification import exact
 from lava_ros.verification.cases import case, cooling
 from lava_ros.verification.cases.case import FRONT, GRAVITY
@@ -288,7 +289,7 @@ def front_profile(
 
 
 def flow_on(cell: float, carrier: str = 'van Leer') -> tuple[float, np.ndarray]:
-    """Return the front [m] and the wet cells of each column of the map, for a cell size [m]."""
+    """Return the front [m] and the footprint's cells by column of the map, for a cell size [m]."""
     x = np.arange(WEST, EAST, cell) + 0.5 * cell
     y = np.arange(0.0, NORTH, cell) + 0.5 * cell
     source = (np.hypot(x, y[:, None]) < cooling.RADIUS).astype(float)
@@ -299,8 +300,8 @@ def flow_on(cell: float, carrier: str = 'van Leer') -> tuple[float, np.ndarray]:
     )
     front = float(x[(thickness > FRONT).any(axis=0)].max() + 0.5 * cell)
     many = round(MAP / cell)
-    mean = thickness.reshape(round(NORTH / MAP), many, -1, many).mean(axis=(1, 3))
-    return front, (mean > FRONT).sum(axis=0)
+    is_wet = (thickness > FRONT).reshape(round(NORTH / MAP), many, -1, many)
+    return front, footprint_cells(is_wet.mean(axis=(1, 3))).sum(axis=0)
 
 
 def errors_of(carrier: str, cell: float) -> list[str]:

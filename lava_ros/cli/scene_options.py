@@ -49,8 +49,6 @@ _VENTS = (
 
 
 #: Options for reading a table of effusion rates.
-RATE_OPTIONS = ('eruption_start', 'gaps', 'porosity', 'measured')
-
 _TABLE = (
     shared('--start', 'that of the scene, or the first date in a table of effusion rates'),
     argument(

@@ -23,7 +23,7 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-from lava_ros.effects import compatible, considered, drop_superseded, EFFECTS, Effects
+from lava_ros.effects import compatible, considered, drop_superseded, EFFECTS, Effects, possible
 from lava_ros.effects.column import column_type, structure
 from lava_ros.effects.effect import join_names
 from lava_ros.effects.laws import filled, HOST
@@ -219,7 +219,7 @@ def heat_loss(scene: Scene, effects: Effects | None = None) -> Callable[[float],
     """
     effects = considered(scene) if effects is None else effects
     others = (o for n in effects for o in (*EFFECTS[n].replaces, *EFFECTS[n].excludes))
-    names = {*effects, *(name for name in others if EFFECTS[name].exists(scene.lava))}
+    names = {*effects, *set(others).intersection(possible(scene.lava))}
     surfaces = compatible(drop_superseded(n for n in names if EFFECTS[n].is_surface))
     values = heat_of(scene, surfaces, float)
     types = heat_type(float), column_type(float)

@@ -8,16 +8,15 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-import math
 import queue
 import threading
 import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import Guard, LavaError, RefusalError
-from lava_ros.live.catch_up import CatchUp, Published
-from lava_ros.live.clock import FollowedClock
+from lava_ros.live.catch_up import Published
 from lava_ros.live.commands import Command, command, CommandQueue, finish
+from lava_ros.live.pace import Pace, ROUNDING
 from lava_ros.live.session import (
     failure_text,
     Fork,
@@ -26,12 +25,7 @@ from lava_ros.live.session import (
     SimulationError,
     SimulationSession,
 )
-from lava_ros.live.worker_status import (
-    MAX_TASK_DURATION,
-    SpeedMeter,
-    WorkerState,
-    WorkerStatus,
-)
+from lava_ros.live.worker_status import MAX_TASK_DURATION, WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.materials import DEFAULT
 from lava_ros.scene.uncertainty import Uncertainty
@@ -57,16 +51,6 @@ ROUND_WALL_TIME = 0.02
 
 #: Wall time after which a round of commands begins no further command before the next slice [s].
 MAX_ROUND_WALL_TIME = 0.1
-
-#: Maximum delay of the state behind the clock, in addition to a time step, at which its maps are
-#: still repeated [s of the clock].
-MAX_DELAY = 5.0
-
-#: Lag at or below which simulated time has reached the clock [s].
-ROUNDING = 1e-3
-
-#: Maximum time of the clock for which maps wait for the lava of vents [s], at the end of a step.
-MAX_WAIT = 60.0
 
 #: Maximum wall time for which a restarted simulation catches up before it is shown [s].
 MAX_CATCH_UP = 5.0
@@ -111,13 +95,9 @@ class SimulationWorker:
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
         self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
         self._finishing: Future[None] | None = None
-        self._clock = FollowedClock(self.clock)
-        self._target = 0.0
-        self._step_target: float | None = None
-        self._catch_up, self._resumed = CatchUp(), CatchUp()
-        self._speed = SpeedMeter()
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
         self.session = SimulationSession(self._make, constants=self.constants)
+        self.pace = Pace(self.clock, self.session, self.time_scale)
         self._error = ''
         self._is_stopping = False
         self._threads_guard = Guard('simulation thread', SimulationError)
@@ -152,7 +132,7 @@ class SimulationWorker:
         )
         is_timed = status.state in (WorkerState.RUNNING, WorkerState.STARTING)
         if is_timed and now - self._updated > MAX_TASK_DURATION:
-            status = replace(status, age=status.age + self._clock.unread * self.time_scale)
+            status = replace(status, age=status.age + self.pace.clock.unread * self.pace.scale)
         has_begun, is_alive = self._thread.ident is not None, self._thread.is_alive()
         if has_begun and not is_alive and status.state is not WorkerState.STOPPED:
             error = 'the thread of the simulation has ended'
@@ -197,7 +177,7 @@ class SimulationWorker:
         """
         self._status = replace(self._status, state=WorkerState.STARTING)
         self.session.resume_with(make_simulation(), scene, origin, before)
-        self._resumed = CatchUp(published)
+        self.pace.resume_from(published)
         reached = published.time if published is not None else 0.0
         reached = min(reached, self.end_time or reached)
         end = time.monotonic() + MAX_CATCH_UP
@@ -215,7 +195,7 @@ class SimulationWorker:
         begun = time.monotonic()
         checkpoint = self.session.checkpoint()
         # the state belongs to an earlier time of the clock
-        clock = self.clock() - self._age / self.time_scale
+        clock = self.clock() - self.pace.age / self.pace.scale
         return Fork(checkpoint, self.session.changes, clock, time.monotonic() - begun)
 
     @command('terrain')
@@ -286,9 +266,7 @@ class SimulationWorker:
 
         def set_attribute() -> None:
             if name == 'time_scale':
-                # keep the lag in seconds of the clock
-                lag = (self._target - self._followed) / self.time_scale
-                self._target = self._followed + lag * float(value or 0.0)
+                self.pace.rescale(float(value or 0.0))
             setattr(self, name, value)
 
         return self.commands.submit(set_attribute, name)
@@ -296,12 +274,12 @@ class SimulationWorker:
     @command('pause')
     def pause(self, paused: bool) -> None:
         """Hold simulated time, or let it continue."""
+        pace, now = self.pace, self.session.time
         if paused and not self.paused:
-            if self.session.time < self._target <= self.session.time + self.session.view.step:
-                self._advance_session(self._target)
-            self._give_up(self.session.time)
-        if self._step_target is not None:
-            self._step_target, self._target = None, self.session.time
+            if now < pace.target <= now + self.session.view.step:
+                self._advance_session(pace.target)
+            pace.give_up(self.session.time)
+        pace.end_step()
         self.paused = paused
 
     @command('reset')
@@ -315,7 +293,7 @@ class SimulationWorker:
         if self.session.simulation is None or not self.paused:
             problem = f'The simulation is {self._status.state.value}'
             raise RefusalError('step', problem, 'Pause it first')
-        self._step_target = self.session.time + duration
+        self.pace.step_target = self.session.time + duration
 
     def request_snapshot(self) -> None:
         """Request an update of ``latest``; a separate thread completes it."""
@@ -336,7 +314,7 @@ class SimulationWorker:
 
     def _run_commands(self) -> None:
         time.sleep(max(0.0, self._last_round + ROUND_WALL_TIME - time.monotonic()))
-        is_due = self._target > self._followed
+        is_due = self.pace.target > self.pace.followed
         wait = (0.0 if is_due else IDLE_WALL_TIME) if self._is_moving() else None
         with suppress(queue.Empty):
             first = self.commands.get(wait)
@@ -378,49 +356,28 @@ class SimulationWorker:
     def _fail(self, error: Exception) -> None:
         self._error = failure_text(error, self.session.latest)
         self.session.fail()
-        self._step_target = None
+        self.pace.step_target = None
         self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
 
     def _advance(self) -> None:
         if not self._is_moving():
             return
-        before = self.session.time
-        if self._step_target is not None:
-            self._target = self._step_target
-        else:
-            self._target += self._clock.elapse() * self.time_scale
-            self._target = max(self._target, self._catch_up.begin(self._clock, self.time_scale))
-            self._catch_up.note(self._age / self.time_scale, is_late=self._age > self._max_age)
-            max_lag = self._catch_up.max_lag * self.time_scale
-            self._give_up(before + self.session.view.step + max_lag)
-        if self.end_time is not None:
-            self._target = min(self._target, self.end_time)
+        pace, before = self.pace, self.session.time
+        pace.move(self.end_time)
         self._slice = 0.0
-        if self._target > before:
+        if pace.target > before:
             begun = time.monotonic()
             self._task = 'a step', begun
-            is_waiting = self._age <= self._max_wait
+            is_waiting = pace.age <= pace.max_wait
             try:
                 self._advance_session(
-                    self._target, whole_steps=is_waiting and self._step_target is None
+                    pace.target, whole_steps=is_waiting and pace.step_target is None
                 )
             finally:
                 self._task, self._slice = ('', 0.0), time.monotonic() - begun
-            self._speed.note(self._followed)
-        if self._step_target is not None and self.session.time >= self._target:
-            self._step_target = None
-
-    @property
-    def _max_age(self) -> float:
-        """Age of the state above which it is stale [s]."""
-        step = min(self.session.view.step, self._max_wait)
-        return step + (MAX_DELAY + self._clock.step) * self.time_scale
-
-    @property
-    def _max_wait(self) -> float:
-        """Age of the state above which a time step is ended early [s]."""
-        scene = self.session.view.scene
-        return MAX_WAIT * self.time_scale if scene is not None and scene.vents else math.inf
+            pace.speed.note(pace.followed)
+        if pace.step_target is not None and self.session.time >= pace.target:
+            pace.step_target = None
 
     def _advance_session(self, until: float, *, whole_steps: bool = False) -> None:
         """Simulate a slice up to a time [s]."""
@@ -432,32 +389,16 @@ class SimulationWorker:
             whole_steps=whole_steps,
         )
 
-    @property
-    def _age(self) -> float:
-        """Simulated time from the state to the target [s]."""
-        return max(0.0, self._target - self.session.time)
-
-    @property
-    def _followed(self) -> float:
-        """Simulated time up to which nothing remains to be computed [s]."""
-        view = self.session.view
-        return view.time + min(max(0.0, self._target - view.time), view.step)
-
-    def _give_up(self, until: float) -> None:
-        """Limit the target to a simulated time [s], and count the rest as lost time."""
-        self._clock.lost += max(0.0, self._target - until) / self.time_scale
-        self._target = min(self._target, until)
-
     def _is_moving(self) -> bool:
         if self.session.simulation is None or self._is_finished():
             return False
-        return not self.paused or self._step_target is not None
+        return not self.paused or self.pace.step_target is not None
 
     def _is_finished(self) -> bool:
         return self.end_time is not None and self.session.time >= self.end_time
 
     def _update_status(self) -> None:
-        old = self._status.state
+        pace, old = self.pace, self._status.state
         if self._error:
             state = WorkerState.FAILED
         elif self.session.simulation is None:
@@ -469,29 +410,28 @@ class SimulationWorker:
         else:
             state = WorkerState.RUNNING
         if state is WorkerState.RUNNING and old is not WorkerState.RUNNING:
-            self._follow_from_here()
-        if state is not WorkerState.RUNNING and self._step_target is None:
-            self._speed.clear()
+            pace.follow()
+        if state is not WorkerState.RUNNING and pace.step_target is None:
+            pace.speed.clear()
         # At rest, update the snapshot before the status reports the state.
         is_new = not self._is_moving() and self._is_snapshot_new()
-        # Exclude the newest step of the clock from the lag.
-        lag = (self._target - self._followed) / self.time_scale - self._clock.step
+        lag, clock = pace.lag, pace.clock
         is_running, self._updated = state is WorkerState.RUNNING, time.monotonic()
         self._status = WorkerStatus(
             state=state,
             error=self._error,
-            speed=self._speed.value,
-            mean_speed=self._speed.mean,
+            speed=pace.speed.value,
+            mean_speed=pace.speed.mean,
             is_behind=is_running and lag > ROUNDING,
             device=self.session.view.device,
             lag=max(0.0, lag),
-            lost=self._clock.lost,
-            jump=self._clock.jump,
-            jumps=self._clock.jumps,
+            lost=clock.lost,
+            jump=clock.jump,
+            jumps=clock.jumps,
             time=self.session.time,
-            age=self._age if is_running else 0.0,
-            max_age=self._max_age,
-            is_catching_up=is_running and self._catch_up.is_behind,
+            age=pace.age if is_running else 0.0,
+            max_age=pace.max_age,
+            is_catching_up=is_running and pace.is_catching_up,
             task_duration=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
@@ -499,12 +439,6 @@ class SimulationWorker:
 
     def _report_snapshot(self) -> None:
         self._threads_guard.run(self.on_snapshot)
-
-    def _follow_from_here(self) -> None:
-        self._clock.start()
-        self._target = self.session.time
-        self._speed.clear()
-        self._speed.note(self._target)
 
     def _show(self) -> None:
         if self._is_snapshot_new():
@@ -550,9 +484,5 @@ class SimulationWorker:
 
     def _note_start(self) -> None:
         self._error = ''
-        self._step_target = None
-        self._catch_up, self._resumed = self._resumed, CatchUp()
-        self._speed = SpeedMeter()
-        self._clock = FollowedClock(self.clock)
-        self._follow_from_here()
+        self.pace.restart()
         self._show()

@@ -29,11 +29,6 @@ class Style:
     colours: Sequence[str]
     classes: Mapping[float, str] = field(default_factory=dict)
 
-    def class_numbers(self, values: np.ndarray) -> np.ndarray:
-        """Return the class number of each value: 1 for the lowest; NaN stays NaN."""
-        numbers = np.searchsorted(np.array([*self.classes]) + 0.5, values) + 1.0
-        return np.where(np.isfinite(values), numbers, np.nan)
-
 
 #: Styles of maps by quantity. The comparison is readable with red-green colour blindness.
 STYLES = {

@@ -26,6 +26,7 @@ from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.executor import now_ns
 from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
 from lava_ros.ros.georeference import recorded_transform
+from lava_ros.ros.input_log import Allowance
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
 from lava_ros.ros.publishers import (
     LayerPublishers,
@@ -36,7 +37,7 @@ from lava_ros.ros.publishers import (
 )
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.ros.startup_inputs import make_simulation, StartupInputs
-from lava_ros.ros.subscribers import Allowance, InputSubscribers
+from lava_ros.ros.subscribers import InputSubscribers
 from lava_ros.simulation.output.snapshot import Snapshot
 
 if TYPE_CHECKING:

@@ -211,9 +211,9 @@ def doubts_of_scene(scene: Any) -> Iterator[Doubt]:
         if index == 0:
             name = 'viscosity at the vent'
             yield from doubt_about(f'lava, {name}', viscosity, name)
-    # 0 switches a constant off
+    # 0 switches a constant off; those of an effect that was deleted are missing
     for name in _CONSTANTS:
-        if value := getattr(lava, name):
+        if value := getattr(lava, name, 0.0):
             yield from doubt_about(f'lava.{name}', value, name)
     yield from doubt_about('gravity', scene.gravity, 'gravity')
 

@@ -4,6 +4,7 @@
 """Faults that the fuzzers found, a test each."""
 
 from collections.abc import Iterator
+from dataclasses import fields
 import math
 import struct
 from typing import Any
@@ -20,7 +21,7 @@ from lava_ros.errors import LavaError
 from lava_ros.ros import inputs
 from lava_ros.ros.codec import decode, MAX_CLOUD_FIELDS
 from lava_ros.ros.parameters import Settings
-from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent
+from lava_ros.scene import Scene, scene_from_dict, scene_from_yaml, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation import Particles, Simulation
@@ -75,6 +76,18 @@ def test_refuses_lava_jammed_with_crystals_at_the_vent() -> None:
 ], ids=['as cold as air', 'colder than air', 'at the solidus', 'no viscosity', 'no thickness'])
 def test_effects_are_chosen_for_cold_and_thin_lava(scene: Scene) -> None:
     assert all(item.reason for item in decide(scene))
+
+
+@pytest.mark.parametrize(
+    'name', [item.name for item in fields(Lava) if item.metadata.get('limits', (1.0,))[0] == 0.0]
+)
+def test_constants_too_small_for_ratios_count_as_zero(name: str) -> None:
+    data = {'vents': [{'position': MIDDLE, 'effusion_rate': 5.0, 'radius': 20.0}], 'insist': True}
+    tiny, zero = (
+        scene_from_dict({**data, 'lava': {'latent_heat': 0.0, name: value}}, GROUND)
+        for value in (5e-324, 0.0)
+    )
+    assert tiny.lava == zero.lava and decide(tiny) == decide(zero)
 
 
 @pytest.mark.parametrize('name', ['x' * 5000, 'a\0b', [1, 2], None, 3])

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from lava_ros.live.clock import MAX_LAG
-from lava_ros.live.worker import MAX_DELAY, MAX_WAIT, SimulationWorker
+from lava_ros.live.pace import MAX_DELAY, MAX_WAIT
+from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent

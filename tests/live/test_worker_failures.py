@@ -69,7 +69,7 @@ def test_simulation_fails_above_max_particles(bench):
 def test_busy_simulation_runs_commands_between_slices(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.now += 1.0
-    bench.wait(lambda: bench.worker._target == 1000.0)
+    bench.wait(lambda: bench.worker.pace.target == 1000.0)
     # it would take 1000 s to catch up with the clock
     bench.run(bench.worker.set_vents([VENT]))
 

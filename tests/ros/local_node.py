@@ -130,7 +130,7 @@ class LocalNode(Asking, Hearing):
     @property
     def simulated(self):
         """Simulated time up to which the simulation follows the clock [s]."""
-        return self.worker._followed
+        return self.worker.pace.followed
 
     def close(self):
         self.node.close()

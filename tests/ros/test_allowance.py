@@ -14,10 +14,11 @@ from std_srvs.srv import SetBool, Trigger
 from lava_ros.errors import LavaError
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros.diagnostics import WARN
+from lava_ros.ros.input_log import Allowance, LIMITS
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.runtime import NodeRuntime
 from lava_ros.ros.services import create_services
-from lava_ros.ros.subscribers import Allowance, InputSubscribers, LIMITS
+from lava_ros.ros.subscribers import InputSubscribers
 
 N_CALLS = 400
 

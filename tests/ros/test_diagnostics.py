@@ -23,7 +23,7 @@ from lava_ros.live.session import SessionView
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.products.run_warnings import warnings_of_moments
 from lava_ros.ros import diagnostics
-from lava_ros.ros.subscribers import InputLog
+from lava_ros.ros.input_log import InputLog
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.flow_kind import FlowKind
 from lava_ros.simulation.output.budget import VolumeBudget

@@ -27,6 +27,7 @@ from lava_ros.ros.executor import start_ros
 from lava_ros.scene import constants_of, scene_from_yaml
 from lava_ros.scene.composition import MOLAR_MASSES
 from lava_ros.scene.materials import default_lava
+from lava_ros.validation import TINY
 from ros_domain import own_domain
 from scripts import load_script
 
@@ -304,7 +305,8 @@ def _wrong_and_limits(kind, data, path):
     yield from _wrong(kind, data, path)
     key = next(name for name in reversed(path) if isinstance(name, str))
     for limit in sorted(set(_limits(_generator().schema(kind), key))):
-        step = 1 if isinstance(limit, int) else math.ulp(limit)
+        # the schema does not say which numbers are too small to differ from 0
+        step = 1 if isinstance(limit, int) else max(math.ulp(limit), TINY)
         yield from (limit - step, limit, limit + step)
 
 

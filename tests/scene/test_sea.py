@@ -84,9 +84,10 @@ def test_rising_sea_takes_the_lava_it_covers():
 
 
 def test_solidified_lava_in_the_sea_is_counted_there():
-    lava = replace(default_lava(), solidus=1350.0, viscosity=1e3)
+    lava = replace(default_lava(), solidus=1355.0, viscosity=1e3)
     scene = Scene(replace(COAST, sea_level=None), (VENT,), lava)
-    simulation = Simulation(scene, device='cpu', effects={'solidification': True})
+    effects = {'solidification': True, 'cover': True}
+    simulation = Simulation(scene, device='cpu', effects=effects)
     simulation.advance(END)
     before = simulation.budget()
     assert before.frozen > 0.0

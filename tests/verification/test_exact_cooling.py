@@ -89,7 +89,7 @@ def test_finite_volumes_are_symmetric():
         assert field == pytest.approx(field[::-1], rel=1e-9)
 
 
-def test_reference_of_the_plane_is_a_row_near_the_finest_of_a_converging_table():
+def test_reference_of_the_plane_is_the_finest_row_of_a_converging_table():
     with TABLE.open(encoding='utf-8') as file:
         rows = {float(row.pop('cell')): row for row in csv.DictReader(file)}
     counts = {
@@ -97,7 +97,7 @@ def test_reference_of_the_plane_is_a_row_near_the_finest_of_a_converging_table()
         for cell, row in rows.items()
     }
     places = np.array([float(key) for key in rows[5.0] if key != 'front'])
-    reference, finest = 1.25, min(rows)
+    reference = finest = min(rows)
     assert float(rows[reference]['front']) == exact.PLANE_FRONT
     wet = np.flatnonzero(counts[reference])
     assert places[wet[0]] == exact.PLANE_FIRST
@@ -106,4 +106,4 @@ def test_reference_of_the_plane_is_a_row_near_the_finest_of_a_converging_table()
         abs(counts[cell] - counts[finest]).sum() / counts[finest].sum()
         for cell in sorted(rows, reverse=True)
     ]
-    assert apart == sorted(apart, reverse=True) and apart[-2] < 0.015 < 0.03 < apart[0]
+    assert apart == sorted(apart, reverse=True) and apart[-2] < 0.045 < 0.06 < apart[0]

@@ -358,15 +358,6 @@ def can_count() -> bool:
     """Return True if many threads may count together: on the CPU Warp's atomics are not atomic."""
 
 
-@wp.func_native(on_cuda('return __syncthreads_or(value);', 'return value;'))
-def any_in_block(value: bool) -> bool:
-    """Wait for all threads of a block; return True if a value is true in any; a device function.
-
-    All their earlier writes are visible afterwards. On the CPU a block is one thread.
-    """
-    ...
-
-
 @lru_cache
 def load9(real: Any) -> Any:
     """Return the device function that reads rows i to i + 2, columns j to j + 2 of a 2-D array."""

@@ -151,7 +151,7 @@ def _run_front(accuracy: Accuracy, device: str) -> case.Run:
 
 
 def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
-    """Compare area and front of a point source's flow where it is thicker than 0.1 m."""
+    """Compare footprint and front of a point source's flow."""
     vent = Vent((0.0, 0.0), DISCHARGE, radius=RADIUS, temperature=HOT)
     # groups of symmetric particles would stay on the axes, and the front would lag behind
     accuracy = replace(accuracy, symmetric=False)
@@ -160,8 +160,7 @@ def _run_plane(accuracy: Accuracy, device: str) -> case.Run:
         accuracy, device, effects=COOLING, spacing=2.14 / accuracy.refinement, thickness=1.5,
     )
     trial.advance(END)
-    thickness = np.nan_to_num(trial.simulation.snapshot().thickness)
-    wet = thickness > FRONT
+    wet = trial.simulation.snapshot().footprint
     rows, columns = (np.arange(count) for count in wet.shape)
     offset = np.abs(rows - 0.5 * (len(rows) - 1))
     first = round((exact.PLANE_FIRST - WINDOW[0]) / MAP - 0.5)

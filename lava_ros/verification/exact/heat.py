@@ -326,13 +326,14 @@ FRONT_PROFILE = (
     2.285, 2.257, 2.181, 1.975, 1.02, 0.006, 0.0,
 )
 
-#: Where the flow of the case ``cooling_plane`` is thicker than 0.1 m, by the same finite volumes
-#: (docs/benchmarks/cooling_plane.csv): the cells of 5 m on one side of the axis whose
-#: mean is, from the column whose middle is at the first place [m] on, and the front [m].
+#: Footprint of the flow of the case ``cooling_plane``, by the same finite volumes
+#: (docs/benchmarks/cooling_plane.csv): the cells of 5 m on one side of the axis that are covered
+#: at least half by lava thicker than 0.1 m, from the column whose middle is at the first place [m]
+#: on, and the front [m].
 PLANE_FIRST = -12.5
 PLANE_CELLS = (
-    2, 3, 4, 5, 5, 5, 6, 6, 6, 6, 6, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7,
-    7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 6, 6, 6, 5, 2,
+    1, 3, 4, 4, 5, 5, 5, 6, 6, 6, 6, 6, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7,
+    7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 6, 6, 6, 5, 4,
 )
 PLANE_FRONT = 267.5
 
