@@ -96,8 +96,10 @@ def launched(name, is_short=False):
         patch.setattr(stages, 'is_within_the_motion', lambda *_, **__: is_short)
         patch.setattr(State, 'is_wide', False)
         simulation = lava_field(400, effect_sets()[name], 'cpu')
+        vents = simulation.solver.vents
+        assert vents.outlets, 'made before the first stage'
         kernels.clear()
-        simulation.solver.stage.take(simulation.scene, simulation.solver.vents)
+        simulation.solver.stage.take(simulation.scene, vents)
     return kernels
 
 
