@@ -13,6 +13,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.cli.console import table_lines
+from lava_ros.cli.run_barriers import print_comparison
 
 if TYPE_CHECKING:
     from lava_ros.forecast.assimilation import Outline
@@ -94,7 +95,7 @@ def summarize(
         'members_beyond': maps.members_beyond,
         'threshold_m': plan.threshold,
         'preset': args.preset,
-        'effects': list(plan.effects),
+        'effects': [{'time': 0.0, 'effects': plan.explain_effects()}],
         'switched_on': [asdict(item) for item in plan.switched_on],
         'seed': args.seed,
         **where,
@@ -135,7 +136,7 @@ def print_report(
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
     took = f'{report["wall_time_s"]:.0f} s{pace}'
     print(f'{ran} members run in {took}, {report["resumed"]} from before')
-    print('\n'.join(_input_lines(report['inputs'])))
+    print('\n'.join(_input_lines(report['quantities'])))
     print('\n'.join(_influence_lines(report['influence'])))
     if 'observed' in report:
         mean = 100 * report['observed']['jaccard_mean']
@@ -196,18 +197,12 @@ def print_report(
         if 'dates' in new:
             _print_dates(new['dates'])
     if 'barriers' in report:
-        barriers = report['barriers']
-        for name, areas in barriers['area_m2'].items():
-            without, built = (1e-6 * areas[case] for case in ('without', 'with'))
-            print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
-        if barriers['places']:
-            from lava_ros.products.comparison import place_texts
-
-            print('\n'.join(table_lines(place_texts(barriers['places']), '<>>>>')))
-        if barriers['effects'] != report['effects']:
+        print_comparison(report['barriers'])
+        if report['barriers']['effects'] != list(plan.effects):
             print(
                 'lava run: the runs with barriers have other effects, '
-                f'{", ".join(barriers["effects"])}: delete both folders to run all with these',
+                f'{", ".join(report["barriers"]["effects"])}: delete both folders to run all with '
+                'these',
                 file=sys.stderr,
             )
     print('\n'.join(f'written to {path}' for path in report['files']))

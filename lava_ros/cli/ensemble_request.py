@@ -9,12 +9,12 @@ import argparse
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import device_named, forced_effects, seconds_of
 from lava_ros.cli.planned import planned, target_of
-from lava_ros.cli.scenes import log_resolution, scene_as_given
+from lava_ros.cli.scenes import log_resolution, sourced_scene
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
@@ -33,13 +33,20 @@ from lava_ros.forecast.store import stored_spacing
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.run import Settings
+from lava_ros.runs.provenance import identity_of
+from lava_ros.runs.store import unused_folder
 from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from lava_ros.forecast.members import Plan
     from lava_ros.hindcast.case import Case
     from lava_ros.scene import Terrain
+
+#: Name of the folder of the demonstration.
+DEMO = 'st_helens'
 
 
 def check_observation(args: argparse.Namespace) -> None:
@@ -77,15 +84,28 @@ def susceptibility_of(args: argparse.Namespace, terrain: Terrain) -> Susceptibil
     return Susceptibility(terrain, likelihood)
 
 
-def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
-    """Return the plan of the members and, if the scene is the folder of a case, the case.
+class Wanted(NamedTuple):
+    """The ensemble that a user asks for.
+
+    ``inputs`` has path, size and digest of each input file, and ``name`` is for its folder.
+    """
+
+    plan: Plan
+    case: Case | None
+    inputs: Sequence[Mapping[str, Any]]
+    name: str
+
+
+def wanted_ensemble(args: argparse.Namespace) -> Wanted:
+    """Return the ensemble of the arguments, with the case if the scene is its folder.
 
     Raises:
         LavaError: If an argument or a file is not valid.
     """
     forced = forced_effects(args)
     if args.scene is None or not Path(args.scene).is_dir():
-        scene = scene_as_given(args)
+        found = sourced_scene(args, as_given=True)
+        scene = found.scene
         if args.susceptibility is not None and scene.uncertainty.position is None:
             # the map is the distribution of the place
             fixed = scene.uncertainty.fixing(['position'])
@@ -100,13 +120,38 @@ def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             threshold=args.threshold,
         )
         log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, args.threshold)
-        return plan, None
+        return Wanted(plan, None, found.digests(), Path(args.scene or args.terrain or DEMO).stem)
     case = load_case(args.scene, material=args.material)
     settings = Settings(args.preset, args.spacing, args.device, forced)
-    return plan_of(case, settings, threshold=args.threshold), case
+    plan = plan_of(case, settings, threshold=args.threshold)
+    return Wanted(plan, case, case.inputs, case.name)
 
 
-def with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
+def folder_of(
+    args: argparse.Namespace, wanted: Wanted, susceptibility: Susceptibility | None
+) -> tuple[Path, dict[str, Any]]:
+    """Return the folder of an ensemble, and what ``run.json`` says about it.
+
+    Without ``--output`` it is the folder in ``runs/`` of the same ensemble, to which the command
+    then adds members, or an unused one.
+    """
+    plan, target = wanted.plan, target_of(args)
+    settings = {
+        'until_s': plan.horizon, 'method': plan.accuracy.method, 'preset': args.preset,
+        'spacing_m': args.spacing, 'within_s': target.get('within'), 'error': target.get('error'),
+        'threshold_m': args.threshold, 'forced': plan.forced or {},
+    }
+    identity = identity_of(plan.scene, {
+        **settings, 'seed': args.seed,
+        'susceptibility': None if susceptibility is None else susceptibility.digest,
+    })
+    folder = unused_folder(f'{wanted.name}_ensemble', identity, or_finished=True)
+    return Path(args.output or folder), {
+        'settings': settings, 'inputs': wanted.inputs, 'identity': identity,
+    }
+
+
+def with_spacing(args: argparse.Namespace, plan: Plan, folder: Path) -> tuple[Plan, str]:
     """Return the plan with the spacing of the preset, and how it was found.
 
     Members that are already in the folder have their spacing.
@@ -116,11 +161,13 @@ def with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
     """
     if args.spacing is not None or plan.accuracy.method == 'cells':
         return plan, ''
-    spacing, text = stored_spacing(Path(args.output)), ''
+    spacing, text = stored_spacing(folder), ''
     if spacing is None and (target := target_of(args)):
+        is_case = args.scene is not None and Path(args.scene).is_dir()
+        settings = Settings(args.preset, device=args.device)
         spacing = planned(
             median_scene(plan.scene), target, plan.horizon, plan.forced or {}, args.device,
-            members=args.members,
+            members=args.members, **({'adapted': settings.adapted} if is_case else {}),
         ).spacing
     elif spacing is None:
         choice = choose_spacing(

@@ -53,10 +53,15 @@ _ENSEMBLE = in_group(
         'tls://host:8786',
     ),
     formats('areas of 10, 50 and 90 %% probability, isochrones', None),
+)
+
+#: Options about barriers, also of ensembles.
+_BARRIERS = in_group(
+    'barriers',
     argument(
         '--barriers', 'FILE', 'vector file of lines along the crests of barriers with their '
-        'height [m], width [m] and slope (docs/FORMATS.md): run the members without them and with '
-        'them, and compare',
+        'height [m], width [m] and slope (docs/FORMATS.md): run a second time with them, and '
+        'compare',
     ),
     argument('--barriers-at', 'TIME', 'time at which the barriers are built (default: the start)'),
 )
@@ -74,7 +79,7 @@ _CASE = in_group(
         'as if its viscosity were higher, which shortens runs of fluid lava (default: none)',
         float,
     ),
-    shared('--low-pass', 'that of the case'), shared('--fresh', 'continue an interrupted run'),
+    shared('--low-pass', 'that of the case'),
 )
 
 #: Options of one run of a scene, and those that the folder of a mapped eruption replaces.
@@ -94,8 +99,8 @@ ENSEMBLE_PRESET = 'draft'
     *SCENE,
     shared('--until', f'{HORIZON}; a mapped eruption has its own end', default=None),
     output_option(
-        'DIR', 'folder of the results: new, empty, or of an interrupted run of the same scene or '
-        'ensemble (default: runs/<scene>, with a number if that is another run)',
+        'DIR', 'folder of the results: new, empty, of an interrupted run of the same scene, or of '
+        'the same ensemble (default: runs/<scene>, with a number if that is another run)',
     ),
     argument('--maps', 'N', 'number of maps, evenly spaced over the simulated time', 24),
     shared(
@@ -109,7 +114,7 @@ ENSEMBLE_PRESET = 'draft'
         '--members', 'N', 'run an ensemble of N members, with values drawn for the uncertain '
         'quantities, and map the probability of lava', int,
     ),
-    *_ENSEMBLE, *_CASE,
+    *_ENSEMBLE, *_BARRIERS, *_CASE,
 )
 def run(args: argparse.Namespace) -> int:
     """Simulate a scene, an ensemble or a mapped eruption, and write a folder with its maps.
@@ -124,8 +129,10 @@ def run(args: argparse.Namespace) -> int:
     quantities that the section lists as `exact`. It writes the probability of inundation, the
     times by which lava has reached a cell in 10, 50 and 90 % of the members, the expected
     thickness, and the earliest arrival and largest thickness of any member, as GeoTIFF and as a
-    bag. The same command adds members to a finished ensemble. With --barriers the members run a
-    second time with barriers; the folder comparison has what the barriers change.
+    bag. With more members the same command adds them to a finished ensemble.
+
+    With --barriers the run or the members run a second time, with barriers; the folder comparison
+    has what the barriers change.
 
     If SCENE is the folder of a mapped eruption (docs/VALIDATION.md), the command simulates the
     eruption and compares the flow with the map. With --members it scores the probability instead,
@@ -139,9 +146,9 @@ def run(args: argparse.Namespace) -> int:
     else:
         refuse(_names(_ENSEMBLE), lambda name: validation.dependence(name, '--members'))
     if is_case:
-        unused = _VENTS if is_ensemble else ('--threshold',)
+        unused = _VENTS if is_ensemble else ('--threshold', *_names(_BARRIERS))
         refuse(
-            (*_INPUTS, *_MAPS, '--within', '--error', '--method', *unused),
+            (*_INPUTS, *_MAPS, '--method', *unused),
             lambda name: validation.surplus(name, f'to {args.scene}, a mapped eruption'),
         )
     if not is_case or is_ensemble:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import made_folder
+from lava_ros.cli.console import made_folder, table_lines
 from lava_ros.cli.options import seconds_of
 from lava_ros.layers.places import places_on
 from lava_ros.scene.events import TerrainEvent
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from lava_ros.products.gis import Provenance
     from lava_ros.scene import Scene, Terrain
 
-#: Folder of the comparison.
-COMPARISON = 'comparison'
+#: Folders of the same run or members with barriers, and of the comparison.
+WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
 
 
 def barriers_of(args: argparse.Namespace, terrain: Terrain) -> list[Barrier]:
@@ -57,6 +57,11 @@ def built_at(args: argparse.Namespace) -> float:
     return seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True)
 
 
+def settings_of(args: argparse.Namespace, barriers: Sequence[Barrier]) -> dict[str, Any]:
+    """Return the barriers as plain data, and when they are built."""
+    return {'barriers': [asdict(item) for item in barriers], 'built_s': built_at(args)}
+
+
 def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
     """Return the scene with barriers at the start, or with an event that builds them later [s]."""
     if not built:
@@ -70,24 +75,23 @@ def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
 def compare(
     args: argparse.Namespace, output: Path, folder: Path, barriers: Sequence[Barrier],
     origin: Provenance,
-) -> tuple[dict[str, Any], list[str]]:
-    """Compare the ensembles without and with barriers; return plain data and the files.
+) -> dict[str, Any]:
+    """Compare runs or ensembles without and with barriers; return plain data with the files.
 
     Args:
         args: The arguments of the command.
-        output: Folder of the ensemble without barriers.
-        folder: Folder of the ensemble with barriers.
+        output: Folder of the run or the ensemble without barriers.
+        folder: Folder of the run or the ensemble with barriers.
         barriers: The barriers.
         origin: Origin of the maps, for their tags.
     """
-    from lava_ros.products.comparison import compare_ensembles
+    from lava_ros.products.comparison import compare_runs
 
     built = built_at(args)
-    compared = compare_ensembles(
+    compared = compare_runs(
         output, folder, made_folder(output / COMPARISON), places=args.places,
         lines=[args.barriers] if built else (), built=built, origin=origin,
     )
-    files = compared.pop('files')
     described = [
         {
             'name': item.name, 'length_m': item.length, 'height_m': item.height,
@@ -97,4 +101,16 @@ def compare(
     ]
     return {
         'built_s': built, 'barriers': described, 'effects': list(origin.effects or ()), **compared
-    }, files
+    }
+
+
+def print_comparison(compared: dict[str, Any]) -> None:
+    """Print the areas and the places without and with barriers, and the written files."""
+    from lava_ros.products.comparison import place_texts
+
+    for name, areas in compared['area_m2'].items():
+        without, built = (1e-6 * areas[case] for case in ('without', 'with'))
+        print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
+    if compared['places']:
+        print('\n'.join(table_lines(place_texts(compared['places']), '<>>>>')))
+    print('\n'.join(f'written to {path}' for path in compared['files']))

@@ -63,8 +63,11 @@ def source_of(args: argparse.Namespace) -> SceneSource:
     return SceneSource(**given, words=WORDS)
 
 
-def sourced_scene(args: argparse.Namespace) -> SourcedScene:
-    """Make the scene of the arguments, with cells of at most ``CELL`` times the particle spacing.
+def sourced_scene(args: argparse.Namespace, *, as_given: bool = False) -> SourcedScene:
+    """Make the scene of the arguments, and log its vents.
+
+    Its cells are at most ``CELL`` times the particle spacing, or those of its terrain with
+    ``as_given``.
 
     Raises:
         LavaError: If an argument or a file is not valid.
@@ -72,6 +75,8 @@ def sourced_scene(args: argparse.Namespace) -> SourcedScene:
     found = source_of(args).load()
     scene = found.scene
     _log_vents(scene)
+    if as_given:
+        return found
     spacing = resolution_of(scene, preset_accuracy(DEFAULT)).spacing
     factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
     most = math.isqrt(MAX_CELLS // scene.terrain.elevation.size)
@@ -79,20 +84,9 @@ def sourced_scene(args: argparse.Namespace) -> SourcedScene:
     return replace(found, scene=fine)
 
 
-def scene_from_arguments(args: argparse.Namespace) -> Scene:
+def scene_from_arguments(args: argparse.Namespace, *, as_given: bool = False) -> Scene:
     """Make the scene of the arguments, as ``sourced_scene``."""
-    return sourced_scene(args).scene
-
-
-def scene_as_given(args: argparse.Namespace) -> Scene:
-    """Make the scene of the arguments on the cells of its terrain, and log its vents.
-
-    Raises:
-        LavaError: If an argument or a file is not valid.
-    """
-    scene = source_of(args).load().scene
-    _log_vents(scene)
-    return scene
+    return sourced_scene(args, as_given=as_given).scene
 
 
 def log_resolution(

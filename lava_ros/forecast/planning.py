@@ -37,6 +37,7 @@ from lava_ros.forecast.preset_spacing import spacing_of_preset
 from lava_ros.forecast.sampling import Member
 from lava_ros.scene import Scene
 from lava_ros.scene.ranges import with_ranges
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import difference, NumericalError
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
@@ -135,12 +136,13 @@ def plan_runs(
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
     with_inputs: bool = False,
+    adapted: Callable[[Accuracy], Accuracy] = lambda accuracy: accuracy,
 ) -> RunPlan:
     """Find the finest runs that fit in a wall time, or the coarsest below a numerical error.
 
     Pilots take at most 15 % of the time of the runs, except for the first two.
 
-    The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``.
+    The accuracy of the runs is ``adapted(preset_accuracy(plan.preset, spacing=plan.spacing))``.
 
     Args:
         scene: The scene; for an ensemble, the one with median inputs.
@@ -154,6 +156,7 @@ def plan_runs(
         on_pilot: Called after each pilot.
         clock: Returns the time [s]; ``time.process_time`` on a shared CPU.
         with_inputs: True for the effects of the uncertain quantities, ``RunPlan.inputs``.
+        adapted: Changes the accuracy of a preset to that of the runs.
 
     Raises:
         LavaError: If an argument is not valid, the time is too short for the coarsest run, or no
@@ -169,7 +172,7 @@ def plan_runs(
     # all pilots use the effects of the preset standard
     standard = standard_resolution(scene, horizon)
     search = PilotSearch(
-        scene, horizon, lambda refinement: accuracy_at(scene, refinement, horizon),
+        scene, horizon, lambda refinement: adapted(accuracy_at(scene, refinement, horizon)),
         effects_for(scene, forced, accuracy=accuracy_at(scene, 1.0, horizon), horizon=horizon),
         UNKNOWN if math.isnan(standard.width) else min(
             max(FIRST_ACROSS / standard.across, COARSEST), 1.0

@@ -7,7 +7,7 @@ Coordinates are those of the elevation. Times of the clock of a case are in seco
 ``effusion_rate.csv``; those of its scene are simulated times.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -45,6 +45,8 @@ class Case:
             case has one footprint only.
         stated: Names of the constants of the lava that the files of the case state, with
             ``vent_temperature`` if they state it.
+        inputs: Path, size and digest of each input file (``SourcedScene.digests``).
+        remarks: Warnings about the inputs.
     """
 
     name: str
@@ -59,6 +61,8 @@ class Case:
     low_pass: float = 0.0
     outlines: tuple[Outline, ...] = ()
     stated: frozenset[str] = frozenset()
+    inputs: Sequence[Mapping[str, Any]] = ()
+    remarks: Sequence[str] = ()
 
     @property
     def onset(self) -> Onset | None:
@@ -157,6 +161,8 @@ def load_case(directory: str | Path, **changes: Any) -> Case:
         low_pass=read.width,
         outlines=outlines,
         stated=_stated(stated, read.vents),
+        inputs=found.digests(),
+        remarks=found.remarks,
     )
     check_outline(case.vent_cells, ground, footprint)
     check_discharge(case.volume, case.area)

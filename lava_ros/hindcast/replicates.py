@@ -160,20 +160,19 @@ def run_together(
         # all directions use the spacing and the thickness of the original case
         accuracy = settings.accuracy(case)
         same = replace(settings, spacing=accuracy.spacing, thickness=accuracy.thickness)
-        run = Run(direction.rotate(case), same, folder=kept, has_maps=False)
+        run = Run(direction.rotate(case), same, folder=kept)
 
         def show(time: float) -> None:
             shares[number] = time / case.duration
             if progress is not None:
                 progress(float(shares.mean()))
 
-        yield from run.parts(TimeSink(run.map_times, show, after=run.time))
+        yield from run.parts(TimeSink(settings.map_times(case), show, after=run.time))
         run.keep()
         result = run.result()
         run.close()
         snapshot = regridded(result.snapshot, case.scene.terrain, direction.rotate_back)
-        peak = direction.rotate_back(result.peak)
-        results[number] = replace(result, snapshot=snapshot, peak=peak)
+        results[number] = replace(result, snapshot=snapshot)
 
     routes = (route(number, *job) for number, job in enumerate(jobs))
     for _ in side_by_side(routes, str(device_of(settings.device))):

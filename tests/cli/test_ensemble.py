@@ -326,7 +326,7 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     words += ['--device', 'cpu', '--json', report, '--members', '16', '--spacing', '30']
     output = done(*words)
     found = json.loads(report.read_text())
-    drawn, exact = found['inputs']['drawn'], found['inputs']['exact']
+    drawn, exact = found['quantities']['drawn'], found['quantities']['exact']
     assert set(drawn) == {
         'effusion_rate', 'temperature', 'viscosity', 'yield_strength', 'position',
     }
@@ -344,7 +344,7 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     # the page shows it
     facts = read_run(out).facts
     assert facts['what decides (1 - J)'].startswith(names[0].replace('_', ' '))
-    assert json.loads((out / 'ensemble.json').read_text())['inputs'] == found['inputs']
+    assert json.loads((out / 'run.json').read_text())['quantities'] == found['quantities']
 
 
 def test_ensemble_with_too_coarse_particles_says_that_it_is_not_usable(scene, lines, tmp_path):

@@ -36,7 +36,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     words = ['run', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
     done(*words, '--maps', '3', '-o', out, '--json', tmp_path / 'out.json')
     data = json.loads((tmp_path / 'out.json').read_text())
-    assert data == json.loads((out / 'hindcast.json').read_text())
+    assert data == json.loads((out / 'run.json').read_text())
     names = ('case', 'material', 'preset')
     assert [data[name] for name in names] == ['valley', 'etna_basalt', 'draft']
     score = data['score']
@@ -87,20 +87,20 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert (out / 'comparison.png').stat().st_size > 10_000
 
     # the bag has a frame for each map, at the end of the step in which it was due
-    bag = BagReader(out / 'bag')
+    bag = BagReader(out)
     assert len(list(bag.messages(['/height']))) == 3
     assert described_node(bag.custom_data) == RecordedNode(
         '/lava', '/', {topic.removeprefix('/'): topic for topic in bag.topics}
     )
-    assert done('bag', 'info', out / 'bag').count('nodes      /lava\n') == 1
-    times = [frame.time for frame in Recording(out / 'bag').frames()]
+    assert done('bag', 'info', out).count('nodes      /lava\n') == 1
+    times = [frame.time for frame in Recording(out).frames()]
     dues = (1200, 2400, 3600)
     late = np.subtract(times, dues)
     assert late.min() >= 0.0 and late.max() <= data['accuracy']['longest_step_s']
-    frame = Recording(out / 'bag').frame_at()
+    frame = Recording(out).frame_at()
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
-    assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
+    assert Recording(out).frame_at(times[1]).time == times[1]
 
 
 def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
@@ -157,14 +157,14 @@ def test_page_and_numbers_list_the_oxides_of_a_composition(tmp_path):
     output = done('run', tmp_path / 'valley', '-o', tmp_path / 'out', *words)
     expected = r'lava +basalt \(changed: vft_a, vft_b, vft_c\); at the vent .* \(1442 K\)'
     assert re.search(expected, output)
-    data = json.loads((tmp_path / 'out/hindcast.json').read_text())
+    data = json.loads((tmp_path / 'out/run.json').read_text())
     assert data['composition_percent'] == oxides
 
 
 def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     refused(*valley, '--runs', '0')
     done(*valley, '--runs', '2')
-    runs = json.loads((tmp_path / 'out/hindcast.json').read_text())['runs']
+    runs = json.loads((tmp_path / 'out/run.json').read_text())['runs']
     assert runs['count'] == len(runs['jaccard']) == 2
     assert runs['lowest'] <= runs['mean'] <= runs['highest']
     with rasterio.open(tmp_path / 'out/runs.tif') as file:

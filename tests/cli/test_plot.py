@@ -277,10 +277,10 @@ def test_extents_in_degrees_and_metres_agree(bag, tmp_path, monkeypatch):
 
 
 def test_refuses_an_unfinished_ensemble(ensemble, tmp_path):
-    (tmp_path / 'ensemble.json').write_text((ensemble / 'ensemble.json').read_text())
+    (tmp_path / 'run.json').write_text((ensemble / 'run.json').read_text())
     refused('map', tmp_path, '-o', tmp_path / 'a.png')
     refused('map', ensemble, '--at', '1h', '-o', tmp_path / 'a.png')
-    (tmp_path / 'ensemble.json').write_text('[]')
+    (tmp_path / 'run.json').write_text('[]')
     refused('map', tmp_path, '-o', tmp_path / 'a.html')
 
 
