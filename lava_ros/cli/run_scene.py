@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
@@ -42,8 +41,10 @@ def run_scene(args: argparse.Namespace) -> int:
         chosen = run_barriers.settings_of(args, barriers)
         request = replace(request, settings={**request.settings, **chosen})
     with simulated(request) as made:
+        if barriers:
+            _run_with(args, made, barriers)
         made.note_error(measure_run(made))
-        facts = {'barriers': _dammed(args, made, barriers)} if barriers else {}
+        facts = {'barriers': _compared(args, made, barriers)} if barriers else {}
         record = {'folder': str(made.folder.path), **made.finish(facts)}
     table = arrivals_at(args, made.folder.path)
     if table is not None:
@@ -55,33 +56,44 @@ def run_scene(args: argparse.Namespace) -> int:
     return 0
 
 
-def _dammed(
-    args: argparse.Namespace, made: SceneRun, barriers: Sequence[Barrier]
-) -> dict[str, Any]:
-    """Run the scene with barriers in a folder inside that of the run; return the comparison."""
-    from lava_ros.bag.description import is_on
+def _run_with(args: argparse.Namespace, made: SceneRun, barriers: Sequence[Barrier]) -> None:
+    """Run the scene with barriers, in a folder inside that of the run."""
     from lava_ros.forecast.partner_runs import measure_run
-    from lava_ros.products.gis import Provenance
     from lava_ros.runs.store import FINISHED, known_record
-    from lava_ros.scene.onset import Onset
 
     made.keep()
-    request, folder = made.request, made.folder.path
-    preset, built = made.folder.record['preset'], run_barriers.built_at(args)
-    other = folder / run_barriers.WITH_BARRIERS
+    request, built = made.request, run_barriers.built_at(args)
+    folder = made.folder.path / run_barriers.WITH_BARRIERS
+    # of an interrupted comparison
+    if known_record(folder).get('status') == FINISHED:
+        return
     # both runs have the same particles
+    chosen = made.folder.record['preset'], made.simulation.accuracy
     dammed = replace(
-        request, output=other, accuracy=lambda: (preset, made.simulation.accuracy),
+        request, output=folder, accuracy=lambda: chosen,
         scene=run_barriers.dammed(request.scene, barriers, built),
     )
-    # of an interrupted comparison
-    if known_record(other).get('status') != FINISHED:
-        with simulated(dammed) as again:
-            again.note_error(measure_run(again))
-            again.finish()
-    effects = [name for name, text in made.effects.items() if is_on(text)]
-    origin = Provenance(Path(request.name).name, effects, preset, onset=Onset.of(request.scene))
-    return run_barriers.compare(args, folder, other, barriers, origin)
+    with simulated(dammed) as again:
+        again.note_error(measure_run(again))
+        again.finish()
+
+
+def _compared(
+    args: argparse.Namespace, made: SceneRun, barriers: Sequence[Barrier]
+) -> dict[str, Any]:
+    """Compare the runs without and with barriers; return plain data."""
+    from lava_ros.bag.description import is_on
+    from lava_ros.products.gis import Provenance
+    from lava_ros.scene.onset import Onset
+
+    folder = made.folder.path
+    origin = Provenance(
+        made.request.name, [name for name, text in made.effects.items() if is_on(text)],
+        made.folder.record['preset'], onset=Onset.of(made.request.scene),
+    )
+    return run_barriers.compare(
+        args, folder, folder / run_barriers.WITH_BARRIERS, barriers, origin
+    )
 
 
 def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> None:

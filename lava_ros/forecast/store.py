@@ -49,7 +49,7 @@ _USABLE = 'a folder that is new, empty, or of this ensemble'
 
 #: Keys of ``run.json`` that the members of a folder have in common.
 _COMMON = (
-    'scene', 'quantities', 'elevation', 'plan', 'seed', 'susceptibility', 'posterior'
+    'scene', 'quantities', 'elevation', 'plan', 'seed', 'susceptibility', 'parents'
 )
 
 
@@ -95,7 +95,7 @@ class Store(RecordedFolder):
         self._drawn = {
             'seed': seed,
             'susceptibility': None if susceptibility is None else susceptibility.digest,
-            'posterior': None if posterior is None else posterior.digest,
+            'parents': None if posterior is None else posterior.digest,
         }
         begun = {
             'kind': ENSEMBLE, **description(plan.scene, identity, settings, inputs),
