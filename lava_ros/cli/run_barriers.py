@@ -106,11 +106,12 @@ def compare(
 
 def print_comparison(compared: dict[str, Any]) -> None:
     """Print the areas and the places without and with barriers, and the written files."""
+    from lava_ros.layers.numbers import area_words
     from lava_ros.products.comparison import place_texts
 
     for name, areas in compared['area_m2'].items():
-        without, built = (1e-6 * areas[case] for case in ('without', 'with'))
-        print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
+        without, built = (area_words(areas[case]) for case in ('without', 'with'))
+        print(f'{name:>13}: {without} without barriers, {built} with them')
     if compared['places']:
         print('\n'.join(table_lines(place_texts(compared['places']), '<>>>>')))
     print('\n'.join(f'written to {path}' for path in compared['files']))

@@ -61,15 +61,18 @@ def compare_runs(
         name: dict(zip(_CASES, pair, strict=True))
         for name, *pair in zip(*_areas(runs), strict=True)
     }
-    shown, middle, title = 'arrival', 'inundated', 'Change: 100 with barriers only, -100 without'
+    shown, middle, drawn = 'arrival', 'inundated', 'barriers'
     if runs[0].ensemble is not None:
-        shown, middle, title = 'inundation_probability', 'at least 50 %', 'Change'
+        shown, middle, drawn = 'inundation_probability', 'at least 50 %', 'change'
     panels = [
         replace(run.panels[shown], title=f'{case.capitalize()} barriers')
         for run, case in zip(runs, _CASES, strict=True) if shown in run.panels
     ]
     frame = runs[1].panels['thickness'].frame
-    panels.append(Panel(frame, 'change', np.where(change != 0.0, change, np.nan), title))
+    differs = np.where(change != 0.0, change, np.nan)
+    if drawn == 'barriers':
+        differs = np.select([differs < 0.0, differs > 0.0], [1.0, 2.0], np.nan)
+    panels.append(Panel(frame, drawn, differs, 'Change'))
     texts = [area_words(areas[middle][case]) for case in _CASES]
     at = ' at 50 % or more' if runs[0].ensemble is not None else ''
     subtitle = f'{texts[0]}{at} without barriers, {texts[1]} with barriers'

@@ -263,6 +263,8 @@ def _emitted(
         value = budget.emitted
         in_millions, rounded = f'{value / 1e6:.3g} million m³', float(f'{value:.3g}')
         facts['volume emitted'] = in_millions if value >= 1e5 else f'{rounded:,g} m³'
+        if budget.in_sea:
+            facts['volume in the sea'] = dict(budget.rows())['in the sea']
     return facts
 
 

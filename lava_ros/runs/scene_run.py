@@ -102,6 +102,7 @@ class SceneRun:
         }
         self.folder = RunFolder(path, scene.at(0.0), record, {'begun': record['begun']})
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
+        self._wall_time: float | None = None
         # absent from folders of older versions
         self.most_particles = int(self.folder.record.get('particles_at_most', 0))
         self.effects: dict[str, str] = {}
@@ -131,6 +132,8 @@ class SceneRun:
     @property
     def wall_time(self) -> float:
         """Wall time of the run, including its earlier parts [s]."""
+        if self._wall_time is not None:
+            return self._wall_time
         return float(self._earlier) + wall_clock.monotonic() - self._begun
 
     def keep(self) -> None:
@@ -175,6 +178,7 @@ class SceneRun:
         if self.snapshot is None:
             # resumed after the last map
             self.snapshot = valid_snapshot(simulation, shown)
+        self._wall_time = self.wall_time
         return self.snapshot
 
     def note_error(self, error: NumericalError | None) -> None:

@@ -36,16 +36,18 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     words = ['run', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
     done(*words, '--maps', '3', '-o', out, '--json', tmp_path / 'out.json')
     data = json.loads((tmp_path / 'out.json').read_text())
-    assert data == json.loads((out / 'run.json').read_text())
+    record = json.loads((out / 'run.json').read_text())
+    assert {name: data[name] for name in record} == record
+    assert data.keys() - record.keys() == {'folder'}
     names = ('case', 'material', 'preset')
     assert [data[name] for name in names] == ['valley', 'etna_basalt', 'draft']
     score = data['score']
     assert score['precision'] > 0.9 and score['recall'] > 0.2
     assert data['volume_error'] < 1e-5
     assert data['simulated_time_s'] == pytest.approx(3600.0)
-    assert {'name': 'viscosity', 'value': 2e4, 'unit': 'Pa s'} in data['lava']
+    assert data['scene']['lava']['viscosity'] == 2e4
     assert data['particles_emitted'] > 20
-    assert not (out / '.unfinished').exists()
+    assert not (out / 'checkpoint').exists()
 
     # GeoTIFFs lie on the elevation, and the comparison has the counts of the score
     grids = {}
@@ -96,7 +98,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     times = [frame.time for frame in Recording(out).frames()]
     dues = (1200, 2400, 3600)
     late = np.subtract(times, dues)
-    assert late.min() >= 0.0 and late.max() <= data['accuracy']['longest_step_s']
+    assert late.min() >= 0.0 and late.max() <= data['accuracy']['longest_step']
     frame = Recording(out).frame_at()
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
@@ -113,10 +115,11 @@ def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
         ['--vents', tmp_path / 'vents.csv'],
         ['--vent', f'{VENT[0]},{VENT[1]}', '--discharge', '12'],
     ):
-        done(*valley, '--json', tmp_path / 'out.json', *more)
+        done(*valley, '-o', tmp_path / more[0], '--json', tmp_path / 'out.json', *more)
         found.append(json.loads((tmp_path / 'out.json').read_text()))
-    assert [vent['name'] for vent in found[0]['vents']] == ['fissure', 'cone']
-    assert found[0]['vents'][0]['end_m'] is not None and found[0]['vents'][1]['end_m'] is None
+    fissure, cone = found[0]['scene']['vents']
+    assert (fissure['name'], cone['name']) == ('fissure', 'cone')
+    assert fissure['end'] is not None and cone.get('end') is None
     emitted = [item['volume_emitted_m3'] for item in found]
     assert emitted == pytest.approx([15.0 * 1800, 12.0 * 1800])
     refused(*valley, '--vent', '1,2')
@@ -173,10 +176,7 @@ def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     assert (percent >= 50.0).sum() * CELL**2 == pytest.approx(runs['majority']['area_m2'])
     page = (tmp_path / 'out/hindcast.html').read_text()
     assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
-    assert not (tmp_path / 'out/.unfinished').exists()
-    # the map of the replicates does not outlive them
-    done(*valley)
-    assert not list((tmp_path / 'out').glob('runs.*'))
+    assert not (tmp_path / 'out/replicates').exists()
 
 
 def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
@@ -184,7 +184,10 @@ def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
     drawn, simulated, mapped = [], [], []
     for name, calls, of in (
         ('lava_ros.hindcast.page.draw_sheet', drawn, lambda panels, output, **_: output),
-        ('lava_ros.hindcast.run.Run.result', simulated, lambda run: run.case.scene.terrain.shape),
+        (
+            'lava_ros.hindcast.run.Result.of', simulated,
+            lambda simulation, snapshot, *_: snapshot.terrain.shape,
+        ),
         ('lava_ros.runs.sinks.valid_snapshot', mapped, lambda simulation, _: simulation.time),
     ):
         monkeypatch.setattr(name, _counted(name, calls, of))
@@ -211,7 +214,7 @@ def test_refuses_unusable_cases_and_folders_of_others(tmp_path):
     case, out = write_case(tmp_path / 'valley'), tmp_path / 'out'
     out.mkdir()
     (out / 'thesis.txt').write_text('mine')
-    assert 'new, empty or of a hindcast' in refused('run', case, '-o', out)
+    assert 'new, empty, or of an interrupted run' in refused('run', case, '-o', out)
     assert 'new, empty or of a calibration' in refused('calibrate', case, '-o', out)
     (case / 'vent.csv').unlink()
     for command in ('run', 'calibrate'):
