@@ -567,7 +567,7 @@ SOLVER = keys('Comparison with exact solutions', {
 _MACHINE = {'device': DEVICE, 'machine': text('Machine'), 'command': text('Command')}
 
 ROWS = keys('Errors and times', {'rows': each(keys('A quantity of a case at a setting', {
-    'case': NAME, 'setting': text('Setting'), 'preset': text('Preset, if it is one'),
+    'case': NAME, 'setting': text('Setting'), 'preset': text('Preset; empty for another setting'),
     'quantity': text('Quantity'), 'error': unknown(number('Fraction: relative error')),
     'measured': unknown(number('Measured value, in `unit`')),
     'exact': number('Exact value, in `unit`'), 'unit': text('Unit'),

@@ -68,8 +68,7 @@ def run_file() -> Schema:
     meanings: dict[str, tuple[Schema, str]] = {
         'version': ({'const': VERSION}, 'Version of this format'),
         'status': ({'enum': [RUNNING, FINISHED]}, 'running also if the run was interrupted'),
-        'kind': ({'enum': ['scene', 'case', 'ensemble']}, 'A scene, a mapped eruption (case) or an '
-                 'ensemble'),
+        'kind': ({'enum': ['scene', 'case', 'ensemble']}, 'Kind; case: a mapped eruption'),
         'program': (group, 'Version of lava_ros, number of the model, commit of the checkout'),
         'identity': (TEXT, 'Digest of the scene and of the settings: the same for equal runs'),
         'begun': (TEXT, 'Date and time at which the run was begun'),

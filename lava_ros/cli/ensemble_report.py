@@ -45,7 +45,8 @@ def score_against_case(
         members: The members.
         folder: Folder of the picture.
         weights: Weights of the members, equal by default.
-        outline: Observed lava; only later outlines are then forecast, and it persists.
+        outline: Observed lava, None for none. Only later outlines are then scored as
+            forecasts, and the reference forecast is that this lava stays as it is.
 
     Returns:
         The score at the end, and that at the dated outlines if there are any.

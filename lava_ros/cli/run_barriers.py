@@ -63,7 +63,7 @@ def settings_of(args: argparse.Namespace, barriers: Sequence[Barrier]) -> dict[s
 
 
 def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
-    """Return the scene with barriers at the start, or with an event that builds them later [s]."""
+    """Return the scene with barriers, which are built at a simulated time [s]."""
     if not built:
         raised = with_barriers(scene.terrain, barriers, is_told=False)
         return replace(scene, terrain=raised)

@@ -189,7 +189,10 @@ class State(Arrays):
         return self._readbacks[0].begin()()
 
     def begin_readback(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
-        """Start to copy them; return a function that waits, to be called before a third copy."""
+        """Start to copy ``clock`` and ``counts``; return a function that waits for the copies.
+
+        Call that function before a third copy is started.
+        """
         # page-locked memory is slow to allocate, and a member of a batch needs none of these
         while len(self._readbacks) < 3:
             self._readbacks.append(Readback((self.clock, self.counts)))
