@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +15,7 @@ from lava_ros.cli.console import table_lines
 from lava_ros.cli.run_barriers import print_comparison
 
 if TYPE_CHECKING:
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import Ensemble
     from lava_ros.forecast.members import Plan
@@ -76,7 +76,7 @@ def score_against_case(
 
 
 def summarize(
-    args: argparse.Namespace,
+    options: RunOptions,
     plan: Plan,
     maps: HazardMaps,
     done: Ensemble,
@@ -95,10 +95,10 @@ def summarize(
         'arrival_error_s': maps.arrival_error,
         'members_beyond': maps.members_beyond,
         'threshold_m': plan.threshold,
-        'preset': args.preset,
+        'preset': options.preset,
         'effects': [{'time': 0.0, 'effects': plan.explain_effects()}],
         'switched_on': [asdict(item) for item in plan.switched_on],
-        'seed': args.seed,
+        'seed': options.seed,
         **where,
         'wall_time_s': wall,
         'members_per_s': ran / wall if ran else None,

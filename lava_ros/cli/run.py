@@ -138,6 +138,9 @@ def run(args: argparse.Namespace) -> int:
     eruption and compares the flow with the map. With --members it scores the probability instead,
     and at the dates of the outlines if there are any.
     """
+    # loads the reader of scenes, which other commands do not need
+    from lava_ros.cli.run_options import run_options
+
     is_case = args.scene is not None and Path(args.scene).is_dir()
     is_ensemble = args.members is not None
     refuse = partial(refuse_options, args, run.arguments)
@@ -160,18 +163,14 @@ def run(args: argparse.Namespace) -> int:
     ):
         if getattr(args, chosen) is not None:
             refuse(others, partial(validation.conflict, f'--{chosen}'))
-    if args.method == 'cells':
-        # cells run on a CPU
-        args.device = args.device or 'cpu'
-    args.until = args.until or HORIZON
-    args.preset = args.preset or (ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
+    options = run_options(args, ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
     if is_ensemble:
         from lava_ros.cli.run_ensemble import run_members as start
     elif is_case:
         from lava_ros.cli.run_case import run_case as start
     else:
         from lava_ros.cli.run_scene import run_scene as start
-    return start(args)
+    return start(options)
 
 
 def _names(declared: Iterable[Argument]) -> list[str]:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -13,13 +12,13 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, table_lines
-from lava_ros.cli.options import seconds_of
 from lava_ros.layers.places import places_on
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.features import read_features
 from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
 
 if TYPE_CHECKING:
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.products.gis import Provenance
     from lava_ros.scene import Scene, Terrain
 
@@ -27,39 +26,31 @@ if TYPE_CHECKING:
 WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
 
 
-def barriers_of(args: argparse.Namespace, terrain: Terrain) -> list[Barrier]:
-    """Return the barriers that the arguments name, if any, and print them.
+def barriers_of(options: RunOptions, terrain: Terrain) -> list[Barrier]:
+    """Return the barriers that the options name, if any, and print them.
 
     Raises:
         LavaError: If an argument or a file is not valid.
     """
-    if not args.barriers:
-        if args.barriers_at is not None:
-            raise validation.dependence('--barriers-at', '--barriers')
+    if not options.barriers:
         return []
-    if args.observed:
+    if options.observed:
         raise validation.conflict('--barriers', '--observed')
     usual = {'height': None, 'width': None, 'slope': Barrier.slope}
-    barriers = read_barriers('--barriers', args.barriers, terrain, usual)
-    for file in args.places:
+    barriers = read_barriers('--barriers', options.barriers, terrain, usual)
+    for file in options.places:
         # raises for an invalid file before the runs
         places_on(read_features('--places', file, terrain), terrain)
-    # raises for an invalid time, or a barrier off the terrain, before the runs
-    built_at(args)
+    # raises for a barrier off the terrain, before the runs
     with_barriers(terrain, barriers)
     for item in barriers:
         print(item.text())
     return barriers
 
 
-def built_at(args: argparse.Namespace) -> float:
-    """Return the simulated time at which the barriers are built [s]."""
-    return seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True)
-
-
-def settings_of(args: argparse.Namespace, barriers: Sequence[Barrier]) -> dict[str, Any]:
+def settings_of(options: RunOptions, barriers: Sequence[Barrier]) -> dict[str, Any]:
     """Return the barriers as plain data, and when they are built."""
-    return {'barriers': [asdict(item) for item in barriers], 'built_s': built_at(args)}
+    return {'barriers': [asdict(item) for item in barriers], 'built_s': options.built}
 
 
 def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
@@ -73,13 +64,13 @@ def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
 
 
 def compare(
-    args: argparse.Namespace, output: Path, folder: Path, barriers: Sequence[Barrier],
+    options: RunOptions, output: Path, folder: Path, barriers: Sequence[Barrier],
     origin: Provenance,
 ) -> dict[str, Any]:
     """Compare runs or ensembles without and with barriers; return plain data with the files.
 
     Args:
-        args: The arguments of the command.
+        options: The options of the command.
         output: Folder of the run or the ensemble without barriers.
         folder: Folder of the run or the ensemble with barriers.
         barriers: The barriers.
@@ -87,10 +78,10 @@ def compare(
     """
     from lava_ros.products.comparison import compare_runs
 
-    built = built_at(args)
+    built = options.built
     compared = compare_runs(
-        output, folder, made_folder(output / COMPARISON), places=args.places,
-        lines=[args.barriers] if built else (), built=built, origin=origin,
+        output, folder, made_folder(output / COMPARISON), places=options.places,
+        lines=[options.barriers] if options.barriers and built else (), built=built, origin=origin,
     )
     described = [
         {

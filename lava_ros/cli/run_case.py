@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -16,12 +15,13 @@ from typing import Any, TYPE_CHECKING
 from lava_ros import validation
 from lava_ros.cli.arrivals import arrivals_at, print_arrivals
 from lava_ros.cli.console import Progress, with_units, write_json
-from lava_ros.cli.options import device_named, forced_effects
-from lava_ros.cli.planned import planned, target_of
+from lava_ros.cli.options import device_named
+from lava_ros.cli.planned import planned
 from lava_ros.cli.simulated import simulated
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.hindcast.case import Case
     from lava_ros.hindcast.run import Result
     from lava_ros.hindcast.score import Score
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 PICTURE, PAGE, REPLICATES = 'comparison.png', 'hindcast.html', 'replicates'
 
 
-def run_case(args: argparse.Namespace) -> int:
+def run_case(options: RunOptions) -> int:
     """Simulate a mapped eruption, compare it with the map, and return the exit status."""
     from lava_ros.forecast.partner_runs import measure_run
     from lava_ros.hindcast.page import draw_comparison, facts, write_maps, write_page
@@ -41,12 +41,14 @@ def run_case(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.score import score_snapshot
     from lava_ros.scene.erupting_lava import EruptingLava
 
-    case, request = _requested(args)
+    case, request = _requested(options)
     with simulated(request) as made:
         result = Result.of_run(made)
         judged = score_snapshot(case, result.snapshot)
-        results = _several(args, case, made, result)
-        several = agreement(case, [item.snapshot for item in results]) if args.runs > 1 else None
+        results = _several(options, case, made, result)
+        several = None
+        if options.runs > 1:
+            several = agreement(case, [item.snapshot for item in results])
         outlines, dated = _dated(case, results)
         error = measure_run(made)
         made.note_error(error)
@@ -67,10 +69,10 @@ def run_case(args: argparse.Namespace) -> int:
         )
         record = {'folder': str(folder), **made.finish(facts_of_case)}
     shutil.rmtree(folder / REPLICATES, ignore_errors=True)
-    table = arrivals_at(args, folder)
+    table = arrivals_at(options.places, folder)
     if table is not None:
         record['places'] = table.as_dict()['places']
-    write_json(record, args.json)
+    write_json(record, options.json)
     print(case.title)
     rows = [('lava', EruptingLava.of(case.scene).text())]
     rows += facts(judged, result, error, several, dated).items()
@@ -84,13 +86,12 @@ def run_case(args: argparse.Namespace) -> int:
     return 0
 
 
-def _requested(args: argparse.Namespace) -> tuple[Case, Request]:
-    """Return the case and the run that the arguments ask for.
+def _requested(options: RunOptions) -> tuple[Case, Request]:
+    """Return the case and the run that the options ask for.
 
     Raises:
         LavaError: If an argument or a file is not valid.
     """
-    from lava_ros.cli.scenes import WORDS
     from lava_ros.files.optional import require
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.replicates import MAX_REPLICATES
@@ -98,24 +99,17 @@ def _requested(args: argparse.Namespace) -> tuple[Case, Request]:
     from lava_ros.hindcast.spacing import choose_case_spacing
 
     # checked before the first run, although only the replicates need it
-    runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
-    target, forced = target_of(args), forced_effects(args)
-    if isinstance(args.discharge, str):
+    runs = validation.whole('--runs', options.runs, at_least=1, at_most=MAX_REPLICATES)
+    source, target = options.source, options.target
+    if isinstance(source.effusion_rate, str):
         expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
-        raise LavaError('--effusion-rate', args.discharge, expected)
-    require('rasterio', 'GeoTIFF', args.scene)
-    device = device_named(args.device)
-    case = load_case(
-        args.scene,
-        material=args.material,
-        low_pass=args.low_pass,
-        vent=args.vent or (),
-        vents=args.vents,
-        effusion_rate=args.discharge,
-        words=WORDS,
-    )
+        raise LavaError('--effusion-rate', source.effusion_rate, expected)
+    require('rasterio', 'GeoTIFF')
+    device = device_named(options.device)
+    case = load_case(source)
     settings = Settings(
-        args.preset, args.spacing, device, forced, args.maps, mobility_limit=args.mobility_limit,
+        options.preset, options.spacing, device, options.forced, options.maps,
+        mobility_limit=options.mobility_limit,
     )
 
     def accuracy() -> tuple[str, Accuracy]:
@@ -138,15 +132,15 @@ def _requested(args: argparse.Namespace) -> tuple[Case, Request]:
         {'within_s': target.get('within'), 'error': target.get('error'), 'runs': runs},
         # the plan chooses the preset
         name=case.name if target else '', inputs=case.inputs, remarks=[*case.remarks, *smoothed],
-        output=None if args.output is None else Path(args.output),
+        output=options.output,
     )
 
 
 def _several(
-    args: argparse.Namespace, case: Case, made: SceneRun, result: Result
+    options: RunOptions, case: Case, made: SceneRun, result: Result
 ) -> list[Result]:
     """Return the results of the run and of its rotated and mirrored runs."""
-    if args.runs == 1:
+    if options.runs == 1:
         return [result]
     from lava_ros.hindcast.replicates import run_replicates
     from lava_ros.hindcast.run import Settings
@@ -154,13 +148,13 @@ def _several(
     made.keep()
     settings = Settings(
         made.folder.record['preset'], result.accuracy.spacing, made.request.device,
-        forced_effects(args), args.maps, thickness=result.accuracy.thickness,
-        mobility_limit=args.mobility_limit,
+        options.forced, options.maps, thickness=result.accuracy.thickness,
+        mobility_limit=options.mobility_limit,
     )
     with Progress() as progress:
         return run_replicates(
-            case, settings, args.runs, original=result, folder=made.folder.path / REPLICATES,
-            progress=lambda done: progress.show(f'{args.runs} runs', done),
+            case, settings, options.runs, original=result, folder=made.folder.path / REPLICATES,
+            progress=lambda done: progress.show(f'{options.runs} runs', done),
         )
 
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 import sys
 from typing import Any, TYPE_CHECKING
@@ -18,51 +17,52 @@ from lava_ros.cli.simulated import simulated
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.layers.place_arrivals import ArrivalTable
     from lava_ros.runs.scene_run import SceneRun
     from lava_ros.scene import Scene
     from lava_ros.scene.reshaping import Barrier
 
 
-def run_scene(args: argparse.Namespace) -> int:
+def run_scene(options: RunOptions) -> int:
     """Simulate a scene once, and return the exit status of `lava run`."""
     from lava_ros.cli.run_request import request_of
     from lava_ros.forecast.partner_runs import measure_run
     from lava_ros.layers.places import places_on
     from lava_ros.scene.features import read_features
 
-    request = request_of(args)
+    request = request_of(options)
     terrain = request.scene.terrain
-    for file in args.places:
+    for file in options.places:
         # raises for an invalid file before the run
         places_on(read_features('--places', file, terrain), terrain)
-    barriers = run_barriers.barriers_of(args, terrain)
+    barriers = run_barriers.barriers_of(options, terrain)
     if barriers:
-        chosen = run_barriers.settings_of(args, barriers)
+        chosen = run_barriers.settings_of(options, barriers)
         request = replace(request, settings={**request.settings, **chosen})
     with simulated(request) as made:
         if barriers:
-            _run_with(args, made, barriers)
+            _run_with(options, made, barriers)
         made.note_error(measure_run(made))
-        facts = {'barriers': _compared(args, made, barriers)} if barriers else {}
+        facts = {'barriers': _compared(options, made, barriers)} if barriers else {}
         record = {'folder': str(made.folder.path), **made.finish(facts)}
-    table = arrivals_at(args, made.folder.path)
+    table = arrivals_at(options.places, made.folder.path)
     if table is not None:
         record['places'] = table.as_dict()['places']
-    write_json(record, args.json)
+    write_json(record, options.json)
     _print(record, request.scene, table)
     if barriers:
         run_barriers.print_comparison(record['barriers'])
     return 0
 
 
-def _run_with(args: argparse.Namespace, made: SceneRun, barriers: Sequence[Barrier]) -> None:
+def _run_with(options: RunOptions, made: SceneRun, barriers: Sequence[Barrier]) -> None:
     """Run the scene with barriers, in a folder inside that of the run."""
     from lava_ros.forecast.partner_runs import measure_run
     from lava_ros.runs.store import FINISHED, known_record
 
     made.keep()
-    request, built = made.request, run_barriers.built_at(args)
+    request, built = made.request, options.built
     folder = made.folder.path / run_barriers.WITH_BARRIERS
     # of an interrupted comparison
     if known_record(folder).get('status') == FINISHED:
@@ -79,7 +79,7 @@ def _run_with(args: argparse.Namespace, made: SceneRun, barriers: Sequence[Barri
 
 
 def _compared(
-    args: argparse.Namespace, made: SceneRun, barriers: Sequence[Barrier]
+    options: RunOptions, made: SceneRun, barriers: Sequence[Barrier]
 ) -> dict[str, Any]:
     """Compare the runs without and with barriers; return plain data."""
     from lava_ros.bag.description import is_on
@@ -92,7 +92,7 @@ def _compared(
         made.folder.record['preset'], onset=Onset.of(made.request.scene),
     )
     return run_barriers.compare(
-        args, folder, folder / run_barriers.WITH_BARRIERS, barriers, origin
+        options, folder, folder / run_barriers.WITH_BARRIERS, barriers, origin
     )
 
 

@@ -63,16 +63,16 @@ def source_of(args: argparse.Namespace) -> SceneSource:
     return SceneSource(**given, words=WORDS)
 
 
-def sourced_scene(args: argparse.Namespace, *, as_given: bool = False) -> SourcedScene:
-    """Make the scene of the arguments, and log its vents.
+def sourced_scene(source: SceneSource, *, as_given: bool = False) -> SourcedScene:
+    """Make the scene of a source, and log its vents.
 
     Its cells are at most ``CELL`` times the particle spacing, or those of its terrain with
     ``as_given``.
 
     Raises:
-        LavaError: If an argument or a file is not valid.
+        LavaError: If a file is not valid.
     """
-    found = source_of(args).load()
+    found = source.load()
     scene = found.scene
     _log_vents(scene)
     if as_given:
@@ -86,7 +86,7 @@ def sourced_scene(args: argparse.Namespace, *, as_given: bool = False) -> Source
 
 def scene_from_arguments(args: argparse.Namespace, *, as_given: bool = False) -> Scene:
     """Make the scene of the arguments, as ``sourced_scene``."""
-    return sourced_scene(args, as_given=as_given).scene
+    return sourced_scene(source_of(args), as_given=as_given).scene
 
 
 def log_resolution(

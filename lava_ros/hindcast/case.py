@@ -109,21 +109,23 @@ class Case:
         return replace(self, scene=scene, volume=self.volume * discharge)
 
 
-def load_case(directory: str | Path, **changes: Any) -> Case:
+def load_case(directory: str | Path | SceneSource, **changes: Any) -> Case:
     """Read a case from its folder.
 
     Args:
-        directory: The folder.
+        directory: The folder, or a source with its path.
         changes: Fields of ``SceneSource`` that replace parts of the scene, such as ``material``.
 
     Raises:
         LavaError: If a file is missing or not valid, or the files are not consistent.
     """
-    folder = Path(directory)
+    given = directory if isinstance(directory, SceneSource) else SceneSource(path=directory)
+    source = replace(given, **changes)
+    assert source.path is not None
+    folder = Path(source.path)
     if not folder.is_dir():
         # raises LavaError
         find_case_files(folder)
-    source = SceneSource(path=folder, **changes)
     found = source.load()
     assert found.case is not None
     read, scene = found.case, found.scene
