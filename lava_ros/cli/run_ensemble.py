@@ -189,7 +189,7 @@ def run_members(options: RunOptions) -> int:
     done, wall = runs.run(store, members, 'members')
     plan = store.plan
     if options.scheduler is None:
-        runs.error = measure_ensemble_error(plan, done.maps.members, output, device=options.device)
+        runs.error = measure_ensemble_error(store, done.maps.members, device=options.device)
     runs.influences = influences_of(plan.scene, members, store.finished(len(members)))
     report = summarize(options, plan, done.maps, done, wall, runs.where)
     report |= _described(plan, members, done, runs)

@@ -109,7 +109,7 @@ class Store(RecordedFolder):
                 _check_same(known['program'].get(name), value, folder, name)
             for name in _COMMON:
                 _check_same(known.get(name), begun[name], folder, name)
-            begun['begun'] = known['begun']
+            begun |= {name: known.get(name) for name in ('begun', 'numerical_error')}
         elif not is_usable(folder, known, identity):
             raise LavaError('--output', str(folder), _USABLE)
         super().__init__(folder, begun)
@@ -128,7 +128,8 @@ class Store(RecordedFolder):
             # delete members first, because the new description does not apply to them
             for path in self._members.glob('*.npz'):
                 path.unlink()
-        self.put(self._described())
+        # the error is that of the former effects
+        self.put({**self._described(), 'numerical_error': None})
 
     def write(self, footprint: Footprint) -> None:
         """Write a member.

@@ -32,7 +32,6 @@ from lava_ros.products.ensemble_facts import describe_influence, describe_uncert
 from lava_ros.products.gis import PROBABILITIES
 from lava_ros.products.plot import time_note, titles
 from lava_ros.products.run_warnings import (
-    error_of_folder,
     error_of_moment,
     warnings_of_moments,
     warnings_of_plan,
@@ -264,7 +263,7 @@ def _emitted(
         in_millions, rounded = f'{value / 1e6:.3g} million m³', float(f'{value:.3g}')
         facts['volume emitted'] = in_millions if value >= 1e5 else f'{rounded:,g} m³'
         if budget.in_sea:
-            facts['volume in the sea'] = dict(budget.rows())['in the sea']
+            facts['volume in the sea'] = dict(budget.rows())['in the sea'].replace('m3', 'm³')
     return facts
 
 
@@ -362,7 +361,8 @@ def _ensemble(folder: Path) -> Run:
             scene, horizon, accuracy, Effects(**plan['effects']), int(plan['looks']),
             forced=missing.get(plan, 'forced') or {},
         )
-        measured = error_of_folder(folder)
+        # version 0.1.0 did not keep it
+        measured = manifest.get('numerical_error')
         found = {
             least: missing.get(tags, f'inundated_area_p{least:.0f}_m2') for least in PROBABILITIES
         }
