@@ -185,6 +185,7 @@ def request_of(
         forced=settings.effects,
         device=settings.device,
         kind='case',
+        data={'case': case.name},
         simulated=lambda accuracy: simulated_scene(case, coarseness(case, accuracy)),
         shown=lambda snapshot: refined(snapshot, case.scene.terrain),
         **others,

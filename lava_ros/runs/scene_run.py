@@ -49,6 +49,7 @@ class Request:
         remarks: Warnings about the inputs.
         output: The folder; None for an unused one in ``runs/``.
         kind: Kind of the run: ``scene`` or ``case``.
+        data: Parts of the description of the bag.
         simulated: Returns the scene on the cells of a simulation with an accuracy; None for the
             cells of the scene.
         shown: Converts a snapshot to the cells of the scene.
@@ -66,6 +67,7 @@ class Request:
     remarks: Sequence[str] = ()
     output: Path | None = None
     kind: str = 'scene'
+    data: Mapping[str, str] = field(default_factory=dict)
     simulated: Callable[[Accuracy], Scene] | None = None
     shown: Callable[[Snapshot], Snapshot] = _same
 
@@ -100,7 +102,8 @@ class SceneRun:
             'kind': request.kind, **description(scene, identity, plan, request.inputs),
             'wall_time_s': 0.0, 'particles_at_most': 0, 'effects': [],
         }
-        self.folder = RunFolder(path, scene.at(0.0), record, {'begun': record['begun']})
+        data = {**request.data, 'begun': record['begun']}
+        self.folder = RunFolder(path, scene.at(0.0), record, data)
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
         self._wall_time: float | None = None
         # absent from folders of older versions

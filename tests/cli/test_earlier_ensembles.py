@@ -121,4 +121,5 @@ def test_places_and_bags_of_an_earlier_ensemble_are_read_and_members_refused(
         if (folder / 'run.json').exists():
             write_as_earlier(folder, json.loads((folder / 'run.json').read_text()))
     assert found[0] == found[1]
-    assert 'new, empty, or of this ensemble' in refused(*ensemble_words(tmp_path, 3))
+    words = [folder if word == ensemble else word for word in ensemble_words(ensemble.parent, 3)]
+    assert 'new, empty, or of this ensemble' in refused(*words)

@@ -229,10 +229,10 @@ def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(mapped, tm
     # the new members are kept, and those of another outline are not taken for them
     assert json.loads(
         (tmp_path / 'out/posterior_900s/run.json').read_text()
-    )['posterior'] is not None
+    )['parents'] is not None
     seen[1] = case / 'late.asc'
     status, _, error = lava(*words, *seen)
-    assert status == 2 and 'posterior is' in error and 'another folder' in error
+    assert status == 2 and 'parents is' in error and 'another folder' in error
 
 
 def cells(*values: int) -> np.ndarray:
