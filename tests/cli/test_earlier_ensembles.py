@@ -118,6 +118,7 @@ def test_places_and_bags_of_an_earlier_ensemble_are_read_and_members_refused(
         done('places', folder, tmp_path / 'huts.csv', '--json', tmp_path / 'a.json')
         found.append(json.loads((tmp_path / 'a.json').read_text())['places'])
         assert 'recording  finished' in done('bag', 'info', folder)
+        assert 'with --formats' in refused('export', folder, '-o', tmp_path / 'maps')
         if (folder / 'run.json').exists():
             write_as_earlier(folder, json.loads((folder / 'run.json').read_text()))
     assert found[0] == found[1]

@@ -273,6 +273,22 @@ def test_interrupted_ensemble_explains_how_to_resume(scene, tmp_path, monkeypatc
     assert status == 130 and 'the same command' in output
 
 
+def test_ensemble_without_a_folder_finds_its_own(scene, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ['run', scene, '--until', '1min', '--workers', '1', '--device', 'cpu']
+    words += ['--spacing', '40', '--members']
+    for members, seed, name in ((1, 0, 'scene_ensemble'), (1, 1, 'scene_ensemble_2'),
+                                (2, 0, 'scene_ensemble')):
+        done(*words, members, '--seed', seed)
+        record = json.loads((tmp_path / 'runs' / name / 'run.json').read_text())
+        assert (record['kind'], record['status']) == ('ensemble', 'finished')
+        assert (record['members'], record['seed']) == (members, seed)
+    assert record['resumed'] == 1
+    assert {path.name for path in (tmp_path / 'runs').iterdir()} == {
+        'scene_ensemble', 'scene_ensemble_2'
+    }
+
+
 def test_parses_times_with_and_without_units():
     known = {'6h': 21600.0, '90min': 5400.0, '1.5 d': 129600.0, '30': 30.0, '1e3s': 1000.0}
     assert {text: seconds_of('--until', text) for text in known} == known

@@ -17,6 +17,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.recorded_node import described_node, RecordedNode
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import _constants, FALSE_ALARM, HIT, MISS
+from lava_ros.hindcast.run import INTEGRATOR
 from lava_ros.layers.recording import Recording
 from lava_ros.scene.materials import material_named
 
@@ -103,6 +104,28 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
     assert Recording(out).frame_at(times[1]).time == times[1]
+    # the folder as version 0.1.0 named its parts
+    (out / 'run.json').rename(out / 'hindcast.json')
+    (out / 'maps').rename(out / 'bag')
+    assert Recording(out).frame_at().time == times[-1]
+
+
+def test_target_of_a_mapped_eruption_chooses_its_spacing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_case(tmp_path / 'valley', hours=0.3, yaml=LAVA)
+    words = 'run', 'valley', '--device', 'cpu', '--maps', '1', '--error', '60%'
+    done(*words)
+    record = json.loads((tmp_path / 'runs/valley/run.json').read_text())
+    assert record['settings']['error'] == 0.6 and record['settings']['spacing_m'] is None
+    assert record['numerical_error']['inundated']['total'] < 0.6
+    assert record['accuracy']['integrator'] == INTEGRATOR
+    for more in (('--preset', 'fine'), ('--spacing', '9'), ('--within', '9s')):
+        assert f'{more[0]} exclude each other' in refused(*words, *more).replace(
+            f'{more[0]} and --error', f'--error and {more[0]}'
+        )
+    # a finished run is kept
+    done('run', 'valley', '--device', 'cpu', '--maps', '1', '--spacing', '40')
+    assert (tmp_path / 'runs/valley_standard/run.json').exists()
 
 
 def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
