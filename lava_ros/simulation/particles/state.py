@@ -356,7 +356,7 @@ class State(Arrays):
             raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
 
     def take_order(self, *, within_step: bool = False) -> None:
-        """Copy the ordered arrays back to the particles, also possible within a step."""
+        """Copy the ordered arrays back to the particles; a caller may do this within a step."""
         arrays = self.arrays
         wp.copy(self.particle, self.ordered)
         for name in (*self._carried, *(self._of_step if within_step else ())):
