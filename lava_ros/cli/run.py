@@ -100,7 +100,8 @@ ENSEMBLE_PRESET = 'draft'
     shared('--until', f'{HORIZON}; a mapped eruption has its own end', default=None),
     output_option(
         'DIR', 'folder of the results: new, empty, of an interrupted run of the same scene, or of '
-        'the same ensemble (default: runs/<scene>, with a number if that is another run)',
+        'the same ensemble (default: runs/<scene>, runs/<case>_<preset> or runs/<scene>_ensemble, '
+        'with a number if that is another run)',
     ),
     argument('--maps', 'N', 'number of maps, evenly spaced over the simulated time', 24),
     shared(
