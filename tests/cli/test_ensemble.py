@@ -275,7 +275,7 @@ def test_interrupted_ensemble_explains_how_to_resume(scene, tmp_path, monkeypatc
 
 def test_ensemble_without_a_folder_finds_its_own(scene, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    words = ['run', scene, '--until', '1min', '--workers', '1', '--device', 'cpu']
+    words = ['run', scene, '--until', '20s', '--workers', '1', '--device', 'cpu']
     words += ['--spacing', '40', '--members']
     for members, seed, name in ((1, 0, 'scene_ensemble'), (1, 1, 'scene_ensemble_2'),
                                 (2, 0, 'scene_ensemble')):

@@ -112,7 +112,7 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
 
 def test_target_of_a_mapped_eruption_chooses_its_spacing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_case(tmp_path / 'valley', hours=0.1, yaml=LAVA)
+    write_case(tmp_path / 'valley', hours=0.3, yaml=LAVA)
     words = 'run', 'valley', '--device', 'cpu', '--maps', '1', '--error', '60%'
     done(*words)
     record = json.loads((tmp_path / 'runs/valley/run.json').read_text())
