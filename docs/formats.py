@@ -43,7 +43,7 @@ MEANINGS = {
     'share': 'weight of a vent when vents divide an effusion rate',
     'start': 'start of an interval ([s] or a date), or when a vent opens [s]',
     'end': 'end of an interval ([s] or a date), or when a vent closes [s]',
-    'time': 'an instant ([s], or of rates a date)',
+    'time': 'an instant: [s], or for rates also a date',
     'volume': 'volume that comes out in an interval [m3]',
     'cumulative_volume': 'volume that has come out by an instant [m3]',
     'height': 'height of a barrier above the ground [m]',

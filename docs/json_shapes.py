@@ -30,7 +30,6 @@ from json_parts import (
     PLACES,
     PRESET,
     QUALITY,
-    RESOLUTION,
     Schema,
     SCORE,
     text,
@@ -72,7 +71,7 @@ SUMMARY = {
     'arrival_error_s': number('Error of the arrival times'),
     'members_beyond': count('Members whose lava left the map'),
     'threshold_m': number('Thickness at or above which lava has arrived'),
-    'preset': PRESET, 'effects': each(text(), 'Effects that are on'),
+    'preset': PRESET, 'effects': each({'type': 'object'}, 'Effects at the start, with reasons'),
     'switched_on': each(keys('An effect that the flow called for', {
         'effect': NAME, 'number': number('Number that was measured'),
         'threshold': number('Number above which it is on'), 'member': count('Member'),
@@ -89,10 +88,55 @@ _OBSERVED = {
     'jaccard_mean': number('Index: mean agreement of the members with the observation'),
 }
 
-ENSEMBLE = keys('An ensemble', {
-    'kind': {'const': 'ensemble'},
+BARRIERS = keys('Comparison with --barriers', {
+    'built_s': number('Simulated time at which they are built'),
+    'barriers': each(keys('A barrier', {
+        'name': NAME, 'length_m': number('Length'), 'height_m': number('Height'),
+        'width_m': number('Width of the crest'), 'volume_m3': number('Volume of earth'),
+    })),
+    'effects': each(text(), 'Effects that are on'),
+    'area_m2': named(keys('Areas', {
+        'without': number('Area without barriers'), 'with': number('Area with barriers'),
+    }), 'Inundated areas; those of an ensemble by probability'),
+    'places': each(keys('A place', {
+        'name': NAME, 'kind': text('point, line or area'),
+        **{
+            f'{name}_{case}': unknown(number(f'{meaning}, {case} barriers'))
+            for name, meaning in {
+                'probability_percent': 'Probability that lava arrives',
+                **{f'arrival_p{part}_s': f'Arrival in {part} % of the members, or in the run'
+                   for part in (10, 50, 90)},
+            }.items()
+            for case in ('without', 'with')
+        },
+    })),
+    'files': each(text(), 'Written files'),
+})
+
+RUN_FILE = json.loads((FOLDER / 'run.schema.json').read_text(encoding='utf-8'))
+_RUN = {
+    name + '?' * (name not in RUN_FILE['required']): schema
+    for name, schema in RUN_FILE['properties'].items() if name not in ('version', 'kind')
+}
+
+
+def run_keys(meaning: str, kind: str, *groups: Mapping[str, Schema]) -> Schema:
+    """Return the schema of a kind of run: the keys of run.json, its folder, and its places."""
+    known = {'kind': {'const': kind}, 'folder': text('Folder of the run'), 'places?': PLACES}
+    mine = {name for group in groups for name in group}
+    others = {name: item for name, item in _RUN.items() if name.rstrip('?') not in mine}
+    return keys(meaning, known, others, *groups)
+
+
+SCENE = run_keys('One run of a scene', 'scene', {'barriers?': BARRIERS})
+
+ENSEMBLE = run_keys('An ensemble', 'ensemble', {
     **SUMMARY,
-    'inputs': keys('Uncertain quantities', {
+    'elevation': text('Digest of the terrain'),
+    'plan': free('Horizon, accuracy and effects of the members'),
+    'susceptibility': unknown(text('Digest of --susceptibility')),
+    'parents': unknown(text('Digest of the members near which those of --posterior are drawn')),
+    'quantities': keys('Uncertain quantities', {
         'drawn': named(keys('A quantity', {
             'distribution': text('Distribution'), 'source': text('Source'),
         })),
@@ -123,61 +167,20 @@ ENSEMBLE = keys('An ensemble', {
     'posterior?': keys('Members of --posterior', SUMMARY, _OBSERVED, _CASE_SCORES, {
         'effective_parents': number('Number of first members of equal weight'),
     }),
-    'barriers?': keys('Comparison with --barriers', {
-        'built_s': number('Simulated time at which they are built'),
-        'barriers': each(keys('A barrier', {
-            'name': NAME, 'length_m': number('Length'), 'height_m': number('Height'),
-            'width_m': number('Width of the crest'), 'volume_m3': number('Volume of earth'),
-        })),
-        'effects': each(text(), 'Effects that are on'),
-        'area_m2': named(keys('Areas', {
-            'without': number('Area without barriers'), 'with': number('Area with barriers'),
-        }), 'Areas by probability of inundation'),
-        'places': each(keys('A place', {
-            'name': NAME, 'kind': text('point, line or area'),
-            **{
-                f'{name}_{case}': unknown(number(f'{meaning}, {case} barriers'))
-                for name, meaning in {
-                    'probability_percent': 'Probability that lava arrives',
-                    **{f'arrival_p{part}_s': f'Arrival in {part} % of the members'
-                       for part in (10, 50, 90)},
-                }.items()
-                for case in ('without', 'with')
-            },
-        })),
-    }),
+    'barriers?': BARRIERS,
     'files': each(text(), 'Written files'),
-    'places?': PLACES,
 })
 
-CASE = keys('A mapped eruption', {
-    'kind': {'const': 'case'}, 'case': NAME, 'title': text('Title'), 'material': text('Material'),
-    **QUALITY,
-    'preset': PRESET, 'device': DEVICE,
-    'simulated_time_s': number('Simulated time'), 'score': keys('Comparison with the map', SCORE),
-    **VOLUMES,
-    'wall_time_s': number('Wall time'), 'steps': count('Number of time steps'),
-    'evaluations': count('Number of velocity evaluations'),
-    'particles_at_most': count('Largest number of particles'),
-    'particles_emitted': count('Number of emitted particles'),
-    'effects': each(text(), 'Effects that are on'),
-    'decisions': each(keys('An effect', DECISION)),
-    'accuracy': ACCURACY, 'resolution': RESOLUTION,
-    'flow_kind': unknown(text('Kind of the flow, with its numbers')),
-    'effects_error': number('Fraction of the area, because of effects that are off'),
-    'cell_m': number('Side of a simulated cell'),
+CASE = run_keys('A mapped eruption', 'case', {
+    'case': NAME, 'title': text('Title'), 'material': text('Material'),
     'composition_percent': named(number('Oxides of the melt, by weight')),
-    'lava': each(keys('A constant', {
-        'name': NAME, 'value': free('In `unit`, or the choice of a law'), 'unit': text('Unit'),
-    })),
-    'vents': each(keys('A vent', {
-        'name': NAME, 'position_m': each(number('Position in the map frame')),
-        'end_m': unknown(each(number('Other end of a fissure'))),
-        'discharge_m3_per_s': free('Effusion rate, or pairs of a time [s] and a rate'),
-        'temperature_k': number('Temperature'), 'radius_m': number('Radius'),
-        'velocity_m_per_s': each(number('Velocity of the emitted lava')),
-    })),
     'low_pass_m': number('Standard deviation of the filter of the elevation'),
+    'score': keys('Comparison with the map', SCORE),
+    'decisions': each(keys('An effect', DECISION)),
+    'effects_error': number('Fraction of the area, because of effects that are off'),
+    'evaluations': count('Number of velocity evaluations'),
+    'particles_emitted': count('Number of emitted particles'),
+    'cell_m': number('Side of a simulated cell'),
     'runs?': keys('Rotated and mirrored runs', {
         'count': count('Number of runs'), 'chance': number('Index: mean 1 - J of two runs'),
         'jaccard': each(number('Index of each run')), 'mean': number('Index: mean of jaccard'),
@@ -193,7 +196,6 @@ CASE = keys('A mapped eruption', {
         'persistence': unknown(number('Index: jaccard of the outline before')),
         'descent': number('Index: jaccard of steepest descent'),
     })),
-    'places?': PLACES,
 })
 
 SAMPLE = keys('A set of values', {
@@ -266,16 +268,6 @@ PLAN = keys('A plan', {
     })),
     'erupting_lava': LAVA,
 })
-
-RUN_FILE = json.loads((FOLDER / 'run.schema.json').read_text(encoding='utf-8'))
-SCENE = keys('One run of a scene', {
-    'kind': {'const': 'scene'}, 'folder': text('Folder of the run'), 'places?': PLACES,
-    **{
-        name + '?' * (name not in RUN_FILE['required']): schema
-        for name, schema in RUN_FILE['properties'].items() if name != 'version'
-    },
-})
-SCENE['definitions'] = RUN_FILE.get('definitions', {})
 
 MAP = keys('Drawn maps', {
     'output': text('File'),
@@ -394,7 +386,7 @@ SOLVER = keys('Comparison with exact solutions', {
 _MACHINE = {'device': DEVICE, 'machine': text('Machine'), 'command': text('Command')}
 
 ROWS = keys('Errors and times', {'rows': each(keys('A quantity of a case at a setting', {
-    'case': NAME, 'setting': text('Setting'), 'preset': text('Preset, if it is one'),
+    'case': NAME, 'setting': text('Setting'), 'preset': text('Preset; empty for another setting'),
     'quantity': text('Quantity'), 'error': unknown(number('Fraction: relative error')),
     'measured': unknown(number('Measured value, in `unit`')),
     'exact': number('Exact value, in `unit`'), 'unit': text('Unit'),

@@ -60,11 +60,15 @@ def parameter_file() -> Schema:
 
 
 def run_file() -> Schema:
-    """Return the schema of the ``run.json`` of a run; results are absent until it is finished."""
+    """Return the schema of ``run.json``; results are absent until the run is finished.
+
+    Mapped eruptions and ensembles have further keys, which json_run.schema.json lists.
+    """
     number, count, group = {'type': 'number'}, {'type': 'integer'}, {'type': 'object'}
     meanings: dict[str, tuple[Schema, str]] = {
         'version': ({'const': VERSION}, 'Version of this format'),
         'status': ({'enum': [RUNNING, FINISHED]}, 'running also if the run was interrupted'),
+        'kind': ({'enum': ['scene', 'case', 'ensemble']}, 'Kind; case: a mapped eruption'),
         'program': (group, 'Version of lava_ros, number of the model, commit of the checkout'),
         'identity': (TEXT, 'Digest of the scene and of the settings: the same for equal runs'),
         'begun': (TEXT, 'Date and time at which the run was begun'),
@@ -94,6 +98,7 @@ def run_file() -> Schema:
             (number, 'Volume of lava [m3], as in the diagnostics'),
         ),
         'particles': (count, 'Number of particles'),
+        'particles_at_most': (count, 'Largest number of particles in any map'),
         'steps': (count, 'Number of time steps'),
         'warnings': (list_of(TEXT), 'What a reader of the maps must know'),
     }
@@ -102,11 +107,8 @@ def run_file() -> Schema:
     }
     properties['volume_error']['description'] = 'Fraction of the volume that is unaccounted for'
     names = list(meanings)
-    required = [*names[: names.index('preset')], 'maps', 'node', 'topics']
-    return {
-        'type': 'object', 'additionalProperties': False, 'properties': properties,
-        'required': required,
-    }
+    required = [*names[: names.index('preset')], 'maps']
+    return {'type': 'object', 'properties': properties, 'required': required}
 
 
 #: Title and function of the schema of each kind of file.

@@ -114,18 +114,18 @@ def run(tmp_path_factory):
     case, out = write_eruption(folder / 'pulses'), folder / 'out'
     printed = done('run', case, *OPTIONS, '-o', out)
     formats = [name for name, package in FORMATS.items() if find_spec(package)]
-    done('export', out / 'bag', '-o', folder / 'maps', '--formats', *formats)
-    done('map', out / 'bag', '-o', folder / 'map.png', '--json', folder / 'plot.json')
-    done('map', out / 'bag', '-o', folder / 'report.html')
+    done('export', out, '-o', folder / 'maps', '--formats', *formats)
+    done('map', out, '-o', folder / 'map.png', '--json', folder / 'plot.json')
+    done('map', out, '-o', folder / 'report.html')
     return SimpleNamespace(
         folder=folder, case=case, out=out, printed=printed, maps=folder / 'maps',
-        score=json.loads((out / 'hindcast.json').read_text())['score'],
-        volume=json.loads((out / 'hindcast.json').read_text()),
-        decisions=json.loads((out / 'hindcast.json').read_text())['decisions'],
+        score=json.loads((out / 'run.json').read_text())['score'],
+        volume=json.loads((out / 'run.json').read_text()),
+        decisions=json.loads((out / 'run.json').read_text())['decisions'],
         plot=json.loads((folder / 'plot.json').read_text()),
         report=(folder / 'report.html').read_text(), page=(out / 'hindcast.html').read_text(),
         arrival=read_tif(out / 'arrival.tif'), inundated=read_tif(out / 'inundated.tif'),
-        thickness=np.nan_to_num(read_tif(out / 'thickness.tif')), bag=read_bag(out / 'bag'),
+        thickness=np.nan_to_num(read_tif(out / 'thickness.tif')), bag=read_bag(out / 'maps'),
     )
 
 
@@ -164,7 +164,7 @@ def place_areas(run) -> list[float]:
         'crs': {'type': 'name', 'properties': {'name': 'EPSG:32633'}},
     }))
     table = run.folder / 'places.json'
-    done('places', run.out / 'bag', path, '--json', table)
+    done('places', run.out, path, '--json', table)
     (row,) = json.loads(table.read_text())['places']
     return [row[f'inundated_area_p{percent}_m2'] for percent in (10, 50, 90)]
 
@@ -185,7 +185,7 @@ AREAS = {
 
 
 def frame_of(run) -> Any:
-    return Recording(run.out / 'bag').frame_at()
+    return Recording(run.out).frame_at()
 
 
 @pytest.mark.parametrize('output', AREAS)
@@ -260,8 +260,8 @@ def test_exported_maps_have_the_tags_of_the_hindcast(run, name):
 
 
 def test_pages_show_vents_that_have_closed(run):
-    assert not len(Recording(run.out / 'bag').frame_at().vents)
-    vents = read_run(run.out / 'bag').panels['thickness'].frame.vents
+    assert not len(Recording(run.out).frame_at().vents)
+    vents = read_run(run.out).panels['thickness'].frame.vents
     np.testing.assert_allclose(vents + CORNER, [VENT])
 
 

@@ -23,6 +23,7 @@ A document that changes the package changes a copy, in which its other blocks th
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
@@ -377,6 +378,13 @@ def test_changes_of_the_package_fit_and_run(document: str, tmp_path: Path) -> No
         if not _changes(block):
             assert block.language == 'python', block
             _python(block, tmp_path, os.environ | {'PYTHONPATH': str(tmp_path)})
+
+
+def test_modules_of_the_reference_exist() -> None:
+    page = (ROOT / 'docs/api.rst').read_text(encoding='utf-8')
+    names = re.findall(r'^.. automodule:: (\S+)$', page, re.MULTILINE)
+    assert len(names) > 20
+    assert [name for name in names if find_spec(name) is None] == []
 
 
 def test_notebook_has_no_outputs() -> None:

@@ -17,6 +17,7 @@ from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import replace
 import multiprocessing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 import time
 from typing import Any
 
@@ -24,10 +25,11 @@ from error_scenes import error_scenes
 import numpy as np
 
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.forecast.partner_runs import measure_error
+from lava_ros.forecast.partner_runs import measure_error, measure_run
 from lava_ros.hindcast.case import load_case
-from lava_ros.hindcast.run import measure_run_error, Settings, simulate
+from lava_ros.hindcast.run import request_of, Result, Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
+from lava_ros.runs.scene_run import SceneRun
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import METHODS
 from lava_ros.simulation.backend.threads import use_threads
@@ -78,10 +80,14 @@ def of_case(folder: str, preset: str, method: str) -> tuple[np.ndarray, dict[str
     if method == 'cells':
         # compiles the kernels
         simulate(case, replace(settings, spacing=8.0 * case.scene.terrain.resolution))
-    begun = time.process_time()
-    result = simulate(case, settings)
-    cpu = time.process_time() - begun
-    error = measure_run_error(case, settings, result)
+    with TemporaryDirectory() as place:
+        request = request_of(case, settings, output=Path(place) / 'run')
+        begun = time.process_time()
+        with SceneRun(request) as made:
+            made.run()
+            cpu = time.process_time() - begun
+            result, error = Result.of_run(made), measure_run(made)
+    assert error is not None
     score = score_snapshot(case, result.snapshot)
     effects = Effects(**{name: name in result.effects for name in EFFECTS})
     row = _row(

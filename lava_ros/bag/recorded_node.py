@@ -55,7 +55,7 @@ class RecordedNode:
 
 
 def described_node(custom_data: Mapping[str, str]) -> RecordedNode | None:
-    """Return the node that the description of a bag names, None without such a description."""
+    """Return the node that the description of a bag names, None if it names none."""
     name, topics = custom_data.get('node'), described(custom_data)['topics']
     if not name or topics is None:
         return None

@@ -10,6 +10,9 @@ from lava_ros.errors import LavaError, refusing
 from lava_ros.files import open_input
 from lava_ros.files.yaml import parse_json
 
+#: Folder of the bag by the file that describes a run of version 0.1.0.
+EARLIER = {'hindcast.json': 'bag', 'ensemble.json': 'atlas'}
+
 #: File that identifies the folder of a run; its key ``maps`` names the folder of the bag.
 RUN_FILE = 'run.json'
 
@@ -23,7 +26,8 @@ def bag_in(path: str | Path) -> Path:
     path = Path(path)
     file = path / RUN_FILE
     if not os.path.isfile(file):
-        return path
+        names = [name for other, name in EARLIER.items() if os.path.isfile(path / other)]
+        return path / names[0] if names else path
     expected = 'the folder of a run with an undamaged run.json'
     with refusing('bag', str(path), expected, OSError, KeyError, TypeError, ValueError):
         with open_input(file) as stream:

@@ -161,7 +161,7 @@ class _File:
         self._directory.check(self._stream)
 
     def finish(self) -> None:
-        """Write the index and close the file, also after an error.
+        """Write the index and close the file, even after an error.
 
         Raises:
             OSError: As in ``flush``.
@@ -393,7 +393,7 @@ class BagWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the bag, also after an error, to keep the data written so far."""
+        """Close the bag, even after an error, to keep the data written so far."""
         self.close()
 
     def _open(self) -> _File:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from lava_ros.layers.place_arrivals import ArrivalTable
 
 
-def arrivals_at(args: argparse.Namespace, path: Path) -> ArrivalTable | None:
-    """Return the arrivals at the places of the arguments in a run on disk; None without places.
+def arrivals_at(files: Sequence[str], path: Path) -> ArrivalTable | None:
+    """Return the arrivals at the places of files in a run on disk; None without files.
 
     Raises:
         LavaError: If the run or a file of places cannot be read.
     """
     from lava_ros.products.arrivals import table_of
 
-    return table_of(path, args.places, field='--places') if args.places else None
+    return table_of(path, files, field='--places') if files else None
 
 
 def print_arrivals(table: ArrivalTable | None) -> None:

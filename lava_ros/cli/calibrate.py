@@ -105,7 +105,9 @@ def calibrate(args: argparse.Namespace) -> int:
     moved = [item.name for item in parameters]
     kept, asked = sorted(stated - {*moved}), sorted(stated & {*moved})
     until = _until(args.fit_until, cases)
-    settle_method(args, cases[0].scene, cases[0].duration, {})
+    args.method, args.device = settle_method(
+        args.method, args.device, cases[0].scene, cases[0].duration, {}, args.preset
+    )
     settings = Settings(args.preset, args.spacing, args.device, method=args.method)
     output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,8 +12,10 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.cli.console import table_lines
+from lava_ros.cli.run_barriers import print_comparison
 
 if TYPE_CHECKING:
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import Ensemble
     from lava_ros.forecast.members import Plan
@@ -44,7 +45,8 @@ def score_against_case(
         members: The members.
         folder: Folder of the picture.
         weights: Weights of the members, equal by default.
-        outline: Observed lava; only later outlines are then forecast, and it persists.
+        outline: Observed lava, None for none. Only later outlines are then scored as
+            forecasts, and the reference forecast is that this lava stays as it is.
 
     Returns:
         The score at the end, and that at the dated outlines if there are any.
@@ -74,7 +76,7 @@ def score_against_case(
 
 
 def summarize(
-    args: argparse.Namespace,
+    options: RunOptions,
     plan: Plan,
     maps: HazardMaps,
     done: Ensemble,
@@ -93,10 +95,10 @@ def summarize(
         'arrival_error_s': maps.arrival_error,
         'members_beyond': maps.members_beyond,
         'threshold_m': plan.threshold,
-        'preset': args.preset,
-        'effects': list(plan.effects),
+        'preset': options.preset,
+        'effects': [{'time': 0.0, 'effects': plan.explain_effects()}],
         'switched_on': [asdict(item) for item in plan.switched_on],
-        'seed': args.seed,
+        'seed': options.seed,
         **where,
         'wall_time_s': wall,
         'members_per_s': ran / wall if ran else None,
@@ -135,7 +137,7 @@ def print_report(
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
     took = f'{report["wall_time_s"]:.0f} s{pace}'
     print(f'{ran} members run in {took}, {report["resumed"]} from before')
-    print('\n'.join(_input_lines(report['inputs'])))
+    print('\n'.join(_input_lines(report['quantities'])))
     print('\n'.join(_influence_lines(report['influence'])))
     if 'observed' in report:
         mean = 100 * report['observed']['jaccard_mean']
@@ -196,18 +198,12 @@ def print_report(
         if 'dates' in new:
             _print_dates(new['dates'])
     if 'barriers' in report:
-        barriers = report['barriers']
-        for name, areas in barriers['area_m2'].items():
-            without, built = (1e-6 * areas[case] for case in ('without', 'with'))
-            print(f'{name:>13}: {without:8.3f} km2 without barriers, {built:8.3f} km2 with them')
-        if barriers['places']:
-            from lava_ros.products.comparison import place_texts
-
-            print('\n'.join(table_lines(place_texts(barriers['places']), '<>>>>')))
-        if barriers['effects'] != report['effects']:
+        print_comparison(report['barriers'])
+        if report['barriers']['effects'] != list(plan.effects):
             print(
                 'lava run: the runs with barriers have other effects, '
-                f'{", ".join(barriers["effects"])}: delete both folders to run all with these',
+                f'{", ".join(report["barriers"]["effects"])}: delete both folders to run all with '
+                'these',
                 file=sys.stderr,
             )
     print('\n'.join(f'written to {path}' for path in report['files']))

@@ -1,21 +1,20 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ensemble that the arguments of `lava run --members` ask for."""
+"""The ensemble that the options of `lava run --members` ask for."""
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.options import device_named, forced_effects, seconds_of
-from lava_ros.cli.planned import planned, target_of
-from lava_ros.cli.scenes import log_resolution, scene_as_given, settle_method
-from lava_ros.errors import LavaError
+from lava_ros.cli.options import device_named
+from lava_ros.cli.planned import planned
+from lava_ros.cli.run_options import with_method
+from lava_ros.cli.scenes import log_resolution, sourced_scene
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.ensemble import (
@@ -28,89 +27,117 @@ from lava_ros.forecast.member_scenes import median_scene
 from lava_ros.forecast.members import make_plan
 from lava_ros.forecast.observations import observed_in_file
 from lava_ros.forecast.preset_spacing import choose_spacing
-from lava_ros.forecast.sampling import MAX_MEMBERS, Susceptibility
+from lava_ros.forecast.sampling import Susceptibility
 from lava_ros.forecast.store import stored_spacing
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.run import Settings
+from lava_ros.runs.provenance import identity_of
+from lava_ros.runs.store import unused_folder
 from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.forecast.members import Plan
     from lava_ros.hindcast.case import Case
     from lava_ros.scene import Terrain
 
 
-def check_observation(args: argparse.Namespace) -> None:
-    """Check the options about an observation, before any file is read.
-
-    Raises:
-        LavaError: If one of them is not valid.
-    """
-    if args.observed is None and args.observed_at is not None:
-        raise validation.dependence('--observed-at', '--observed')
-    if args.observed is not None and args.observed_at is None:
-        raise LavaError('--observed-at', None, 'the time of the observation: 6h, 90min')
-    if args.posterior is not None:
-        validation.whole('--posterior', args.posterior, at_least=1, at_most=MAX_MEMBERS)
-        if args.observed is None:
-            raise validation.dependence('--posterior', '--observed')
-
-
-def observation_of(args: argparse.Namespace, terrain: Terrain) -> tuple[Outline | None, str]:
+def observation_of(options: RunOptions, terrain: Terrain) -> tuple[Outline | None, str]:
     """Return the observed lava, None for none, and its description."""
-    if args.observed is None:
+    if options.observed is None or options.observed_at is None:
         return None, 'none'
-    seen = seconds_of('--observed-at', args.observed_at)
-    outline = Outline(seen, *observed_in_file(args.observed, terrain))
-    return outline, f'{Path(args.observed).name}, {seen:g} s after the start'
+    seen = options.observed_at
+    outline = Outline(seen, *observed_in_file(options.observed, terrain))
+    return outline, f'{Path(options.observed).name}, {seen:g} s after the start'
 
 
-def susceptibility_of(args: argparse.Namespace, terrain: Terrain) -> Susceptibility | None:
+def susceptibility_of(options: RunOptions, terrain: Terrain) -> Susceptibility | None:
     """Return the likelihood that the vent opens in a cell, None for none."""
-    if args.susceptibility is None:
+    if options.susceptibility is None:
         return None
     likelihood = read_raster_on(
-        terrain, args.susceptibility, field='--susceptibility', method='average'
+        terrain, options.susceptibility, field='--susceptibility', method='average'
     )
     return Susceptibility(terrain, likelihood)
 
 
-def plan_of_arguments(args: argparse.Namespace) -> tuple[Plan, Case | None]:
-    """Return the plan of the members and, if the scene is the folder of a case, the case.
+class Wanted(NamedTuple):
+    """The ensemble that a user asks for.
+
+    ``inputs`` has path, size and digest of each input file, and ``name`` is for its folder.
+    """
+
+    plan: Plan
+    case: Case | None
+    inputs: Sequence[Mapping[str, Any]]
+    name: str
+
+
+def wanted_ensemble(options: RunOptions) -> Wanted:
+    """Return the ensemble of the options, with the case if the scene is its folder.
 
     Raises:
         LavaError: If an argument or a file is not valid.
     """
-    forced = forced_effects(args)
-    if args.scene is None or not Path(args.scene).is_dir():
-        scene = scene_as_given(args)
-        if args.susceptibility is not None and scene.uncertainty.position is None:
+    forced = options.forced
+    if not options.is_case:
+        found = sourced_scene(options.source, as_given=True)
+        scene = found.scene
+        if options.susceptibility is not None and scene.uncertainty.position is None:
             # the map is the distribution of the place
             fixed = scene.uncertainty.fixing(['position'])
             scene = replace(scene, uncertainty=fixed)
-        settle_method(args, median_scene(scene), seconds_of('--until', args.until), forced)
+        options = with_method(options, median_scene(scene), options.until)
         plan = make_plan(
             scene,
-            horizon=seconds_of('--until', args.until),
+            horizon=options.until,
             accuracy=replace(
-                preset_accuracy(args.preset, spacing=args.spacing), method=args.method
+                preset_accuracy(options.preset, spacing=options.spacing), method=options.method
             ),
             effects=forced,
-            threshold=args.threshold,
+            threshold=options.threshold,
         )
-        log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, args.threshold)
-        return plan, None
-    case = load_case(args.scene, material=args.material)
-    settle_method(args, case.scene, case.duration, forced)
+        log_resolution(plan.scene, plan.accuracy, forced, plan.horizon, options.threshold)
+        return Wanted(plan, None, found.digests(), options.name)
+    case = load_case(options.source)
+    options = with_method(options, case.scene, case.duration)
     settings = Settings(
-        args.preset, args.spacing, args.device, forced, method=args.method
+        options.preset, options.spacing, options.device, forced, method=options.method
     )
-    return plan_of(case, settings, threshold=args.threshold), case
+    plan = plan_of(case, settings, threshold=options.threshold)
+    return Wanted(plan, case, case.inputs, case.name)
 
 
-def with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
+def folder_of(
+    options: RunOptions, wanted: Wanted, susceptibility: Susceptibility | None
+) -> tuple[Path, dict[str, Any]]:
+    """Return the folder of an ensemble, and what ``run.json`` says about it.
+
+    Without ``--output`` it is the folder in ``runs/`` of the same ensemble, to which the command
+    then adds members, or an unused one.
+    """
+    plan, target = wanted.plan, options.target
+    settings = {
+        'until_s': plan.horizon, 'method': plan.accuracy.method, 'preset': options.preset,
+        'spacing_m': options.spacing, 'within_s': target.get('within'),
+        'error': target.get('error'), 'threshold_m': options.threshold,
+        'forced': plan.forced or {},
+    }
+    identity = identity_of(plan.scene, {
+        **settings, 'seed': options.seed,
+        'susceptibility': None if susceptibility is None else susceptibility.digest,
+    })
+    folder = unused_folder(f'{wanted.name}_ensemble', identity, or_finished=True)
+    return options.output or folder, {
+        'settings': settings, 'inputs': wanted.inputs, 'identity': identity,
+    }
+
+
+def with_spacing(options: RunOptions, plan: Plan, folder: Path) -> tuple[Plan, str]:
     """Return the plan with the spacing of the preset, and how it was found.
 
     Members that are already in the folder have their spacing.
@@ -118,43 +145,47 @@ def with_spacing(args: argparse.Namespace, plan: Plan) -> tuple[Plan, str]:
     Raises:
         LavaError: If the folder cannot be read, or no spacing can be found.
     """
-    target, method = target_of(args), plan.accuracy.method
-    if args.spacing is not None or (method == 'cells' and not target):
+    method = plan.accuracy.method
+    if options.spacing is not None or (method == 'cells' and not options.target):
         return plan, ''
-    spacing, text = stored_spacing(Path(args.output)), ''
-    if spacing is None and target:
+    spacing, text = stored_spacing(folder), ''
+    if spacing is None and options.target:
+        settings = Settings(options.preset, device=options.device, method=method)
         spacing = planned(
-            median_scene(plan.scene), target, plan.horizon, plan.forced or {}, args.device,
-            method=method, members=args.members,
+            median_scene(plan.scene), options.target, plan.horizon, plan.forced or {},
+            options.device, method=method, members=options.members,
+            **({'adapted': settings.adapted} if options.is_case else {}),
         ).spacing
     elif spacing is None:
         choice = choose_spacing(
-            median_scene(plan.scene), args.preset, plan.accuracy, effects=plan.effects,
-            horizon=plan.horizon, runs=args.members, device=args.device,
+            median_scene(plan.scene), options.preset, plan.accuracy, effects=plan.effects,
+            horizon=plan.horizon, runs=options.members, device=options.device,
         )
         spacing, text = choice.spacing, choice.text()
     return replace(plan, accuracy=replace(plan.accuracy, spacing=spacing)), text
 
 
-def runner_of(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
+def runner_of(options: RunOptions) -> tuple[Any, dict[str, Any]]:
     """Return the function that runs the members, and its description for the report.
 
     Raises:
         LavaError: If an argument is not valid, or a package is missing.
     """
-    workers = args.workers
+    workers = options.workers
     if workers is not None:
         workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
-        if args.scheduler is not None:
+        if options.scheduler is not None:
             raise validation.conflict('--workers', '--scheduler')
-    if args.scheduler is not None:
-        require('distributed', '--scheduler', args.scheduler)
-        where = {'scheduler': args.scheduler, 'device': args.device}
-        return partial(run_on_cluster, **where), where
+    if options.scheduler is not None:
+        require('distributed', '--scheduler', options.scheduler)
+        there = {'scheduler': options.scheduler, 'device': options.device}
+        return partial(
+            run_on_cluster, scheduler=options.scheduler, device=options.device
+        ), there
     if workers is None:
         # one process for a named GPU
-        workers = 1 if args.device not in (None, 'cpu') else default_workers()
-    where = {'workers': workers, 'device': device_named(args.device)}
+        workers = 1 if options.device not in (None, 'cpu') else default_workers()
+    where = {'workers': workers, 'device': device_named(options.device)}
     if workers == 1:
-        return partial(run_here, device=args.device), where
-    return partial(run_in_processes, workers=workers, device=args.device), where
+        return partial(run_here, device=options.device), where
+    return partial(run_in_processes, workers=workers, device=options.device), where

@@ -9,6 +9,7 @@ import sys
 from lava_ros.cli.console import Progress
 from lava_ros.cli.options import argument, command, formats, MAPS, output_option, seconds_of
 from lava_ros.cli.pages import ONE_RUN
+from lava_ros.errors import RefusalError
 
 
 @command(
@@ -39,8 +40,12 @@ def export(args: argparse.Namespace) -> int:
     coordinate system of the terrain. If the terrain of the bag has none, --epsg and --offset give
     it; without them the files are in the map frame.
     """
+    from lava_ros.forecast.store import is_ensemble
     from lava_ros.products.export import export_bag
 
+    if is_ensemble(args.bag):
+        problem = f'{args.bag} is an ensemble, whose folder has its maps as GeoTIFF'
+        raise RefusalError('RUN', problem, 'For other formats, repeat lava run with --formats')
     at = None if args.time is None else seconds_of('--at', args.time, may_be_zero=True)
     with Progress(has_lines=False) as progress:
         exported = export_bag(

@@ -34,14 +34,14 @@ def feed(args: argparse.Namespace) -> int:
     utm (a UTM zone of WGS 84) or earth to the frame. It passes --ros-args and everything after it
     to ROS, for example: lava ros feed --ros-args -r __ns:=/etna.
     """
-    from lava_ros.cli.scenes import scene_as_given, scene_from_arguments
+    from lava_ros.cli.scenes import scene_from_arguments
 
     require_ros()
     for name in ('vent', 'vents'):
         if args.no_vents and getattr(args, name):
             raise validation.conflict(f'--{name}', '--no-vents')
     # without vents no flow determines how fine the cells have to be
-    scene = scene_as_given(args) if args.no_vents else scene_from_arguments(args)
+    scene = scene_from_arguments(args, as_given=args.no_vents)
     if scene.emplaced_flows:
         problem = f'The emplaced flow {scene.emplaced_flows[0].source} cannot be sent on a topic'
         remedy = 'Give the scene to the node instead: -p scene:=FILE'

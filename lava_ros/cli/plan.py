@@ -59,7 +59,7 @@ def plan(args: argparse.Namespace) -> int:
             raise LavaError('--members', args.members, 'a whole number at or above 1, or auto')
         members = validation.whole('--members', args.members, at_least=1, at_most=MAX_MEMBERS)
     scene = scene_from_arguments(args)
-    settle_method(args, scene, until, forced)
+    args.method, args.device = settle_method(args.method, args.device, scene, until, forced)
     found = planned(
         scene, target, until, forced, args.device, method=args.method, members=members,
         with_inputs=True,

@@ -147,7 +147,7 @@ def running_node(scene: 'Scene', settings: Mapping[str, Any], domain: int) -> It
         try:
             yield node
         finally:
-            # gives the node time to finish its bag, also after a failure or Ctrl+C
+            # gives the node time to finish its bag, even after a failure or Ctrl+C
             node.end()
 
 

@@ -53,10 +53,15 @@ _ENSEMBLE = in_group(
         'tls://host:8786',
     ),
     formats('areas of 10, 50 and 90 %% probability, isochrones', None),
+)
+
+#: Options about barriers, also of ensembles.
+_BARRIERS = in_group(
+    'barriers',
     argument(
         '--barriers', 'FILE', 'vector file of lines along the crests of barriers with their '
-        'height [m], width [m] and slope (docs/FORMATS.md): run the members without them and with '
-        'them, and compare',
+        'height [m], width [m] and slope (docs/FORMATS.md): run a second time with them, and '
+        'compare',
     ),
     argument('--barriers-at', 'TIME', 'time at which the barriers are built (default: the start)'),
 )
@@ -83,7 +88,7 @@ _CASE = in_group(
         '--solidified', 'F', 'lower fraction of the lava in this outline that is solid, and part '
         'of the ground (default: 0)', float,
     ),
-    shared('--low-pass', 'that of the case'), shared('--fresh', 'continue an interrupted run'),
+    shared('--low-pass', 'that of the case'),
 )
 
 #: Options of one run of a scene, and those that the folder of a mapped eruption replaces.
@@ -103,8 +108,9 @@ ENSEMBLE_PRESET = 'draft'
     *SCENE,
     shared('--until', f'{HORIZON}; a mapped eruption has its own end', default=None),
     output_option(
-        'DIR', 'folder of the results: new, empty, or of an interrupted run of the same scene or '
-        'ensemble (default: runs/<scene>, with a number if that is another run)',
+        'DIR', 'folder of the results: new, empty, of an interrupted run of the same scene, or of '
+        'the same ensemble (default: runs/<scene>, runs/<case>_<preset> or runs/<scene>_ensemble, '
+        'with a number if that is another run)',
     ),
     argument('--maps', 'N', 'number of maps, evenly spaced over the simulated time', 24),
     shared(
@@ -118,7 +124,7 @@ ENSEMBLE_PRESET = 'draft'
         '--members', 'N', 'run an ensemble of N members, with values drawn for the uncertain '
         'quantities, and map the probability of lava', int,
     ),
-    *_ENSEMBLE, *_CASE,
+    *_ENSEMBLE, *_BARRIERS, *_CASE,
 )
 def run(args: argparse.Namespace) -> int:
     """Simulate a scene, an ensemble or a mapped eruption, and write a folder with its maps.
@@ -133,13 +139,18 @@ def run(args: argparse.Namespace) -> int:
     quantities that the section lists as `exact`. It writes the probability of inundation, the
     times by which lava has reached a cell in 10, 50 and 90 % of the members, the expected
     thickness, and the earliest arrival and largest thickness of any member, as GeoTIFF and as a
-    bag. The same command adds members to a finished ensemble. With --barriers the members run a
-    second time with barriers; the folder comparison has what the barriers change.
+    bag. With more members the same command adds them to a finished ensemble.
+
+    With --barriers the run or the members run a second time, with barriers; the folder comparison
+    has what the barriers change.
 
     If SCENE is the folder of a mapped eruption (docs/VALIDATION.md), the command simulates the
     eruption and compares the flow with the map. With --members it scores the probability instead,
     and at the dates of the outlines if there are any.
     """
+    # loads the reader of scenes, which other commands do not need
+    from lava_ros.cli.run_options import run_options
+
     is_case = args.scene is not None and Path(args.scene).is_dir()
     is_ensemble = args.members is not None
     refuse = partial(refuse_options, args, run.arguments)
@@ -148,9 +159,9 @@ def run(args: argparse.Namespace) -> int:
     else:
         refuse(_names(_ENSEMBLE), lambda name: validation.dependence(name, '--members'))
     if is_case:
-        unused = _VENTS if is_ensemble else ('--threshold',)
+        unused = _VENTS if is_ensemble else ('--threshold', *_names(_BARRIERS))
         refuse(
-            (*_INPUTS, *_MAPS, '--within', '--error', *unused),
+            (*_INPUTS, *_MAPS, *unused),
             lambda name: validation.surplus(name, f'to {args.scene}, a mapped eruption'),
         )
     if not is_case or is_ensemble:
@@ -162,15 +173,14 @@ def run(args: argparse.Namespace) -> int:
     ):
         if getattr(args, chosen) is not None:
             refuse(others, partial(validation.conflict, f'--{chosen}'))
-    args.until = args.until or HORIZON
-    args.preset = args.preset or (ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
+    options = run_options(args, ENSEMBLE_PRESET if is_ensemble else DEFAULT_PRESET)
     if is_ensemble:
         from lava_ros.cli.run_ensemble import run_members as start
     elif is_case:
         from lava_ros.cli.run_case import run_case as start
     else:
         from lava_ros.cli.run_scene import run_scene as start
-    return start(args)
+    return start(options)
 
 
 def _names(declared: Iterable[Argument]) -> list[str]:

@@ -5,60 +5,56 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import made_folder
-from lava_ros.cli.options import seconds_of
+from lava_ros.cli.console import made_folder, table_lines
 from lava_ros.layers.places import places_on
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.features import read_features
 from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
 
 if TYPE_CHECKING:
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.products.gis import Provenance
     from lava_ros.scene import Scene, Terrain
 
-#: Folder of the comparison.
-COMPARISON = 'comparison'
+#: Folders of the same run or members with barriers, and of the comparison.
+WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
 
 
-def barriers_of(args: argparse.Namespace, terrain: Terrain) -> list[Barrier]:
-    """Return the barriers that the arguments name, if any, and print them.
+def barriers_of(options: RunOptions, terrain: Terrain) -> list[Barrier]:
+    """Return the barriers that the options name, if any, and print them.
 
     Raises:
         LavaError: If an argument or a file is not valid.
     """
-    if not args.barriers:
-        if args.barriers_at is not None:
-            raise validation.dependence('--barriers-at', '--barriers')
+    if not options.barriers:
         return []
-    if args.observed:
+    if options.observed:
         raise validation.conflict('--barriers', '--observed')
     usual = {'height': None, 'width': None, 'slope': Barrier.slope}
-    barriers = read_barriers('--barriers', args.barriers, terrain, usual)
-    for file in args.places:
+    barriers = read_barriers('--barriers', options.barriers, terrain, usual)
+    for file in options.places:
         # raises for an invalid file before the runs
         places_on(read_features('--places', file, terrain), terrain)
-    # raises for an invalid time, or a barrier off the terrain, before the runs
-    built_at(args)
+    # raises for a barrier off the terrain, before the runs
     with_barriers(terrain, barriers)
     for item in barriers:
         print(item.text())
     return barriers
 
 
-def built_at(args: argparse.Namespace) -> float:
-    """Return the simulated time at which the barriers are built [s]."""
-    return seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True)
+def settings_of(options: RunOptions, barriers: Sequence[Barrier]) -> dict[str, Any]:
+    """Return the barriers as plain data, and when they are built."""
+    return {'barriers': [asdict(item) for item in barriers], 'built_s': options.built}
 
 
 def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
-    """Return the scene with barriers at the start, or with an event that builds them later [s]."""
+    """Return the scene with barriers, which are built at a simulated time [s]."""
     if not built:
         raised = with_barriers(scene.terrain, barriers, is_told=False)
         return replace(scene, terrain=raised)
@@ -68,26 +64,25 @@ def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
 
 
 def compare(
-    args: argparse.Namespace, output: Path, folder: Path, barriers: Sequence[Barrier],
+    options: RunOptions, output: Path, folder: Path, barriers: Sequence[Barrier],
     origin: Provenance,
-) -> tuple[dict[str, Any], list[str]]:
-    """Compare the ensembles without and with barriers; return plain data and the files.
+) -> dict[str, Any]:
+    """Compare runs or ensembles without and with barriers; return plain data with the files.
 
     Args:
-        args: The arguments of the command.
-        output: Folder of the ensemble without barriers.
-        folder: Folder of the ensemble with barriers.
+        options: The options of the command.
+        output: Folder of the run or the ensemble without barriers.
+        folder: Folder of the run or the ensemble with barriers.
         barriers: The barriers.
         origin: Origin of the maps, for their tags.
     """
-    from lava_ros.products.comparison import compare_ensembles
+    from lava_ros.products.comparison import compare_runs
 
-    built = built_at(args)
-    compared = compare_ensembles(
-        output, folder, made_folder(output / COMPARISON), places=args.places,
-        lines=[args.barriers] if built else (), built=built, origin=origin,
+    built = options.built
+    compared = compare_runs(
+        output, folder, made_folder(output / COMPARISON), places=options.places,
+        lines=[options.barriers] if options.barriers and built else (), built=built, origin=origin,
     )
-    files = compared.pop('files')
     described = [
         {
             'name': item.name, 'length_m': item.length, 'height_m': item.height,
@@ -97,4 +92,17 @@ def compare(
     ]
     return {
         'built_s': built, 'barriers': described, 'effects': list(origin.effects or ()), **compared
-    }, files
+    }
+
+
+def print_comparison(compared: dict[str, Any]) -> None:
+    """Print the areas and the places without and with barriers, and the written files."""
+    from lava_ros.layers.numbers import area_words
+    from lava_ros.products.comparison import place_texts
+
+    for name, areas in compared['area_m2'].items():
+        without, built = (area_words(areas[case]) for case in ('without', 'with'))
+        print(f'{name:>13}: {without} without barriers, {built} with them')
+    if compared['places']:
+        print('\n'.join(table_lines(place_texts(compared['places']), '<>>>>')))
+    print('\n'.join(f'written to {path}' for path in compared['files']))

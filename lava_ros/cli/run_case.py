@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -15,123 +14,65 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.arrivals import arrivals_at, print_arrivals
-from lava_ros.cli.console import (
-    accuracy_as_dict,
-    made_folder,
-    Progress,
-    with_units,
-    write_json,
-)
-from lava_ros.cli.options import forced_effects
+from lava_ros.cli.console import Progress, with_units, write_json
+from lava_ros.cli.options import device_named
+from lava_ros.cli.planned import planned
+from lava_ros.cli.simulated import simulated
 from lava_ros.errors import LavaError
-from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.hindcast.case import Case
-    from lava_ros.hindcast.run import Result, Settings
+    from lava_ros.hindcast.run import Result
     from lava_ros.hindcast.score import Score
-    from lava_ros.simulation.numerical_error import NumericalError
+    from lava_ros.runs.scene_run import Request, SceneRun
+    from lava_ros.simulation.accuracy import Accuracy
 
-#: Files and folders of a hindcast in its folder.
-RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
+#: Files of a mapped eruption in the folder of its run, and folder of unfinished further runs.
+PICTURE, PAGE, REPLICATES = 'comparison.png', 'hindcast.html', 'replicates'
 
 
-def run_case(args: argparse.Namespace) -> int:
+def run_case(options: RunOptions) -> int:
     """Simulate a mapped eruption, compare it with the map, and return the exit status."""
-    from lava_ros.cli.scenes import settle_method, WORDS
-    from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
-    from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
-    from lava_ros.hindcast.run import measure_run_error, Run, Settings, UNFINISHED
+    from lava_ros.forecast.partner_runs import measure_run
+    from lava_ros.hindcast.page import draw_comparison, facts, write_maps, write_page
+    from lava_ros.hindcast.replicates import agreement
+    from lava_ros.hindcast.run import Result
     from lava_ros.hindcast.score import score_snapshot
-    from lava_ros.hindcast.spacing import choose_case_spacing
-    from lava_ros.layers.numbers import duration
-    from lava_ros.runs.sinks import ProgressSink
     from lava_ros.scene.erupting_lava import EruptingLava
 
-    # checked before the first run, although only the replicates need it
-    runs = validation.whole('--runs', args.runs, at_least=1, at_most=MAX_REPLICATES)
-    if isinstance(args.discharge, str):
-        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
-        raise LavaError('--effusion-rate', args.discharge, expected)
-    case = load_case(
-        args.scene,
-        material=args.material,
-        low_pass=args.low_pass,
-        vent=args.vent or (),
-        vents=args.vents,
-        effusion_rate=args.discharge,
-        from_outline=_time_of(args.from_outline),
-        solidified=args.solidified,
-        words=WORDS,
-    )
-    settle_method(args, case.scene, case.duration, forced_effects(args))
-    settings = Settings(
-        args.preset, args.spacing, args.device, forced_effects(args), args.maps,
-        mobility_limit=args.mobility_limit, method=args.method,
-    )
-    output = Path(args.output or Path('runs') / f'{case.name}_{args.preset}')
-    _prepare(output)
-    unfinished = output / UNFINISHED
-    if args.fresh:
-        shutil.rmtree(unfinished, ignore_errors=True)
-    if settings.spacing is None and settings.method == 'particles':
-        choice = choose_case_spacing(case, settings, runs=runs)
-        settings = replace(settings, spacing=choice.spacing)
-        print(choice.text())
-    bound = settings.accuracy(case).mobility_limit
-    if settings.mobility_limit is None and bound is not None:
-        print(
-            f'lava that is fluid at the vent: its speed over its slope is limited to {bound:g} '
-            'm/s, as by a higher viscosity (--mobility-limit 1e9 for no limit)'
+    case, request = _requested(options)
+    with simulated(request) as made:
+        result = Result.of_run(made)
+        judged = score_snapshot(case, result.snapshot)
+        results = _several(options, case, made, result)
+        several = None
+        if options.runs > 1:
+            several = agreement(case, [item.snapshot for item in results])
+        outlines, dated = _dated(case, results)
+        error = measure_run(made)
+        made.note_error(error)
+        folder, preset = made.folder.path, made.folder.record['preset']
+        picture, page = folder / PICTURE, folder / PAGE
+        peak = _peak(folder, result.snapshot.threshold)
+        files = write_maps(case, preset, result, peak, folder, several)
+        draw_comparison(case, result, judged, picture, error)
+        facts_of_case = _as_dict(case, result, judged)
+        if several is not None:
+            facts_of_case['runs'] = several.as_dict()
+            facts_of_case['runs']['majority'] = _score_as_dict(several.majority)
+        if outlines:
+            facts_of_case['outlines'] = outlines
+        remarks = made.warnings()
+        write_page(
+            case, preset, result, judged, picture, page, error, remarks, several, dated
         )
-    run = Run(case, settings, folder=unfinished)
-    if run.is_resumed:
-        print(f'continuing the unfinished run in {output}', file=sys.stderr)
-    with Progress() as progress:
-        shown = ProgressSink(
-            lambda time: progress.show(duration(time), time / case.duration), case.duration,
-            lambda: progress.is_due,
-        )
-        for _ in run.parts(shown):
-            pass
-    result = run.result()
-    judged = score_snapshot(case, result.snapshot)
-    several, results = None, [result]
-    if runs > 1:
-        run.keep()
-        with Progress() as progress:
-            results = run_replicates(
-                case,
-                settings,
-                runs,
-                original=result,
-                folder=unfinished / 'several',
-                progress=lambda done: progress.show(f'{runs} runs', done),
-            )
-        several = agreement(case, [item.snapshot for item in results])
-    outlines, dated = _dated(case, results)
-    error = measure_run_error(case, settings, result)
-    picture, page = output / PICTURE, output / PAGE
-    for suffix in ('.tif', '.qml'):
-        # of an earlier hindcast with --runs
-        (output / 'runs').with_suffix(suffix).unlink(missing_ok=True)
-    files = write_maps(case, settings, result, output, several)
-    draw_comparison(case, result.snapshot, judged, picture, error)
-    write_page(case, settings, result, judged, picture, page, error, several, dated)
-    run.write_bag(result, error, output / BAG)
-    files = [*files, picture, page, output / BAG]
-    shutil.rmtree(unfinished, ignore_errors=True)
-    data = _as_dict(case, settings, result, judged, error)
-    if several is not None:
-        data['runs'] = several.as_dict()
-        data['runs']['majority'] = _score_as_dict(several.majority)
-    if outlines:
-        data['outlines'] = outlines
-    table = arrivals_at(args, output / BAG)
+        record = {'folder': str(folder), **made.finish(facts_of_case)}
+    shutil.rmtree(folder / REPLICATES, ignore_errors=True)
+    table = arrivals_at(options.places, folder)
     if table is not None:
-        data['places'] = table.as_dict()['places']
-    write_json(data, output / RESULT, args.json)
+        record['places'] = table.as_dict()['places']
+    write_json(record, options.json)
     print(case.title)
     rows = [('lava', EruptingLava.of(case.scene).text())]
     rows += facts(judged, result, error, several, dated).items()
@@ -139,18 +80,108 @@ def run_case(args: argparse.Namespace) -> int:
     for term, value in [*rows, ('wall time', f'{result.wall_time:.1f} s on {result.device}')]:
         print(f'  {term:26} {value}')
     print_arrivals(table)
-    for item in warnings(case, result):
+    for item in remarks:
         print(f'lava run: {item}', file=sys.stderr)
-    print('\n'.join(f'written to {path}' for path in [*files, output / RESULT]))
+    print('\n'.join(f'written to {path}' for path in [*files, picture, page, folder]))
     return 0
 
 
-def _time_of(text: str | None) -> float | str | None:
-    """Return a time in s as a number, and a date as its text."""
-    try:
-        return None if text is None else float(text)
-    except ValueError:
-        return text
+def _requested(options: RunOptions) -> tuple[Case, Request]:
+    """Return the case and the run that the options ask for.
+
+    Raises:
+        LavaError: If an argument or a file is not valid.
+    """
+    from lava_ros.cli.run_options import with_method
+    from lava_ros.files.optional import require
+    from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.replicates import MAX_REPLICATES
+    from lava_ros.hindcast.run import request_of, Settings
+    from lava_ros.hindcast.spacing import choose_case_spacing
+
+    # checked before the first run, although only the replicates need it
+    runs = validation.whole('--runs', options.runs, at_least=1, at_most=MAX_REPLICATES)
+    source, target = options.source, options.target
+    if isinstance(source.effusion_rate, str):
+        expected = 'one number [m3/s]: the effusion rates of a case are those of its table'
+        raise LavaError('--effusion-rate', source.effusion_rate, expected)
+    require('rasterio', 'GeoTIFF')
+    case = load_case(source)
+    options = with_method(options, case.scene, case.duration)
+    device = device_named(options.device)
+    settings = Settings(
+        options.preset, options.spacing, device, options.forced, options.maps,
+        mobility_limit=options.mobility_limit, method=options.method,
+    )
+
+    def accuracy() -> tuple[str, Accuracy]:
+        chosen = settings
+        if target:
+            found = planned(
+                case.scene, target, case.duration, settings.effects, device, members=runs,
+                method=settings.method, adapted=settings.adapted,
+            )
+            chosen = replace(settings, preset=found.preset, spacing=found.spacing)
+        elif settings.spacing is None and settings.method == 'particles':
+            choice = choose_case_spacing(case, settings, runs=runs)
+            chosen = replace(settings, spacing=choice.spacing)
+            print(choice.text())
+        resolved = chosen.accuracy(case)
+        bound = resolved.mobility_limit
+        if settings.mobility_limit is None and bound is not None:
+            print(
+                'lava that is fluid at the vent: its speed over its slope is limited to '
+                f'{bound:g} m/s, as by a higher viscosity (--mobility-limit 1e9 for no limit)'
+            )
+        return chosen.preset, resolved
+
+    remarks = list(case.remarks)
+    if case.low_pass:
+        remarks.append(f'the elevation was smoothed over {case.low_pass:g} m')
+    if case.initial is not None:
+        start = f'{case.start:g} s' if case.onset is None else case.onset.utc()
+        remarks.append(f'the run starts from the outline of {start}')
+    return case, request_of(
+        case, settings, accuracy,
+        {'within_s': target.get('within'), 'error': target.get('error'), 'runs': runs},
+        # the plan chooses the preset
+        name=case.name if target else '', inputs=case.inputs, remarks=remarks,
+        output=options.output,
+    )
+
+
+def _several(
+    options: RunOptions, case: Case, made: SceneRun, result: Result
+) -> list[Result]:
+    """Return the results of the run and of its rotated and mirrored runs."""
+    if options.runs == 1:
+        return [result]
+    from lava_ros.hindcast.replicates import run_replicates
+    from lava_ros.hindcast.run import Settings
+
+    made.keep()
+    settings = Settings(
+        made.folder.record['preset'], result.accuracy.spacing, made.request.device,
+        options.forced, options.maps, thickness=result.accuracy.thickness,
+        mobility_limit=result.accuracy.mobility_limit, method=result.accuracy.method,
+    )
+    with Progress() as progress:
+        return run_replicates(
+            case, settings, options.runs, original=result, folder=made.folder.path / REPLICATES,
+            progress=lambda done: progress.show(f'{options.runs} runs', done),
+        )
+
+
+def _peak(folder: Path, threshold: float) -> Any:
+    """Return the largest thickness in any map of a bag [m], shape [rows, columns]."""
+    from lava_ros.layers.arrival import Arrival
+    from lava_ros.layers.recording import Recording
+
+    history = Arrival(threshold)
+    for frame in Recording(folder).frames():
+        history.add(frame)
+    assert history.peak is not None
+    return history.peak
 
 
 def _dated(
@@ -173,67 +204,27 @@ def _dated(
     }
 
 
-def _prepare(output: Path) -> None:
-    from lava_ros.hindcast.run import UNFINISHED
-
-    names = {item.name for item in output.iterdir()} if output.is_dir() else set()
-    if names and not {RESULT, UNFINISHED} & names:
-        raise LavaError('--output', str(output), 'a folder that is new, empty or of a hindcast')
-    file_to_write('--output', made_folder(output) / PICTURE)
-
-
-def _as_dict(
-    case: Case, settings: Settings, result: Result, judged: Score, error: NumericalError
-) -> dict[str, Any]:
-    from lava_ros.hindcast.page import warnings
-    from lava_ros.scene.erupting_lava import EruptingLava
-    from lava_ros.scene.lava import constant_units
+def _as_dict(case: Case, result: Result, judged: Score) -> dict[str, Any]:
+    """Return what ``run.json`` has of a mapped eruption in addition to that of a scene."""
+    from lava_ros.hindcast.run import coarseness
     from lava_ros.simulation.selection import decision_as_dict
 
-    snapshot, budget = result.snapshot, result.snapshot.budget
-    resolution = result.resolution
+    budget, accuracy = result.snapshot.budget, result.accuracy
+    assert accuracy.spacing is not None and accuracy.thickness is not None
     return {
-        'kind': 'case',
         'case': case.name,
         'title': case.title,
         'material': case.material.name,
-        'erupting_lava': EruptingLava.of(case.scene).as_dict(),
-        'warnings': warnings(case, result),
-        'preset': settings.preset,
-        'device': result.device,
-        'simulated_time_s': snapshot.time,
-        'score': _score_as_dict(judged),
-        **{name: float(text) for name, text in budget.texts().items()},
-        'wall_time_s': round(result.wall_time, 3),
-        'steps': snapshot.steps.count,
-        'evaluations': snapshot.steps.evaluations,
-        'particles_at_most': result.most_particles,
-        'particles_emitted': round(
-            budget.emitted / (result.accuracy.spacing**2 * result.accuracy.thickness)  # type: ignore[operator]
-        ),
-        'effects': list(result.effects),
-        'decisions': [decision_as_dict(item) for item in result.decisions],
-        'accuracy': accuracy_as_dict(result.accuracy),
-        'resolution': {
-            'spacing_m': resolution.spacing, 'flow_width_m': resolution.width,
-            'particles_across': resolution.across,
-        },
-        'flow_kind': None if resolution.kind is None else resolution.kind.text(),
-        'numerical_error': error.as_dict(),
-        'effects_error': result.effects_error,
-        'cell_m': case.scene.terrain.resolution * settings.coarseness(case),
         'composition_percent': {
             name: one.value for name, one in case.material.composition.items()
         },
-        'lava': [
-            {'name': name, 'value': value, 'unit': constant_units()[name]}
-            for name, value in asdict(case.scene.lava).items()
-        ],
-        'vents': with_units(
-            [asdict(vent) for vent in case.scene.vents], m='position end radius', k='temperature',
-            m3_per_s='discharge', m_per_s='velocity',
-        ),
         'low_pass_m': case.low_pass,
+        'score': _score_as_dict(judged),
+        'decisions': [decision_as_dict(item) for item in result.decisions],
+        'effects_error': result.effects_error,
+        'evaluations': result.snapshot.steps.evaluations,
+        'particles_emitted': round(budget.emitted / (accuracy.spacing**2 * accuracy.thickness)),
+        'cell_m': case.scene.terrain.resolution * coarseness(case, accuracy),
     }
 
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 import json
@@ -16,6 +15,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from lava_ros import validation
 from lava_ros.cli import run_barriers
 from lava_ros.cli.arrivals import arrivals_at, print_arrivals
 from lava_ros.cli.console import made_folder, Progress, with_units, write_json
@@ -26,29 +26,29 @@ from lava_ros.cli.ensemble_report import (
     summarize,
 )
 from lava_ros.cli.ensemble_request import (
-    check_observation,
+    folder_of,
     observation_of,
-    plan_of_arguments,
     runner_of,
     susceptibility_of,
+    wanted_ensemble,
     with_spacing,
 )
-from lava_ros.errors import LavaError
+from lava_ros.cli.run_options import DEMO, RunOptions
 from lava_ros.files.optional import require
 from lava_ros.forecast.atlas_bag import write_atlas_bag
 from lava_ros.forecast.ensemble import Ensemble, run_ensemble
 from lava_ros.forecast.ensemble_error import measure_ensemble_error
 from lava_ros.forecast.influence import Influences, influences_of
 from lava_ros.forecast.member_scenes import check_members
-from lava_ros.forecast.sampling import draw_members, Member, Posterior
-from lava_ros.forecast.store import Store
+from lava_ros.forecast.sampling import draw_members, MAX_MEMBERS, Member, Posterior
+from lava_ros.forecast.store import BAG, Store
 from lava_ros.products.ensemble_files import write_atlas
 from lava_ros.products.gis import Provenance, require_formats, usual_formats
 from lava_ros.products.run_warnings import warnings_of_plan
+from lava_ros.runs.store import FINISHED, write_record
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.onset import Onset
 from lava_ros.scene.projection import coordinate_system
-from lava_ros.scene.ranges import describe_inputs
 from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation.numerical_error import mean_difference, NOT_MEASURED, NumericalError
 
@@ -57,13 +57,11 @@ if TYPE_CHECKING:
     from lava_ros.forecast.members import Plan
     from lava_ros.hindcast.case import Case
     from lava_ros.layers.forecast import HazardMaps
+    from lava_ros.scene.reshaping import Barrier
 
-#: Folder of the bag in the output, and folders of the maps that are weighted by an observation
-#: and, with its time, of new members near those that agree with it.
-BAG, WEIGHTED, POSTERIOR = 'atlas', 'weighted', 'posterior'
-
-#: Folder of the same members with barriers.
-WITH_BARRIERS = 'with_barriers'
+#: Folders of the maps that are weighted by an observation and, with its time, of new members near
+#: those that agree with it.
+WEIGHTED, POSTERIOR = 'weighted', 'posterior'
 
 
 @dataclass
@@ -71,8 +69,10 @@ class _Runs:
     """The runs of a command, which have everything in common but their members and folders.
 
     Attributes:
-        args: The arguments.
+        options: The options.
         case: The mapped eruption; None for another scene.
+        output: Folder of the ensemble.
+        kept: Arguments of ``Store`` in addition to folder and plan.
         runner: Function that runs the members.
         where: Description of the machine for the report.
         outline: Observed lava; None for none.
@@ -81,8 +81,10 @@ class _Runs:
         files: The written files.
     """
 
-    args: argparse.Namespace
+    options: RunOptions
     case: Case | None
+    output: Path
+    kept: dict[str, Any]
     runner: Any
     where: dict[str, Any]
     outline: Outline | None
@@ -91,7 +93,7 @@ class _Runs:
     files: list[str] = field(default_factory=list)
 
     def run(
-        self, store: Store, folder: Path, members: Sequence[Member], which: str
+        self, store: Store, members: Sequence[Member], which: str
     ) -> tuple[Ensemble, float]:
         """Run members, and return them with the wall time [s]; maps are written at intervals."""
         started = time.monotonic()
@@ -107,7 +109,7 @@ class _Runs:
                         f'{done} of {len(members)} {which}',
                         (done - resumed) / (len(members) - resumed),
                     ),
-                    on_maps=lambda maps: self.write_maps(store.plan, maps, folder),
+                    on_maps=lambda maps: self.write_maps(store.plan, maps, store.path),
                 )
         except KeyboardInterrupt:
             print('lava run: interrupted; the same command continues', file=sys.stderr)
@@ -116,9 +118,10 @@ class _Runs:
 
     def origin(self, plan: Plan, seen: str = 'none') -> Provenance:
         """Return the origin of maps, for their tags."""
-        name = Path(self.args.scene or self.args.terrain or 'demo').name
+        source = self.options.source
+        name = Path(str(source.path or source.terrain or DEMO)).name
         return Provenance(
-            name, tuple(plan.effects), self.args.preset, observation=seen,
+            name, tuple(plan.effects), self.options.preset, observation=seen,
             onset=Onset.of(plan.scene),
         )
 
@@ -127,14 +130,15 @@ class _Runs:
     ) -> list[str]:
         """Write maps to a folder, and return the files."""
         tags = {
-            'seed': str(self.args.seed),
+            'seed': str(self.options.seed),
             'numerical_error': NOT_MEASURED if self.error is None else self.error.brief(),
         }
         if self.influences is not None:
             tags['influence'] = json.dumps(self.influences.as_dict())
         origin = self.origin(plan, seen)
         return [
-            str(path) for path in write_atlas(folder, maps, plan, origin, tags, self.args.formats)
+            str(path)
+            for path in write_atlas(folder, maps, plan, origin, tags, self.options.formats)
         ]
 
     def keep(
@@ -143,8 +147,7 @@ class _Runs:
     ) -> None:
         """Write maps and a bag with a report to a folder."""
         self.files += self.write_maps(plan, maps, folder, seen)
-        effects = [{'time': 0.0, 'effects': plan.explain_effects()}]
-        data = {'ensemble': json.dumps(report), 'effects': json.dumps(effects)}
+        data = {'ensemble': json.dumps(report), 'effects': json.dumps(report['effects'])}
         bag = folder / BAG
         write_atlas_bag(bag, maps, plan, stamp_ns=time.time_ns(), custom_data=data)
         self.files.append(str(bag))
@@ -161,59 +164,53 @@ class _Runs:
         )
 
 
-def run_members(args: argparse.Namespace) -> int:
-    """Run the ensemble of the arguments, and return the exit status of `lava run`."""
-    if args.output is None:
-        raise LavaError('--output', None, 'a folder for the members and the maps')
-    check_observation(args)
-    require('rasterio', 'GeoTIFF', str(args.output))
-    plan, case = plan_of_arguments(args)
-    terrain, output = plan.scene.terrain, Path(args.output)
-    barriers = run_barriers.barriers_of(args, terrain)
+def run_members(options: RunOptions) -> int:
+    """Run the ensemble of the options, and return the exit status of `lava run`."""
+    require('rasterio', 'GeoTIFF')
+    if options.posterior is not None:
+        validation.whole('--posterior', options.posterior, at_least=1, at_most=MAX_MEMBERS)
+    wanted = wanted_ensemble(options)
+    plan, terrain = wanted.plan, wanted.plan.scene.terrain
+    barriers = run_barriers.barriers_of(options, terrain)
+    susceptibility = susceptibility_of(options, terrain)
+    output, described = folder_of(options, wanted, susceptibility)
     crs = coordinate_system(terrain.epsg, terrain.wkt)
-    require_formats(usual_formats(crs) if args.formats is None else args.formats, output, crs)
-    outline, observation = observation_of(args, terrain)
-    kept = {'seed': args.seed, 'susceptibility': susceptibility_of(args, terrain)}
-    members = draw_members(plan.scene, args.members, **kept)
+    formats = usual_formats(crs) if options.formats is None else options.formats
+    require_formats(formats, output, crs)
+    outline, observation = observation_of(options, terrain)
+    kept: dict[str, Any] = {'seed': options.seed, 'susceptibility': susceptibility}
+    members = draw_members(plan.scene, options.members, **kept)
     check_members(plan.scene, members)
-    runs = _Runs(args, case, *runner_of(args), outline)
-    plan, found = with_spacing(args, plan)
-    store = Store(output, plan, **kept)
+    runs = _Runs(options, wanted.case, output, {**kept, **described}, *runner_of(options), outline)
+    plan, found = with_spacing(options, plan, output)
+    store = Store(output, plan, **runs.kept)
     if found:
         print(found)
-    done, wall = runs.run(store, output, members, 'members')
+    done, wall = runs.run(store, members, 'members')
     plan = store.plan
-    if args.scheduler is None:
-        runs.error = measure_ensemble_error(plan, done.maps.members, output, device=args.device)
+    if options.scheduler is None:
+        runs.error = measure_ensemble_error(store, done.maps.members, device=options.device)
     runs.influences = influences_of(plan.scene, members, store.finished(len(members)))
-    report = summarize(args, plan, done.maps, done, wall, runs.where)
+    report = summarize(options, plan, done.maps, done, wall, runs.where)
     report |= _described(plan, members, done, runs)
     report |= runs.scores(store, len(members), output)
     runs.keep(plan, done.maps, output, report)
     if done.weighted is not None:
         report |= _weighted(runs, store, done, wall, observation)
-    if args.posterior:
-        report['posterior'] = _posterior(runs, plan, members, done, observation, kept)
+    if options.posterior:
+        report['posterior'] = _posterior(runs, plan, members, done, observation)
     if barriers:
-        folder, built = output / WITH_BARRIERS, run_barriers.built_at(args)
-        # keep the effects that sentinels have switched on for the members without barriers
-        scene = run_barriers.dammed(plan.scene, barriers, built)
-        other = Store(folder, replace(plan, scene=scene, switched_on=()), **kept)
-        again, wall = runs.run(other, folder, members, 'members with barriers')
-        result = summarize(args, other.plan, again.maps, again, wall, runs.where)
-        runs.keep(other.plan, again.maps, folder, result)
-        report['barriers'], files = run_barriers.compare(
-            args, output, folder, barriers, runs.origin(other.plan)
-        )
-        runs.files += files
+        report['barriers'] = _dammed(runs, plan, members, barriers)
     report['files'] = runs.files
-    table = arrivals_at(args, output / WEIGHTED if args.observed else output)
-    if table is not None:
-        report['places'] = table.as_dict()['places']
     # the bag and the tags of the maps have the error of the spacing as it is read from them
     plain = with_units(report, m='spacing usable_spacing')
-    write_json({'kind': 'ensemble', **plain}, args.json)
-    print_report(report, plan, runs.error)
+    store.finish(plain)
+    record = {'folder': str(output), **store.record}
+    table = arrivals_at(options.places, output / WEIGHTED if options.observed else output)
+    if table is not None:
+        record['places'] = table.as_dict()['places']
+    write_json(record, options.json)
+    print_report({**report, 'quantities': store.record['quantities']}, plan, runs.error)
     print_arrivals(table)
     return 0
 
@@ -225,7 +222,6 @@ def _described(
     assert runs.influences is not None
     scene, case = plan.scene, runs.case
     report: dict[str, Any] = {
-        'inputs': describe_inputs(scene),
         'influence': runs.influences.as_dict(),
         'numerical_error': None if runs.error is None else runs.error.as_dict(),
         'erupting_lava': EruptingLava.of(scene).as_dict(),
@@ -247,35 +243,54 @@ def _weighted(
 ) -> dict[str, Any]:
     """Write the maps weighted by an observation to a folder of their own; return their report."""
     assert done.weighted is not None and done.weights is not None
-    args, plan = runs.args, store.plan
-    folder = made_folder(Path(args.output) / WEIGHTED)
-    store.write_manifest(folder)
+    options, plan = runs.options, store.plan
+    folder = made_folder(runs.output / WEIGHTED)
     store.keep_weights(done.weights, folder)
-    report = summarize(args, plan, done.weighted, done, wall, runs.where)
+    report = summarize(options, plan, done.weighted, done, wall, runs.where)
     report['observed'] = describe_agreement(done, observation)
-    report |= runs.scores(store, args.members, folder, done.weights.values.tolist())
+    report |= runs.scores(store, options.members, folder, done.weights.values.tolist())
+    plain = with_units(report, m='spacing usable_spacing')
+    write_record(folder, {**store.record, **plain, 'status': FINISHED})
     runs.keep(plan, done.weighted, folder, report, observation)
     return report
 
 
 def _posterior(
-    runs: _Runs, plan: Plan, members: Sequence[Member], done: Ensemble, observation: str,
-    kept: dict[str, Any],
+    runs: _Runs, plan: Plan, members: Sequence[Member], done: Ensemble, observation: str
 ) -> dict[str, Any]:
     """Run new members near those that agree with the observation; return their report."""
     assert runs.outline is not None and done.weights is not None
-    args = runs.args
-    folder = Path(args.output) / f'{POSTERIOR}_{runs.outline.time:.10g}s'
+    options = runs.options
+    folder = runs.output / f'{POSTERIOR}_{runs.outline.time:.10g}s'
     posterior = Posterior(tuple(members), done.weights.values)
-    drawn = draw_members(plan.scene, args.posterior, posterior=posterior, **kept)
+    drawn = draw_members(
+        plan.scene, options.posterior or 0, posterior=posterior, seed=options.seed,
+        susceptibility=runs.kept['susceptibility'],
+    )
     check_members(plan.scene, drawn)
     # keep the effects that sentinels have switched on for the first members
-    store = Store(folder, replace(plan, switched_on=()), posterior=posterior, **kept)
-    again, wall = runs.run(store, folder, drawn, 'new members')
+    store = Store(folder, replace(plan, switched_on=()), posterior=posterior, **runs.kept)
+    again, wall = runs.run(store, drawn, 'new members')
     assert again.weights is not None
-    result = summarize(args, store.plan, again.maps, again, wall, runs.where)
+    result = summarize(options, store.plan, again.maps, again, wall, runs.where)
     result['effective_parents'] = posterior.effective_members
     result['jaccard_mean'] = float(again.weights.jaccard.mean())
     result |= runs.scores(store, len(drawn), folder)
     runs.keep(store.plan, again.maps, folder, result, observation)
+    store.finish(with_units(result, m='spacing usable_spacing'))
     return result
+
+
+def _dammed(
+    runs: _Runs, plan: Plan, members: Sequence[Member], barriers: Sequence[Barrier]
+) -> dict[str, Any]:
+    """Run the members with barriers, and return the comparison."""
+    options, folder = runs.options, runs.output / run_barriers.WITH_BARRIERS
+    # keep the effects that sentinels have switched on for the members without barriers
+    scene = run_barriers.dammed(plan.scene, barriers, options.built)
+    other = Store(folder, replace(plan, scene=scene, switched_on=()), **runs.kept)
+    again, wall = runs.run(other, members, 'members with barriers')
+    result = summarize(options, other.plan, again.maps, again, wall, runs.where)
+    runs.keep(other.plan, again.maps, folder, result)
+    other.finish(with_units(result, m='spacing usable_spacing'))
+    return run_barriers.compare(options, runs.output, folder, barriers, runs.origin(other.plan))

@@ -1,21 +1,18 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The run that the arguments of `lava run` ask for."""
+"""The run that the options of `lava run` ask for."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lava_ros import validation
-from lava_ros.cli.options import device_named, forced_effects, seconds_of
-from lava_ros.cli.planned import planned, target_of
-from lava_ros.cli.scenes import log_resolution, settle_method, sourced_scene
-from lava_ros.errors import LavaError
+from lava_ros.cli.options import device_named
+from lava_ros.cli.planned import planned
+from lava_ros.cli.run_options import with_method
+from lava_ros.cli.scenes import log_resolution, sourced_scene
 from lava_ros.runs.scene_run import Request
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
@@ -23,56 +20,51 @@ from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
 
 if TYPE_CHECKING:
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.scene import Scene
 
-#: Maximum number of maps.
-MAX_MAPS = 10_000
-
-
-def request_of(args: argparse.Namespace) -> Request:
-    """Return the run of the arguments, and log warnings about its scene.
+def request_of(options: RunOptions) -> Request:
+    """Return the run of the options, and log warnings about its scene.
 
     Raises:
-        LavaError: If an argument or a file is not valid.
+        LavaError: If a file is not valid.
     """
-    until, forced = seconds_of('--until', args.until), forced_effects(args)
-    target = target_of(args)
-    if args.threshold is not None:
-        validation.number('--threshold', args.threshold, above=0.0, unit='m')
-    sourced = sourced_scene(args)
+    until, forced, target = options.until, options.forced, options.target
+    sourced = sourced_scene(options.source)
     scene = sourced.scene
-    settle_method(args, scene, until, forced)
-    device = device_named(args.device)
+    options = with_method(options, scene, until)
+    device = device_named(options.device)
 
     def accuracy() -> tuple[str, Accuracy]:
-        preset, spacing = args.preset, args.spacing
+        preset, spacing = options.preset, options.spacing
         if target:
-            found = planned(scene, target, until, forced, device, method=args.method)
+            found = planned(scene, target, until, forced, device, method=options.method)
             preset, spacing = found.preset, found.spacing
-        elif spacing is None and args.method == 'particles':
+        elif spacing is None and options.method == 'particles':
             spacing = _spacing_of(preset, scene, forced, until, device)
-        chosen = replace(preset_accuracy(preset, spacing=spacing), method=args.method)
-        if args.threshold is not None:
-            chosen = replace(chosen, threshold=args.threshold)
-        log_resolution(scene, chosen, forced, until, args.threshold)
+        chosen = replace(preset_accuracy(preset, spacing=spacing), method=options.method)
+        if options.threshold is not None:
+            chosen = replace(chosen, threshold=options.threshold)
+        log_resolution(scene, chosen, forced, until, options.threshold)
         return preset, chosen
 
+    even = (until * number / options.maps for number in range(1, options.maps))
     return Request(
         scene,
-        name=Path(args.scene or args.terrain or 'st_helens').stem,
+        name=options.name,
         until=until,
-        times=_map_times(args, until),
+        times=sorted({until, *even, *options.at}),
         settings={
-            'method': args.method, 'preset': args.preset, 'spacing_m': args.spacing,
+            'method': options.method, 'preset': options.preset, 'spacing_m': options.spacing,
             'within_s': target.get('within'), 'error': target.get('error'),
-            'threshold_m': args.threshold,
+            'threshold_m': options.threshold,
         },
         accuracy=accuracy,
         forced=forced,
         device=device,
         inputs=sourced.digests(),
         remarks=sourced.remarks,
-        output=None if args.output is None else Path(args.output),
+        output=options.output,
     )
 
 
@@ -89,15 +81,3 @@ def _spacing_of(
     )
     print(choice.text())
     return choice.spacing
-
-
-def _map_times(args: argparse.Namespace, until: float) -> list[float]:
-    """Return the times of the maps [s], the last one at the end."""
-    count = validation.whole('--maps', args.maps, at_least=1, at_most=MAX_MAPS)
-    times = {until * number / count for number in range(1, count)} | {until}
-    for text in args.at:
-        time = seconds_of('--at', text)
-        if time > until:
-            raise LavaError('--at', text, f'a time at or before --until, {args.until}')
-        times.add(time)
-    return sorted(times)

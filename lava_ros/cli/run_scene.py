@@ -5,83 +5,95 @@
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 import sys
 from typing import Any, TYPE_CHECKING
 
-from lava_ros.cli.arrivals import print_arrivals
-from lava_ros.cli.console import Progress, write_json
-from lava_ros.errors import LavaError
+from lava_ros.cli import run_barriers
+from lava_ros.cli.arrivals import arrivals_at, print_arrivals
+from lava_ros.cli.console import write_json
+from lava_ros.cli.simulated import simulated
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lava_ros.cli.run_options import RunOptions
     from lava_ros.layers.place_arrivals import ArrivalTable
     from lava_ros.runs.scene_run import SceneRun
     from lava_ros.scene import Scene
-    from lava_ros.simulation.numerical_error import NumericalError
+    from lava_ros.scene.reshaping import Barrier
 
 
-def run_scene(args: argparse.Namespace) -> int:
+def run_scene(options: RunOptions) -> int:
     """Simulate a scene once, and return the exit status of `lava run`."""
     from lava_ros.cli.run_request import request_of
-    from lava_ros.layers.numbers import duration
-    from lava_ros.layers.place_arrivals import flow_table
+    from lava_ros.forecast.partner_runs import measure_run
     from lava_ros.layers.places import places_on
-    from lava_ros.runs.scene_run import SceneRun
-    from lava_ros.runs.sinks import ProgressSink
     from lava_ros.scene.features import read_features
-    from lava_ros.scene.onset import Onset
 
-    request = request_of(args)
-    terrain, until = request.scene.terrain, request.until
-    features = [item for file in args.places for item in read_features('--places', file, terrain)]
-    places = places_on(features, terrain) if features else None
-    with SceneRun(request) as made, Progress() as progress:
-        if made.is_resumed:
-            print(f'continuing the interrupted run in {made.folder.path}', file=sys.stderr)
-        shown = ProgressSink(
-            lambda time: progress.show(duration(time), time / until), until,
-            lambda: progress.is_due,
-        )
-        try:
-            snapshot = made.run(shown)
-            progress.show('measuring the numerical error', 1.0)
-            record = {
-                'kind': 'scene', 'folder': str(made.folder.path),
-                **made.finish(_measured(made)),
-            }
-        except KeyboardInterrupt:
-            print('lava run: interrupted; the same command continues', file=sys.stderr)
-            raise
-    table = None
-    if places is not None:
-        assert snapshot.arrived is not None
-        facts = {'threshold_m': snapshot.threshold, 'time_s': snapshot.time}
-        table = flow_table(places, terrain, snapshot.arrived, snapshot.inundated, facts)
-        table = replace(table, onset=Onset.of(request.scene))
+    request = request_of(options)
+    terrain = request.scene.terrain
+    for file in options.places:
+        # raises for an invalid file before the run
+        places_on(read_features('--places', file, terrain), terrain)
+    barriers = run_barriers.barriers_of(options, terrain)
+    if barriers:
+        chosen = run_barriers.settings_of(options, barriers)
+        request = replace(request, settings={**request.settings, **chosen})
+    with simulated(request) as made:
+        if barriers:
+            _run_with(options, made, barriers)
+        made.note_error(measure_run(made))
+        facts = {'barriers': _compared(options, made, barriers)} if barriers else {}
+        record = {'folder': str(made.folder.path), **made.finish(facts)}
+    table = arrivals_at(options.places, made.folder.path)
+    if table is not None:
         record['places'] = table.as_dict()['places']
-    write_json(record, args.json)
+    write_json(record, options.json)
     _print(record, request.scene, table)
+    if barriers:
+        run_barriers.print_comparison(record['barriers'])
     return 0
 
 
-def _measured(made: SceneRun) -> NumericalError | None:
-    """Return the numerical error of a run, None without lava or if it cannot be measured."""
-    from lava_ros.forecast.partner_runs import measure_error
-    from lava_ros.simulation.numerical_error import Areas
+def _run_with(options: RunOptions, made: SceneRun, barriers: Sequence[Barrier]) -> None:
+    """Run the scene with barriers, in a folder inside that of the run."""
+    from lava_ros.forecast.partner_runs import measure_run
+    from lava_ros.runs.store import FINISHED, known_record
 
-    simulation, snapshot, request = made.simulation, made.snapshot, made.request
-    assert snapshot is not None
-    if not snapshot.budget.emitted:
-        return None
-    try:
-        return measure_error(
-            request.scene, Areas.of(snapshot), snapshot.time, accuracy=simulation.accuracy,
-            effects=simulation.effects, horizon=request.until, device=request.device,
-        )
-    except LavaError as error:
-        print(f'lava run: the numerical error is not measured: {error}', file=sys.stderr)
-        return None
+    made.keep()
+    request, built = made.request, options.built
+    folder = made.folder.path / run_barriers.WITH_BARRIERS
+    # of an interrupted comparison
+    if known_record(folder).get('status') == FINISHED:
+        return
+    # both runs have the same particles
+    chosen = made.folder.record['preset'], made.simulation.accuracy
+    dammed = replace(
+        request, output=folder, accuracy=lambda: chosen,
+        scene=run_barriers.dammed(request.scene, barriers, built),
+    )
+    with simulated(dammed) as again:
+        again.note_error(measure_run(again))
+        again.finish()
+
+
+def _compared(
+    options: RunOptions, made: SceneRun, barriers: Sequence[Barrier]
+) -> dict[str, Any]:
+    """Compare the runs without and with barriers; return plain data."""
+    from lava_ros.bag.description import is_on
+    from lava_ros.products.gis import Provenance
+    from lava_ros.scene.onset import Onset
+
+    folder = made.folder.path
+    origin = Provenance(
+        made.request.name, [name for name, text in made.effects.items() if is_on(text)],
+        made.folder.record['preset'], onset=Onset.of(made.request.scene),
+    )
+    return run_barriers.compare(
+        options, folder, folder / run_barriers.WITH_BARRIERS, barriers, origin
+    )
 
 
 def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> None:

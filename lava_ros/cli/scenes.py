@@ -5,6 +5,7 @@
 
 import argparse
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields, replace
 import logging
 import math
@@ -49,6 +50,10 @@ def source_of(args: argparse.Namespace) -> SceneSource:
     given: dict[str, Any] = {
         name: value for name, value in known.items() if value is not None and value is not False
     }
+    if isinstance(given.get('from_outline'), str):
+        # a time in s, or a date
+        with suppress(ValueError):
+            given['from_outline'] = float(given['from_outline'])
     shared = {
         'thickness': args.emplaced_thickness, 'volume': args.emplaced_volume,
         'solidified': args.emplaced_solidified, 'as': args.emplaced_as,
@@ -67,15 +72,20 @@ def source_of(args: argparse.Namespace) -> SceneSource:
     return SceneSource(**given, words=WORDS)
 
 
-def sourced_scene(args: argparse.Namespace) -> SourcedScene:
-    """Make the scene of the arguments, with cells of at most ``CELL`` times the particle spacing.
+def sourced_scene(source: SceneSource, *, as_given: bool = False) -> SourcedScene:
+    """Make the scene of a source, and log its vents.
+
+    Its cells are at most ``CELL`` times the particle spacing, or those of its terrain with
+    ``as_given``.
 
     Raises:
-        LavaError: If an argument or a file is not valid.
+        LavaError: If a file is not valid.
     """
-    found = source_of(args).load()
+    found = source.load()
     scene = found.scene
     _log_vents(scene)
+    if as_given:
+        return found
     spacing = resolution_of(scene, preset_accuracy(DEFAULT)).spacing
     factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
     most = math.isqrt(MAX_CELLS // scene.terrain.elevation.size)
@@ -83,37 +93,24 @@ def sourced_scene(args: argparse.Namespace) -> SourcedScene:
     return replace(found, scene=fine)
 
 
-def scene_from_arguments(args: argparse.Namespace) -> Scene:
+def scene_from_arguments(args: argparse.Namespace, *, as_given: bool = False) -> Scene:
     """Make the scene of the arguments, as ``sourced_scene``."""
-    return sourced_scene(args).scene
-
-
-def scene_as_given(args: argparse.Namespace) -> Scene:
-    """Make the scene of the arguments on the cells of its terrain, and log its vents.
-
-    Raises:
-        LavaError: If an argument or a file is not valid.
-    """
-    scene = source_of(args).load().scene
-    _log_vents(scene)
-    return scene
+    return sourced_scene(source_of(args), as_given=as_given).scene
 
 
 def settle_method(
-    args: argparse.Namespace, scene: Scene, horizon: float, forced: Mapping[str, bool]
-) -> None:
-    """Choose the method for a scene up to a horizon [s] if ``--method auto`` asks for it.
+    method: str, device: str | None, scene: Scene, horizon: float, forced: Mapping[str, bool],
+    preset: str = DEFAULT,
+) -> tuple[str, str | None]:
+    """Return the method and the device for a scene up to a horizon [s].
 
-    Without a device, cells run on a CPU.
+    Method ``auto`` chooses by the scene. Without a device, cells run on a CPU.
     """
-    if args.method == AUTO:
-        # plans have no preset
-        accuracy = preset_accuracy(getattr(args, 'preset', None) or DEFAULT)
-        choice = choose_method(scene, accuracy, forced, horizon=horizon)
-        args.method = choice.method
+    if method == AUTO:
+        choice = choose_method(scene, preset_accuracy(preset), forced, horizon=horizon)
+        method = choice.method
         print(f'method: {choice.method}, because {choice.reason}')
-    if args.method == 'cells':
-        args.device = args.device or 'cpu'
+    return method, device or ('cpu' if method == 'cells' else None)
 
 
 def log_resolution(

@@ -72,7 +72,7 @@ def _frames(args: argparse.Namespace) -> Frames:
     for name in ('namespace', 'control'):
         if getattr(args, name):
             raise validation.conflict(f'--{name}', 'a bag or an ensemble')
-    from lava_ros.products.run_page import is_ensemble
+    from lava_ros.forecast.store import is_ensemble
     from lava_ros.watch.frames import BagFrames, ensemble_frames
 
     make = ensemble_frames if is_ensemble(args.bag) else BagFrames

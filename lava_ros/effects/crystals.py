@@ -53,7 +53,7 @@ EFFECT = Effect(
     admits='3 % of the speed',
     cost=footprint_change(0.03),
     thickness_cost=thickness_change(0.03),
-    source='speed is as 1 / mu',
+    source='speed is proportional to 1 / mu',
     exists=lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
     stiffens=True,
     constants={

@@ -29,8 +29,9 @@ _RANGE = 50.0
 def thickness_change(speed: float) -> float:
     """Return the maximum fraction of a mean thickness that a change of the speed changes.
 
-    The thickness of a flow is as the mobility to the power of -1/3 down a plane and between walls,
-    of -1/4 in a valley and on level ground, and of -1/2 where walls and length confine the flow.
+    The thickness of a flow is proportional to a power of its mobility: -1/3 down a plane and
+    between walls, -1/4 in a valley and on level ground, and -1/2 where walls and length confine
+    the flow.
     """
     return 0.5 * speed
 
@@ -38,9 +39,9 @@ def thickness_change(speed: float) -> float:
 def footprint_change(speed: float) -> float:
     """Return the maximum fraction of an inundated area that a change of the speed changes.
 
-    In a valley with evenly rising sides the length of a flow is as the root of its mobility k, its
-    width as k^(-1/4): one outline is longer by half of the change, the other is wider by a
-    quarter. On a plane, and between walls, it is less (docs/MODEL.md).
+    In a valley with evenly rising sides the length of a flow is proportional to the root of its
+    mobility k, and its width to k^(-1/4): one outline is longer by half of the change, the other
+    is wider by a quarter. On a plane and between walls the change is less (docs/MODEL.md).
     """
     return 0.75 * speed
 

@@ -9,11 +9,14 @@ ground. Together they take about an eighth of the time of a run of many particle
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
+import logging
 import time as wall_clock
 from typing import Any
 
 from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
 from lava_ros.runs.drive import driving, result_of
+from lava_ros.runs.scene_run import SceneRun
 from lava_ros.scene import Scene
 from lava_ros.scene.terrain import Terrain
 from lava_ros.simulation import Simulation
@@ -30,6 +33,8 @@ from lava_ros.simulation.numerical_error import (
 )
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.setup.coarse_ground import coarsen_ground
+
+_LOG = logging.getLogger(__name__)
 
 
 def measuring(
@@ -88,6 +93,29 @@ def measuring(
 def measure_error(scene: Scene, run: Areas, time: float, **options: Any) -> NumericalError:
     """Measure the error of a run; arguments and errors as for ``measuring``."""
     return result_of(measuring(scene, run, time, **options))
+
+
+def measure_run(made: SceneRun) -> NumericalError | None:
+    """Measure the error of a completed run.
+
+    Returns:
+        The error; None without lava, or if it cannot be measured, which is logged.
+    """
+    simulation, snapshot, request = made.simulation, made.snapshot, made.request
+    assert snapshot is not None
+    if not snapshot.budget.emitted:
+        return None
+    accuracy, simulated = simulation.accuracy, request.simulated
+    try:
+        return measure_error(
+            request.scene if simulated is None else simulated(accuracy),
+            Areas.of(snapshot), snapshot.time, accuracy=accuracy, effects=simulation.effects,
+            horizon=request.until, device=request.device,
+            areas=lambda partner: Areas.of(request.shown(partner)),
+        )
+    except LavaError as error:
+        _LOG.warning('the numerical error is not measured: %s', error)
+        return None
 
 
 def on_coarser_ground(scene: Scene) -> Scene | None:

@@ -142,13 +142,14 @@ def plan_runs(
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
     with_inputs: bool = False,
+    adapted: Callable[[Accuracy], Accuracy] = lambda accuracy: accuracy,
 ) -> RunPlan:
     """Find the finest runs that fit in a wall time, or the coarsest below a numerical error.
 
     Pilots take at most 15 % of the time of the runs, except for the first two.
 
-    The accuracy of the runs is ``preset_accuracy(plan.preset, spacing=plan.spacing)``, with the
-    method.
+    The accuracy of the runs is ``adapted(preset_accuracy(plan.preset, spacing=plan.spacing))``,
+    with the method.
 
     Args:
         scene: The scene; for an ensemble, the one with median inputs.
@@ -163,6 +164,7 @@ def plan_runs(
         on_pilot: Called after each pilot.
         clock: Returns the time [s]; ``time.process_time`` on a shared CPU.
         with_inputs: True for the effects of the uncertain quantities, ``RunPlan.inputs``.
+        adapted: Changes the accuracy of a preset to that of the runs.
 
     Raises:
         LavaError: If an argument is not valid, the time is too short for the coarsest run, or no
@@ -187,7 +189,7 @@ def plan_runs(
         return accuracy_at(scene, refinement, horizon)
 
     search = PilotSearch(
-        scene, horizon, accuracy,
+        scene, horizon, lambda refinement: adapted(accuracy(refinement)),
         effects_for(scene, forced, accuracy=accuracy(1.0), horizon=horizon),
         FIRST_CELLS if are_cells else first, device, clock, on_pilot,
         finer=2.0 if are_cells else FINER, doubles=are_cells,

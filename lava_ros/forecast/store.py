@@ -3,12 +3,13 @@
 
 """Folder of an ensemble: its description, its finished members, and the maps made from them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, fields
 import hashlib
 import json
 import logging
+import os
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -18,6 +19,7 @@ import lava_ros
 from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files import open_input, write_output, writing
 from lava_ros.files.npz import read_arrays
+from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.assimilation import UNIT, Weights
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import EnsembleAccumulator, Footprint, NEVER
@@ -25,6 +27,8 @@ from lava_ros.forecast.sampling import Posterior, Susceptibility
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
+from lava_ros.runs.provenance import description
+from lava_ros.runs.store import is_usable, known_record, RecordedFolder
 from lava_ros.scene import MAX_ELEVATION, scene_to_dict
 from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.inundation import TOUCHED
@@ -32,14 +36,24 @@ from lava_ros.simulation.spacing_error import SpacingPair
 
 _LOG = logging.getLogger(__name__)
 
-#: Version of the format of a folder.
-VERSION = 6
+#: File with the weights of the members, if any, and folder of the bag of the maps.
+WEIGHTS, BAG = 'weights.json', 'atlas'
 
-#: Files with the description of the ensemble, and with the weights of its members, if any.
-MANIFEST, WEIGHTS = 'ensemble.json', 'weights.json'
+#: File with the description of an ensemble of version 0.1.0, in place of ``run.json``.
+EARLIER_FILE = 'ensemble.json'
+
+#: Kind of the run in ``run.json``.
+ENSEMBLE = 'ensemble'
+
+_USABLE = 'a folder that is new, empty, or of this ensemble'
+
+#: Keys of ``run.json`` that the members of a folder have in common.
+_COMMON = (
+    'scene', 'quantities', 'elevation', 'plan', 'seed', 'susceptibility', 'parents'
+)
 
 
-class Store:
+class Store(RecordedFolder):
     """A folder with the finished members of one ensemble, one file each.
 
     Attributes:
@@ -54,33 +68,54 @@ class Store:
         seed: int = 0,
         susceptibility: Susceptibility | None = None,
         posterior: Posterior | None = None,
+        settings: Mapping[str, Any] = {},
+        inputs: Sequence[Mapping[str, Any]] = (),
+        identity: str = '',
     ) -> None:
         """Create the folder of an ensemble, or reopen it.
+
+        Args:
+            folder: The folder.
+            plan: Plan of the members.
+            seed: Seed of the random numbers.
+            susceptibility: Likelihood that the vent opens in a cell, if any.
+            posterior: Members from which new ones are drawn, if any.
+            settings: Choices of the user, for ``run.json``.
+            inputs: Path, size and digest of each input file, for ``run.json``.
+            identity: Identity of the ensemble, by which a command without a folder finds it.
 
         Raises:
             LavaError: If the folder cannot be written, or contains another ensemble or other
                 files.
         """
-        self.plan = plan
-        self._folder = folder = Path(folder)
+        folder = Path(folder)
+        known = known_record(folder)
+        self.plan = plan.switching_on(_switched_on(known))
         self._members = folder / 'members'
         self._drawn = {
             'seed': seed,
             'susceptibility': None if susceptibility is None else susceptibility.digest,
-            'posterior': None if posterior is None else posterior.digest,
+            'parents': None if posterior is None else posterior.digest,
         }
-        path = folder / MANIFEST
-        # a ValueError is text that is not UTF-8 or JSON
-        with refusing('--output', str(folder), 'a writable folder', OSError, ValueError):
-            if path.exists():
-                known = json.loads(path.read_text(encoding='utf-8'))
-                self.plan = plan.switching_on(_switched_on(known))
-                _check_same(known, self._manifest(), folder)
-            elif folder.exists() and any(folder.iterdir()):
-                expected = 'a folder that is new, empty, or of this ensemble'
-                raise LavaError('--output', str(folder), expected)
-            self._members.mkdir(parents=True, exist_ok=True)
-            self.write_manifest(folder)
+        begun = {
+            'kind': ENSEMBLE, **description(plan.scene, identity, settings, inputs),
+            **self._described(), 'maps': BAG,
+        }
+        if known:
+            if known.get('kind') != ENSEMBLE:
+                raise LavaError('--output', str(folder), _USABLE)
+            program = {name: begun['program'][name] for name in ('lava_ros', 'model')}
+            for name, value in program.items():
+                _check_same(known['program'].get(name), value, folder, name)
+            for name in _COMMON:
+                _check_same(known.get(name), begun[name], folder, name)
+            begun |= {name: known.get(name) for name in ('begun', 'numerical_error')}
+        elif not is_usable(folder, known, identity):
+            raise LavaError('--output', str(folder), _USABLE)
+        super().__init__(folder, begun)
+        with refusing('--output', str(folder), 'a writable folder', OSError):
+            self._members.mkdir(exist_ok=True)
+        self.put({})
 
     def restart(self, called: Sequence[CalledEffect]) -> None:
         """Delete all members, and add effects to the plan.
@@ -89,11 +124,12 @@ class Store:
             LavaError: If the folder cannot be written.
         """
         self.plan = self.plan.switching_on(called)
-        with refusing('--output', str(self._folder), 'a writable folder', OSError):
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
             # delete members first, because the new description does not apply to them
             for path in self._members.glob('*.npz'):
                 path.unlink()
-        self.write_manifest(self._folder)
+        # the error is that of the former effects
+        self.put({**self._described(), 'numerical_error': None})
 
     def write(self, footprint: Footprint) -> None:
         """Write a member.
@@ -133,28 +169,18 @@ class Store:
         def log(error: LavaError) -> None:
             _LOG.warning('a member is damaged and runs again: %s', error)
 
-        return stored_members(self._folder, count, self.plan, on_refused=log)
+        return stored_members(self.path, count, self.plan, on_refused=log)
 
     def _path(self, index: int) -> Path:
-        return _member_path(self._folder, index)
+        return _member_path(self.path, index)
 
-    def write_manifest(self, folder: Path) -> None:
-        """Write the description of the ensemble, which the readers of its maps need.
-
-        Raises:
-            LavaError: If it cannot be written.
-        """
-        text = json.dumps(self._manifest(), indent=1) + '\n'
-        write_output('--output', folder / MANIFEST, text)
-
-    def _manifest(self) -> dict[str, Any]:
+    def _described(self) -> dict[str, Any]:
+        """Return the description of the members, without which nothing can be read or added."""
         plan = self.plan
         elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
-        manifest = {
-            'version': VERSION,
-            'lava_ros': lava_ros.__version__,
+        plain = {
             'scene': scene_to_dict(plan.scene),
-            'inputs': describe_inputs(plan.scene),
+            'quantities': describe_inputs(plan.scene),
             'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
             'plan': {
                 'horizon_s': plan.horizon,
@@ -169,7 +195,35 @@ class Store:
             **self._drawn,
         }
         # converted to the types with which it will be read
-        return json.loads(json.dumps(manifest))
+        return dict(json.loads(json.dumps(plain)))
+
+
+def is_ensemble(path: str | Path) -> bool:
+    """Return True if a path is the folder of an ensemble.
+
+    Raises:
+        LavaError: If its description cannot be read.
+    """
+    path = Path(path)
+    is_earlier = os.path.isfile(path / EARLIER_FILE)
+    return known_record(path).get('kind', ENSEMBLE * is_earlier) == ENSEMBLE
+
+
+def ensemble_record(folder: Path) -> dict[str, Any]:
+    """Read the description of an ensemble, also one of version 0.1.0.
+
+    Raises:
+        LavaError: If it cannot be read.
+    """
+    if known := known_record(folder):
+        return known
+    expected = 'an ensemble whose description is undamaged'
+    with refusing('ensemble', str(folder), expected, OSError, KeyError, TypeError, ValueError):
+        with open_input(folder / EARLIER_FILE) as file:
+            known = parse_json(EARLIER_FILE, file.read())
+        program = {'lava_ros': known.pop('lava_ros', lava_ros.__version__)}
+        inputs = {'quantities': known.pop('inputs')} if 'inputs' in known else {}
+        return {**known, **inputs, 'program': program}
 
 
 def stored_spacing(folder: Path) -> float | None:
@@ -178,13 +232,12 @@ def stored_spacing(folder: Path) -> float | None:
     Raises:
         LavaError: If the description cannot be read.
     """
-    path = folder / MANIFEST
-    if not path.is_file():
+    known = known_record(folder)
+    if known.get('kind') != ENSEMBLE:
         return None
-    expected = 'the description of an ensemble'
-    with refusing('--output', str(path), expected, OSError, KeyError, TypeError, ValueError):
-        plain = json.loads(path.read_text(encoding='utf-8'))
-        return float(plain['plan']['accuracy']['spacing'])
+    expected = 'the folder of an ensemble'
+    with refusing('--output', str(folder), expected, KeyError, TypeError, ValueError):
+        return float(known['plan']['accuracy']['spacing'])
 
 
 def maps_at(folder: Path, plan: Plan, places: Places, *, members: int) -> HazardMaps:

@@ -364,7 +364,7 @@ def _evaluate(
 def _numbers(
     case: Case, results: Sequence[Result], wall_time: float, until: float, eruption: int
 ) -> Iterator[tuple[str, Mapping[str, float]]]:
-    """Yield the names and results, by ``COLUMNS``, of a set that took a wall time [s]."""
+    """Yield the names and the results of a set of values, by ``COLUMNS``."""
     rows: list[tuple[float, Any, list[float]]] = []
     if case.outlines:
         snapshots = [result.snapshot for result in results]

@@ -7,7 +7,7 @@ Coordinates are those of the elevation. Times of the clock of a case are in seco
 ``effusion_rate.csv``; those of its scene are simulated times.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -46,6 +46,8 @@ class Case:
         initial: Mapped flow field from which the simulation starts; None without one.
         stated: Names of the constants of the lava that the files of the case state, with
             ``vent_temperature`` if they state it.
+        inputs: Path, size and digest of each input file (``SourcedScene.digests``).
+        remarks: Warnings about the inputs.
     """
 
     name: str
@@ -61,6 +63,8 @@ class Case:
     outlines: tuple[Outline, ...] = ()
     initial: np.ndarray | None = None
     stated: frozenset[str] = frozenset()
+    inputs: Sequence[Mapping[str, Any]] = ()
+    remarks: Sequence[str] = ()
 
     @property
     def onset(self) -> Onset | None:
@@ -115,21 +119,23 @@ class Case:
         return replace(self, scene=scene, volume=volume)
 
 
-def load_case(directory: str | Path, **changes: Any) -> Case:
+def load_case(directory: str | Path | SceneSource, **changes: Any) -> Case:
     """Read a case from its folder.
 
     Args:
-        directory: The folder.
+        directory: The folder, or a source with its path.
         changes: Fields of ``SceneSource`` that replace parts of the scene, such as ``material``.
 
     Raises:
         LavaError: If a file is missing or not valid, or the files are not consistent.
     """
-    folder = Path(directory)
+    given = directory if isinstance(directory, SceneSource) else SceneSource(path=directory)
+    source = replace(given, **changes)
+    assert source.path is not None
+    folder = Path(source.path)
     if not folder.is_dir():
         # raises LavaError
         find_case_files(folder)
-    source = SceneSource(path=folder, **changes)
     found = source.load()
     assert found.case is not None
     read, scene = found.case, found.scene
@@ -170,6 +176,8 @@ def load_case(directory: str | Path, **changes: Any) -> Case:
         outlines=outlines,
         initial=None if read.initial is None else read.initial.covered,
         stated=_stated(stated, read.vents),
+        inputs=found.digests(),
+        remarks=found.remarks,
     )
     check_outline(case.vent_cells, ground, footprint)
     check_discharge(case.volume, case.area)

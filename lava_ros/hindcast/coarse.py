@@ -39,8 +39,9 @@ def coarsened(terrain: Terrain, factor: int) -> Terrain:
     )
 
 
-def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
+def refined(snapshot: Snapshot, terrain: Terrain) -> Snapshot:
     """Convert the maps on a coarsened terrain to the cells of the original terrain."""
+    factor = round(snapshot.terrain.resolution / terrain.resolution)
     if factor == 1:
         return snapshot
     rows, columns = (_halves(side, factor) for side in terrain.shape)

@@ -3,7 +3,7 @@
 
 """Results of a hindcast: GeoTIFF maps, a picture of the comparison, and a page."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 import math
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 import lava_ros
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.replicates import Agreement
-from lava_ros.hindcast.run import Result, Settings
+from lava_ros.hindcast.run import coarseness, Result
 from lava_ros.hindcast.score import Score
 from lava_ros.layers.frame import frame_of
 from lava_ros.layers.numbers import area_words, duration, percent
@@ -28,7 +28,7 @@ from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.scene.projection import system_words
 from lava_ros.simulation.accuracy import Accuracy, describe_carriers
-from lava_ros.simulation.numerical_error import NumericalError
+from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
 from lava_ros.simulation.output.inundation import raise_peak
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.selection import Decision
@@ -38,16 +38,19 @@ _DAY = 86400.0
 
 def write_page(
     case: Case,
-    settings: Settings,
+    preset: str,
     result: Result,
     judged: Score,
     picture: Path,
     output: Path,
-    error: NumericalError,
+    error: NumericalError | None,
+    remarks: Sequence[str] = (),
     several: Agreement | None = None,
     dated: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write the page of a hindcast as one HTML file that includes the picture, a PNG.
+
+    ``remarks`` are the warnings of the run.
 
     Raises:
         LavaError: If the page cannot be written, or the picture cannot be read.
@@ -61,7 +64,7 @@ def write_page(
         template='hindcast.html',
         title=f'Hindcast: {case.title}',
         subtitle=case.source or case.name,
-        warnings=warnings(case, result),
+        warnings=[f'{text[0].upper()}{text[1:]}.' for text in remarks],
         facts={
             'lava': EruptingLava.of(case.scene).text(),
             **facts(judged, result, error, several, dated),
@@ -69,13 +72,13 @@ def write_page(
         lava=note,
         constants=constants,
         sources=sources,
-        run=_run(case, settings, result),
+        run=_run(case, preset, result),
     )
 
 
 def facts(
-    judged: Score, result: Result, error: NumericalError, several: Agreement | None = None,
-    dated: Mapping[str, str] = MappingProxyType({}),
+    judged: Score, result: Result, error: NumericalError | None,
+    several: Agreement | None = None, dated: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, str]:
     """Return the comparison as text by label; ``dated`` adds the scores of dated outlines."""
     texts = {
@@ -91,7 +94,7 @@ def facts(
         'volume': f'{judged.volume / 1e6:.3g} million m³',
         'mean thickness': f'{judged.mean_thickness:.1f} m '
         f'(mapped area: {judged.mapped_thickness:.1f} m)',
-        'numerical error': error.text(),
+        'numerical error': NOT_MEASURED if error is None else error.text(),
         'effects left out': f'{percent(result.effects_error)} of the inundated area',
         'median, largest thickness': f'{judged.median_thickness:.1f} m, {judged.thickest:.1f} m',
     }
@@ -108,19 +111,6 @@ def facts(
         )
         texts['mean difference of two runs'] = f'{percent(several.chance)} on average'
     return {**texts, **dated}
-
-
-def warnings(case: Case, result: Result) -> list[str]:
-    """Return warnings about the result, each a sentence."""
-    found = [f'{text[0].upper()}{text[1:]}.' for text in result.snapshot.budget.warnings()]
-    if result.resolution.warnings():
-        found.append(f'{result.resolution.text()}.')
-    if case.initial is not None:
-        start = f'{case.start:g} s' if case.onset is None else case.onset.utc()
-        found.append(f'The run starts from the outline of {start}.')
-    if case.low_pass:
-        found.append(f'The elevation was smoothed over {case.low_pass:g} m.')
-    return found
 
 
 def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], list[str]]:
@@ -154,9 +144,9 @@ def _constants(case: Case, material: Material) -> tuple[list[tuple[str, ...]], l
     return rows, list(sources)
 
 
-def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
+def _run(case: Case, preset: str, result: Result) -> Mapping[str, str]:
     steps, terrain, accuracy = result.snapshot.steps, case.scene.terrain, result.accuracy
-    cell = terrain.resolution * settings.coarseness(case)
+    cell = terrain.resolution * coarseness(case, accuracy)
     events = '; '.join(f'{item.time / _DAY:.2f} d: {item.text}' for item in case.scene.events)
     return {
         'simulated': f'{case.duration / _DAY:.2f} days, {case.volume / 1e6:.2f} million m³',
@@ -165,7 +155,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
         'inundated area': f'covered by lava at least {result.snapshot.threshold:g} m thick so far',
         'events': events or 'none',
-        'preset': f'{settings.preset}: {_carriers(accuracy)}',
+        'preset': f'{preset}: {_carriers(accuracy)}',
         'resolution': result.resolution.text(),
         'effects': ', '.join(_described(item) for item in result.decisions if item.is_on),
         'steps': f'{steps.count} steps, {steps.evaluations} evaluations, at most '
@@ -205,14 +195,16 @@ def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
 
 def write_maps(
     case: Case,
-    settings: Settings,
+    preset: str,
     result: Result,
+    peak: np.ndarray,
     folder: Path,
     several: Agreement | None = None,
 ) -> list[Path]:
     """Write the maps of a hindcast, north up, on the grid of its elevation; return their paths.
 
-    ``several`` adds a map of the percentage of replicates that inundate each cell.
+    ``peak`` is the largest thickness in any map [m], shape [rows, columns]. ``several`` adds a map
+    of the percentage of replicates that inundate each cell.
 
     Raises:
         LavaError: If rasterio is not installed, or a file cannot be written.
@@ -222,7 +214,7 @@ def write_maps(
     codes = comparison(snapshot, case.footprint).astype(np.float32)
     maps = {
         'thickness': snapshot.thickness,
-        'peak_thickness': raise_peak(result.peak, snapshot.arrived, snapshot.threshold),
+        'peak_thickness': raise_peak(peak, snapshot.arrived, snapshot.threshold),
         'arrival': snapshot.arrived,
         'inundated': snapshot.inundated,
         'temperature': snapshot.temperature - 273.15,
@@ -230,7 +222,7 @@ def write_maps(
     }
     if several is not None:
         maps['runs'] = 100.0 * several.share
-    origin = Provenance(case.name, result.effects, settings.preset, onset=case.onset)
+    origin = Provenance(case.name, result.effects, preset, onset=case.onset)
     compared = replace(origin, observation=f'mapped flow field of {case.name}')
     tags = {'threshold_m': repr(snapshot.threshold), 'simulated_time_s': repr(snapshot.time)}
     return [
@@ -243,13 +235,14 @@ def write_maps(
 
 
 def draw_comparison(
-    case: Case, snapshot: Snapshot, judged: Score, output: Path, error: NumericalError
+    case: Case, result: Result, judged: Score, output: Path, error: NumericalError | None
 ) -> None:
     """Draw hits, misses and false alarms of a flow at its end; the suffix sets the format.
 
     Raises:
         LavaError: If matplotlib is not installed, or the picture cannot be written.
     """
+    snapshot = result.snapshot
     codes = comparison(snapshot, case.footprint).astype(np.float64)
     codes[(codes < HIT) | (codes > FALSE_ALARM)] = np.nan
     cell = case.scene.terrain.resolution**2
@@ -259,8 +252,9 @@ def draw_comparison(
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
         f'{duration(case.duration)}',
         'lava': EruptingLava.of(case.scene).text(),
-        'model': f'lava_ros {lava_ros.__version__}, {describe_carriers(error.method)}, numerical '
-        f'error {error.brief()}',
+        'model': f'lava_ros {lava_ros.__version__}, '
+        f'{describe_carriers(result.accuracy.method)}, numerical error '
+        f'{NOT_MEASURED if error is None else error.brief()}',
         'coordinates': system_words(case.scene.terrain.epsg, case.scene.terrain.wkt),
     }
     if case.source:

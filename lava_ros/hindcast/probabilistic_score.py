@@ -17,7 +17,7 @@ from lava_ros.forecast.probability import Footprint, footprint_by, spacing_error
 from lava_ros.forecast.scores import brier_parts, brier_score, reliability
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened
-from lava_ros.hindcast.run import FORCED, Settings
+from lava_ros.hindcast.run import Settings
 from lava_ros.scene.ranges import with_ranges
 
 #: Minimum number of cells of a bin of the reliability diagram whose gap counts.
@@ -42,7 +42,7 @@ def plan_of(case: Case, settings: Settings, *, threshold: float | None = None) -
         replace(scene, terrain=coarsened(scene.terrain, settings.coarseness(typical))),
         horizon=case.duration,
         accuracy=settings.accuracy(typical),
-        effects={**FORCED, **settings.forced},
+        effects=settings.effects,
         threshold=threshold,
         samples=max(settings.maps, MAX_SAMPLES) if case.outlines else settings.maps,
     )

@@ -163,20 +163,19 @@ def run_together(
             settings, spacing=accuracy.spacing, thickness=accuracy.thickness,
             mobility_limit=accuracy.mobility_limit,
         )
-        run = Run(direction.rotate(case), same, folder=kept, has_maps=False)
+        run = Run(direction.rotate(case), same, folder=kept)
 
         def show(time: float) -> None:
             shares[number] = time / case.duration
             if progress is not None:
                 progress(float(shares.mean()))
 
-        yield from run.parts(TimeSink(run.map_times, show, after=run.time))
+        yield from run.parts(TimeSink(settings.map_times(case), show, after=run.time))
         run.keep()
         result = run.result()
         run.close()
         snapshot = regridded(result.snapshot, case.scene.terrain, direction.rotate_back)
-        peak = direction.rotate_back(result.peak)
-        results[number] = replace(result, snapshot=snapshot, peak=peak)
+        results[number] = replace(result, snapshot=snapshot)
 
     routes = (route(number, *job) for number, job in enumerate(jobs))
     for _ in side_by_side(routes, str(device_of(settings.device))):

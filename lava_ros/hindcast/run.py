@@ -1,39 +1,31 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Runs of cases, which resume after an interruption."""
+"""Runs of cases: requests of runs with maps, and runs without maps that also resume."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 import hashlib
-import json
 import math
 from pathlib import Path
-import shutil
 import time as wall_clock
-
-import numpy as np
+from typing import Any
 
 from lava_ros import validation
-from lava_ros.bag.status_values import numerical_error_values, resolution_values
-from lava_ros.effects import EFFECTS, Effects
-from lava_ros.errors import refusing
-from lava_ros.forecast.partner_runs import measure_error
+from lava_ros.effects import EFFECTS
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.fluid import bounded
 from lava_ros.runs.drive import driving, Sink
+from lava_ros.runs.provenance import description
 from lava_ros.runs.provenance import identity_of as run_identity
-from lava_ros.runs.provenance import program
-from lava_ros.runs.run_folder import RunFolder
+from lava_ros.runs.scene_run import Request, SceneRun
 from lava_ros.runs.sinks import SnapshotSink, valid_snapshot
 from lava_ros.runs.store import KeepSink, RunStore
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.numerical_error import Areas, NumericalError
 from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
@@ -56,9 +48,6 @@ FORCED = {
     for name, effect in EFFECTS.items()
     if effect.needs_extent and math.isfinite(effect.threshold)
 }
-
-#: Name of the folder, inside the output, with the state of an unfinished run.
-UNFINISHED = '.unfinished'
 
 
 @dataclass(frozen=True)
@@ -94,28 +83,36 @@ class Settings:
     method: str = 'particles'
 
     def accuracy(self, case: Case) -> Accuracy:
-        """Return the accuracy for a case: the preset's with longer steps, and deterministic."""
+        """Return the accuracy for a case, without automatic values."""
+        accuracy = self.adapted(replace(
+            preset_accuracy(self.preset), spacing=self.spacing, thickness=self.thickness
+        ))
+        accuracy = bounded(accuracy, case.scene, self.effects, horizon=case.duration)
+        return resolved_accuracy(accuracy, case.scene, self.effects, horizon=case.duration)
+
+    def adapted(self, accuracy: Accuracy) -> Accuracy:
+        """Return the accuracy of a preset with longer steps, and deterministic."""
         # repeated runs take the same path at a fork of a flow, even on a GPU
         accuracy = replace(
-            preset_accuracy(self.preset), spacing=self.spacing, thickness=self.thickness,
-            deterministic=True, mobility_limit=self.mobility_limit, method=self.method,
+            accuracy, deterministic=True, mobility_limit=self.mobility_limit, method=self.method
         )
         if accuracy.courant_number == Accuracy().courant_number:
             accuracy = replace(accuracy, courant_number=self.courant, integrator=self.integrator)
-        forced = {**FORCED, **self.forced}
-        accuracy = bounded(accuracy, case.scene, forced, horizon=case.duration)
-        return resolved_accuracy(accuracy, case.scene, forced, horizon=case.duration)
+        return accuracy
+
+    @property
+    def effects(self) -> dict[str, bool]:
+        """Effects forced on or off, with those that are off by default."""
+        return {**FORCED, **self.forced}
 
     def coarseness(self, case: Case) -> int:
-        """Return the side of a simulated cell in cells of the elevation: about the spacing.
+        """Return the side of a simulated cell in cells of the elevation."""
+        return coarseness(case, self.accuracy(case))
 
-        Method cells makes its own grid of the elevation.
-        """
-        if self.method == 'cells':
-            return 1
-        spacing = self.accuracy(case).spacing
-        assert spacing is not None
-        return max(1, round(spacing / case.scene.terrain.resolution))
+    def map_times(self, case: Case) -> list[float]:
+        """Return the simulated times at which maps are due [s]."""
+        duration, maps = case.duration, self.maps
+        return [*(duration * (index / maps) for index in range(1, maps)), duration]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +121,6 @@ class Result:
 
     Attributes:
         snapshot: The flow at the end.
-        peak: Largest thickness in any map [m], float32, shape [rows, columns].
         wall_time: Wall time without file access [s]. For one of several runs on a GPU, only the
             time of the host.
         most_particles: Largest number of particles.
@@ -132,10 +128,10 @@ class Result:
         accuracy: The accuracy, without automatic values.
         resolution: Measured resolution; the expected one if the flow is too small.
         decisions: Reasons why each effect is on or off.
+        device: Computing device.
     """
 
     snapshot: Snapshot
-    peak: np.ndarray
     wall_time: float
     most_particles: int
     effects: tuple[str, ...]
@@ -144,50 +140,84 @@ class Result:
     decisions: tuple[Decision, ...]
     device: str
 
+    @classmethod
+    def of(
+        cls, simulation: Simulation, snapshot: Snapshot, wall_time: float, most_particles: int
+    ) -> 'Result':
+        """Return the result of a simulation, of which a snapshot is on the cells of its case."""
+        accuracy = simulation.accuracy
+        return cls(
+            snapshot, wall_time, most_particles, tuple(simulation.effects), accuracy,
+            current_resolution(snapshot, accuracy, simulation.resolution),
+            simulation.decisions(), simulation.device,
+        )
+
+    @classmethod
+    def of_run(cls, made: SceneRun) -> 'Result':
+        """Return the result of a completed run with maps."""
+        assert made.snapshot is not None
+        return cls.of(made.simulation, made.snapshot, made.wall_time, made.most_particles)
+
     @property
     def effects_error(self) -> float:
         """Expected error of the inundated area because of effects that are off."""
         return math.fsum(item.cost for item in self.decisions)
 
 
-class Run:
-    """A run of a case, from its start or, if ``is_resumed``, from the last stored state."""
+def request_of(
+    case: Case, settings: Settings, accuracy: Callable[[], tuple[str, Accuracy]] | None = None,
+    chosen: Mapping[str, Any] = {}, name: str = '', **others: Any,
+) -> Request:
+    """Return the request of a run of a case with maps.
 
-    def __init__(
-        self, case: Case, settings: Settings, *, folder: Path | None = None, has_maps: bool = True
-    ) -> None:
+    Args:
+        case: The case.
+        settings: Settings of the run.
+        accuracy: Returns the name of the preset and the accuracy; None for those of the settings.
+        chosen: Everything else that determines the result, as plain data.
+        name: Name of the folder unless ``output`` is given.
+        others: Other fields of the request.
+
+    Raises:
+        LavaError: If a setting is not valid.
+    """
+    validation.number('--maps', settings.maps, at_least=1, at_most=10_000)
+    return Request(
+        case.scene,
+        name=name or f'{case.name}_{settings.preset}',
+        until=case.duration,
+        times=settings.map_times(case),
+        settings={**_chosen(case, settings), **chosen},
+        accuracy=accuracy or (lambda: (settings.preset, settings.accuracy(case))),
+        forced=settings.effects,
+        device=settings.device,
+        kind='case',
+        data={'case': case.name},
+        simulated=lambda accuracy: simulated_scene(case, coarseness(case, accuracy)),
+        shown=lambda snapshot: refined(snapshot, case.scene.terrain),
+        **others,
+    )
+
+
+class Run:
+    """A run of a case without maps, from its start or, if ``is_resumed``, from a stored state."""
+
+    def __init__(self, case: Case, settings: Settings, *, folder: Path | None = None) -> None:
         """Start a run, or resume the run whose state is in ``folder``; None stores no state.
 
-        Without ``has_maps`` only the last map is made. The folder then has no bag.
-
         Raises:
-            LavaError: If a setting is not valid, or the folder belongs to another case or other
-                settings.
+            LavaError: If the folder belongs to another case or other settings.
         """
-        validation.number('--maps', settings.maps, at_least=1, at_most=10_000)
         self.case, self.settings = case, settings
-        self._coarseness = settings.coarseness(case)
-        self._has_maps = has_maps
         self._latest: Snapshot | None = None
-        self._store = None if folder is None else self._opened(folder)
-        known = {} if self._store is None else self._store.arrays
-        shape = case.scene.terrain.shape
-        self._peak = np.array(known.get('peak', np.zeros(shape, np.float32)))
+        self._store: RunStore | None = None
+        if folder is not None:
+            identity = identity_of(case, settings)
+            record = description(case.scene, identity, _chosen(case, settings))
+            self._store = RunStore(folder, {'kind': 'case', **record})
         record = {} if self._store is None else self._store.record
         self._wall_time = float(record.get('wall_time_s', 0.0))
-        self._most_particles = int(record.get('most_particles', 0))
-        # wall time of the current part that writes files [s]
-        self._writing_time = 0.0
-
-    def _opened(self, folder: Path) -> RunStore:
-        case, settings = self.case, self.settings
-        record = {'identity': identity_of(case, settings), 'program': program()}
-        expected = 'a folder without an unfinished run of another case or of other settings; '
-        expected += '--fresh starts again from time 0'
-        if not self._has_maps:
-            return RunStore(folder, record, expected)
-        data = {'case': case.name, 'parameters': json.dumps({'preset': settings.preset})}
-        return RunFolder(folder, self.case.scene.at(0.0), record, data, expected)
+        self._most_particles = int(record.get('particles_at_most', 0))
 
     @property
     def is_resumed(self) -> bool:
@@ -199,29 +229,21 @@ class Run:
         """Simulated time [s]."""
         return self._simulation.time
 
-    @property
-    def map_times(self) -> list[float]:
-        """Simulated times at which maps are due [s]."""
-        duration, maps = self.case.duration, self.settings.maps
-        return [*(duration * (index / maps) for index in range(1, maps)), duration]
-
     def parts(self, *sinks: Sink) -> Iterator[None]:
         """Simulate in parts, so that the caller can do other work while a GPU computes.
 
         Args:
             sinks: Further observers of the flow.
         """
-        simulation, times = self._simulation, self.map_times
-        if not self._has_maps:
-            times = times[-1:]
-        maps = SnapshotSink(times, self._add, after=simulation.time, convert=self._refined)
-        keep = [KeepSink(self.keep, self.map_times)] if self._store is not None else []
-        steps = driving(simulation, self.case.duration, [maps, *keep, *sinks])
+        simulation, end = self._simulation, self.case.duration
+        last = SnapshotSink([end], self._note, after=simulation.time, convert=self._refined)
+        keep = [KeepSink(self.keep, self.settings.map_times(self.case))] * bool(self._store)
+        steps = driving(simulation, end, [last, *keep, *sinks])
         is_done = False
         while not is_done:
-            started, self._writing_time = wall_clock.monotonic(), 0.0
+            started = wall_clock.monotonic()
             is_done = next(steps, True) is True
-            self._wall_time += wall_clock.monotonic() - started - self._writing_time
+            self._wall_time += wall_clock.monotonic() - started
             self._most_particles = max(self._most_particles, simulation.most_particles)
             if not is_done:
                 yield
@@ -231,94 +253,38 @@ class Run:
         simulation, snapshot = self._simulation, self._latest
         if snapshot is None or snapshot.time != simulation.time:
             snapshot = valid_snapshot(simulation, self._refined)
-        return Result(
-            snapshot=snapshot,
-            peak=self._peak,
-            wall_time=self._wall_time,
-            most_particles=self._most_particles,
-            effects=tuple(simulation.effects),
-            accuracy=simulation.accuracy,
-            resolution=current_resolution(
-                snapshot, simulation.accuracy, simulation.resolution
-            ),
-            decisions=simulation.decisions(),
-            device=simulation.device,
-        )
+        return Result.of(simulation, snapshot, self._wall_time, self._most_particles)
 
     def keep(self) -> None:
         """Store the state for a resume, if there is a folder."""
         if self._store is not None:
-            with self._writing():
-                self._store.keep(
-                    self._simulation.checkpoint(), {'peak': self._peak},
-                    wall_time_s=self._wall_time, most_particles=self._most_particles,
-                )
+            self._store.keep(
+                self._simulation.checkpoint(), wall_time_s=self._wall_time,
+                particles_at_most=self._most_particles,
+            )
 
     def close(self) -> None:
         """Release the folder for other runs, if there is one."""
         if self._store is not None:
             self._store.close()
 
-    def write_bag(self, result: Result, error: NumericalError, bag: Path) -> None:
-        """Finish the bag of a run with maps, and move it; it replaces an earlier bag.
-
-        Args:
-            result: Result of the run.
-            error: Its numerical error.
-            bag: Folder of the bag.
-
-        Raises:
-            LavaError: If it cannot be written.
-        """
-        store = self._store
-        assert isinstance(store, RunFolder)
-        effects = {
-            item.name: f'{"on" if item.is_on else "off"}: {item.reason}'
-            for item in result.decisions
-        }
-        with refusing('output', str(bag), 'a writable folder', OSError):
-            store.bag.describe({
-                'device': result.device,
-                'effects': json.dumps([{'time': 0.0, 'effects': effects}]),
-            })
-            store.bag.put_error({'numerical_error': error.text(), **numerical_error_values(error)})
-            store.close()
-            shutil.rmtree(bag, ignore_errors=True)
-            store.bag.directory.rename(bag)
-
-    @contextmanager
-    def _writing(self) -> Iterator[None]:
-        started = wall_clock.monotonic()
-        yield
-        self._writing_time += wall_clock.monotonic() - started
-
-    def _add(self, simulation: Simulation, snapshot: Snapshot) -> None:
-        np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
+    def _note(self, simulation: Simulation, snapshot: Snapshot) -> None:
         self._latest = snapshot
-        if isinstance(self._store, RunFolder):
-            with self._writing():
-                scene = self.case.scene.at(snapshot.time)
-                values = resolution_values(current_resolution(
-                    snapshot, simulation.accuracy, simulation.resolution
-                ))
-                self._store.bag.put_snapshot(scene, snapshot, values)
 
     def _refined(self, snapshot: Snapshot) -> Snapshot:
-        return refined(snapshot, self.case.scene.terrain, self._coarseness)
+        return refined(snapshot, self.case.scene.terrain)
 
     @cached_property
     def _simulation(self) -> Simulation:
         # created at the first use, because it may have to be compiled
-        started, device = wall_clock.monotonic(), self.settings.device
+        started, settings, case = wall_clock.monotonic(), self.settings, self.case
         if self._store is not None and self._store.checkpoint is not None:
-            simulation = Simulation.resume(self._store.checkpoint, device=device)
+            simulation = Simulation.resume(self._store.checkpoint, device=settings.device)
         else:
+            accuracy = settings.accuracy(case)
             simulation = Simulation(
-                simulated_scene(self.case, self._coarseness),
-                effects={**FORCED, **self.settings.forced},
-                accuracy=self.settings.accuracy(self.case),
-                device=device,
-                horizon=self.case.duration,
+                simulated_scene(case, coarseness(case, accuracy)), effects=settings.effects,
+                accuracy=accuracy, device=settings.device, horizon=case.duration,
             )
         self._wall_time += wall_clock.monotonic() - started
         return simulation
@@ -326,43 +292,46 @@ class Run:
 
 def identity_of(case: Case, settings: Settings) -> str:
     """Return a hash that identifies the case and the settings."""
-    grids = [case.footprint, *(outline.footprint for outline in case.outlines)]
     return run_identity(case.scene, {
-        'grids': [hashlib.sha256(grid.tobytes()).hexdigest() for grid in grids],
-        'span': [case.start, case.end],
-        'accuracy': asdict(settings.accuracy(case)),
-        'forced': dict(settings.forced),
+        'grids': _digests(case), 'span': [case.start, case.end],
+        'accuracy': asdict(settings.accuracy(case)), 'forced': dict(settings.forced),
         'maps': settings.maps,
     })
 
 
+def _chosen(case: Case, settings: Settings) -> dict[str, Any]:
+    """Return what determines the result of a run, except for its scene, as plain data."""
+    return {
+        'preset': settings.preset, 'spacing_m': settings.spacing,
+        'mobility_limit_m_per_s': settings.mobility_limit, 'method': settings.method,
+        'span_s': [case.start, case.end],
+        'observations': _digests(case),
+    }
+
+
+def _digests(case: Case) -> list[str]:
+    """Return the digests of the mapped flow fields."""
+    grids = [case.footprint, *(outline.footprint for outline in case.outlines)]
+    return [hashlib.sha256(grid.tobytes()).hexdigest() for grid in grids]
+
+
 def simulate(case: Case, settings: Settings) -> Result:
     """Run a case to its end without storing its state."""
-    run = Run(case, replace(settings, maps=1))
+    run = Run(case, settings)
     for _ in run.parts():
         pass
     return run.result()
 
 
-def measure_run_error(case: Case, settings: Settings, result: Result) -> NumericalError:
-    """Measure the numerical error of a run with its partner runs.
+def coarseness(case: Case, accuracy: Accuracy) -> int:
+    """Return the side of a simulated cell in cells of the elevation: about the spacing.
 
-    Args:
-        case: The case.
-        settings: Settings of the run.
-        result: Result of the run.
+    Method cells makes its own grid of the elevation.
     """
-    coarseness = settings.coarseness(case)
-    return measure_error(
-        simulated_scene(case, coarseness),
-        Areas.of(result.snapshot),
-        result.snapshot.time,
-        accuracy=result.accuracy,
-        effects=Effects(**{name: name in result.effects for name in EFFECTS}),
-        horizon=case.duration,
-        device=settings.device,
-        areas=lambda partner: Areas.of(refined(partner, case.scene.terrain, coarseness)),
-    )
+    if accuracy.method == 'cells':
+        return 1
+    assert accuracy.spacing is not None
+    return max(1, round(accuracy.spacing / case.scene.terrain.resolution))
 
 
 def simulated_scene(case: Case, coarseness: int) -> Scene:

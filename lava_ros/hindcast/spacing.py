@@ -5,7 +5,7 @@
 
 from lava_ros.forecast.preset_spacing import choose_spacing, SpacingChoice
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.run import FORCED, Settings, simulated_scene
+from lava_ros.hindcast.run import Settings, simulated_scene
 from lava_ros.simulation.selection import effects_for
 
 
@@ -22,9 +22,7 @@ def choose_case_spacing(case: Case, settings: Settings, *, runs: int = 1) -> Spa
     """
     accuracy, horizon = settings.accuracy(case), case.duration
     scene = simulated_scene(case, settings.coarseness(case))
-    effects = effects_for(
-        scene, {**FORCED, **settings.forced}, accuracy=accuracy, horizon=horizon
-    )
+    effects = effects_for(scene, settings.effects, accuracy=accuracy, horizon=horizon)
     return choose_spacing(
         scene, settings.preset, accuracy, effects=effects, horizon=horizon, runs=runs,
         device=settings.device,

@@ -143,7 +143,7 @@ class Recording:
         return self.frame_logged((self.bag.end_ns or 0) if end is None else end, time)
 
     def log_times(self) -> list[int]:
-        """Return the log time of the last map of each frame [ns], also without simulated times.
+        """Return the log time of the last map of each frame [ns], even without simulated times.
 
         Raises:
             LavaError: If the bag is damaged.

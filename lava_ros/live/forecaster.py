@@ -182,7 +182,7 @@ class Forecaster:
     def age(self, forecast: Forecast | EnsembleForecast | None) -> float:
         """Return the simulated time since the start of a forecast or ensemble [s], 0 for None.
 
-        It passes with the clock, also while the simulation waits for the end of a time step.
+        It passes with the clock, even while the simulation waits for the end of a time step.
         """
         if forecast is None:
             return 0.0

@@ -351,7 +351,7 @@ class SimulationSession:
             self._note_change()
 
     def reset(self) -> None:
-        """Start the scene again at time 0, also after a failure."""
+        """Start the scene again at time 0, even after a failure."""
         if self.scene is None:
             problem = 'There is no simulation to reset'
             raise RefusalError('reset', problem, 'Publish a terrain first')

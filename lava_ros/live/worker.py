@@ -120,7 +120,7 @@ class SimulationWorker:
 
     @property
     def status(self) -> WorkerStatus:
-        """The current status of the worker, also if its thread is busy or has ended."""
+        """The current status of the worker, even if its thread is busy or has ended."""
         (task, begun), now = self._task, time.monotonic()
         so_far = now - begun if task else 0.0
         status = replace(
@@ -284,7 +284,7 @@ class SimulationWorker:
 
     @command('reset')
     def reset(self) -> None:
-        """Restart the scene at time 0, also after a failure; a pause remains."""
+        """Restart the scene at time 0, even after a failure; a pause remains."""
         self.session.reset()
 
     @command('step')

@@ -57,7 +57,7 @@ def _table_of_bag(
 ) -> ArrivalTable:
     panel = run.panels.get('arrival')
     if panel is None:
-        raise LavaError('bag', str(path), 'a bag with the layer arrived, or one of the thickness')
+        raise LavaError('bag', str(path), 'a bag with the layer arrived, or with the thickness')
     end, arrived = panel.frame.time, panel.values
     if time is not None:
         # the newest map contains all earlier arrival times, exact to the time step

@@ -66,6 +66,10 @@ STYLES = {
         ('#f2b134', '#2166ac', '#b2182b'),
         {1.0: 'hit', 2.0: 'miss', 3.0: 'false alarm'},
     ),
+    'barriers': Style(
+        'Difference', '', ('#2166ac', '#b2182b'),
+        {1.0: 'lava without barriers only', 2.0: 'lava with barriers only'},
+    ),
 }
 
 #: Labels of colour bars by unit of time.

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Comparison of two ensembles of the same members, with and without barriers."""
+"""Comparison of two runs, or two ensembles of the same members, without and with barriers."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,8 +15,8 @@ from lava_ros.files.csv import format_table
 from lava_ros.layers.numbers import area_words, duration
 from lava_ros.products.arrivals import table_of
 from lava_ros.products.gis import PROBABILITIES, Provenance, write_grid
-from lava_ros.products.run_page import read_run
-from lava_ros.products.sheet import draw_sheet
+from lava_ros.products.run_page import read_run, Run
+from lava_ros.products.sheet import draw_sheet, Panel
 from lava_ros.scene.features import read_features
 
 #: Files of a comparison: the map of the difference, the picture, and the table of places.
@@ -28,15 +28,17 @@ _CASES = ('without', 'with')
 COLUMNS = ('name', 'kind', *(f'{value}_{case}' for value in _VALUES for case in _CASES))
 
 
-def compare_ensembles(
+def compare_runs(
     without: Path, with_barriers: Path, output: Path, *, places: Sequence[str] = (),
     lines: Sequence[str] = (), built: float = 0.0, origin: Provenance,
 ) -> dict[str, Any]:
-    """Compare two ensembles, and write maps, a picture, and a table of places.
+    """Compare two runs or two ensembles, and write maps, a picture, and a table of places.
+
+    The change of a run is -100 or 100 where lava comes only without or only with barriers.
 
     Args:
-        without: Folder of the ensemble without barriers.
-        with_barriers: Folder of the ensemble with barriers.
+        without: Folder of the run or the ensemble without barriers.
+        with_barriers: Folder of the run or the ensemble with barriers.
         output: Folder for the files.
         places: Files of points, lines and areas; without files there is no table.
         lines: Files of barriers that are built later and are not part of the terrain.
@@ -44,32 +46,36 @@ def compare_ensembles(
         origin: Origin of the maps, for their tags.
 
     Returns:
-        Areas by minimum probability [m2] and places, without and with barriers, and the written
-        ``files``.
+        Inundated areas [m2], of ensembles by minimum probability, and places, without and with
+        barriers, and the written ``files``.
 
     Raises:
-        LavaError: If an ensemble or a file of places cannot be read, or a file cannot be written.
+        LavaError: If a run or a file of places cannot be read, or a file cannot be written.
     """
-    runs = [read_run(path) for path in (without, with_barriers)]
-    likely = [np.nan_to_num(run.panels['inundation_probability'].values) for run in runs]
+    runs = [read_run(path, wanted=('arrival',)) for path in (without, with_barriers)]
+    likely = [_probability(run) for run in runs]
     terrain = runs[1].terrain
     change = np.where(terrain.has_data, likely[1] - likely[0], np.nan)
     files = write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)[:1]
     areas = {
-        f'at least {least:g} %': {
-            name: run.ensemble.areas[least]
-            for name, run in zip(_CASES, runs, strict=True) if run.ensemble is not None
-        }
-        for least in PROBABILITIES
+        name: dict(zip(_CASES, pair, strict=True))
+        for name, *pair in zip(*_areas(runs), strict=True)
     }
+    shown, middle, drawn = 'arrival', 'inundated', 'barriers'
+    if runs[0].ensemble is not None:
+        shown, middle, drawn = 'inundation_probability', 'at least 50 %', 'change'
     panels = [
-        replace(run.panels['inundation_probability'], title=title)
-        for run, title in zip(runs, ('Without barriers', 'With barriers'), strict=True)
+        replace(run.panels[shown], title=f'{case.capitalize()} barriers')
+        for run, case in zip(runs, _CASES, strict=True) if shown in run.panels
     ]
-    shown = np.where(change != 0.0, change, np.nan)
-    panels.append(replace(panels[1], source='change', values=shown, title='Change'))
-    texts = [area_words(areas['at least 50 %'][case]) for case in _CASES]
-    subtitle = f'{texts[0]} at 50 % or more without barriers, {texts[1]} with barriers'
+    frame = runs[1].panels['thickness'].frame
+    differs = np.where(change != 0.0, change, np.nan)
+    if drawn == 'barriers':
+        differs = np.select([differs < 0.0, differs > 0.0], [1.0, 2.0], np.nan)
+    panels.append(Panel(frame, drawn, differs, 'Change'))
+    texts = [area_words(areas[middle][case]) for case in _CASES]
+    at = ' at 50 % or more' if runs[0].ensemble is not None else ''
+    subtitle = f'{texts[0]}{at} without barriers, {texts[1]} with barriers'
     draw_sheet(
         panels, output / PICTURE, title=f'Effect of barriers: {runs[0].title}',
         subtitle=f'{subtitle} built after {duration(built)}' if built else subtitle,
@@ -102,6 +108,30 @@ def compare_ensembles(
         write_output('--output', output / TABLE, format_table(COLUMNS, rows))
         files.append(output / TABLE)
     return {'area_m2': areas, 'places': rows, 'files': [str(path) for path in files]}
+
+
+def _probability(run: Run) -> np.ndarray:
+    """Return the probability of inundation [%]; that of a single run is 0 or 100."""
+    if run.ensemble is not None:
+        known: np.ndarray = np.nan_to_num(run.panels['inundation_probability'].values)
+        return known
+    arrival = run.panels.get('arrival')
+    if arrival is None:
+        # no lava
+        return np.zeros(run.terrain.shape)
+    return np.where(np.isfinite(arrival.values), 100.0, 0.0)
+
+
+def _areas(runs: Sequence[Run]) -> tuple[list[Any], ...]:
+    """Return the names of areas, and the areas [m2] of each run."""
+    if runs[0].ensemble is not None:
+        names = [f'at least {least:g} %' for least in PROBABILITIES]
+        members = [run.ensemble for run in runs if run.ensemble is not None]
+        return names, *([item.areas[least] for least in PROBABILITIES] for item in members)
+    frames = [run.panels['thickness'].frame for run in runs]
+    return ['inundated'], *(
+        [0.0 if frame.inundated is None else frame.area(frame.inundated)] for frame in frames
+    )
 
 
 def place_texts(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:

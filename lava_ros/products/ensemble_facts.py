@@ -31,7 +31,7 @@ _VALUES = {
     'inundated_area_worst_m2': 'area inundated in any run',
     'spacing_error': 'error of the particle spacing',
     'is_usable': 'whether the error of the particle spacing is small enough',
-    'inputs': 'uncertain quantities with their sources',
+    'quantities': 'uncertain quantities with their sources',
     'switched_on': 'effects that the runs have switched on',
     'forced': 'effects that were forced',
 }

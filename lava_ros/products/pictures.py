@@ -206,7 +206,11 @@ def _named(paths: Sequence[str]) -> dict[str, str]:
 
 
 def _window(extent: Sequence[float], runs: Sequence[Run]) -> Window:
-    """Return the extent in the terrain's coordinates; LavaError if a run has no terrain in it."""
+    """Return the extent in the terrain's coordinates.
+
+    Raises:
+        LavaError: If the extent contains no terrain of a run.
+    """
     west, south, east, north = (float(value) for value in extent)
     shown = ' '.join(f'{value:g}' for value in extent)
     terrain = runs[0].terrain

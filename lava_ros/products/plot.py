@@ -47,6 +47,12 @@ ISOCHRONE: dict[str, Any] = {'colors': '#101010', 'linewidths': 0.7}
 #: Style of the crests of barriers in maps and legends.
 BARRIER: dict[str, Any] = {'color': '#3d2b1f', 'linewidth': 1.5}
 
+#: Minimum range of slopes of a terrain with relief, rise over run.
+MIN_SLOPES = 1e-3
+
+#: Distance of the lowest label of the y axis from the corner [inches].
+CORNER = 0.3
+
 # Round steps of coordinates and elevations.
 _GRID = (1.0, 2.0, 5.0, 10.0)
 
@@ -170,6 +176,9 @@ def shaded_ground(frame: Frame) -> np.ndarray:
     shade = light.hillshade(
         elevation[::-1], vert_exag=1.6, dx=frame.resolution, dy=frame.resolution
     )[::-1]
+    if max(np.ptp(slope) for slope in np.gradient(elevation, frame.resolution)) < MIN_SLOPES:
+        # LightSource would stretch rounding errors
+        shade = np.full(elevation.shape, 0.5)
     tint = LinearSegmentedColormap.from_list('ground', GROUND)
     colours = tint((elevation - low) / max(high - low, 1e-6))
     level = (frame.scene.get('terrain') or {}).get('sea_level')
@@ -307,7 +316,12 @@ def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
     for axis, name, start in zip(both, names, offset or (0, 0), strict=True):
         low, high = axis.get_view_interval()
         first = math.ceil((low + start) / step) * step - start
-        axis.set_ticks(np.arange(first, high, step))
+        ticks = np.arange(first, high, step)
+        if axis is axes.yaxis:
+            # a label near the corner would be on that of the x axis
+            height = axes.get_position().height * axes.figure.get_figheight()
+            ticks = ticks[(ticks - low) * height >= CORNER * (high - low)]
+        axis.set_ticks(ticks)
         axis.set_major_formatter(
             FuncFormatter(lambda value, _, start=start: f'{value + start:,.0f}'.replace(',', ' '))
         )

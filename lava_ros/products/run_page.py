@@ -13,19 +13,16 @@ from typing import Any
 
 import numpy as np
 
-import lava_ros
 from lava_ros import validation
 from lava_ros.bag.decoding import Moment
 from lava_ros.bag.description import described, effects_on
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
-from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import read_raster
-from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.sentinels import CalledEffect
-from lava_ros.forecast.store import MANIFEST
+from lava_ros.forecast.store import ensemble_record, is_ensemble
 from lava_ros.layers.arrival import Arrival
 from lava_ros.layers.frame import Frame, frame_of
 from lava_ros.layers.numbers import area_words, duration
@@ -35,7 +32,6 @@ from lava_ros.products.ensemble_facts import describe_influence, describe_uncert
 from lava_ros.products.gis import PROBABILITIES
 from lava_ros.products.plot import time_note, titles
 from lava_ros.products.run_warnings import (
-    error_of_folder,
     error_of_moment,
     warnings_of_moments,
     warnings_of_plan,
@@ -139,11 +135,6 @@ def dated(given: Onset | None, zone: tzinfo | None, runs: Sequence[Run]) -> Onse
     if onset is None and zone is not None:
         raise validation.dependence('--timezone', '--start')
     return None if onset is None else replace(onset, zone=zone)
-
-
-def is_ensemble(path: str | Path) -> bool:
-    """Return True if a path is the folder of an ensemble."""
-    return (Path(path) / MANIFEST).is_file()
 
 
 def read_run(
@@ -271,6 +262,8 @@ def _emitted(
         value = budget.emitted
         in_millions, rounded = f'{value / 1e6:.3g} million m³', float(f'{value:.3g}')
         facts['volume emitted'] = in_millions if value >= 1e5 else f'{rounded:,g} m³'
+        if budget.in_sea:
+            facts['volume in the sea'] = dict(budget.rows())['in the sea'].replace('m3', 'm³')
     return facts
 
 
@@ -326,10 +319,8 @@ def _ground(frame: Frame) -> dict[str, str]:
 
 def _ensemble(folder: Path) -> Run:
     require('rasterio', 'GeoTIFF', str(folder))
-    missing = Missing()
+    missing, manifest = Missing(), ensemble_record(folder)
     try:
-        with open_input(folder / MANIFEST) as file:
-            manifest: Any = parse_json(MANIFEST, file.read())
         known, plan = manifest['scene'], manifest['plan']
         reviewed = map(CalledEffect.from_dict, missing.get(plan, 'switched_on') or ())
         place = dict(known['terrain'])
@@ -370,7 +361,8 @@ def _ensemble(folder: Path) -> Run:
             scene, horizon, accuracy, Effects(**plan['effects']), int(plan['looks']),
             forced=missing.get(plan, 'forced') or {},
         )
-        measured = error_of_folder(folder)
+        # version 0.1.0 did not keep it
+        measured = manifest.get('numerical_error')
         found = {
             least: missing.get(tags, f'inundated_area_p{least:.0f}_m2') for least in PROBABILITIES
         }
@@ -380,12 +372,12 @@ def _ensemble(folder: Path) -> Run:
         limits = [] if limit is None else [f'no lava in any run means below {float(limit):.2g} %']
         spacing_error = missing.get(tags, 'spacing_error') or 'missing'
         is_unusable = missing.get(tags, 'is_usable') == 'false'
-        inputs = missing.get(manifest, 'inputs')
+        inputs = missing.get(manifest, 'quantities')
     except (OSError, KeyError, TypeError, ValueError) as error:
         expected = f'an ensemble whose maps are finished and undamaged ({error})'
         raise LavaError('ensemble', str(folder), expected) from error
     texts += [f'{area_words(area)} at {least:g} % or more' for least, area in areas.items()]
-    version = manifest.get('lava_ros', lava_ros.__version__)
+    version = manifest['program']['lava_ros']
     preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
     carriers = describe_carriers(
         ran.accuracy.method, f'{float(plan["accuracy"]["spacing"] or 0.0):.3g}'
@@ -430,7 +422,7 @@ def _raster(
     source = read_raster('a map', path, kind=np.float64)
     values, tags = np.flipud(source.values[0].filled(np.nan)), dict(source.tags)
     if values.shape != shape:
-        raise ValueError(f'the grid of {path.name} differs from that in {MANIFEST}')
+        raise ValueError(f'the grid of {path.name} differs from that of the ensemble')
     wrong = values[(values < least) | (values > most)]
     if wrong.size:
         raise ValueError(f'{path.name} has {wrong[0]:g}, expected {least:g} to {most:g}')

@@ -6,11 +6,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 import math
-from pathlib import Path
 from typing import Any
 
 from lava_ros.bag.decoding import Moment
-from lava_ros.forecast.ensemble_error import stored_error
 from lava_ros.forecast.members import Plan
 from lava_ros.layers.numbers import percent
 from lava_ros.simulation.output.budget import VolumeBudget
@@ -87,13 +85,3 @@ def error_of_moment(moment: Moment | None) -> dict[str, Any] | None:
         'standing': {'total': standing},
         'time_s': time,
     }
-
-
-def error_of_folder(folder: Path) -> dict[str, Any] | None:
-    """Return the numerical error of the members in a folder of maps; None if it is not measured.
-
-    Raises:
-        LavaError: If its file is not valid.
-    """
-    error, _ = stored_error(folder if (folder / 'members').is_dir() else folder.parent)
-    return None if error is None else error.as_dict()

@@ -306,7 +306,8 @@ def _draw_degrees(axes: Any, window: Window, offset: tuple[float, float], system
         for value, along in zip(ticks[::every], places[::every], strict=True):
             value = (value + 180.0) % 360.0 - 180.0
             letter = ('WE', 'SN')[axis][int(value >= 0.0)]
-            words = f'{abs(value):.{digits}f}° {letter}'
+            is_antimeridian = round(abs(value), digits) == 180.0
+            words = f'{abs(value):.{digits}f}°' + ('' if is_antimeridian else f' {letter}')
             place = (along, 1.0) if axis == 0 else (1.0, along)
             inward = ((0, -3), (-3, 0))[axis]
             axes.annotate(

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Provenance of a run: program, and a digest of all that decides its result."""
+"""Provenance of a run: program, inputs, scene, and a digest of all that decides its result."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from datetime import datetime, timezone
 import hashlib
 import json
 from pathlib import Path
@@ -11,11 +12,33 @@ import subprocess
 from typing import Any
 
 import lava_ros
-from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.scene import date_text, Scene, scene_to_dict
+from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.simulation import MODEL
 
 #: Maximum wait for git [s].
 _GIT_TIMEOUT = 5.0
+
+
+def description(
+    scene: Scene, identity: str, settings: Mapping[str, Any],
+    inputs: Sequence[Mapping[str, Any]] = (),
+) -> dict[str, Any]:
+    """Return the part of ``run.json`` that is known at the start, and that all runs have.
+
+    Args:
+        scene: The scene, with all values resolved.
+        identity: Digest of the scene and the settings.
+        settings: Everything else that the user has chosen, as plain data.
+        inputs: Path, size and digest of each input file.
+    """
+    begun = datetime.now(timezone.utc).replace(microsecond=0)
+    return {
+        'program': program(), 'identity': identity, 'begun': date_text(begun),
+        'onset': None if scene.onset is None else date_text(scene.onset),
+        'settings': dict(settings), 'inputs': list(inputs), 'scene': scene_to_dict(scene),
+        'erupting_lava': EruptingLava.of(scene).as_dict(),
+    }
 
 
 def program() -> dict[str, Any]:

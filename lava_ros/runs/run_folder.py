@@ -12,12 +12,10 @@ from pathlib import Path
 import shutil
 from typing import Any
 
-import numpy as np
-
 from lava_ros.bag.run_bag import bag_in, RUN_FILE
 from lava_ros.errors import refusing
 from lava_ros.runs.map_bag import RunBag, START_NS
-from lava_ros.runs.store import numbered, RunStore, USABLE
+from lava_ros.runs.store import numbered, RunStore
 from lava_ros.scene import Scene
 from lava_ros.simulation.output.checkpoint import Checkpoint
 
@@ -33,8 +31,7 @@ class RunFolder(RunStore):
     """
 
     def __init__(
-        self, path: Path, scene: Scene, record: Mapping[str, Any], data: Mapping[str, str],
-        expected: str = USABLE,
+        self, path: Path, scene: Scene, record: Mapping[str, Any], data: Mapping[str, str]
     ) -> None:
         """Create the folder, or resume the interrupted run in it.
 
@@ -43,12 +40,11 @@ class RunFolder(RunStore):
             scene: The scene of the run.
             record: Contents of ``run.json``, with ``identity`` and ``program``.
             data: Description of the bag in addition to its scene.
-            expected: Description of a usable folder, for the error.
 
         Raises:
             LavaError: As for ``RunStore``.
         """
-        super().__init__(path, record, expected)
+        super().__init__(path, record)
         former = bag_in(path)
         with refusing('--output', str(path), 'a writable folder', OSError):
             maps = next(item for item in numbered(path / MAPS) if not item.exists())
@@ -62,13 +58,11 @@ class RunFolder(RunStore):
                 # the new bag contains its maps up to the checkpoint
                 shutil.rmtree(former)
 
-    def keep(
-        self, checkpoint: Checkpoint, arrays: Mapping[str, np.ndarray] = {}, **changes: Any
-    ) -> None:
+    def keep(self, checkpoint: Checkpoint, **changes: Any) -> None:
         """Store the state, and the maps before it; arguments and errors as for ``RunStore``."""
         with refusing('--output', str(self.path), 'a writable folder', OSError):
             self.bag.flush()
-        super().keep(checkpoint, arrays, **changes)
+        super().keep(checkpoint, **changes)
 
     def put(self, changes: Mapping[str, Any]) -> None:
         """Write ``run.json`` with some values changed, and with the topics of the bag."""
@@ -77,9 +71,17 @@ class RunFolder(RunStore):
 
     def finish(self, changes: Mapping[str, Any]) -> None:
         """Close the bag, write ``run.json`` and remove the state; errors as for ``RunStore``."""
+        self.close_bag()
+        super().finish(changes)
+
+    def close_bag(self) -> None:
+        """Close the bag, which can then be read.
+
+        Raises:
+            LavaError: If it cannot be written.
+        """
         with refusing('--output', str(self.path), 'a writable folder', OSError):
             self.bag.close()
-        super().finish(changes)
 
     def discard(self) -> None:
         """Remove the files of a new run that could not start; keep the files of a resumed run.
@@ -102,5 +104,4 @@ class RunFolder(RunStore):
         """
         super().close()
         if hasattr(self, 'bag'):
-            with refusing('--output', str(self.path), 'a writable folder', OSError):
-                self.bag.close()
+            self.close_bag()

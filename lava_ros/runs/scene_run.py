@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from datetime import datetime, timezone
 import json
 from pathlib import Path
 import time as wall_clock
@@ -15,21 +14,22 @@ from lava_ros.bag.description import effect_table, is_on
 from lava_ros.bag.status_values import numerical_error_values, resolution_values
 from lava_ros.runs.drive import drive, Sink
 from lava_ros.runs.map_bag import stamp_at
-from lava_ros.runs.provenance import identity_of, program
+from lava_ros.runs.provenance import description, identity_of
 from lava_ros.runs.run_folder import RunFolder
 from lava_ros.runs.sinks import SnapshotSink, valid_snapshot
 from lava_ros.runs.store import KeepSink, unused_folder
-from lava_ros.scene import date_text, Scene, scene_to_dict
-from lava_ros.scene.erupting_lava import EruptingLava
+from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
 from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import Snapshot
+from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.selection import warnings_of
 
-#: Parent folder of runs without ``--output``.
-RUNS = Path('runs')
+
+def _same(snapshot: Snapshot) -> Snapshot:
+    return snapshot
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,12 @@ class Request:
         device: Warp device; None for the first GPU, or the CPU without one.
         inputs: Path, size and digest of each input file (``SourcedScene.digests``).
         remarks: Warnings about the inputs.
-        output: The folder; None for an unused one in ``RUNS``.
+        output: The folder; None for an unused one in ``runs/``.
+        kind: Kind of the run: ``scene`` or ``case``.
+        data: Parts of the description of the bag.
+        simulated: Returns the scene on the cells of a simulation with an accuracy; None for the
+            cells of the scene.
+        shown: Converts a snapshot to the cells of the scene.
     """
 
     scene: Scene
@@ -61,6 +66,10 @@ class Request:
     inputs: Sequence[Mapping[str, Any]] = ()
     remarks: Sequence[str] = ()
     output: Path | None = None
+    kind: str = 'scene'
+    data: Mapping[str, str] = field(default_factory=dict)
+    simulated: Callable[[Accuracy], Scene] | None = None
+    shown: Callable[[Snapshot], Snapshot] = _same
 
 
 class SceneRun:
@@ -71,6 +80,9 @@ class SceneRun:
         simulation: The simulation.
         folder: Its folder.
         snapshot: The newest map; None before the first.
+        error: The numerical error; None if it is not measured.
+        most_particles: Largest number of particles in any map.
+        effects: State of each effect with its reason, by name, after the newest switch.
     """
 
     def __init__(self, request: Request) -> None:
@@ -85,21 +97,22 @@ class SceneRun:
             'forced': dict(request.forced), **request.settings,
         }
         identity = identity_of(scene, plan)
-        path = request.output or unused_folder(RUNS, request.name, identity)
-        begun = datetime.now(timezone.utc).replace(microsecond=0)
-        onset = None if scene.onset is None else date_text(scene.onset)
+        path = request.output or unused_folder(request.name, identity)
         record: dict[str, Any] = {
-            'program': program(), 'identity': identity,
-            'begun': date_text(begun), 'wall_time_s': 0.0, 'onset': onset, 'settings': plan,
-            'inputs': list(request.inputs), 'scene': scene_to_dict(scene),
-            'erupting_lava': EruptingLava.of(scene).as_dict(), 'effects': [],
+            'kind': request.kind, **description(scene, identity, plan, request.inputs),
+            'wall_time_s': 0.0, 'particles_at_most': 0, 'effects': [],
         }
-        self.folder = RunFolder(path, scene, record, {'begun': record['begun']})
+        data = {**request.data, 'begun': record['begun']}
+        self.folder = RunFolder(path, scene.at(0.0), record, data)
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
-        self._effects: dict[str, str] = {}
+        self._wall_time: float | None = None
+        # absent from folders of older versions
+        self.most_particles = int(self.folder.record.get('particles_at_most', 0))
+        self.effects: dict[str, str] = {}
         for change in self.folder.record['effects']:
-            self._effects |= change['effects']
+            self.effects |= change['effects']
         self.snapshot: Snapshot | None = None
+        self.error: NumericalError | None = None
         try:
             self.simulation = self._started()
         except BaseException:
@@ -122,6 +135,8 @@ class SceneRun:
     @property
     def wall_time(self) -> float:
         """Wall time of the run, including its earlier parts [s]."""
+        if self._wall_time is not None:
+            return self._wall_time
         return float(self._earlier) + wall_clock.monotonic() - self._begun
 
     def keep(self) -> None:
@@ -130,15 +145,19 @@ class SceneRun:
         Raises:
             LavaError: If it cannot be written.
         """
-        self.folder.keep(self.simulation.checkpoint(), wall_time_s=self.wall_time)
+        self.folder.keep(
+            self.simulation.checkpoint(), wall_time_s=self.wall_time,
+            particles_at_most=self.most_particles,
+        )
 
     def _started(self) -> Simulation:
         request, checkpoint = self.request, self.folder.checkpoint
         if checkpoint is not None:
             return Simulation.resume(checkpoint, device=request.device)
         preset, accuracy = request.accuracy()
+        scene = request.scene if request.simulated is None else request.simulated(accuracy)
         simulation = Simulation(
-            request.scene, effects=request.forced, accuracy=accuracy, device=request.device,
+            scene, effects=request.forced, accuracy=accuracy, device=request.device,
             horizon=request.until,
         )
         self.folder.put({
@@ -154,31 +173,42 @@ class SceneRun:
         """
         simulation = self.simulation
         self._note_effects(simulation, simulation.time)
-        maps = SnapshotSink(self.request.times, self._put, after=simulation.time)
+        shown = self.request.shown
+        maps = SnapshotSink(
+            self.request.times, self._put, after=simulation.time, convert=shown
+        )
         drive(simulation, self.request.until, [maps, KeepSink(self.keep), *sinks])
         if self.snapshot is None:
             # resumed after the last map
-            self.snapshot = valid_snapshot(simulation)
+            self.snapshot = valid_snapshot(simulation, shown)
+        self._wall_time = self.wall_time
         return self.snapshot
 
-    def finish(self, error: NumericalError | None) -> dict[str, Any]:
-        """Write the numerical error, None if it was not measured, and ``run.json``.
+    def note_error(self, error: NumericalError | None) -> None:
+        """Write the numerical error, None if it was not measured, and close the bag.
+
+        Raises:
+            LavaError: If a file cannot be written.
+        """
+        self.error = error
+        if error is not None:
+            self.folder.bag.put_error(
+                {'numerical_error': error.text(), **numerical_error_values(error)}
+            )
+        self.folder.close_bag()
+
+    def finish(self, facts: Mapping[str, Any] = {}) -> dict[str, Any]:
+        """Write ``run.json`` with the results, and with further facts.
 
         Returns:
             The contents of ``run.json``.
 
         Raises:
-            LavaError: If a file cannot be written.
+            LavaError: If the file cannot be written.
         """
-        snapshot, simulation = self.snapshot, self.simulation
+        snapshot, error = self.snapshot, self.error
         assert snapshot is not None
-        text = NOT_MEASURED if error is None else error.text()
-        if error is not None:
-            self.folder.bag.put_error(
-                {'numerical_error': text, **numerical_error_values(error)}
-            )
-        resolution = current_resolution(snapshot, simulation.accuracy, simulation.resolution)
-        budget = snapshot.budget
+        resolution, budget = self.resolution, snapshot.budget
         self.folder.finish({
             'resolution': {
                 'spacing_m': resolution.spacing, 'flow_width_m': resolution.width,
@@ -186,41 +216,55 @@ class SceneRun:
             },
             'flow_kind': None if resolution.kind is None else resolution.kind.text(),
             'numerical_error': None if error is None else error.as_dict(),
-            'numerical_error_text': text,
+            'numerical_error_text': NOT_MEASURED if error is None else error.text(),
             'simulated_time_s': snapshot.time,
             'inundation_threshold_m': snapshot.threshold,
             'inundated_area_m2': snapshot.area(snapshot.inundated),  # type: ignore[arg-type]
             'standing_area_m2': snapshot.standing_area,
             **{name: float(value) for name, value in budget.texts().items()},
             'particles': snapshot.particle_count,
+            'particles_at_most': self.most_particles,
             'steps': snapshot.steps.count,
             'wall_time_s': round(self.wall_time, 3),
-            'warnings': [
-                *self.request.remarks, *budget.warnings(), *resolution.warnings(),
-                *warnings_of(self.simulation.decisions()),
-            ],
+            'warnings': self.warnings(),
+            **facts,
         })
         return self.folder.record
+
+    def warnings(self) -> list[str]:
+        """Return what a reader of the maps must know, in phrases."""
+        assert self.snapshot is not None
+        return [
+            *self.request.remarks, *self.snapshot.budget.warnings(), *self.resolution.warnings(),
+            *warnings_of(self.simulation.decisions()),
+        ]
+
+    @property
+    def resolution(self) -> Resolution:
+        """Measured resolution of the newest map; the expected one if the flow is too small."""
+        assert self.snapshot is not None
+        simulation = self.simulation
+        return current_resolution(self.snapshot, simulation.accuracy, simulation.resolution)
 
     def _put(self, simulation: Simulation, snapshot: Snapshot) -> None:
         """Write a frame, and the effects that have been switched."""
         self.snapshot = snapshot
+        self.most_particles = max(self.most_particles, snapshot.particle_count)
         self._note_effects(simulation, snapshot.time)
-        values = resolution_values(
-            current_resolution(snapshot, simulation.accuracy, simulation.resolution)
-        )
-        self.folder.bag.put_snapshot(simulation.scene, snapshot, values)
+        is_refined = self.request.simulated is not None
+        scene = self.request.scene.at(snapshot.time) if is_refined else simulation.scene
+        self.folder.bag.put_snapshot(scene, snapshot, resolution_values(self.resolution))
 
     def _note_effects(self, simulation: Simulation, time: float) -> None:
         """Add the effects that have been switched to ``run.json`` and to the bag."""
         table = effect_table(simulation.effects, simulation.decisions())
         changed = {
             name: text for name, text in table.items()
-            if name not in self._effects or is_on(text) != is_on(self._effects[name])
+            if name not in self.effects or is_on(text) != is_on(self.effects[name])
         }
         if not changed and self.snapshot is not None:
             return
-        self._effects |= changed
+        self.effects |= changed
         history = list(self.folder.record['effects'])
         if changed:
             history.append({'stamp_ns': stamp_at(time), 'time': time, 'effects': changed})

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The state of a run in its folder, from which an interrupted run is resumed."""
+"""Folders with ``run.json``, and the state from which an interrupted run is resumed."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import fcntl
@@ -13,12 +13,9 @@ from pathlib import Path
 import time as wall_clock
 from typing import Any
 
-import numpy as np
-
 from lava_ros.bag.run_bag import RUN_FILE
 from lava_ros.errors import LavaError, refusing
-from lava_ros.files import open_input, replacing, write_output
-from lava_ros.files.npz import read_arrays
+from lava_ros.files import open_input, write_output
 from lava_ros.files.yaml import parse_json
 from lava_ros.runs.sinks import ScheduledSink
 from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes
@@ -26,8 +23,11 @@ from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes
 #: Version of the format of ``run.json``.
 VERSION = 1
 
-#: Files of an interrupted run: its last state, and arrays that belong to it.
-CHECKPOINT, ARRAYS = 'checkpoint', 'arrays.npz'
+#: File with the last state of an interrupted run.
+CHECKPOINT = 'checkpoint'
+
+#: Parent folder of runs without ``--output``.
+RUNS = Path('runs')
 
 #: Minimum wall time after which a run stores its state again [s], and maximum fraction of the
 #: wall time that storing takes.
@@ -40,66 +40,28 @@ RUNNING, FINISHED = 'running', 'finished'
 USABLE = 'a folder that is new, empty, or of an interrupted run of the same scene and settings'
 
 
-class RunStore:
-    """A folder with ``run.json`` and the state of an interrupted run, which one run can use.
+class RecordedFolder:
+    """A folder with ``run.json``, which one run at a time can use.
 
     Attributes:
         path: The folder.
-        record: Contents of ``run.json``; of a resumed run, those that it had.
-        checkpoint: State from which the run is resumed; None for a new run.
-        arrays: Arrays that were stored with it, by name.
+        record: Contents of ``run.json``.
     """
 
-    def __init__(self, path: Path, record: Mapping[str, Any], expected: str = USABLE) -> None:
-        """Create the folder, or read the state of the interrupted run in it.
+    def __init__(self, path: Path, record: Mapping[str, Any]) -> None:
+        """Create the folder unless it exists, and keep other runs from it.
 
         Args:
-            path: The folder: new, empty, or of an interrupted run with the same identity.
-            record: Contents of ``run.json``, with ``identity`` and ``program``.
-            expected: Description of a usable folder, for the error.
+            path: The folder, which the run can use.
+            record: Contents of ``run.json``.
 
         Raises:
-            LavaError: If the folder contains anything else, cannot be read or written, or another
-                run is using it.
+            LavaError: If the folder cannot be written, or another run is using it.
         """
         self.path, self.record = path, {'status': RUNNING, **record}
-        self.checkpoint: Checkpoint | None = None
-        self.arrays: dict[str, np.ndarray] = {}
-        known = known_record(path)
-        if not is_usable(path, known, record['identity']):
-            raise LavaError('--output', str(path), expected)
         with refusing('--output', str(path), 'a writable folder', OSError):
             path.mkdir(parents=True, exist_ok=True)
             self._lock: int | None = _locked(path)
-        if (path / CHECKPOINT).is_file() and known:
-            with refusing('--output', str(path), expected, OSError, KeyError, TypeError):
-                self._read_state(known)
-
-    def _read_state(self, known: Mapping[str, Any]) -> None:
-        self.checkpoint = from_bytes((self.path / CHECKPOINT).read_bytes())
-        if (self.path / ARRAYS).is_file():
-            self.arrays = dict(read_arrays('--output', self.path / ARRAYS))
-        self.record = dict(known)
-
-    def keep(
-        self, checkpoint: Checkpoint, arrays: Mapping[str, np.ndarray] = {}, **changes: Any
-    ) -> None:
-        """Store the state from which the run can be resumed.
-
-        Args:
-            checkpoint: The state.
-            arrays: Arrays to which later parts of the run only append.
-            changes: Changes of ``run.json``.
-
-        Raises:
-            LavaError: If a file cannot be written.
-        """
-        self.put(changes)
-        with refusing('--output', str(self.path), 'a writable folder', OSError):
-            if arrays:
-                with replacing(self.path / ARRAYS) as partial:
-                    np.savez(partial, **arrays)  # type: ignore[arg-type]
-        write_output('--output', self.path / CHECKPOINT, checkpoint.to_bytes())
 
     def put(self, changes: Mapping[str, Any]) -> None:
         """Write ``run.json`` with some values changed.
@@ -108,19 +70,15 @@ class RunStore:
             LavaError: If it cannot be written.
         """
         self.record = _finite({'version': VERSION, **self.record, **changes})
-        text = json.dumps(self.record, indent=1, allow_nan=False) + '\n'
-        write_output('--output', self.path / RUN_FILE, text)
+        write_record(self.path, self.record)
 
     def finish(self, changes: Mapping[str, Any]) -> None:
-        """Write ``run.json`` of a finished run, and remove its state.
+        """Write ``run.json`` of a finished run, and release the folder for other runs.
 
         Raises:
-            LavaError: If a file cannot be written.
+            LavaError: If the file cannot be written.
         """
         self.put({**changes, 'status': FINISHED})
-        with refusing('--output', str(self.path), 'a writable folder', OSError):
-            for name in (CHECKPOINT, ARRAYS):
-                (self.path / name).unlink(missing_ok=True)
         self.close()
 
     def close(self) -> None:
@@ -133,6 +91,69 @@ class RunStore:
         """Release the folder for other runs."""
         if getattr(self, '_lock', None) is not None:
             self.close()
+
+
+class RunStore(RecordedFolder):
+    """A folder with ``run.json`` and the state of an interrupted run.
+
+    Attributes:
+        checkpoint: State from which the run is resumed; None for a new run.
+    """
+
+    def __init__(self, path: Path, record: Mapping[str, Any]) -> None:
+        """Create the folder, or read the state of the interrupted run in it.
+
+        Args:
+            path: The folder: new, empty, or of an interrupted run with the same identity.
+            record: Contents of ``run.json``, with ``identity`` and ``program``. Those of a resumed
+                run replace them.
+
+        Raises:
+            LavaError: If the folder contains anything else, cannot be read or written, or another
+                run is using it.
+        """
+        known = known_record(path)
+        if not is_usable(path, known, record['identity']):
+            raise LavaError('--output', str(path), USABLE)
+        super().__init__(path, record)
+        self.checkpoint: Checkpoint | None = None
+        if (path / CHECKPOINT).is_file() and known:
+            with refusing('--output', str(path), USABLE, OSError, KeyError, TypeError):
+                self.checkpoint = from_bytes((path / CHECKPOINT).read_bytes())
+                self.record = dict(known)
+
+    def keep(self, checkpoint: Checkpoint, **changes: Any) -> None:
+        """Store the state from which the run can be resumed.
+
+        Args:
+            checkpoint: The state.
+            changes: Changes of ``run.json``.
+
+        Raises:
+            LavaError: If a file cannot be written.
+        """
+        self.put(changes)
+        write_output('--output', self.path / CHECKPOINT, checkpoint.to_bytes())
+
+    def finish(self, changes: Mapping[str, Any]) -> None:
+        """Write ``run.json`` of a finished run, and remove its state.
+
+        Raises:
+            LavaError: If a file cannot be written.
+        """
+        super().finish(changes)
+        with refusing('--output', str(self.path), 'a writable folder', OSError):
+            (self.path / CHECKPOINT).unlink(missing_ok=True)
+
+
+def write_record(folder: Path, record: Mapping[str, Any]) -> None:
+    """Write the ``run.json`` of a folder.
+
+    Raises:
+        LavaError: If it cannot be written.
+    """
+    text = json.dumps({'version': VERSION, **_finite(record)}, indent=1, allow_nan=False) + '\n'
+    write_output('--output', folder / RUN_FILE, text)
 
 
 def _finite(plain: Any) -> Any:
@@ -174,14 +195,15 @@ def known_record(path: Path) -> dict[str, Any]:
         return record
 
 
-def unused_folder(parent: Path, name: str, identity: str) -> Path:
-    """Return the first folder of a name, with a number if needed, that a run can use.
+def unused_folder(name: str, identity: str, *, or_finished: bool = False) -> Path:
+    """Return the first folder of a name in ``RUNS``, with a number if needed, that a run can use.
 
-    It is new, empty, or belongs to an interrupted run with the same identity.
+    It is new, empty, or belongs to an interrupted run with the same identity; with ``or_finished``
+    also to a finished one.
     """
     return next(
-        path for path in numbered(parent / name)
-        if is_usable(path, known_record(path), identity)
+        path for path in numbered(RUNS / name)
+        if is_usable(path, known_record(path), identity, or_finished=or_finished)
     )
 
 
@@ -192,10 +214,13 @@ def numbered(path: Path) -> Iterator[Path]:
         yield path.with_name(f'{path.name}_{number}')
 
 
-def is_usable(path: Path, known: Mapping[str, Any], identity: str) -> bool:
+def is_usable(
+    path: Path, known: Mapping[str, Any], identity: str, *, or_finished: bool = False
+) -> bool:
     """Return True if a run with an identity may use a folder whose record is ``known``."""
     if known:
-        return known.get('status') == RUNNING and known.get('identity') == identity
+        is_open = or_finished or known.get('status') == RUNNING
+        return is_open and known.get('identity') == identity
     return not path.exists() or (path.is_dir() and not any(path.iterdir()))
 
 

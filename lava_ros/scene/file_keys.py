@@ -104,7 +104,7 @@ CASE_KEYS = Keys({
     'title': Key({}, 'Title, for people'),
     'source': Key({}, 'Where the data are from'),
     'vent_temperature': Key(TEMPERATURE_CHECK, 'Temperature of the erupting lava [K]'),
-    'vent_radius': Key(RADIUS_CHECK, 'Radius of vents without their own [m]'),
+    'vent_radius': Key(RADIUS_CHECK, 'Radius of vents that state none [m]'),
     'start': Key(number(), 'Start of the simulation [s]'),
     'end': Key(number(), 'End of the simulation [s]'),
     **{name: TERRAIN_OPTIONS[name] for name in CASE_TERRAIN},

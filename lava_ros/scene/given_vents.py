@@ -111,7 +111,7 @@ class GivenVents:
     def of_rows(
         self, rows: Sequence[VentRow], rates: Sequence[Interval], terrain: Terrain
     ) -> list[dict[str, Any]]:
-        """Return vents as plain data, with parts of the rates of a table or a rate of each.
+        """Return vents as plain data, each with its effusion rate or its part of a table's rates.
 
         Raises:
             LavaError: If a vent has a share, but there is nothing to divide.

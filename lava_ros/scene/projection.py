@@ -207,7 +207,7 @@ def to_square_metric_cells(raster: Raster, resolution: float | None) -> Raster:
 
 
 def _crs(raster: Raster) -> Any:
-    """Return the raster's coordinate system; without one, any in metres, as for resampling."""
+    """Return the raster's coordinate system, or one in metres if it states none."""
     return coordinate_system(raster.epsg, raster.wkt) or coordinate_system(32631)
 
 

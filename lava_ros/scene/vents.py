@@ -321,7 +321,7 @@ def schedule(before: Sequence[Vent], vents: Sequence[Vent], time: float) -> tupl
 def are_alike(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
     """Return True if vents differ from other vents only by sensor noise.
 
-    Each vent is then within the size of its match, and the discharges differ by at most 5 %.
+    Each vent then lies within the radius of its match, and discharges differ by at most 5 %.
     """
     matches = _matches_in_place(vents, others)
     return matches is not None and all(
@@ -331,12 +331,12 @@ def are_alike(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
 
 
 def are_in_place(vents: Sequence[Vent], others: Sequence[Vent]) -> bool:
-    """Return True if there are as many vents as other vents, each within the size of its match."""
+    """Return True if each vent lies within the radius of its match, with none left over."""
     return _matches_in_place(vents, others) is not None
 
 
 def _matches_in_place(vents: Sequence[Vent], others: Sequence[Vent]) -> list[Vent] | None:
-    """Return the match of each vent among other vents, None if one is elsewhere."""
+    """Return the matching vent for each vent, None if a vent has no match nearby."""
     if len(vents) != len(others):
         return None
     matches = match_vents(others, vents)

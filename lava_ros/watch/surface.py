@@ -58,7 +58,7 @@ class Ground:
         )
 
     def fit(self, frame: Frame, shown: np.ndarray) -> None:
-        """Choose small blocks around cells, bool, and vents; without any, for the whole ground."""
+        """Use small blocks around the vents and the cells in a mask, or all over without any."""
         sides, size = np.transpose([self.terrain.shape]), self.terrain.resolution
         bounds = (np.reshape(bounds_of(frame, shown), (2, 2)) - self.terrain.origin) / size
         cells = np.clip(np.floor(bounds).astype(int).T[::-1], 0, sides - 1) + np.array([0, 1])

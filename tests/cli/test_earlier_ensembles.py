@@ -7,6 +7,7 @@ import html
 import json
 from pathlib import Path
 import shutil
+from typing import Any
 
 import pytest
 import rasterio
@@ -14,7 +15,7 @@ import rasterio
 from cli.conftest import ensemble_words, write_ensemble_scene
 from command_line import done, refused
 
-#: Maps, tags of the maps, and keys of ensemble.json that version 0.1.0 did not write, with words
+#: Maps, tags of the maps, and keys of the description that version 0.1.0 did not write, with words
 #: about them on the page.
 MAPS = {
     'arrival_time_earliest': 'earliest arrival of any run',
@@ -31,7 +32,7 @@ TAGS = {
     'is_usable': 'whether the error of the particle spacing is small enough',
 }
 KEYS = {
-    'inputs': 'uncertain quantities with their sources',
+    'quantities': 'uncertain quantities with their sources',
     'plan.switched_on': 'effects that the runs have switched on',
     'plan.forced': 'effects that were forced',
 }
@@ -60,11 +61,21 @@ def remove(folder: Path, names: list[str]) -> None:
         with rasterio.open(path, 'w', **profile) as file:
             file.write(values)
             file.update_tags(**kept)
-    manifest = json.loads((folder / 'ensemble.json').read_text())
+    record = json.loads((folder / 'run.json').read_text())
     for name in names:
         *outer, last = name.split('.')
-        (manifest[outer[0]] if outer else manifest).pop(last, None)
-    (folder / 'ensemble.json').write_text(json.dumps(manifest))
+        (record[outer[0]] if outer else record).pop(last, None)
+    write_as_earlier(folder, record)
+
+
+def write_as_earlier(folder: Path, record: dict[str, Any]) -> None:
+    """Replace run.json by the ensemble.json that version 0.1.0 wrote."""
+    (folder / 'run.json').unlink()
+    known = {name: record[name] for name in ('scene', 'elevation', 'plan', 'seed')}
+    if 'quantities' in record:
+        known['inputs'] = record['quantities']
+    known |= {'version': 6, 'lava_ros': record['program']['lava_ros']}
+    (folder / 'ensemble.json').write_text(json.dumps(known))
 
 
 @pytest.mark.parametrize('names', CASES, ids=lambda names: '+'.join(names[:2]))
@@ -95,3 +106,21 @@ def test_page_needs_the_maps_of_all_versions(name: str, ensemble: Path, tmp_path
     folder = Path(shutil.copytree(ensemble, tmp_path / 'members'))
     (folder / f'{name}.tif').unlink()
     assert f'{name}.tif' in refused('map', folder, '-o', tmp_path / 'page.html')
+
+
+def test_places_and_bags_of_an_earlier_ensemble_are_read_and_members_refused(
+    ensemble: Path, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(ensemble, tmp_path / 'members'))
+    (tmp_path / 'huts.csv').write_text('x,y,name\n500240,4180190,hut\n')
+    found = []
+    for _ in range(2):
+        done('places', folder, tmp_path / 'huts.csv', '--json', tmp_path / 'a.json')
+        found.append(json.loads((tmp_path / 'a.json').read_text())['places'])
+        assert 'recording  finished' in done('bag', 'info', folder)
+        assert 'with --formats' in refused('export', folder, '-o', tmp_path / 'maps')
+        if (folder / 'run.json').exists():
+            write_as_earlier(folder, json.loads((folder / 'run.json').read_text()))
+    assert found[0] == found[1]
+    words = [folder if word == ensemble else word for word in ensemble_words(ensemble.parent, 3)]
+    assert 'new, empty, or of this ensemble' in refused(*words)

@@ -250,12 +250,12 @@ def test_effects_switched_on_by_the_flow_are_reported(scene, tmp_path):
     assert item['number'] > item['threshold']
     reason = f'Bingham number = {item["number"]:.2g} > 0.01 in member 0 at {item["time_s"]:.4g} s'
     assert f'yielding is switched on for all members from the start: {reason}' in warned
-    assert f'effects of all members: {", ".join(found["effects"])}\n' in output
     assert f'yielding was switched on from the start: {reason}\n' in output
     (change,) = json.loads(BagReader(out / 'atlas').custom_data['effects'])
     assert change['effects']['yielding'] == f'on: {reason}' and change['time'] == 0.0
     on = [name for name, text in change['effects'].items() if text.startswith('on')]
-    assert on == found['effects']
+    assert found['effects'] == [change]
+    assert f'effects of all members: {", ".join(on)}\n' in output
     facts = read_run(out).facts
     assert facts['processes included'] == ', '.join(EFFECTS[name].title for name in on)
     assert facts['switched on'] == f'yield strength: {reason}'
@@ -271,6 +271,22 @@ def test_interrupted_ensemble_explains_how_to_resume(scene, tmp_path, monkeypatc
     words = ['--members', '4', '--workers', '1', '--device', 'cpu']
     status, _, output = lava('run', scene, '-o', tmp_path / 'out', *words)
     assert status == 130 and 'the same command' in output
+
+
+def test_ensemble_without_a_folder_finds_its_own(scene, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ['run', scene, '--until', '20s', '--workers', '1', '--device', 'cpu']
+    words += ['--spacing', '40', '--members']
+    for members, seed, name in ((1, 0, 'scene_ensemble'), (1, 1, 'scene_ensemble_2'),
+                                (2, 0, 'scene_ensemble')):
+        done(*words, members, '--seed', seed)
+        record = json.loads((tmp_path / 'runs' / name / 'run.json').read_text())
+        assert (record['kind'], record['status']) == ('ensemble', 'finished')
+        assert (record['members'], record['seed']) == (members, seed)
+    assert record['resumed'] == 1
+    assert {path.name for path in (tmp_path / 'runs').iterdir()} == {
+        'scene_ensemble', 'scene_ensemble_2'
+    }
 
 
 def test_parses_times_with_and_without_units():
@@ -326,7 +342,7 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     words += ['--device', 'cpu', '--json', report, '--members', '16', '--spacing', '30']
     output = done(*words)
     found = json.loads(report.read_text())
-    drawn, exact = found['inputs']['drawn'], found['inputs']['exact']
+    drawn, exact = found['quantities']['drawn'], found['quantities']['exact']
     assert set(drawn) == {
         'effusion_rate', 'temperature', 'viscosity', 'yield_strength', 'position',
     }
@@ -344,7 +360,7 @@ def test_ensemble_says_what_it_has_drawn_and_what_decides(scene, tmp_path):
     # the page shows it
     facts = read_run(out).facts
     assert facts['what decides (1 - J)'].startswith(names[0].replace('_', ' '))
-    assert json.loads((out / 'ensemble.json').read_text())['inputs'] == found['inputs']
+    assert json.loads((out / 'run.json').read_text())['quantities'] == found['quantities']
 
 
 def test_ensemble_with_too_coarse_particles_says_that_it_is_not_usable(scene, lines, tmp_path):

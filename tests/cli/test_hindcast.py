@@ -17,6 +17,7 @@ from lava_ros.bag import BagReader
 from lava_ros.bag.recorded_node import described_node, RecordedNode
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.page import _constants, FALSE_ALARM, HIT, MISS
+from lava_ros.hindcast.run import INTEGRATOR
 from lava_ros.layers.recording import Recording
 from lava_ros.scene.materials import material_named
 
@@ -36,16 +37,18 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     words = ['run', case, '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
     done(*words, '--maps', '3', '-o', out, '--json', tmp_path / 'out.json')
     data = json.loads((tmp_path / 'out.json').read_text())
-    assert data == json.loads((out / 'hindcast.json').read_text())
+    record = json.loads((out / 'run.json').read_text())
+    assert {name: data[name] for name in record} == record
+    assert data.keys() - record.keys() == {'folder'}
     names = ('case', 'material', 'preset')
     assert [data[name] for name in names] == ['valley', 'etna_basalt', 'draft']
     score = data['score']
     assert score['precision'] > 0.9 and score['recall'] > 0.2
     assert data['volume_error'] < 1e-5
     assert data['simulated_time_s'] == pytest.approx(3600.0)
-    assert {'name': 'viscosity', 'value': 2e4, 'unit': 'Pa s'} in data['lava']
+    assert data['scene']['lava']['viscosity'] == 2e4
     assert data['particles_emitted'] > 20
-    assert not (out / '.unfinished').exists()
+    assert not (out / 'checkpoint').exists()
 
     # GeoTIFFs lie on the elevation, and the comparison has the counts of the score
     grids = {}
@@ -87,20 +90,39 @@ def test_hindcast_writes_numbers_maps_page_and_bag(tmp_path):
     assert (out / 'comparison.png').stat().st_size > 10_000
 
     # the bag has a frame for each map, at the end of the step in which it was due
-    bag = BagReader(out / 'bag')
+    bag = BagReader(out)
     assert len(list(bag.messages(['/height']))) == 3
     assert described_node(bag.custom_data) == RecordedNode(
         '/lava', '/', {topic.removeprefix('/'): topic for topic in bag.topics}
     )
-    assert done('bag', 'info', out / 'bag').count('nodes      /lava\n') == 1
-    times = [frame.time for frame in Recording(out / 'bag').frames()]
+    assert done('bag', 'info', out).count('nodes      /lava\n') == 1
+    times = [frame.time for frame in Recording(out).frames()]
     dues = (1200, 2400, 3600)
     late = np.subtract(times, dues)
-    assert late.min() >= 0.0 and late.max() <= data['accuracy']['longest_step_s']
-    frame = Recording(out / 'bag').frame_at()
+    assert late.min() >= 0.0 and late.max() <= data['accuracy']['longest_step']
+    frame = Recording(out).frame_at()
     assert frame.time == times[-1] == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
-    assert Recording(out / 'bag').frame_at(times[1]).time == times[1]
+    assert Recording(out).frame_at(times[1]).time == times[1]
+    # the folder as version 0.1.0 named its parts
+    (out / 'run.json').rename(out / 'hindcast.json')
+    (out / 'maps').rename(out / 'bag')
+    assert Recording(out).frame_at().time == times[-1]
+
+
+def test_target_of_a_mapped_eruption_chooses_its_spacing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_case(tmp_path / 'valley', hours=0.3, yaml=LAVA)
+    words = 'run', 'valley', '--device', 'cpu', '--maps', '1', '--error', '60%'
+    done(*words)
+    record = json.loads((tmp_path / 'runs/valley/run.json').read_text())
+    assert record['settings']['error'] == 0.6 and record['settings']['spacing_m'] is None
+    assert record['numerical_error']['inundated']['total'] < 0.6
+    assert record['accuracy']['integrator'] == INTEGRATOR
+    for more in (('--preset', 'fine'), ('--spacing', '9'), ('--within', '9s')):
+        assert f'{more[0]} exclude each other' in refused(*words, *more).replace(
+            f'{more[0]} and --error', f'--error and {more[0]}'
+        )
 
 
 def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
@@ -113,10 +135,11 @@ def test_vents_of_the_command_replace_those_of_the_case(valley, tmp_path):
         ['--vents', tmp_path / 'vents.csv'],
         ['--vent', f'{VENT[0]},{VENT[1]}', '--discharge', '12'],
     ):
-        done(*valley, '--json', tmp_path / 'out.json', *more)
+        done(*valley, '-o', tmp_path / more[0], '--json', tmp_path / 'out.json', *more)
         found.append(json.loads((tmp_path / 'out.json').read_text()))
-    assert [vent['name'] for vent in found[0]['vents']] == ['fissure', 'cone']
-    assert found[0]['vents'][0]['end_m'] is not None and found[0]['vents'][1]['end_m'] is None
+    fissure, cone = found[0]['scene']['vents']
+    assert (fissure['name'], cone['name']) == ('fissure', 'cone')
+    assert fissure['end'] is not None and cone.get('end') is None
     emitted = [item['volume_emitted_m3'] for item in found]
     assert emitted == pytest.approx([15.0 * 1800, 12.0 * 1800])
     refused(*valley, '--vent', '1,2')
@@ -157,14 +180,14 @@ def test_page_and_numbers_list_the_oxides_of_a_composition(tmp_path):
     output = done('run', tmp_path / 'valley', '-o', tmp_path / 'out', *words)
     expected = r'lava +basalt \(changed: vft_a, vft_b, vft_c\); at the vent .* \(1442 K\)'
     assert re.search(expected, output)
-    data = json.loads((tmp_path / 'out/hindcast.json').read_text())
+    data = json.loads((tmp_path / 'out/run.json').read_text())
     assert data['composition_percent'] == oxides
 
 
 def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     refused(*valley, '--runs', '0')
     done(*valley, '--runs', '2')
-    runs = json.loads((tmp_path / 'out/hindcast.json').read_text())['runs']
+    runs = json.loads((tmp_path / 'out/run.json').read_text())['runs']
     assert runs['count'] == len(runs['jaccard']) == 2
     assert runs['lowest'] <= runs['mean'] <= runs['highest']
     with rasterio.open(tmp_path / 'out/runs.tif') as file:
@@ -173,10 +196,7 @@ def test_hindcast_replicates_give_a_spread_and_a_majority(valley, tmp_path):
     assert (percent >= 50.0).sum() * CELL**2 == pytest.approx(runs['majority']['area_m2'])
     page = (tmp_path / 'out/hindcast.html').read_text()
     assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
-    assert not (tmp_path / 'out/.unfinished').exists()
-    # the map of the replicates does not outlive them
-    done(*valley)
-    assert not list((tmp_path / 'out').glob('runs.*'))
+    assert not (tmp_path / 'out/replicates').exists()
 
 
 def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
@@ -184,7 +204,10 @@ def test_runs_of_a_hindcast_are_drawn_once(valley, tmp_path, monkeypatch):
     drawn, simulated, mapped = [], [], []
     for name, calls, of in (
         ('lava_ros.hindcast.page.draw_sheet', drawn, lambda panels, output, **_: output),
-        ('lava_ros.hindcast.run.Run.result', simulated, lambda run: run.case.scene.terrain.shape),
+        (
+            'lava_ros.hindcast.run.Result.of', simulated,
+            lambda simulation, snapshot, *_: snapshot.terrain.shape,
+        ),
         ('lava_ros.runs.sinks.valid_snapshot', mapped, lambda simulation, _: simulation.time),
     ):
         monkeypatch.setattr(name, _counted(name, calls, of))
@@ -211,7 +234,7 @@ def test_refuses_unusable_cases_and_folders_of_others(tmp_path):
     case, out = write_case(tmp_path / 'valley'), tmp_path / 'out'
     out.mkdir()
     (out / 'thesis.txt').write_text('mine')
-    assert 'new, empty or of a hindcast' in refused('run', case, '-o', out)
+    assert 'new, empty, or of an interrupted run' in refused('run', case, '-o', out)
     assert 'new, empty or of a calibration' in refused('calibrate', case, '-o', out)
     (case / 'vent.csv').unlink()
     for command in ('run', 'calibrate'):

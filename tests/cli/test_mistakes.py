@@ -80,8 +80,7 @@ LINES = {
     'time without its file': (
         'effects scene.yaml --terrain-at 2h', '--terrain-at: expected 2', 'elevation at and'),
     'required option': ('plan scene.yaml', '--within is missing', 'wall time to use: 30s, 10min'),
-    'required output': (
-        'run scene.yaml --members 4', '--output is missing', 'folder for the members'),
+    'required output': ('export BAG', '--output is missing', 'folder to write to'),
     'required file': ('places BAG', 'FILE is missing', '.csv with x,y or lon,lat'),
     'a second scene': (
         'effects scene.yaml other.yaml', "unexpected argument 'other.yaml'", 'effects --help'),

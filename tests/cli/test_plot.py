@@ -126,7 +126,8 @@ def test_all_pages_state_lava_error_and_under_resolution(kind, tmp_path, undrawn
         words = done(*words)
         assert 'lava: etna_basalt; at the vent' in words
         error = NumericalError(AreaError(0.1, 0.05), AreaError(0.2, 0.1), 30.0, 5.0, 180.0)
-        (run / 'numerical_error.json').write_text(json.dumps({**error.as_dict(), 'effects': []}))
+        known = json.loads((run / 'run.json').read_text())
+        (run / 'run.json').write_text(json.dumps({**known, 'numerical_error': error.as_dict()}))
     for name, (plain, text) in pages_of(run, tmp_path).items():
         assert plain['erupting_lava']['material'] == lava, name
         assert plain['erupting_lava']['vents'][0]['viscosity_pa_s'] > 0.0, name
@@ -277,10 +278,10 @@ def test_extents_in_degrees_and_metres_agree(bag, tmp_path, monkeypatch):
 
 
 def test_refuses_an_unfinished_ensemble(ensemble, tmp_path):
-    (tmp_path / 'ensemble.json').write_text((ensemble / 'ensemble.json').read_text())
+    (tmp_path / 'run.json').write_text((ensemble / 'run.json').read_text())
     refused('map', tmp_path, '-o', tmp_path / 'a.png')
     refused('map', ensemble, '--at', '1h', '-o', tmp_path / 'a.png')
-    (tmp_path / 'ensemble.json').write_text('[]')
+    (tmp_path / 'run.json').write_text('[]')
     refused('map', tmp_path, '-o', tmp_path / 'a.html')
 
 

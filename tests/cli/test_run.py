@@ -3,6 +3,9 @@
 
 """`lava run`, and the commands that read its folder."""
 
+import csv
+from datetime import datetime
+import html
 import json
 import os
 from pathlib import Path
@@ -14,45 +17,53 @@ import sys
 import numpy as np
 import pytest
 import rasterio
+from rasterio.warp import transform
 
 from command_line import done, lava, refused
-from geodata import feature, write_features, write_scene
+from geodata import write_scene
+from lava_ros.layers.numbers import area_words, duration
 from lava_ros.layers.recording import Recording
 from lava_ros.watch.frames import BagFrames
 
 ROOT = Path(__file__).parents[2]
 
-#: Elevation of a slope to the east [m], row 0 in the south.
-SLOPE = np.tile(np.linspace(540.0, 500.0, 30), (20, 1)).astype(np.float32)
+#: Elevation of a slope to the east, which ends in the sea [m], row 0 in the south.
+SLOPE = np.tile(np.linspace(30.0, -10.0, 30), (20, 1)).astype(np.float32)
 
-SCENE = {
-    'vents': [{
-        'projected': [500_050.0, 4_180_100.0],
-        'effusion_rate': {'file': 'rates.csv'},
-    }],
-}
-RATES = 'start,end,effusion_rate\n2021-03-01T04:30Z,2021-03-01T05:30Z,5\n'
+#: Corner of the slope in UTM zone 1 south; the antimeridian is 148 m east of it.
+CORNER = (180_400.0, 8_117_900.0)
+
+SCENE = """terrain: {file: ground.npz, sea_level: 0}
+vents: [{projected: [180538.0, 8118000.0], radius: 8, effusion_rate: {file: rates.csv}}]
+lava: {viscosity: 500}
+"""
+RATES = (
+    'start,end,effusion_rate\n2021-03-01T04:30Z,2021-03-01T04:32Z,10\n'
+    '2021-03-01T04:32Z,2021-03-01T05:30Z,16\n'
+)
+#: The huts are on both sides of the antimeridian.
+PLACES = (
+    'name,lon,lat\nwest hut,179.9999679,-16.9999832\neast hut,-179.9998437,-16.9999408\n'
+    'far,179.9987361,-17.0007325\noff the map,179.9,-17.1\n'
+)
+DAM = 'x,y,x_end,y_end,height,width\n180570,8118000,180600,8118040,6,8\n'
 SETTINGS = '--spacing', 8, '--device', 'cpu', '--maps', 4
-
-
-def place(name: str, x: float, y: float) -> dict:
-    return feature('Point', [500_000.0 + x, 4_180_000.0 + y], name=name)
 
 
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
-    """Return a folder with a scene, places and a run of five minutes."""
+    """Return the folder of an observatory with its files, and two runs of five minutes."""
     path = tmp_path_factory.mktemp('observatory')
-    (path / 'rates.csv').write_text(RATES)
-    write_scene(path, SLOPE, 10.0, SCENE, epsg=32633, offset=(500_000.0, 4_180_000.0))
-    write_features(
-        path / 'places.geojson', place('hut', 85.0, 105.0), place('far', 285.0, 15.0),
-        place('off the map', 900.0, 900.0),
-    )
-    done(
+    for name, text in (('rates', RATES), ('places', PLACES), ('dam', DAM)):
+        (path / f'{name}.csv').write_text(text)
+    np.savez(path / 'ground.npz', elevation=SLOPE, resolution=10.0, epsg=32701, offset=CORNER)
+    (path / 'scene.yaml').write_text(SCENE)
+    said = done(
         'run', path / 'scene.yaml', '--until', '5min', *SETTINGS, '--at', '100s',
-        '--places', path / 'places.geojson', '-o', path / 'run', '--json', path / 'run.json',
+        '--places', path / 'places.csv', '--barriers', path / 'dam.csv', '-o', path / 'run',
+        '--json', path / 'run.json',
     )
+    (path / 'said.txt').write_text(said)
     return path
 
 
@@ -64,33 +75,92 @@ def result(folder):
 def test_json_is_the_file_of_the_run_with_its_places(folder, result):
     record = json.loads((folder / 'run/run.json').read_text())
     assert {name: result[name] for name in record} == record
-    assert result.keys() - record.keys() == {'kind', 'folder', 'places'}
+    assert result.keys() - record.keys() == {'folder', 'places'}
     assert [item['path'] for item in result['inputs']] == [
         str(folder / 'scene.yaml'), 'ground.npz', 'rates.csv'
     ]
     assert result['simulated_time_s'] == 300.0
-    assert result['volume_emitted_m3'] == pytest.approx(1500.0)
+    assert result['volume_emitted_m3'] == pytest.approx(120.0 * 10.0 + 180.0 * 16.0)
     assert result['numerical_error']['spacing_m'] == 8.0
     assert result['settings']['map_times_s'] == [75.0, 100.0, 150.0, 225.0, 300.0]
 
 
-def test_every_output_has_the_same_numbers(folder, result, tmp_path):
-    run = folder / 'run'
-    done('export', run, '-o', tmp_path / 'maps', '--formats', 'tif')
-    done('places', run, folder / 'places.geojson', '--json', tmp_path / 'places.json')
-    with rasterio.open(tmp_path / 'maps/inundated.tif') as file:
+@pytest.fixture(scope='module')
+def maps(folder):
+    """Return the folder with the maps of the run as files for a GIS."""
+    done('export', folder / 'run', '-o', folder / 'maps', '--formats', 'tif', 'geojson')
+    return folder / 'maps'
+
+
+def test_every_output_has_the_same_area_and_volumes(folder, result, maps, tmp_path):
+    run, area = folder / 'run', result['inundated_area_m2']
+    said = (folder / 'said.txt').read_text()
+    with rasterio.open(maps / 'inundated.tif') as file:
         inundated, tags = np.nan_to_num(file.read(1, masked=True).filled(0.0)), file.tags()
-    assert float(inundated.sum()) * 100.0 == pytest.approx(result['inundated_area_m2'], rel=1e-6)
-    assert tags['onset'] == result['onset'] == '2021-03-01T04:30:00Z'
+    assert float(inundated.sum()) * 100.0 == pytest.approx(area, rel=1e-6)
+    assert float(tags['inundated_area_m2']) == pytest.approx(area, rel=1e-6)
     assert tags['preset'] == result['preset']
-    table = json.loads((tmp_path / 'places.json').read_text())
-    assert table['places'] == result['places']
-    assert [item['name'] for item in table['places']] == ['hut', 'far', 'off the map']
+    (outline,) = json.loads((maps / 'outline.geojson').read_text())['features']
+    assert outline['properties']['area_m2'] == pytest.approx(area, rel=1e-6)
     values = Recording(run).timeline.moments[-1].values
-    for name in ('inundated_area_m2', 'standing_area_m2', 'volume_emitted_m3', 'volume_thin_m3'):
+    names = [name for name in result if name.startswith('volume_')]
+    for name in ('inundated_area_m2', 'standing_area_m2', *names):
         assert float(values[name]) == result[name]
     assert values['numerical_error'] == result['numerical_error_text']
     assert values['flow_kind'] == result['flow_kind']
+    done('map', run, '-o', tmp_path / 'page.html')
+    page = html.unescape((tmp_path / 'page.html').read_text())
+    in_sea = f'{result["volume_in_sea_m3"]:,.1f} m'
+    assert result['volume_left_m3'] == result['volume_in_sea_m3'] > 100.0
+    for text in (said, page):
+        assert area_words(area) in text and in_sea in text
+        assert result['numerical_error_text'].partition(' (')[0] in text
+
+
+def test_every_output_has_the_same_arrivals_on_both_sides_of_180_degrees(
+    folder, result, maps, tmp_path
+):
+    words = 'places', folder / 'run', folder / 'places.csv'
+    said = done(*words, '-o', tmp_path / 'places.csv', '--json', tmp_path / 'places.json')
+    assert json.loads((tmp_path / 'places.json').read_text())['places'] == result['places']
+    with (tmp_path / 'places.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    with rasterio.open(maps / 'arrival.tif') as file:
+        lines = PLACES.splitlines()[1:3]
+        for line, row, known in zip(lines, rows[:2], result['places'][:2], strict=True):
+            place = [[float(number)] for number in line.split(',')[1:]]
+            x, y = transform('EPSG:4326', file.crs, *place)
+            (time,) = next(file.sample([(x[0], y[0])]))
+            assert float(row['arrival_p50_s']) == known['arrival_p50_s'] == time
+            assert duration(float(time)) in said
+            passed = datetime.fromisoformat(known['arrival_p50_utc'].rstrip('Z'))
+            passed -= datetime(2021, 3, 1, 4, 30)
+            assert passed.total_seconds() == pytest.approx(float(time), abs=1.0)
+        assert file.tags()['onset'] == result['onset'] == '2021-03-01T04:30:00Z'
+    assert '04:30 UTC' in said
+    far, outside = result['places'][2:]
+    assert far['arrival_p50_s'] is None and far['off_map_percent'] == 0.0
+    assert outside['off_map_percent'] == 100.0
+
+
+def test_dam_is_compared_with_a_second_run(folder, result):
+    run, compared = folder / 'run', result['barriers']
+    other = json.loads((run / 'with_barriers/run.json').read_text())
+    assert compared['area_m2'] == {'inundated': {
+        'without': result['inundated_area_m2'], 'with': other['inundated_area_m2'],
+    }}
+    assert other['resolution']['spacing_m'] == result['resolution']['spacing_m']
+    before, after = (Recording(item).frame_at() for item in (run, run / 'with_barriers'))
+    with rasterio.open(run / 'comparison/probability_change.tif') as file:
+        change = file.read(1)[::-1]
+    came = [np.isfinite(frame.arrived) for frame in (before, after)]
+    np.testing.assert_array_equal(change > 0, came[1] & ~came[0])
+    np.testing.assert_array_equal(change == -100, came[0] & ~came[1])
+    assert (change == -100).any() and (change > 0).any()
+    _, east, *_ = compared['places']
+    assert east['arrival_p50_s_without'] == result['places'][1]['arrival_p50_s']
+    assert east['arrival_p50_s_with'] > east['arrival_p50_s_without']
+    assert (run / 'comparison/barriers.png').stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(('words', 'name'), [

@@ -142,7 +142,7 @@ def test_killed_worker_of_a_cluster_with_tls_changes_nothing(
     assert expected.keys() == found.keys() and len(expected) > 8
     for name, values in expected.items():
         np.testing.assert_array_equal(found[name], values, err_msg=name)
-    texts = [Path(name, 'ensemble.json').read_text() for name in ('here', 'members')]
+    texts = [Path(name, 'run.json').read_text() for name in ('here', 'members')]
     assert json.loads(texts[0]) == json.loads(texts[1])
 
 

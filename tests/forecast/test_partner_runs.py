@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import Effects
-from lava_ros.forecast.ensemble_error import FILE, measure_ensemble_error, MIN_MEMBERS
+from lava_ros.forecast.ensemble_error import measure_ensemble_error, MIN_MEMBERS
 from lava_ros.forecast.members import make_plan
 from lava_ros.forecast.partner_process import measure
 from lava_ros.forecast.partner_runs import measure_error
+from lava_ros.forecast.store import Store
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
@@ -87,15 +88,17 @@ def test_process_rests_and_finds_the_same_error(monkeypatch):
 
 def test_error_of_an_ensemble_is_that_of_its_scene_and_is_kept(tmp_path, monkeypatch):
     plan = make_plan(SMOOTH, horizon=END, accuracy=ACCURACY)
-    assert measure_ensemble_error(plan, MIN_MEMBERS - 1, tmp_path) is None
-    found = measure_ensemble_error(plan, MIN_MEMBERS, tmp_path, device='cpu')
+    store = Store(tmp_path / 'a', plan)
+    assert measure_ensemble_error(store, MIN_MEMBERS - 1) is None
+    found = measure_ensemble_error(store, MIN_MEMBERS, device='cpu')
+    store.close()
     areas = run(SMOOTH, ACCURACY, 'cpu', plan.effects)
     expected = measure_error(
         SMOOTH, areas, END, **{**options('cpu'), 'effects': plan.effects}
     )
     assert found.as_dict() == expected.as_dict()
     monkeypatch.setattr('lava_ros.forecast.ensemble_error.measure_error', None)
-    assert measure_ensemble_error(plan, 2, tmp_path).as_dict() == found.as_dict()
-    (tmp_path / FILE).unlink()
-    without = replace(plan, scene=replace(SMOOTH, vents=()))
-    assert measure_ensemble_error(without, 99, tmp_path) is None
+    again = Store(tmp_path / 'a', plan)
+    assert measure_ensemble_error(again, 2).as_dict() == found.as_dict()
+    without = Store(tmp_path / 'b', replace(plan, scene=replace(SMOOTH, vents=())))
+    assert measure_ensemble_error(without, 99) is None

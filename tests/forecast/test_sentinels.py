@@ -184,7 +184,7 @@ def test_the_sentinel_with_the_lowest_index_decides(tmp_path: Path) -> None:
 
 def test_folder_keeps_switched_on_effects_and_reasons(tmp_path: Path) -> None:
     plan = run_discs(tmp_path, Calling())
-    known = json.loads((tmp_path / 'ensemble.json').read_text())['plan']
+    known = json.loads((tmp_path / 'run.json').read_text())['plan']
     assert known['effects']['inertia'] is True and known['forced'] == {}
     assert known['switched_on'][1] == ITEM
     again = Store(tmp_path, DISCS).plan
@@ -200,7 +200,7 @@ def test_folder_keeps_switched_on_effects_and_reasons(tmp_path: Path) -> None:
 ])
 def test_a_damaged_list_of_effects_is_refused(found: object, tmp_path: Path) -> None:
     Store(tmp_path, DISCS)
-    path = tmp_path / 'ensemble.json'
+    path = tmp_path / 'run.json'
     known = json.loads(path.read_text())
     known['plan']['switched_on'] = found
     path.write_text(json.dumps(known))

@@ -196,7 +196,7 @@ def test_hindcast_reports_each_outline(mapped, tmp_path):
     words = ['run', mapped[0], '--preset', 'draft', '--spacing', '40', '--device', 'cpu']
     text = done(*words, '-o', tmp_path / 'out', '--maps', '1')
     assert 'Jaccard on 900 s' in text and 'Jaccard on 1800 s' in text
-    scores = json.loads((tmp_path / 'out/hindcast.json').read_text())['outlines']
+    scores = json.loads((tmp_path / 'out/run.json').read_text())['outlines']
     assert [item['jaccard'] for item in scores] == [1.0, 1.0]
     assert 'Jaccard on 1800 s' in (tmp_path / 'out/hindcast.html').read_text()
 
@@ -228,11 +228,11 @@ def test_ensemble_is_scored_at_each_outline_and_narrowed_by_the_first(mapped, tm
         assert (tmp_path / 'out' / folder / 'reliability.png').stat().st_size > 5000
     # the new members are kept, and those of another outline are not taken for them
     assert json.loads(
-        (tmp_path / 'out/posterior_900s/ensemble.json').read_text()
-    )['posterior'] is not None
+        (tmp_path / 'out/posterior_900s/run.json').read_text()
+    )['parents'] is not None
     seen[1] = case / 'late.asc'
     status, _, error = lava(*words, *seen)
-    assert status == 2 and 'posterior is' in error and 'another folder' in error
+    assert status == 2 and 'parents is' in error and 'another folder' in error
 
 
 def cells(*values: int) -> np.ndarray:

@@ -12,13 +12,15 @@ import pytest
 
 from eruption import LAVA, VENT, write_case
 from lava_ros.errors import LavaError
+from lava_ros.forecast.partner_runs import measure_run
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.replicates import agreement, directions, Orientation, run_replicates
-from lava_ros.hindcast.run import measure_run_error, Run, Settings, simulate
+from lava_ros.hindcast.run import request_of, Result, Run, Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
 from lava_ros.layers.recording import Recording
+from lava_ros.runs.scene_run import SceneRun
 from lava_ros.runs.sinks import TimeSink
 from lava_ros.scene import Terrain
 from lava_ros.simulation.numerical_error import difference
@@ -57,24 +59,27 @@ def _frames(folder: Path) -> list[Any]:
 
 
 @pytest.fixture(scope='module')
-def whole(valley: Case, tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path, list[float]]:
-    """Return a finished run with four maps, its folder, and the times after its parts."""
-    folder = tmp_path_factory.mktemp('whole')
-    run = Run(valley, SETTINGS, folder=folder)
-    times = [run.time for _ in run.parts()]
-    run.close()
-    return run, folder, [*times, run.time]
+def whole(valley: Case, tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    """Return the result of a run with four maps, and its folder."""
+    folder = tmp_path_factory.mktemp('whole') / 'run'
+    with SceneRun(request_of(valley, SETTINGS, output=folder)) as made:
+        made.run()
+        made.finish()
+    return Result.of_run(made), folder
 
 
-def test_case_runs_on_cells_of_its_ground(valley, whole):
-    settings = replace(SETTINGS, method='cells', spacing=None)
-    result, particles = simulate(valley, settings), whole[0].result()
+def test_case_runs_on_cells_of_its_ground(valley, tmp_path):
+    found = []
+    for settings in (SETTINGS, replace(SETTINGS, method='cells', spacing=None)):
+        request = request_of(valley, settings, output=tmp_path / settings.method)
+        with SceneRun(request) as made:
+            made.run()
+            found.append((Result.of_run(made), measure_run(made)))
+    (particles, other), (result, own) = found
     cell = valley.scene.terrain.resolution
     assert result.accuracy.method == 'cells'
     assert result.snapshot.terrain == valley.scene.terrain
     assert result.resolution.method == 'cells' and result.accuracy.spacing == cell
-    own = measure_run_error(valley, settings, result)
-    other = measure_run_error(valley, SETTINGS, particles)
     assert 'cells of lava of' in own.text() and 'particles' in other.text()
     areas = (np.nan_to_num(one.snapshot.inundated) for one in (result, particles))
     stated = np.hypot(own.inundated.total, other.inundated.total)
@@ -82,24 +87,18 @@ def test_case_runs_on_cells_of_its_ground(valley, whole):
 
 
 def test_lava_flows_down_the_valley(valley, whole):
-    run, folder, done = whole
+    result, folder = whole
     maps = _frames(folder)
-    assert done == sorted(done)
-    assert done[-1] == valley.duration
     # each map is at the end of the step in which it was due
     times = [item.time for item in maps]
     dues = (900, 1800, 2700, 3600)
     late = np.subtract(times, dues)
     assert late.min() >= 0.0 and late.max() <= SETTINGS.accuracy(valley).longest_step
     assert times[-1] == valley.duration
-    result = run.result()
     judged = score_snapshot(valley, result.snapshot)
     assert judged.precision > 0.9 and judged.recall > 0.2
     budget = result.snapshot.budget
     assert budget.emitted == pytest.approx(valley.volume)
-    np.testing.assert_array_equal(
-        result.peak, np.max([np.nan_to_num(_thickness(item)) for item in maps], axis=0)
-    )
     vent = valley.scene.terrain.cell_at(*valley.scene.vents[0].position)
     assert vent is not None
     arrived = result.snapshot.arrived
@@ -118,7 +117,7 @@ def test_interrupted_run_resumes(valley, whole, tmp_path, monkeypatch):
     """The state is stored at the second map, not at the first."""
     monkeypatch.setattr('lava_ros.runs.store.KEEP_EVERY', np.inf)
     folder = tmp_path / 'parts'
-    first = Run(valley, SETTINGS, folder=folder)
+    request = request_of(valley, SETTINGS, output=folder)
     seen: list[float] = []
 
     def at_map(time: float) -> None:
@@ -128,18 +127,17 @@ def test_interrupted_run_resumes(valley, whole, tmp_path, monkeypatch):
         elif len(seen) == 3:
             raise CutOffError
 
-    with pytest.raises(CutOffError):
-        for _ in first.parts(TimeSink(first.map_times, at_map)):
-            assert first.is_resumed is False
-    first.close()
-    second = Run(valley, SETTINGS, folder=folder)
-    assert second.is_resumed
-    assert second.time == pytest.approx(seen[1])
-    one, other = whole[0].result(), _finished(second).result()
-    second.close()
+    with pytest.raises(CutOffError), SceneRun(request) as first:
+        first.run(TimeSink(SETTINGS.map_times(valley), at_map))
+    with SceneRun(request) as second:
+        assert second.is_resumed
+        assert second.simulation.time == pytest.approx(seen[1])
+        second.run()
+        second.finish()
+    one, other = whole[0], Result.of_run(second)
     np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
-    np.testing.assert_array_equal(one.peak, other.peak)
     np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
+    assert one.most_particles == other.most_particles
     frames = _frames(folder)
     assert len(frames) == SETTINGS.maps
     for before, after in zip(_frames(whole[1]), frames, strict=True):
@@ -155,7 +153,7 @@ def test_finished_run_is_not_repeated(valley, whole, tmp_path):
     first.close()
     again = Run(valley, settings, folder=folder)
     assert list(again.parts()) == []
-    one, other = again.result().snapshot, whole[0].result().snapshot
+    one, other = again.result().snapshot, whole[0].snapshot
     np.testing.assert_array_equal(one.thickness, other.thickness)
     np.testing.assert_array_equal(one.arrived, other.arrived)
     assert one.steps == other.steps
@@ -164,7 +162,7 @@ def test_finished_run_is_not_repeated(valley, whole, tmp_path):
         (valley.with_lava({'emissivity': 0.8}), settings),
         (valley, replace(settings, spacing=15.0)),
     ):
-        with pytest.raises(LavaError, match='--fresh'):
+        with pytest.raises(LavaError, match='--output'):
             Run(case, other, folder=folder)
     # a checkpoint truncated by a power failure
     path = folder / 'checkpoint'
@@ -218,7 +216,7 @@ def test_refined_maps_keep_volume_and_cells_without_data():
     coarse = coarsened(ground, 2)
     thickness = np.arange(6.0, dtype=np.float32).reshape(3, 2)
     snapshot = replace(_snapshot(coarse, thickness, thickness), frozen=thickness, inundated=None)
-    fine = refined(snapshot, ground, 2)
+    fine = refined(snapshot, ground)
     assert fine.terrain is ground
     assert fine.frozen is not None
     for values in (fine.thickness, fine.frozen):
@@ -226,7 +224,7 @@ def test_refined_maps_keep_volume_and_cells_without_data():
         np.testing.assert_array_equal(values[4, :], [4, 4, 5, 5])
         assert np.isnan(values[5, 3])
     assert np.nansum(fine.thickness) * 100.0 == thickness.sum() * 400.0 - 500.0
-    assert refined(snapshot, coarse, 1) is snapshot
+    assert refined(snapshot, coarse) is snapshot
 
 
 @pytest.mark.parametrize('shape', [(6, 8), (7, 9), (9, 6)])
@@ -239,7 +237,7 @@ def test_refined_lava_stands_on_reached_cells_and_keeps_volume_and_area(shape):
     thickness[1, 1] = 1.0
     snapshot = replace(_snapshot(coarse, thickness, arrived), frozen=thickness / 2.0)
     snapshot.inundated[1, 1] = 0.04
-    fine = refined(snapshot, ground, 2)
+    fine = refined(snapshot, ground)
     reached = np.isfinite(fine.arrived)
     assert not (fine.standing & ~reached).any() and fine.footprint.any()
     np.testing.assert_array_equal(fine.inundated > 0.0, reached)
@@ -279,7 +277,6 @@ def test_replicates_equal_single_runs(valley):
         np.testing.assert_array_equal(thickness, direction.rotate_back(alone.snapshot.thickness))
         np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
         assert result.snapshot.terrain is valley.scene.terrain
-        assert result.peak.shape == valley.footprint.shape
         arrived = alone.snapshot.arrived
         assert arrived is not None
         np.testing.assert_array_equal(result.snapshot.arrived, direction.rotate_back(arrived))
@@ -366,7 +363,7 @@ def test_interrupted_replicates_resume(valley, tmp_path, monkeypatch):
         run_replicates(valley, TWO_MAPS, 2, folder=tmp_path, progress=cut_off)
     kept = tmp_path / 'run_01'
     turned = directions(2)[1].rotate(valley)
-    resumed = Run(turned, TWO_MAPS, folder=kept, has_maps=False)
+    resumed = Run(turned, TWO_MAPS, folder=kept)
     assert resumed.is_resumed
     resumed.close()
     done: list[float] = []
@@ -375,7 +372,7 @@ def test_interrupted_replicates_resume(valley, tmp_path, monkeypatch):
     for one, other in zip(whole, again, strict=True):
         np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
         np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
-    with pytest.raises(LavaError, match='--fresh'):
+    with pytest.raises(LavaError, match='--output'):
         run_replicates(valley, replace(TWO_MAPS, spacing=20.0), 3, folder=tmp_path)
 
 
@@ -397,15 +394,20 @@ def test_rotated_and_mirrored_vents_are_on_the_same_ground(valley):
     assert np.median(np.diff(quarter, axis=1)) < 0.0
 
 
-def test_numerical_error_of_a_run_is_measured_on_its_own_cells(valley):
-    settings = replace(SETTINGS, spacing=40.0)
-    assert settings.coarseness(valley) > 1
-    result = simulate(valley, settings)
-    found = measure_run_error(valley, settings, result)
-    assert found.cell == valley.scene.terrain.resolution * settings.coarseness(valley)
-    assert (found.spacing, found.time) == (40.0, result.snapshot.time)
-    finer = replace(SETTINGS, spacing=6.0)
-    better = measure_run_error(valley, finer, simulate(valley, finer))
-    assert 0.0 < better.inundated.particles < found.inundated.particles < 1.0
+def test_numerical_error_of_a_run_is_measured_on_its_own_cells(valley, tmp_path):
+    found = []
+    for spacing in (40.0, 6.0):
+        request = request_of(
+            valley, replace(SETTINGS, spacing=spacing, maps=1), output=tmp_path / f'{spacing}'
+        )
+        with SceneRun(request) as made:
+            made.run()
+            error = measure_run(made)
+        assert error is not None
+        found.append(error)
+    coarse, fine = found
+    assert coarse.cell == 2.0 * valley.scene.terrain.resolution
+    assert (coarse.spacing, coarse.time) == (40.0, valley.duration)
+    assert 0.0 < fine.inundated.particles < coarse.inundated.particles < 1.0
     # larger cells lower a parabolic valley evenly
-    assert better.inundated.ground == better.standing.ground == 0.0
+    assert fine.inundated.ground == fine.standing.ground == 0.0

@@ -7,6 +7,7 @@ Run by ``make nightly``; takes a minute or two, most of it for pip.
 """
 
 from contextlib import suppress
+from functools import partial
 import json
 import os
 from pathlib import Path
@@ -18,7 +19,7 @@ import tempfile
 import threading
 import venv
 
-from ros_domain import own_domain
+import ros_domain
 
 ROOT = Path(__file__).parents[2]
 ASIDE = ('.git', '.venv', 'build', 'install', 'log', '*.egg-info', '__pycache__', 'bags')
@@ -54,7 +55,8 @@ def install(folder, *requirements):
     venv.create(home, with_pip=True)
     options = ['--quiet', '--disable-pip-version-check', '--constraint', 'constraints.txt']
     pip = [str(home / 'bin' / 'python'), '-m', 'pip', 'install', *options]
-    subprocess.run([*pip, *requirements], cwd=source, check=True)
+    # a network of the tests has no registry
+    ros_domain.outside(partial(subprocess.run, [*pip, *requirements], cwd=source, check=True))
     shutil.rmtree(source)
     return home / 'bin'
 
@@ -64,7 +66,7 @@ def outside():
     path = filter(None, os.environ.get('PYTHONPATH', '').split(os.pathsep))
     others = [item for item in path if not Path(item).resolve().is_relative_to(ROOT)]
     return os.environ | {
-        'PYTHONPATH': os.pathsep.join(others), 'ROS_DOMAIN_ID': str(own_domain()),
+        'PYTHONPATH': os.pathsep.join(others), 'ROS_DOMAIN_ID': str(ros_domain.own_domain()),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
 

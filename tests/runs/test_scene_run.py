@@ -18,7 +18,7 @@ from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.layers.recording import Recording
-from lava_ros.runs import scene_run, store
+from lava_ros.runs import store
 from lava_ros.runs.drive import Sink
 from lava_ros.runs.provenance import identity_of
 from lava_ros.runs.scene_run import Request, SceneRun
@@ -64,7 +64,7 @@ class Stop(Sink):
 def whole(tmp_path_factory):
     run = SceneRun(request(tmp_path_factory.mktemp('runs') / 'whole'))
     run.run()
-    run.finish(None)
+    run.finish()
     return run
 
 
@@ -126,7 +126,7 @@ def test_interrupted_run_continues_with_the_same_result(whole, tmp_path, monkeyp
     assert again.is_resumed
     assert again.simulation.time < 200.0
     snapshot = again.run()
-    record = again.finish(None)
+    record = again.finish()
     np.testing.assert_array_equal(snapshot.thickness, whole.snapshot.thickness)
     np.testing.assert_array_equal(snapshot.arrived, whole.snapshot.arrived)
     frames, expected = (
@@ -162,7 +162,7 @@ def test_killed_run_continues(whole, tmp_path, monkeypatch):
     with SceneRun(request(killed)) as again:
         assert 180.0 <= again.simulation.time < 240.0
         np.testing.assert_array_equal(again.run().thickness, whole.snapshot.thickness)
-        again.finish(None)
+        again.finish()
     frames, expected = (
         [frame.time for frame in Recording(item).frames()] for item in (killed, whole.folder.path)
     )
@@ -200,7 +200,7 @@ def test_folder_of_another_run_is_kept(kind, whole, tmp_path, monkeypatch):
 
 
 def test_run_without_a_folder_gets_an_unused_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(scene_run, 'RUNS', tmp_path)
+    monkeypatch.setattr(store, 'RUNS', tmp_path)
     interrupted(tmp_path / 'slope', monkeypatch)
     for name, changes in (('slope_2', {'settings': {}}), ('slope', {})):
         run = SceneRun(request(None, **changes))

@@ -11,7 +11,7 @@ import pytest
 from command_line import refused
 from geodata import write_scene
 from lava_ros.cli.parser import parse_command_line
-from lava_ros.cli.scenes import scene_as_given
+from lava_ros.cli.scenes import scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, scene_from_dict, scene_from_yaml, scene_to_dict, Terrain
 from lava_ros.simulation import Simulation
@@ -82,7 +82,7 @@ def test_options_of_a_scene_give_its_onset(words, rates, tmp_path):
     path = write(tmp_path, rates)
     words = [str(tmp_path / word) if word == 'rates.csv' else word for word in words]
     args = parse_command_line(['effects', str(path), *words])
-    assert scene_as_given(args).onset == ONSET
+    assert scene_from_arguments(args).onset == ONSET
 
 
 def test_start_that_contradicts_the_rates_of_the_file_is_refused(tmp_path):

@@ -14,6 +14,7 @@ import numpy as np
 from lava_ros.bag.description import described
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
+from lava_ros.forecast.store import is_ensemble
 from lava_ros.layers.layer import SOURCES
 from lava_ros.layers.recording import Progress, Recording, silent
 from lava_ros.products.arrivals import table_of
@@ -23,7 +24,6 @@ from lava_ros.products.report import sections
 from lava_ros.products.report.charts import charts_of
 from lava_ros.products.report.static_page import encoded, write_static_page
 from lava_ros.products.report.summary import RunSummary, summarize
-from lava_ros.products.run_page import is_ensemble
 
 #: Facts at the top of a page, which are short.
 _BRIEF = (

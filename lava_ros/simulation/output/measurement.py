@@ -210,7 +210,7 @@ def _measure_slopes(
 ) -> np.ndarray:
     """Return the slope of some cells, rise over run, 0 next to cells without data.
 
-    ``layers`` of lava on the terrain [m] have its shape.
+    ``layers`` are thicknesses of lava on the terrain [m], shape [rows, columns].
     """
     places, last = np.stack(here), np.subtract(terrain.shape, 1)[:, None]
 

@@ -280,7 +280,7 @@ class Raster:
             [2 or more, rows, columns].
         thickness: The first grid [m], NaN where the terrain has no data.
         window: The cells that lava can reach.
-        temperature: The second grid [K], NaN also where it is dry.
+        temperature: The second grid [K], NaN where the ground is dry, too.
     """
 
     def __init__(

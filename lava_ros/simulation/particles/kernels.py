@@ -99,7 +99,7 @@ class SmoothingKernel(NamedTuple):
         shape: Device function, the kernel over ``norm``.
         slope: Device function, the derivative of ``shape`` over q.
         terms: Device function of a volume, r and 1 / l: the volume times ``shape``, and times
-            ``slope``, each divided by its own of the ``factors``. The two have common factors.
+            ``slope``, each divided by its constant in ``factors``. The products share factors.
         factors: Constant factors that ``terms`` omits from ``shape`` and ``slope``.
         wide_terms: C++ that computes wide ``shapes`` and ``slopes``, the values of ``terms``, from
             a wide ``volume`` and ``distance`` and from ``inverse`` (simd.py); None if missing.

@@ -190,7 +190,10 @@ class State(Arrays):
         return self._readbacks[0].begin()()
 
     def begin_readback(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
-        """Start to copy them; return a function that waits, to be called before a third copy."""
+        """Start to copy ``clock`` and ``counts``; return a function that waits for the copies.
+
+        Call that function before a third copy is started.
+        """
         # page-locked memory is slow to allocate, and a member of a batch needs none of these
         while len(self._readbacks) < 3:
             self._readbacks.append(Readback((self.clock, self.counts)))
@@ -347,7 +350,7 @@ class State(Arrays):
             raise LavaError('checkpoint.state.counts', counts.tolist(), expected)
 
     def take_order(self, *, within_step: bool = False) -> None:
-        """Copy the ordered arrays back to the particles, also possible within a step."""
+        """Copy the ordered arrays back to the particles; a caller may do this within a step."""
         arrays = self.arrays
         wp.copy(self.particle, self.ordered)
         for name in (*self._carried, *(self._of_step if within_step else ())):

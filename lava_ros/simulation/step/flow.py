@@ -20,9 +20,9 @@ Viscosity and yield strength follow the mean temperature of the lava around a pa
 
     T = T_i + max(0, 1 - l |grad h| / (3 h)) sum_j V_j W_ij (T_j - T_i) / sum_j V_j W_ij.
 
-The velocity of a depth-averaged flow is a function of the place. By their own temperatures hot
-particles would overtake cold ones in the same place. At an edge the mean is one-sided: it has no
-weight there, where l |grad h| is 3 h. Particles exchange no heat by it.
+In a depth-averaged flow, all lava in one place has one velocity. With a viscosity by its own
+temperature, a hot particle would overtake a cold one in the same place. At an edge the mean is
+one-sided, so it has no weight there, where l |grad h| is 3 h. The mean exchanges no heat.
 
 The balance has no inertia, so nothing bounds its speed: at a wall, or where lava is thin as water,
 it could exceed any free fall. The speed is therefore limited by the energy of the fall. A particle
@@ -226,7 +226,8 @@ def flow_kernels(
     ) -> vec10:
         """Add differences, their second moments, and V grad W of a neighbour.
 
-        The last two sums are of thickness, and of thickness times the excess temperature.
+        The last two values are the sums of the thickness, and of the thickness times the excess
+        temperature.
         """
         other = load(ordered, j)
         d = vec2(p[0] - other[0], p[1] - other[1]) * inverse

@@ -74,8 +74,8 @@ def _broken_dams(
     because the lava of the tip comes from there, and it thins to less than a single particle.
 
     Returns:
-        The trial, which ends when the fans meet and has been compared from where the fan begins to
-        ``ahead``; distances outwards from a dam [m]; the mean thickness of both sides there [m].
+        The trial at the time when the fans meet; distances outwards from a dam [m], from the start
+        of the fan to ``ahead``; the mean thickness of both sides at these distances [m].
     """
     time = REACH / math.sqrt(GRAVITY * HEIGHT)
     # half of the width of the measured band

@@ -168,10 +168,10 @@ class CoolingCurrent:
     1 / (1 + a^2 / rT^2), which equals that of a point source at the edge to within half of the
     square of a^2 / rT^2.
 
-    The surface loses rho c Q (T0 - Ta) in all: the heat that the source supplies.
+    The surface loses the heat that the source supplies, rho c Q (T0 - Ta).
 
     Attributes:
-        power: That heat [W].
+        power: Heat that the source supplies [W].
         thermal_radius: Distance at which T - Ta has fallen to 1 / e [m].
     """
 

@@ -3,8 +3,8 @@
 
 """Exact solutions of lava on an even slope of angle b, along the slope x and normal to it h.
 
-h_t + (g / 3 nu) [(h^3 (sin b - cos b h_x))_x - cos b (h^3 h_y)_y] = source. The last ones are of
-layers of even thickness: their speed, and lateral stress.
+h_t + (g / 3 nu) [(h^3 (sin b - cos b h_x))_x - cos b (h^3 h_y)_y] = source. The last two solutions
+are the speed and the lateral stress of layers of uniform thickness.
 """
 
 from collections.abc import Callable
