@@ -81,7 +81,7 @@ def check_kill(graph, node, listener, bag):
     last = max(stamp for _, stamp, _ in received)
     assert {stamp for _, stamp, _ in lost} <= {last}
     topics = [topic for topic, *_ in saved]
-    assert topics[:3] == ['terrain', 'terrain_info', 'vents']
+    assert topics[:4] == ['terrain_georeference', 'terrain', 'terrain_info', 'vents']
     assert set(topics) >= {*GRIDS, 'diagnostics'}
 
 
