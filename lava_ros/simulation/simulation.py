@@ -109,7 +109,7 @@ class Simulation:
         self.step = 0.0
         # the next step would end after the requested time, and has not begun
         self._is_step_pending, self._requested_time = False, -math.inf
-        # cells run on a CPU
+        # the cells of one run rarely fill a GPU
         used = device_of('cpu' if device is None and given.method == 'cells' else device)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
