@@ -70,7 +70,7 @@ class HeatState:
         state = cls(
             law_of(lava, _REAL), heat_of(scene, effects, _REAL), diffusivity, **arrays
         )
-        hottest = max((vent.temperature for vent in scene.vents), default=lava.liquidus)
+        hottest = hottest_of(scene)
         state.temperature.fill_(hottest)
         state.vent_temperature.fill_(hottest)
         state.elevation.assign(ringed_heights(cells.terrain))
@@ -86,6 +86,11 @@ class HeatState:
         for item in fields(self):
             setattr(heat, item.name, getattr(self, item.name))
         return heat
+
+
+def hottest_of(scene: Scene) -> float:
+    """Return the temperature of the hottest vent [K], the liquidus without vents."""
+    return max((vent.temperature for vent in scene.vents), default=scene.lava.liquidus)
 
 
 def carries_heat(scene: Scene, effects: Effects) -> bool:

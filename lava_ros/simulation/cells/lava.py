@@ -18,7 +18,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.cells.grid import grid_of, on_terrain
 from lava_ros.simulation.cells.ground import lay_ground
-from lava_ros.simulation.cells.heat import HeatState
+from lava_ros.simulation.cells.heat import HeatState, hottest_of
 from lava_ros.simulation.cells.peaks import CellPeaks
 from lava_ros.simulation.cells.state import (
     CellState,
@@ -120,12 +120,7 @@ class CellLava:
         )
         self.heat = HeatState.on(self.state, self.scene, self.effects)
         self.peaks = CellPeaks(self.state.thickness.shape, self.device)
-        # solidified lava in all, so that the number of maps does not depend on effects
-        maps = np.zeros((3 + len(SHOWN), *terrain.shape), dtype=np.float32)
-        maps[:, ~terrain.has_data] = np.nan
-        # times of cells that lava has not reached
-        maps[-2:] = np.nan
-        self.grids = wp.array(maps, dtype=wp.float32, device=self.device)
+        self._grids: Any = None
         self.window = Window(terrain.shape, 2)
         self._known = wp.array(
             terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=self.device
@@ -146,10 +141,18 @@ class CellLava:
         arrays = self.state.thickness, heat.temperature, heat.emission_time, heat.frozen
         return Columns(*(_inner(array).copy() for array in arrays))
 
-    def put(self, lava: Columns) -> None:
-        """Replace the lava and the ground that it has become."""
+    def bare_columns(self) -> Columns:
+        """Return columns without lava."""
+        nothing, hottest = np.zeros(self.grid.shape), hottest_of(self.scene)
+        return Columns(nothing, np.full(self.grid.shape, hottest), nothing, nothing)
+
+    def put(self, lava: Columns, *, is_first: bool = False) -> None:
+        """Replace the lava and the ground that it has become.
+
+        ``is_first`` means that there has been no lava and there is none.
+        """
         state, heat = self.state, self.heat
-        for values, arrays in (
+        for values, arrays in () if is_first else (
             (lava.thickness, (state.thickness, state.stage, heat.former)),
             (lava.solidified, (heat.frozen,)),
         ):
@@ -162,7 +165,9 @@ class CellLava:
         #: Temperatures of the lava [K], and the window in which it is.
         self._temperatures = set(np.unique(lava.temperature[is_wet]).tolist())
         self._lava_box = box_of(lava.thickness > self._film)
-        _fill(heat.emission_time, lava.emission_time)
+        if not is_first:
+            _fill(heat.emission_time, lava.emission_time)
+        self._is_bare = not (is_wet.any() or lava.solidified.any())
         self.thickest = float(lava.thickness.max(initial=0.0))
         state.peaks.assign([self.thickest, 0.0])
         lay_ground(state.argument(), heat.argument(), self.effects)
@@ -221,8 +226,26 @@ class CellLava:
         later = sum(vent.volume_between(self.time, until) for vent in self.scene.vents)
         return float(volume / max(volume + later, 1e-30))
 
+    @property
+    def grids(self) -> Any:
+        """All lava, its temperature, the solidified part, and ``SHOWN`` on the terrain's cells."""
+        if self._grids is None:
+            terrain = self.scene.terrain
+            # solidified lava in all, so that the number of maps does not depend on effects
+            maps = np.zeros((3 + len(SHOWN), *terrain.shape), dtype=np.float32)
+            maps[:, ~terrain.has_data] = np.nan
+            # times of cells that lava has not reached
+            maps[-2:] = np.nan
+            self._grids = wp.array(maps, dtype=wp.float32, device=self.device)
+        return self._grids
+
+    def record(self) -> None:
+        """Record the ground that lava covers now, if that is due."""
+        raise NotImplementedError
+
     def draw_maps(self) -> Any:
-        """Map the lava; return all of it, its temperature, the solidified part, and ``SHOWN``."""
+        """Write and return ``grids``."""
+        self.record()
         # lava is nowhere else
         part = self.window.rectangle(self._maps)
         heat, terrain = self.heat, self.scene.terrain
@@ -280,8 +303,12 @@ class CellLava:
 
     def start_peaks(self) -> None:
         """Begin to keep peaks with the current lava."""
-        warm = np.where(self.state.thickness.numpy() > 0.0, self.heat.temperature.numpy(), 0.0)
-        self.peaks.restart(self.state.thickness.numpy() + self.heat.frozen.numpy(), warm)
+        if self._is_bare and not self.steps:
+            # no lava so far
+            return
+        thickness = self.state.thickness.numpy()
+        warm = np.where(thickness > 0.0, self.heat.temperature.numpy(), 0.0)
+        self.peaks.restart(thickness + self.heat.frozen.numpy(), warm)
 
     def observe_now(self, peaks: Peaks) -> None:
         """Check the current flow; the steps themselves keep its peaks."""
@@ -302,13 +329,19 @@ class CellLava:
 
     def read_peaks(self, peaks: Peaks, *, where_wet: bool) -> PeakMaps:
         """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
+        self.record()
         rows, columns = self.scene.terrain.shape
         part = slice(0, rows), slice(0, columns)
         if where_wet:
             part = self.window.rectangle(self._maps)
         terrain = self.scene.terrain
+        scale = terrain.resolution / self.grid.resolution
         thickness, temperature = self.peaks.on_terrain(
-            lambda values: on_terrain(values, self.grid, terrain, part)
+            lambda values: on_terrain(values, self.grid, terrain, part),
+            slice(
+                math.floor(part[0].start * scale),
+                min(math.ceil(part[0].stop * scale), self.grid.shape[0]),
+            ),
         )
         peaks.put(
             thickness, temperature, part, terrain.has_data, solidus=self.scene.lava.solidus

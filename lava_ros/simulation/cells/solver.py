@@ -108,7 +108,7 @@ class CellSolver(CellLava):
         self._end, self._steps_at_once = math.inf, 16
         self._worlds: Worlds | None = None
         self._world: Any = None
-        self._is_heated = False
+        self._is_heated = self._is_due = False
 
     def start_with(self, particles: Particles | None) -> None:
         """Place the initial lava, and open the vents of the scene.
@@ -116,7 +116,7 @@ class CellSolver(CellLava):
         Raises:
             LavaError: If lava is not on the terrain.
         """
-        lava = self.columns()
+        lava, is_bare = self.bare_columns(), True
         if particles is not None and len(particles.position):
             for index in np.flatnonzero(~self.scene.terrain.covered(particles.position))[:1]:
                 where = tuple(particles.position[index].tolist())
@@ -134,11 +134,11 @@ class CellSolver(CellLava):
             lava = Columns(
                 volumes / self.grid.resolution**2, warm, lava.emission_time, lava.solidified
             )
-            self.volume_before = float(volume.sum())
-        self.put(lava)
+            self.volume_before, is_bare = float(volume.sum()), False
+        self.put(lava, is_first=is_bare)
         self._cover()
         self.open_vents(0.0)
-        self._note()
+        self._is_due = True
 
     def open_vents(self, since: float) -> None:
         """Put the vents of the scene on the cells, from a simulated time [s]."""
@@ -228,6 +228,7 @@ class CellSolver(CellLava):
             clock[UNTIL], clock[TARGET] = stop, min(until, stop)
             if self.is_empty and not self.vents.rates(time).any():
                 # nothing moves
+                self.record()
                 clock[TIME] = min(until, stop)
                 yield
             else:
@@ -250,8 +251,10 @@ class CellSolver(CellLava):
             return
         kind = self.effects, self._is_heated
         batch.advance_world(
-            kind, partial(CellGroup, *kind, self.device), self._world, (self.clock, self._reached)
+            kind, partial(CellGroup, *kind, self.device), self._world,
+            (self.clock, self._reached, self._is_due),
         )
+        self._is_due = False
         yield
         self._read(batch.readback)
 
@@ -267,7 +270,8 @@ class CellSolver(CellLava):
         if self._worlds is None:
             self._worlds = Worlds(1, self.device)
             self._worlds.put(0, self._world)
-        self._worlds.order(0, clock, self._reached)
+        self._worlds.order(0, clock, self._reached, self._is_due)
+        self._is_due = False
         self._read(self._worlds.launch([0], self.effects, self._is_heated, steps)()[0])
 
     def _read(self, report: np.ndarray) -> None:
@@ -287,11 +291,12 @@ class CellSolver(CellLava):
         self.clock[WAITING] = 0.0
         return self.read_sample()
 
-    def _note(self) -> None:
-        """Record the ground that lava covers now."""
-        if not self._is_set:
-            self._set(self.time)
-        self._launch(self.clock, 0)
+    def record(self) -> None:
+        """Record the ground that lava covers now, if that is due."""
+        if self._is_due:
+            if not self._is_set:
+                self._set(self.time)
+            self._launch(self.clock, 0)
 
     def prepare_advance(self, until: float, end: float) -> None:
         """Do nothing: ``advancing_to`` skips the time without lava."""
@@ -320,10 +325,11 @@ class CellSolver(CellLava):
         self.volume_before += self.vents.emitted(now)
         self.scene = scene
         self.open_vents(now)
-        self._note()
+        self._is_due = True
 
     def replace_terrain(self, scene: Scene) -> None:
         """Replace the terrain by that of another scene; lava outside it has left."""
+        self.record()
         now, former, grid, lava = self.time, self.state, self.grid, self.columns()
         peaks = self.peaks
         self.volume_before += self.vents.emitted(now)
@@ -347,10 +353,11 @@ class CellSolver(CellLava):
         self.peaks.move(peaks, grid, self.grid)
         self._cover()
         self.open_vents(now)
-        self._note()
+        self._is_due = True
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy all arrays that are needed to continue, by name, and the columns as particles."""
+        self.record()
         sample = self.sample()
         rows = np.column_stack([
             sample.position - centre_of(self.scene.terrain), sample.volume, sample.temperature
@@ -406,7 +413,6 @@ class CellSolver(CellLava):
         check_restored(checkpoint, arrays, self.time)
         self.volume_before = checkpoint.emitted
         self.open_vents(checkpoint.since)
-        if not arrived:
-            self._note()
+        self._is_due = not arrived
         check_conserved(self.budget())
 

@@ -35,8 +35,9 @@ _LAUNCH_TIME, _MAX_STEPS = 0.004, 4096
 #: Parts of a report: clock and counts (``CellState``), largest thickness [m], number of the order.
 CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 9), slice(9, 13), 13, 14
 
-#: Number of items of a report, and of an order: clock, window (``CellState.box``) and number.
-_REPORT, _ORDER = 15, 14
+#: Number of items of a report, and of an order: clock, window (``CellState.box``), 1 to record
+#: what lava covers before the steps, and number.
+_REPORT, _ORDER = 15, 15
 
 #: Number of blocks of a world on a GPU if there are few worlds, and minimum compute capability:
 #: those of a cluster run at the same time.
@@ -47,7 +48,7 @@ _BEGIN = """{
     SHARED
     const double* order = orders.data + row * ORDER;
     double* taken = numbers.data + row;
-    const bool is_new = order[13] != *taken;
+    const bool is_new = order[14] != *taken;
     together();
     if (is_new && is_first) {
         for (int n = 0; n < 9; ++n) s.clock.data[n] = order[n];
@@ -58,9 +59,10 @@ _BEGIN = """{
             const bool is_wider = n % 2 ? own > box[n] : own < box[n];
             if (order[10] > order[9] && (is_empty || is_wider)) box[n] = own;
         }
-        *taken = order[13];
+        *taken = order[14];
     }
     together();
+    return is_new && order[13] > 0.0;
 }"""
 
 _END = """{
@@ -119,7 +121,7 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
     def begin(
         s: Cells, orders: wp.array2d(dtype=wp.float64), numbers: wp.array(dtype=wp.float64),
         row: int,
-    ): ...
+    ) -> int: ...
 
     @wp.func_native(ending)
     def end(
@@ -139,8 +141,8 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
         row = rows[place_of(wp.tid())]
         world = worlds[row]
         clock = world.flow.clock
-        begin(world.flow, orders, numbers, row)
-        if most == 0:
+        is_due = begin(world.flow, orders, numbers, row)
+        if is_due == 1 or most == 0:
             note(world.flow, world.covered)
         for _ in range(most):
             if clock[TIME] >= clock[TARGET] or clock[WAITING] > wp.float64(0.0):
@@ -181,10 +183,15 @@ class Worlds:
         self._packed.write(row * self._size, np.frombuffer(packed, dtype=np.uint8))
         self._kept[row] = world
 
-    def order(self, row: int, clock: np.ndarray, window: np.ndarray) -> None:
-        """Give the world of a row its clock, and a window that its own must contain."""
+    def order(
+        self, row: int, clock: np.ndarray, window: np.ndarray, records: bool = False
+    ) -> None:
+        """Give the world of a row its clock, and a window that its own must contain.
+
+        If it ``records``, it does so with the ground that lava covers before the steps.
+        """
         number = self._orders.here[row, -1] + 1.0
-        self._orders.write(row, np.array([[*clock, *window, number]]))
+        self._orders.write(row, np.array([[*clock, *window, float(records), number]]))
 
     def is_current(self, row: int, report: np.ndarray) -> bool:
         """Return True if the report of a row follows its latest order."""
@@ -289,7 +296,7 @@ class CellGroup:
         self.free.append(row)
 
     def advance(
-        self, row: int, order: tuple[np.ndarray, np.ndarray], route: Iterator[None]
+        self, row: int, order: tuple[np.ndarray, np.ndarray, bool], route: Iterator[None]
     ) -> None:
         """Advance the member of a row by its clock and window; then its route continues."""
         self._worlds.order(row, *order)
