@@ -30,10 +30,9 @@ from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.effects.laws import strength_function, viscosity_function
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
-from lava_ros.simulation.cells.covered import FULL
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
-from lava_ros.simulation.cells.state import Cells, Heat, WAITING
+from lava_ros.simulation.cells.state import Cells, EDGE, Heat, WAITING
 
 _REAL = wp.float32
 
@@ -182,7 +181,7 @@ _EXCHANGE = """
         auto column = empty;
         // the edge of a front is thicker than its mean over the cell (covered.py)
         const float beside = larger(larger(y[p - 1], y[p + 1]), larger(y[p - w], y[p + w]));
-        column.thickness = larger(larger(h, film), FULL * beside);
+        column.thickness = larger(larger(h, film), EDGE * beside);
         column.normal_thickness = column.thickness;
         column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
         COSINE
@@ -267,7 +266,7 @@ def heat_functions(effects: Effects) -> HeatFunctions:
     moving = _TRANSPORT.replace('VECTORISED', _VECTORISED)
     moving = moving.replace('RENEWAL', _RENEWAL if has_age else '')
     moving = moving.replace('CONDUCTION', _CONDUCTION if 'conduction' in effects else '')
-    exchanging = _EXCHANGE.replace('FULL', f'{FULL}f')
+    exchanging = _EXCHANGE.replace('EDGE', f'{EDGE}f')
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
         ('AGE', has_age), ('WARM', warming), ('VISCOSITY', viscosity), ('STRENGTH', strength),

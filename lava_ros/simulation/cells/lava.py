@@ -280,7 +280,9 @@ class CellLava:
         if where_wet:
             part = self.window.rectangle(self._maps)
         terrain = self.scene.terrain
-        thickness, temperature = self.peaks.on_terrain(self.grid, terrain, part)
+        thickness, temperature = self.peaks.maps(
+            lambda values: on_terrain(values, self.grid, terrain, part)
+        )
         peaks.put(
             thickness, temperature, part, terrain.has_data, solidus=self.scene.lava.solidus
         )

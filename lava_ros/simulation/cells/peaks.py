@@ -3,16 +3,14 @@
 
 """Largest thickness and highest temperature of each cell, kept by the steps themselves."""
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from lava_ros.scene import Terrain
-from lava_ros.simulation.cells.grid import on_terrain
 from lava_ros.simulation.cells.state import Cells, Heat
-from lava_ros.simulation.particles.terrain import averaged
 
 
 @wp.struct
@@ -67,18 +65,16 @@ class CellPeaks:
         self.highest.thickness.assign(thickness.astype(np.float32))
         self.highest.temperature.assign(temperature.astype(np.float32))
 
-    def move(self, former: 'CellPeaks', before: Terrain, after: Terrain) -> None:
-        """Continue the peaks of another grid."""
+    def move(self, former: 'CellPeaks', into: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Continue the peaks of another grid; ``into`` converts a map from its cells."""
         for name in ('thickness', 'temperature'):
             values = getattr(former.highest, name).numpy()[1:-1, 1:-1]
             own = getattr(self.highest, name)
-            moved = np.pad(averaged(values, before, after), 1).astype(np.float32)
+            moved = np.pad(into(values), 1).astype(np.float32)
             own.assign(np.fmax(own.numpy(), moved))
 
-    def on_terrain(
-        self, grid: Terrain, terrain: Terrain, part: tuple[slice, slice]
-    ) -> np.ndarray:
-        """Return thickness and temperature on some of the terrain's cells: [2, rows, columns].
+    def maps(self, into: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return thickness and temperature on other cells, to which ``into`` converts a map.
 
         In a cell of several smaller ones it is the mean of their peaks, and the temperature by
         thickness.
@@ -87,7 +83,6 @@ class CellPeaks:
             getattr(self.highest, name).numpy()[1:-1, 1:-1]
             for name in ('thickness', 'temperature')
         )
-        mean = on_terrain(thickness, grid, terrain, part)
+        mean = into(thickness)
         with np.errstate(invalid='ignore', divide='ignore'):
-            warm = on_terrain(thickness * temperature, grid, terrain, part) / mean
-        return np.stack([mean, warm])
+            return mean, into(thickness * temperature) / mean
