@@ -560,9 +560,9 @@ def methods() -> Iterator[Line]:
         other = particles.get(row['scene'])
         if row['method'] == 'particles' or other is None:
             continue
-        kind = 'cells lack an effect' if row['lacking'] else 'lava of one temperature'
-        if not row['lacking'] and {'cooling', 'cover', 'crust'} & {*other['effects'].split()}:
-            kind = 'lava cools'
+        kind = 'cells lack an effect' if row['lacking'] else 'lava does not freeze'
+        if not row['lacking'] and 'solidification' in row['effects'].split():
+            kind = 'lava freezes'
         stated = math.hypot(float(row['stated']), float(other['stated']))
         ratio = float(row['cpu_s']) / float(other['cpu_s'])
         kinds.setdefault(kind, []).append((float(row['difference']), stated, ratio))

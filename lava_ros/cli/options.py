@@ -196,7 +196,7 @@ _SHARED = {item[0][0]: item for item in (
     argument('--material', 'NAME', 'lava by name; replaces the lava of the case'),
     argument(
         '--method', None, 'carriers of the lava: particles, or cells, which take less time and '
-        'lack some effects; auto: cells for lava that does not cool, if they have the effects '
+        'lack some effects; auto: cells for lava that does not freeze, if they have the effects '
         'that the flow needs', 'particles', choices=(*METHODS, AUTO),
     ),
     argument(

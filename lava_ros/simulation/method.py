@@ -3,10 +3,9 @@
 
 """The choice between particles and cells for a scene.
 
-Cells take less time where they have all effects that the flow needs and its lava does not cool:
-the areas of both methods then agree within their stated errors. Where lava cools and freezes,
-fronts on cells stop earlier, and particles reach the same scores in less time
-(docs/presets.md#particles-or-cells).
+The areas of both methods agree within their stated errors where cells have all effects that the
+flow needs. Cells take less time for lava that does not freeze; for lava that does, particles reach
+the same scores in less time (docs/presets.md#particles-or-cells).
 """
 
 from collections.abc import Mapping
@@ -51,6 +50,6 @@ def choose_method(
     effects = effects_for(
         scene, forced, accuracy=replace(accuracy, method='cells'), horizon=horizon
     )
-    if effects.any('freezes') or effects.having('terms'):
-        return MethodChoice('particles', 'the lava cools, and its front on cells stops earlier')
-    return MethodChoice('cells', 'the lava does not cool, and cells take less time')
+    if effects.any('freezes'):
+        return MethodChoice('particles', 'cells take more time for lava that freezes')
+    return MethodChoice('cells', 'the lava does not freeze, and cells take less time')

@@ -4,9 +4,9 @@
 """Covered fraction of the terrain's cells, and times of arrival, of lava on cells.
 
 Lava has reached a cell of the solver that is as thick as the threshold at the end of a step. If
-the cell is ``FULL`` times as thick as the thickest of its four neighbours, or thicker, it is
+the cell is ``EDGE`` times as thick as the thickest of its four neighbours, or thicker, it is
 covered wholly. Otherwise it is the edge of a front that has come from that neighbour: the part
-next to it is covered, thickness over ``FULL`` times that of the neighbour. This fraction makes the
+next to it is covered, thickness over ``EDGE`` times that of the neighbour. This fraction makes the
 area of fronts and of lava that thins out equally accurate (docs/MODEL.md). A square of a cell of
 the terrain (``output/covered_cells.py``) is covered if its middle is.
 """
@@ -17,12 +17,9 @@ from typing import Any
 import warp as wp
 
 from lava_ros.scene.terrain import HALF, PARTS
-from lava_ros.simulation.cells.state import Cells
+from lava_ros.simulation.cells.state import Cells, EDGE
 from lava_ros.simulation.cells.threads import shared
 from lava_ros.simulation.output.covered_cells import WHOLE
-
-#: Thickness of a cell that lava covers wholly, over that of its thickest neighbour.
-FULL = 0.25
 
 
 @wp.struct
@@ -71,11 +68,11 @@ _NOTE = """{
         const float south = at[-w], north = at[w], west = at[-1], east = at[1];
         const float beside = west > east ? west : east, across = south > north ? south : north;
         const float thickest = beside > across ? beside : across;
-        if (own >= FULL * thickest) return true;
+        if (own >= EDGE * thickest) return true;
         // distance from the neighbour that is thickest, in cells
         const float from = beside > across ? (west > east ? along : 1.0f - along)
                                            : (south > north ? up : 1.0f - up);
-        return from * (FULL * thickest) <= own;
+        return from * (EDGE * thickest) <= own;
     };
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
         for (long j = left + lane; j <= right; j += lanes) {
@@ -125,7 +122,7 @@ def note_function(blocks: int = 1) -> Any:
     code = _NOTE
     for name, value in (
         ('SHARED', shared(blocks)),
-        ('WHOLE', WHOLE), ('PARTS', PARTS), ('HALF', HALF), ('FULL', f'{FULL}f')
+        ('WHOLE', WHOLE), ('PARTS', PARTS), ('HALF', HALF), ('EDGE', f'{EDGE}f')
     ):
         code = code.replace(name, str(value))
 

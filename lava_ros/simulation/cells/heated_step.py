@@ -30,10 +30,9 @@ from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.effects.laws import strength_function, viscosity_function
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
-from lava_ros.simulation.cells.covered import FULL
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
-from lava_ros.simulation.cells.state import Cells, Heat, WAITING
+from lava_ros.simulation.cells.state import Cells, EDGE, Heat, WAITING
 from lava_ros.simulation.cells.threads import shared
 
 _REAL = wp.float32
@@ -195,7 +194,7 @@ _EXCHANGE = """
             auto column = empty;
             // the edge of a front is thicker than its mean over the cell (covered.py)
             const float beside = larger(larger(y[p - 1], y[p + 1]), larger(y[p - w], y[p + w]));
-            column.thickness = larger(larger(h, film), FULL * beside);
+            column.thickness = larger(larger(h, film), EDGE * beside);
             column.normal_thickness = column.thickness;
             column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
             COSINE
@@ -299,7 +298,7 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
         ('FALL', _FALL, falls), ('DESCENT', _DESCENT, falls),
     ):
         moving = moving.replace(name, part if is_on else '')
-    exchanging = _EXCHANGE.replace('FULL', f'{FULL}f')
+    exchanging = _EXCHANGE.replace('EDGE', f'{EDGE}f')
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
         ('AGE', has_age), ('WARM', warming), ('VISCOSITY', viscosity), ('STRENGTH', strength),

@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from lava_ros.scene import Terrain
 from lava_ros.simulation.cells.highest import Highest
-from lava_ros.simulation.particles.terrain import averaged
 
 
 class CellPeaks:
@@ -32,12 +30,12 @@ class CellPeaks:
         self.highest.thickness.assign(thickness.astype(np.float32))
         self.highest.temperature.assign(temperature.astype(np.float32))
 
-    def move(self, former: 'CellPeaks', before: Terrain, after: Terrain) -> None:
-        """Continue the peaks of another grid."""
+    def move(self, former: 'CellPeaks', into: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Continue the peaks of another grid; ``into`` converts a map from its cells."""
         for name in ('thickness', 'temperature'):
             values = getattr(former.highest, name).numpy()[1:-1, 1:-1]
             own = getattr(self.highest, name)
-            moved = np.pad(averaged(values, before, after), 1).astype(np.float32)
+            moved = np.pad(into(values), 1).astype(np.float32)
             own.assign(np.fmax(own.numpy(), moved))
 
     def on_terrain(

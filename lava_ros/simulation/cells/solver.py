@@ -350,7 +350,7 @@ class CellSolver(CellLava):
                 after[cells] = 0.0
         self.state.left.assign(left / new)
         self.put(moved)
-        self.peaks.move(peaks, grid, self.grid)
+        self.peaks.move(peaks, lambda values: averaged(values, grid, self.grid))
         self._cover()
         self.open_vents(now)
         self._is_due = True

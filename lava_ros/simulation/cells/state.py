@@ -57,6 +57,9 @@ STEPS, EVALUATIONS, STAGES, LIMITED = range(4)
 #: Item of ``peaks``: largest thickness at the end of the latest step [m].
 THICKEST, RATE = range(2)
 
+#: Thickness of a cell that lava covers wholly, over that of its thickest neighbour (covered.py).
+EDGE = 0.25
+
 #: Constants of the laws of flow, with viscosity and yield strength of one face.
 FaceLaw = structure('FaceLaw', (*law_type(wp.float32).vars, 'strength'), wp.float32)
 

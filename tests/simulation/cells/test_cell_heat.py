@@ -17,13 +17,13 @@ from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.cells.covered import FULL
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.heated_step import heat_functions, heated_step_function
 from lava_ros.simulation.cells.state import (
     Cells,
     CellState,
+    EDGE,
     Heat,
     LENGTH,
     POURED,
@@ -167,7 +167,7 @@ def covered(thickness):
     beside = np.max([
         around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]
     ], axis=0)
-    return np.minimum(thickness / np.maximum(FULL * beside, 1e-9), 1.0)
+    return np.minimum(thickness / np.maximum(EDGE * beside, 1e-9), 1.0)
 
 
 def test_heat_is_lost_by_the_surface_alone():
@@ -213,7 +213,7 @@ def test_column_of_a_cell_cools_as_all_columns_do(name):
     x, _ = centres(50.0)
     slope = 0.5 if 'steep' in effects else 0.0
     # no cell is the edge of a front
-    least = 1.01 * FULL * 5.0
+    least = 1.01 * EDGE * 5.0
     thickness = rng.uniform(least, 5.0, x.shape)
     temperature = rng.uniform(700.0, 1500.0, x.shape)
     around = {'wind_speed': 0.5} if 'wind' in effects else {}
