@@ -1,0 +1,425 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""C++ of a step of the flow on cells; ``flow.py`` replaces the names in capitals."""
+
+#: Constants of a face in a step, of the lava at its start: what enters a cell within the step is
+#: as warm as there. A face between Newtonian lava has flux over fall and h^3 [1/(m3 s)].
+NEWTONIAN_FACE = """
+    auto face_of = [&](long p, long q, const float* factor, float* mobility, float*) {
+        const float a = y[p], b = y[q];
+        mobility[p] = FLUID FACTOR;
+    };
+"""
+
+#: The same by a law: its fluidity [1/(Pa s)] and yield strength [Pa].
+LAW_FACE = """
+    auto face_of = [&](long p, long q, const float*, float* mobility, float* held) {
+        const float a = y[p], b = y[q], share = 1.0f / (a + b + 1e-30f);
+        mobility[p] = (a * fluidity[p] + b * fluidity[q]) * share;
+        held[p] = (a * strength[p] + b * strength[q]) * share;
+    };
+"""
+
+#: Flux between two cells by the mean of h^3, and its coefficient: flux over fall [1/s].
+NEWTONIAN = """
+    auto flux_of = [&](long p, long q, long, float drop, const float*, const float*,
+                       float mobility, float) {
+        float a = y[p], b = y[q];
+        Flux f;
+        f.fall = a - b + drop;
+        a = a > film ? a : 0.0f;
+        b = b > film ? b : 0.0f;
+        f.sum = a + b;
+        f.rate = mobility * f.sum * (a * a + b * b);
+        f.stiff = stiffened(f.rate, f.fall, a, b);
+        f.most = most * a;
+        f.least = -most * b;
+        return f;
+    };
+"""
+
+#: The same with the speed of a law; ``side`` is the distance to the cell beside in the arrays.
+BY_LAW = """
+    auto fall_of = [&](long p, long q, const float* drop) {
+        const float fall = y[p] - y[q] + drop[p];
+        // no lava of a dry cell falls
+        return (fall > 0.0f ? y[p] : y[q]) > film ? fall : 0.0f;
+    };
+    auto flux_of = [&](long p, long q, long side, float drop, const float* cross,
+                       const float* beside, float mobility, float held) {
+        float a = y[p], b = y[q];
+        Flux f;
+        f.fall = a - b + drop;
+        a = a > film ? a : 0.0f;
+        b = b > film ? b : 0.0f;
+        f.sum = a + b;
+        const float across = -0.25f * per_cell * (
+            fall_of(p - side, p, beside) + fall_of(p, p + side, beside)
+            + fall_of(q - side, q, beside) + fall_of(q, q + side, beside));
+        const float share = 1.0f / (f.sum + 1e-30f);
+        const auto speed = LAW(
+            s.law, s.weight, 0.5f * f.sum, -f.fall * per_cell, across, -drop * per_cell, cross[p],
+            mobility, held);
+        // mean of h^3 over the cube of the mean
+        const float mean = per_cell * per_cell * (a * a + b * b) * share;
+        f.rate = f.sum > 0.0f ? mean * speed[0] : 0.0f;
+        f.stiff = stiffened(f.sum > 0.0f ? mean * speed[1] : 0.0f, f.fall, a, b);
+        f.most = most * a;
+        f.least = -most * b;
+        return f;
+    };
+"""
+
+#: A whole step. ``FACES`` evaluates flux_of at all faces of row i of the window.
+STEP = """
+    int* box = s.box.data;
+    const long top = box[0], bottom = box[1], left = box[2], right = box[3];
+    SHARED
+    struct Flux { float fall, sum, rate, stiff, most, least; };
+    const long w = s.stride, last_row = s.rows - 2, last_column = s.stride - 2;
+    float* APART y = s.stage.data;
+    double* APART h = s.thickness.data;
+    const float* APART drop_x = s.drop_x.data;
+    const float* APART drop_y = s.drop_y.data;
+    const float* APART side_x = s.SIDE_x.data;
+    const float* APART side_y = s.SIDE_y.data;
+    const float* APART fluidity = s.fluidity.data;
+    const float* APART strength = s.strength.data;
+    const unsigned char* APART kind = s.kind.data;
+    const double* source = s.source.data;
+    float* mobility_x = s.mobility_x.data;
+    float* mobility_y = s.mobility_y.data;
+    float* held_x = s.held_x.data;
+    float* held_y = s.held_y.data;
+    float* first_x = s.first_x.data;
+    float* first_y = s.first_y.data;
+    double* clock = s.clock.data;
+    int* counts = s.counts.data;
+    const int* vents = s.vent_box.data;
+    const float film = s.film;
+    const float per_cell = 1.0f / s.cell;
+    const float fluid = s.weight / 12.0f * per_cell * per_cell UNIFORM;
+    auto larger = [](float a, float b) { return a > b ? a : b; };
+    auto smaller = [](float a, float b) { return a < b ? a : b; };
+    // positive floats are in the order of their bits, and a maximum of integers vectorises
+    auto bits = [](float a) { return __builtin_bit_cast(int, a); };
+    const long row_0 = top > 1 ? top : 1, row_1 = bottom < last_row ? bottom : last_row;
+    const long column_0 = left > 1 ? left : 1;
+    const long column_1 = right < last_column ? right : last_column;
+    // first column of the vents that this thread has
+    const long vent_0 = vents[2] + ((lane - (vents[2] - column_0)) & (lanes - 1));
+    // numbers of maxima; a GPU clears those of the step before
+    enum { STIFF, PACE, CLOSED, HIGHEST, SOUTH, NORTH, WEST, EAST, OVERDRAWN };
+    SLOTS
+    // what is written at the end of the step
+    const double time = clock[0], until = clock[2], longest = clock[3], former_step = clock[5];
+    const double max_end = clock[6], poured = clock[8], thickest = s.peaks.data[0];
+
+    int is_closed = 0;
+    for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+        int any = 0;
+        for (long j = column_0 + lane; j <= column_1; j += lanes) any |= kind[i * w + j];
+        if (any) is_closed = 1;
+    }
+    raise(slots + CLOSED, is_closed);
+
+    // a cell may give in a stage what flows down a slope where the ground falls by more than h
+    auto stiffened = [&](float rate, float fall, float a, float b) {
+        const float thick = larger(larger(a, b), film);
+        const float part = larger(fall * a, -fall * b) / (thick * thick);
+        return rate * larger(part, 1.0f);
+    };
+    float most = 0.0f;
+    FLUX
+    // calls a function of the faces of a row, from the first to the last: along the row, then
+    // those to the next row
+    auto faces_of = [&](long i, auto visit) {
+        for (int axis = 0; axis < 2; ++axis) {
+            if (axis == 0 ? (i < row_0 || i > row_1) : i == bottom) continue;
+            visit(
+                axis, i * w + (axis ? column_0 : left) + lane,
+                i * w + (axis ? column_1 : right - 1), axis ? w : 1, axis ? 1 : w,
+                axis ? drop_y : drop_x, axis ? drop_x : drop_y, axis ? side_y : side_x);
+        }
+    };
+    // stiffness, and then largest displacement a second, at the start of the step
+    int stiff = 0, pace = 0;
+    for (long i = first_of(top); i <= last_of(bottom); i += lines)
+        faces_of(i, [&](int axis, long from, long to, long next, long side,
+                        const float* APART drop, const float* APART beside,
+                        const float* APART factor) {
+            float* APART mobility = axis ? mobility_y : mobility_x;
+            float* APART held = axis ? held_y : held_x;
+            for (long p = from; p <= to; p += lanes) face_of(p, p + next, factor, mobility, held);
+            int highest = 0;
+            for (long p = from; p <= to; p += lanes) {
+                const Flux f = flux_of(
+                    p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
+                const int one = bits(f.stiff);
+                highest = one > highest ? one : highest;
+            }
+            stiff = highest > stiff ? highest : stiff;
+        });
+    raise(slots + STIFF, stiff);
+    together();
+    CLEAR
+    most = __builtin_bit_cast(float, raised(slots + STIFF));
+    const bool is_open = !raised(slots + CLOSED);
+    for (long i = first_of(top); i <= last_of(bottom); i += lines)
+        faces_of(i, [&](int axis, long from, long to, long next, long side,
+                        const float* APART drop, const float* APART beside,
+                        const float* APART factor) {
+            const float* APART mobility = axis ? mobility_y : mobility_x;
+            const float* APART held = axis ? held_y : held_x;
+            float* APART first = axis ? first_y : first_x;
+            int highest = 0;
+            for (long p = from; p <= to; p += lanes) {
+                const Flux f = flux_of(
+                    p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
+                const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
+                first[p] = amount;
+                const float part = 2.0f / (f.sum + 1000.0f * film);
+                const float steep = part * (f.fall < 0.0f ? -f.fall : f.fall);
+                const float faster = 1.0f + smaller(steep, STEEPEST);
+                const int one = bits((amount < 0.0f ? -amount : amount) * part * faster);
+                highest = one > highest ? one : highest;
+            }
+            pace = highest > pace ? highest : pace;
+        });
+    raise(slots + PACE, pace);
+    together();
+
+    double step = former_step > 0.0 ? GROWTH * former_step : longest;
+    // where lava comes out, by half of the thickness at most
+    const double added = 0.5 * thickest + 1000.0 * film;
+    if (poured * step > added) step = added / poured;
+    const double fastest = __builtin_bit_cast(float, raised(slots + PACE));
+    if (fastest * step > DISPLACEMENT) step = DISPLACEMENT / fastest;
+    if (step > longest) step = longest;
+    double full = step;
+    if (step > until - time) step = until - time;
+    // lava that comes out makes it stiffer within the step
+    const double grown = thickest > 0.0 ? 1.0 + poured * step / thickest : 1.0;
+    const double stiffness = 4.0 * most * grown * grown * grown + 1e-30;
+    auto reach = [](int n) { return STABLE * 0.25 * (n * n + n - 2.0); };
+    int stages = 3;
+    while (stages < MAX_STAGES && reach(stages) < step * stiffness) stages += 2;
+    if (step > reach(stages) / stiffness) {
+        step = reach(stages) / stiffness;
+        full = step;
+    }
+    if (time + step > max_end) {
+        if (is_first) clock[7] = step;
+        together();
+        CLEAR_OWN
+        return;
+    }
+    most = (float)(0.25 * stiffness);
+
+    const double w1 = 4.0 / (stages * stages + stages - 2.0);
+    double b = 1.0 / 3.0, former_b = b, poured_1 = 0.0, poured_2 = 0.0;
+    float* newer_x = s.former_x.data;
+    float* newer_y = s.former_y.data;
+    float* older_x = s.flux_x.data;
+    float* older_y = s.flux_y.data;
+    for (int n = 1; n <= stages; ++n) {
+        const double next_b = n == 1 ? b : (n * n + n - 2.0) / (2.0 * n * (n + 1.0));
+        const double mu = n == 1 ? 0.0 : (2 * n - 1) * next_b / (n * b);
+        const double nu = n <= 2 ? 0.0 : -(n - 1) * next_b / (n * former_b);
+        const double now = n == 1 ? 0.0 : mu * w1 * step;
+        const double begin = n == 1 ? b * w1 * step : -(1.0 - b) * mu * w1 * step;
+        const double given = mu * poured_1 + nu * poured_2 + now + begin;
+        poured_2 = poured_1, poured_1 = given;
+        const float m = mu, v = nu, t = now, t0 = begin;
+        auto update = [&](long i) {
+            if (i < row_0 || i > row_1) return;
+            const float* APART gx = older_x;
+            const float* APART gy = older_y;
+            for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes)
+                y[p] = (float)h[p] + (gx[p - 1] - gx[p] + gy[p - w] - gy[p]);
+            if (i >= vents[0] && i <= vents[1])
+                for (long p = i * w + vent_0; p <= i * w + vents[3]; p += lanes)
+                    y[p] += (float)(given * source[p]);
+            if (!is_open)
+                for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes)
+                    y[p] = kind[p] ? 0.0f : y[p];
+        };
+        for (long i = first_of(top); i <= last_of(bottom); i += lines) {
+            faces_of(i, [&](int axis, long from, long to, long next, long side,
+                            const float* APART drop, const float* APART beside,
+                            const float* APART factor) {
+                const float* APART mobility = axis ? mobility_y : mobility_x;
+                const float* APART held = axis ? held_y : held_x;
+                const float* APART first = axis ? first_y : first_x;
+                const float* APART newer = axis ? newer_y : newer_x;
+                float* APART older = axis ? older_y : older_x;
+                if (n == 1) {
+                    for (long p = from; p <= to; p += lanes) older[p] = t0 * first[p];
+                    return;
+                }
+                for (long p = from; p <= to; p += lanes) {
+                    const Flux f = flux_of(
+                        p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
+                    const float amount = larger(smaller(f.rate * f.fall, f.most), f.least);
+                    older[p] = m * newer[p] + v * older[p] + t * amount + t0 * first[p];
+                }
+            });
+            if (is_serial && i >= top + LAG) update(i - LAG);
+        }
+        together();
+        for (long i = is_serial ? bottom + 1 - LAG : first_of(top); i <= last_of(bottom);
+             i += lines)
+            update(i);
+        together();
+        float* swap = newer_x;
+        newer_x = older_x, older_x = swap;
+        swap = newer_y;
+        newer_y = older_y, older_y = swap;
+        former_b = b, b = next_b;
+    }
+    // an odd number of stages leaves the last one in the fluxes
+    float* APART gx = s.flux_x.data;
+    float* APART gy = s.flux_y.data;
+
+    // no cell gives more than it has
+    auto out_of = [&](long p) {
+        return larger(gx[p], 0.0f) + larger(-gx[p - 1], 0.0f) + larger(gy[p], 0.0f)
+            + larger(-gy[p - w], 0.0f);
+    };
+    auto after = [&](long p) {
+        return h[p] + ((double)gx[p - 1] - (double)gx[p]) + ((double)gy[p - w] - (double)gy[p]);
+    };
+    bool was_overdrawn = false;
+    for (int turn = 0; turn < LIMITS; ++turn) {
+        int is_overdrawn = 0;
+        for (long i = first_of(row_0); i <= last_of(row_1); i += lines)
+            for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes)
+                is_overdrawn |= after(p) < 0.0;
+        raise(slots + OVERDRAWN + turn, is_overdrawn);
+        together();
+        if (!raised(slots + OVERDRAWN + turn)) break;
+        was_overdrawn = true;
+        // at last no cell gives more than it had at the start, whatever comes in
+        const int is_last = turn == LIMITS - 1;
+        for (long i = first_of(row_0); i <= last_of(row_1); i += lines)
+            for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes) {
+                const float out = out_of(p) + 1e-30f, lacks = (float)after(p);
+                const float has = is_last ? (float)h[p] : out + lacks;
+                const float part = larger(0.999999f * has / out, 0.0f);
+                y[p] = lacks < 0.0f || is_last ? smaller(part, 1.0f) : 1.0f;
+            }
+        together();
+        for (long i = first_of(top); i <= last_of(bottom); i += lines) {
+            if (i >= row_0 && i <= row_1)
+                for (long p = i * w + left + lane; p < i * w + right; p += lanes)
+                    gx[p] *= gx[p] > 0.0f ? y[p] : y[p + 1];
+            if (i < bottom)
+                for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes)
+                    gy[p] *= gy[p] > 0.0f ? y[p] : y[p + w];
+        }
+        together();
+    }
+
+    double* gone = s.gone.data;
+    int highest = 0;
+    long wet[4] = {top + 2, bottom - 2, left + 2, right - 2};
+    for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+        const long from = i * w + column_0 + lane, to = i * w + column_1;
+        for (long p = from; p <= to; p += lanes) h[p] = after(p);
+        if (i >= vents[0] && i <= vents[1])
+            for (long p = i * w + vent_0; p <= i * w + vents[3]; p += lanes)
+                h[p] += step * source[p];
+        if (!is_open) {
+            double sums[3] = {0.0, 0.0, 0.0};
+            for (long p = from; p <= to; p += lanes)
+                if (kind[p]) {
+                    for (int n = 0; n < 3; ++n) sums[n] += kind[p] == n + 1 ? h[p] : 0.0;
+                    h[p] = 0.0;
+                }
+            for (int n = 0; n < 3; ++n) {
+                sums[n] = summed(sums[n]);
+                if (lane == 0) gone[3 * i + n] = sums[n];
+            }
+        }
+        int most_here = 0;
+        for (long p = from; p <= to; p += lanes) {
+            y[p] = (float)h[p];
+            const int one = bits(y[p]);
+            most_here = one > most_here ? one : most_here;
+        }
+        if (most_here <= bits(film)) continue;
+        highest = most_here > highest ? most_here : highest;
+        long first = from, last = from + (to - from) / lanes * lanes;
+        while (y[first] <= film) first += lanes;
+        while (y[last] <= film) last -= lanes;
+        wet[0] = i < wet[0] ? i : wet[0];
+        wet[1] = i > wet[1] ? i : wet[1];
+        wet[2] = first - i * w < wet[2] ? first - i * w : wet[2];
+        wet[3] = last - i * w > wet[3] ? last - i * w : wet[3];
+    }
+    raise(slots + HIGHEST, highest);
+    raise(slots + SOUTH, (int)(top + 2 - wet[0]));
+    raise(slots + NORTH, (int)(wet[1] - bottom + 2));
+    raise(slots + WEST, (int)(left + 2 - wet[2]));
+    raise(slots + EAST, (int)(wet[3] - right + 2));
+    together();
+    LOST
+    if (is_first) {
+        wet[0] = top + 2 - raised(slots + SOUTH), wet[1] = bottom - 2 + raised(slots + NORTH);
+        wet[2] = left + 2 - raised(slots + WEST), wet[3] = right - 2 + raised(slots + EAST);
+        box[0] = wet[0] > 2 ? wet[0] - 2 : 0;
+        box[1] = wet[1] + 2 < s.rows ? wet[1] + 2 : s.rows - 1;
+        box[2] = wet[2] > 2 ? wet[2] - 2 : 0;
+        box[3] = wet[3] + 2 < w ? wet[3] + 2 : w - 1;
+        s.peaks.data[0] = __builtin_bit_cast(float, raised(slots + HIGHEST));
+        s.peaks.data[1] = stiffness;
+        clock[0] = step < until - time ? time + step : until;
+        clock[1] = step;
+        clock[5] = full;
+        ++counts[0];
+        counts[1] += stages;
+        counts[2] = stages;
+        counts[3] += was_overdrawn;
+    }
+    together();
+"""
+
+#: Volume that has left over the border, and on cells outside of the ground; one warp sums it.
+LOST = """
+    if (is_first_warp) {
+        double out = 0.0, sums[3] = {0.0, 0.0, 0.0};
+        if (top == 0)
+            for (long j = column_0 + lane; j <= column_1; j += lanes) out -= gy[j];
+        if (bottom > last_row)
+            for (long j = column_0 + lane; j <= column_1; j += lanes) out += gy[last_row * w + j];
+        if (left == 0)
+            for (long i = row_0 + lane; i <= row_1; i += lanes) out -= gx[i * w];
+        if (right > last_column)
+            for (long i = row_0 + lane; i <= row_1; i += lanes) out += gx[i * w + last_column];
+        if (!is_open)
+            for (long i = row_0 + lane; i <= row_1; i += lanes)
+                for (int n = 0; n < 3; ++n) sums[n] += gone[3 * i + n];
+        sums[0] += out;
+        for (int n = 0; n < 3; ++n) {
+            sums[n] = summed(sums[n]);
+            if (lane == 0) s.left.data[n] += sums[n];
+        }
+    }
+"""
+
+#: Maxima of a step (CUDA: of all threads, in memory that the next step clears).
+SLOTS = """
+#if defined(__CUDA_ARCH__)
+    int* slots = s.slots.data + (counts[0] & 1) * 16;
+    int* others = s.slots.data + (1 - (counts[0] & 1)) * 16;
+#else
+    int slots[16] = {0};
+#endif
+"""
+
+CLEAR = """
+#if defined(__CUDA_ARCH__)
+    if (rank == 0 && threadIdx.x < 16) WHICH[threadIdx.x] = 0;
+#endif
+"""
