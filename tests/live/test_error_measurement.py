@@ -64,10 +64,12 @@ ERROR = NumericalError(AreaError(0.03, 0.01), AreaError(0.02, 0.01), 5.0, 5.0, 0
 class Bench:
     """A worker whose error a fake or a real process measures."""
 
-    def __init__(self, process, *, share=0.5, first=0.0, end=END, scale=100.0):
+    def __init__(
+        self, process, *, share=0.5, first=0.0, end=END, scale=100.0, clock=time.monotonic
+    ):
         self.process = process
         self.worker = SimulationWorker(
-            simulation_of, clock=time.monotonic, time_scale=scale, end_time=end
+            simulation_of, clock=clock, time_scale=scale, end_time=end
         )
         self.error = ErrorMeasurement(
             self.worker, share=lambda: share, make_process=process, first_wall_time=first
@@ -130,15 +132,18 @@ def test_request_has_the_vents_of_the_whole_run(bench):
 
 
 def test_running_simulation_is_measured_again_when_its_time_has_tripled(bench):
-    fake = FakeProcess(ERROR)
-    found = bench(lambda: fake, share=0.25)
+    fake, now = FakeProcess(ERROR), [0.0]
+    found = bench(lambda: fake, share=0.25, clock=lambda: now[0])
     found.worker.set_scene(scene()).result(PATIENCE)
 
-    def refresh():
+    def go_on():
+        # the clock stands at 20 s until the first measurement
+        if fake.requests or now[0] < 0.2:
+            now[0] += 0.02
         found.worker.request_snapshot()
         return found.worker.status.state is WorkerState.FINISHED
 
-    wait_until(refresh)
+    wait_until(go_on)
     wait_until(lambda: found.error.latest is not None and found.error.latest.time == END)
     times = [values['time'] for _, values in fake.requests]
     assert times[-1] == END and len(times) >= 2
