@@ -14,7 +14,7 @@ from lava_ros.errors import LavaError, RefusalError, UnknownKeyError
 
 Built = TypeVar('Built')
 
-#: Numbers closer to 0 than this count as 0: ratios and powers of them overflow or underflow.
+#: Positive numbers below this count as 0: ratios and powers of them overflow or underflow.
 TINY = 1e-100
 
 _DECIMAL_COMMA = re.compile(r'\s*[-+]?\d+,\d+\s*')
@@ -75,7 +75,7 @@ def number(
 ) -> float:
     """Return ``value`` as a finite float inside the given limits.
 
-    Text that represents a number is valid: the cells of tables are text. A number closer to 0 than
+    Text that represents a number is valid: the cells of tables are text. A positive number below
     ``TINY`` is read as 0.
 
     Raises:
@@ -85,7 +85,7 @@ def number(
         result = math.nan if isinstance(value, bool | bytes | bytearray) else float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         result = math.nan
-    if abs(result) < TINY:
+    if 0.0 < result < TINY:
         result = 0.0
     if (
         math.isfinite(result)
@@ -108,7 +108,7 @@ def _slip(value: object, least: float | None, most: float | None, unit: str) -> 
         return f', with a decimal point: {value.strip().replace(",", ".")}'
     if isinstance(value, str) and _WITH_UNIT.fullmatch(value):
         return ', without a unit'
-    if unit == 'K' and isinstance(value, int | float) and math.isfinite(value):
+    if unit == 'K' and isinstance(value, int | float) and abs(value) < 1e6:
         kelvin = value + 273.15
         if (least is None or kelvin >= least) and (most is None or kelvin <= most):
             return f' ({value:g} Celsius are {kelvin:g} K)'

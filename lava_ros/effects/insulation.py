@@ -80,6 +80,9 @@ def _resistance(scene: Scene) -> float:
     conductivity = lava.conductivity or CRUST_CONDUCTIVITY
     growth = constant * math.sqrt(conductivity / (lava.density * lava.specific_heat))
     excess = lava.solidus - scene.ambient_temperature
+    if excess <= 0.0:
+        # no crust forms in air above the solidus
+        return 0.0
     return excess / (superheat(lava) * growth * math.exp(constant**2))
 
 
@@ -136,7 +139,7 @@ def terms(wp: Any, real: Any, constants_type: Any, column_type: Any) -> Any:
     def insulation(constants: constants_type, column: column_type) -> vec2:
         radiation, convection = real(constants.radiation), real(constants.convection)
         ambient, solidus = real(constants.ambient), real(constants.solidus)
-        excess = solidus - ambient
+        excess = wp.max(solidus - ambient, real(1e-3))
         r = real(constants.crust_resistance) * wp.sqrt(column.age)
         # start from above: the surface of a crust that radiation alone cools
         fourth = ambient * ambient * ambient * ambient

@@ -109,10 +109,6 @@ class Scene:
                 check_vents(self.vents, ground, self.lava)
         object.__setattr__(self, 'events', tuple(events))
         check_fields('scene', self)
-        if 0.0 < self.lava.solidus <= self.ambient_temperature:
-            expected = '0 for lava that stays fluid, or above ambient_temperature, '
-            expected += f'{self.ambient_temperature:g} K'
-            raise LavaError('lava.solidus', self.lava.solidus, expected)
 
     def _check_temperature(self, name: str, temperature: float) -> None:
         """Raise LavaError if lava of a temperature is solid or too viscous to erupt."""

@@ -35,8 +35,8 @@ from lava_ros.scene.effusion_rates import (
 )
 from lava_ros.scene.emplaced import EmplacedFlow, read_flows
 from lava_ros.scene.events import read_events
-from lava_ros.scene.file_keys import CASE_TERRAIN
-from lava_ros.scene.from_outline import initial_flow, InitialFlow
+from lava_ros.scene.file_keys import CASE_TERRAIN, OUTLINE_KEYS
+from lava_ros.scene.from_outline import FROM_OUTLINE_KEYS, initial_flow, InitialFlow
 from lava_ros.scene.given_vents import described, GivenVents, summit, usual_vent
 from lava_ros.scene.input_files import digests, files_in
 from lava_ros.scene.materials import Material
@@ -334,20 +334,25 @@ class SceneSource:
         origin: datetime | None,
     ) -> InitialFlow | None:
         """Return the flow from whose outline a case starts; None without one."""
-        given = dict(files.options.get('from_outline', {}))
+        given = files.options.get('from_outline')
         label = 'case.from_outline'
         if self.from_outline is not None:
             given, label = {'time': self.from_outline}, self._word('from_outline')
         if self.solidified is not None:
-            if not given:
+            if given is None:
                 raise validation.dependence(
                     self._word('solidified'), self._word('from_outline')
                 )
-            given['solidified'] = self.solidified
-        if not given:
+            given = {**FROM_OUTLINE_KEYS(label, given), 'solidified': self.solidified}
+        if given is None:
             return None
-        if not (outlines := files.options.get('outlines')):
+        if not (stated := files.options.get('outlines')):
             raise validation.dependence(label, 'outlines in case.yaml')
+        expected = 'a list of outlines, at least one'
+        outlines = [
+            OUTLINE_KEYS(where, item)
+            for where, item in validation.items('case.outlines', stated, expected, least=1)
+        ]
         return initial_flow(
             given, outlines, files.folder, ground, series, first=first, origin=origin, label=label
         )

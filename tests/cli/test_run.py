@@ -194,7 +194,6 @@ def test_finished_run_is_never_changed(folder, tmp_path, monkeypatch):
     (('--at', '2h'), "--at is '2h', expected a time at or before --until, 1h"),
     (('--maps', '0'), '--maps is 0'),
     (('--within', '1min', '--spacing', '5'), '--spacing and --within exclude each other'),
-    (('--method', 'cells', '--within', '1min'), '--within and --method exclude each other'),
     (('--method', 'cells', '--on', 'inertia'), 'effects.inertia is True, expected false with'),
     (('--on', 'crust', '--off', 'crust'), '--on crust and --off crust exclude each other'),
     (('--start', 'yesterday'), "start is 'yesterday'"),

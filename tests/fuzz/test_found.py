@@ -17,6 +17,7 @@ import yaml
 from fuzz.messages import TOPICS
 from hard.invariants import Watch
 from lava_ros.effects import Effects
+from lava_ros.effects.insulation import EFFECT as INSULATION
 from lava_ros.errors import LavaError
 from lava_ros.ros import inputs
 from lava_ros.ros.codec import decode, MAX_CLOUD_FIELDS
@@ -88,6 +89,13 @@ def test_constants_too_small_for_ratios_count_as_zero(name: str) -> None:
         for value in (5e-324, 0.0)
     )
     assert tiny.lava == zero.lava and decide(tiny) == decide(zero)
+
+
+def test_no_crust_forms_in_air_above_the_solidus() -> None:
+    data = {'vents': [{'position': MIDDLE, 'effusion_rate': 5.0, 'radius': 20.0}], 'insist': True}
+    scene = scene_from_dict({**data, 'lava': {'solidus': 2.0}}, GROUND)
+    assert all(item.reason for item in decide(scene))
+    assert INSULATION.heat['crust_resistance'](scene) == 0.0
 
 
 @pytest.mark.parametrize('name', ['x' * 5000, 'a\0b', [1, 2], None, 3])

@@ -3,7 +3,7 @@
 
 """Nodes that resume from the bag of a killed node."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 import json
 import signal
@@ -227,7 +227,7 @@ def test_rejects_parameters_that_contradict_the_checkpoint(name, value):
 
 def test_accuracy_without_a_preset_is_kept():
     own = checkpoint(accuracy=replace(preset_accuracy('standard', spacing=5.0), ratio=4.5))
-    assert isinstance(own, Checkpoint) and own.effects == Effects(**vars(own.effects))
+    assert isinstance(own, Checkpoint) and own.effects == Effects(**asdict(own.effects))
     known = defaults(own.scene.lava)
     given = {**known, 'preset': 'draft', 'spacing': 1.0}
     assert overrides_from_checkpoint(own, given, known) == {}

@@ -115,6 +115,7 @@ VALID = {
             'emplaced_flows': [
                 {'file': 'outline.csv', 'as': 'lava', 'thickness': 3.0, 'temperature': 1360.0},
                 {'file': 'flow.asc', 'as': 'ground'},
+                {'file': 'outline.csv', 'volume': 1e5, 'solidified': 0.25},
             ],
             'events': [
                 {'time': 600.0, 'terrain': 'ground.npz'},
@@ -153,6 +154,7 @@ VALID = {
                 {'time': 600.0, 'file': 'footprint.asc'},
                 {'time': '2021-09-19T15:10:00Z', 'file': 'footprint.asc'},
             ],
+            'from_outline': {'time': 600.0, 'solidified': 0.2},
         },
         {'material': 'etna_basalt'},
     ],
@@ -195,8 +197,8 @@ DEPENDENT = re.compile(
     r'|scene\.uncertainty\.(viscosity\.median|\w+\.limits\[.\])'
     r'|\w+\.uncertainty\..*\.(low|mode|high)'
     # the widest filter depends on the size of the grid
-    r'|case\.(start|end|epsg|low_pass|sea_level)|\w+\.events\[.\]\.(time|terrain|barriers)'
-    r'|scene\.emplaced_flows\[.\]\.(file|temperature)'
+    r'|case\.(start|end|epsg|low_pass|sea_level|from_outline\.time)|\w+\.events\[.\]\.(time|terrain|barriers)'
+    r'|scene\.emplaced_flows\[.\]\.(file|temperature|volume)'
     r'|case\.(vent_temperature|effusion_rate\.porosity|outlines\[.\]\.(time|file))'
     r'|layers\.layers\.(height\.(range|scale)\[.\]|depth\.classes\[.\])'
     r'|layers\.layers\.mask\.hazard\.(safe|lethal)_temperature'

@@ -117,7 +117,7 @@ def test_case_file_and_option_start_alike(folder, tmp_path):
         'run', folder, '--from-outline', '4000', '--solidified', '0.1', '--preset', 'draft',
         '--spacing', '20', '--device', 'cpu', '-o', tmp_path / 'out',
     )
-    data = json.loads((tmp_path / 'out' / 'hindcast.json').read_text())
+    data = json.loads((tmp_path / 'out' / 'run.json').read_text())
     assert [item['outline'] for item in data['outlines']] == ['6000 s']
     other = load_case(folder, from_outline=2000)
     assert other.start == 2000.0 and other.scene.terrain.elevation[20, 20] == 180.0

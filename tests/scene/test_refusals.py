@@ -29,7 +29,6 @@ REFUSED = [
     ('terrain: {}', 'scene.terrain.file', 'required'),
     ('volcano: Etna', 'scene.volcano', 'unknown key'),
     ('lava: {stickiness: 3}', 'scene.lava.stickiness', 'unknown key'),
-    ('lava: {solidus: 2}', 'lava.solidus', 'is 2.0 ... 0 for lava that stays fluid ... 300 K'),
     ('vents: 3', 'vents', 'a list of vents'),
     ('vents: [{discharge: 5}]', 'vents[0].position', 'required'),
     (AT + 'discharge: 5, effusion_rate: 5}]', RATE, 'and discharge exclude each other'),
