@@ -98,7 +98,7 @@ ERROR = keys('Numerical error', {
 })
 
 LAVA = keys('Lava at the vents', {
-    'material': unknown(text('Most similar material; null: none')),
+    'material': unknown(text('Closest shipped material; null if none is close')),
     'changed_constants': each(text(), 'Constants that differ from the material'),
     'vents': each(keys('A vent', {
         'name': NAME, 'temperature_k': number('Temperature'),
@@ -106,7 +106,7 @@ LAVA = keys('Lava at the vents', {
     })),
 })
 
-#: What a reader needs to judge a result.
+#: Lava, numerical error and warnings, by which a reader judges a result.
 QUALITY = {
     'erupting_lava': unknown(LAVA), 'numerical_error': unknown(ERROR), 'warnings': WARNINGS,
 }

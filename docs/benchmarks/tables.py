@@ -121,7 +121,7 @@ def left_out() -> Iterator[Line]:
 
 
 def fluid() -> Iterator[Line]:
-    """Yield the cost of fluid lava on the mapped flows beside a fitted material."""
+    """Yield the cost of fluid lava on the mapped flows, and of a fitted material."""
     yield ('flow', 'material', 'spacing', 'limit', 'CPU time', 'Jaccard index', 'area')
     for (case, outline), rows in _flow_rows().items():
         # the area at the last outline, to which the time belongs

@@ -115,7 +115,7 @@ def wanted_ensemble(options: RunOptions) -> Wanted:
 def folder_of(
     options: RunOptions, wanted: Wanted, susceptibility: Susceptibility | None
 ) -> tuple[Path, dict[str, Any]]:
-    """Return the folder of an ensemble, and what ``run.json`` says about it.
+    """Return the folder of an ensemble, and its description for ``run.json``.
 
     Without ``--output`` it is the folder in ``runs/`` of the same ensemble, to which the command
     then adds members, or an unused one.

@@ -82,7 +82,7 @@ _CASE = in_group(
     argument(
         '--from-outline', 'TIME', 'start from the mapped outline of this time, in s of the clock '
         'of the case or as a date: lava that erupted before lies in it, and later outlines are '
-        'scored (default: start with the eruption, or as the case says)',
+        'scored (default: that of the case, or the start of the eruption)',
     ),
     argument(
         '--solidified', 'F', 'lower fraction of the lava in this outline that is solid, and part '

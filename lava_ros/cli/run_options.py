@@ -30,7 +30,7 @@ DEMO = 'st_helens'
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a user asks `lava run` for.
+    """Checked options of a run, in SI units.
 
     Attributes:
         source: Where the scene comes from.

@@ -128,7 +128,7 @@ class Store(RecordedFolder):
             # delete members first, because the new description does not apply to them
             for path in self._members.glob('*.npz'):
                 path.unlink()
-        # the error is that of the former effects
+        # the error was measured with other effects
         self.put({**self._described(), 'numerical_error': None})
 
     def write(self, footprint: Footprint) -> None:

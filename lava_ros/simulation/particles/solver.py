@@ -284,21 +284,7 @@ class ParticleSolver(ParticleLava):
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
-        """Advance to a time, or to the step after which no lava is left; yield between launches.
-
-        After the deadline the last step may be incomplete. The next call continues it; with the
-        current time as ``until`` it only completes that step.
-
-        Args:
-            until: Simulated time to reach [s].
-            end: Simulated time that no step may pass [s]; None keeps the previous one.
-            deadline: Time of ``time.monotonic`` after which to stop early [s].
-            max_end: Simulated time after which no step may end [s]: a step that would end later
-                does not begin. Infinite for a member of a batch.
-
-        Returns:
-            Where it stopped; the time is the end of the last complete step.
-        """
+        """Advance to a time, as ``Solver.advancing_to``."""
         state = self.state
         state.write_target(until, end, max_end)
         batch, is_step_pending = current_batch(), False
