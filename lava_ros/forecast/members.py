@@ -6,7 +6,7 @@
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -218,21 +218,14 @@ def plan_from(
 def batch_of(plan: Plan, device: str | None) -> int:
     """Return the number of members that run as one batch on a Warp device."""
     from lava_ros.simulation.batch import AT_ONCE
+    from lava_ros.simulation.setup.defaults import device_of
 
-    used = _device_of(plan, device)
+    used = device_of(device, plan.accuracy.method)
     if not used.is_cuda:
         return 1
     # a member takes 64 bytes for each cell
     fit = used.free_memory // (2 * 64 * plan.scene.terrain.elevation.size)
     return min(max(fit, 1), AT_ONCE)
-
-
-def _device_of(plan: Plan, device: str | None) -> Any:
-    """Return the Warp device of the members, by default a CPU for cells."""
-    from lava_ros.simulation.setup.defaults import device_of
-
-    is_on_cpu = device is None and plan.accuracy.method == 'cells'
-    return device_of('cpu' if is_on_cpu else device)
 
 
 def run_members(
@@ -288,6 +281,7 @@ def running(
     """
     # the solver loads Warp, which drawing and merging members do not need
     from lava_ros.simulation.batch import side_by_side
+    from lava_ros.simulation.setup.defaults import device_of
 
     done: list[MemberFields] = []
     # members and the coarser runs of their pairs, until the other one ends, and members without
@@ -329,7 +323,8 @@ def running(
                 yield coarser_route(member)
 
     routes, at_once = routes_of(members), batch_of(plan, device)
-    for _ in side_by_side(routes, str(_device_of(plan, device)), at_once=at_once):
+    used = device_of(device, plan.accuracy.method)
+    for _ in side_by_side(routes, str(used), at_once=at_once):
         yield from done
         done.clear()
         yield None

@@ -178,7 +178,7 @@ def run_together(
         results[number] = replace(result, snapshot=snapshot)
 
     routes = (route(number, *job) for number, job in enumerate(jobs))
-    for _ in side_by_side(routes, str(device_of(settings.device))):
+    for _ in side_by_side(routes, str(device_of(settings.device, settings.method))):
         pass
     return [results[number] for number in range(len(jobs))]
 

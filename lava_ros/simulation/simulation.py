@@ -104,8 +104,7 @@ class Simulation:
         self._is_step_pending, self._requested_time = False, -math.inf
         # the wall limit has stopped a step before its end
         self._is_interrupted = False
-        # the cells of one run rarely fill a GPU
-        used = device_of('cpu' if device is None and given.method == 'cells' else device)
+        used = device_of(device, given.method)
         self._choice = EffectChoice(effects, horizon)
         self.accuracy = resolved_accuracy(
             given, scene, self._choice.all_forced(), horizon=horizon

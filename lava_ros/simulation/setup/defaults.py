@@ -20,14 +20,21 @@ from lava_ros.simulation.selection import implied_effects
 _LOG = logging.getLogger(__name__)
 
 
-def device_of(name: str | None) -> Any:
-    """Find a Warp device, such as ``cpu`` or ``cuda:0``, by default the first of CUDA or the CPU.
+def device_of(name: str | None, method: str = 'particles') -> Any:
+    """Find a Warp device, such as ``cpu`` or ``cuda:0``.
+
+    Args:
+        name: Its name; None for the first GPU, or the CPU without one. On cells it is the CPU,
+            because the cells of one run rarely fill a GPU.
+        method: Carriers of the lava (``Accuracy.method``).
 
     Raises:
         LavaError: If there is no such device.
     """
     _start_warp()
     try:
+        if name is None and method == 'cells':
+            name = 'cpu'
         if name is None:
             return wp.get_preferred_device()
         return wp.get_device(name)
