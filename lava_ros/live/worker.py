@@ -78,7 +78,7 @@ class SimulationWorker:
     ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` returns
     the time to follow [s]. ``constants`` are the lava and its surroundings until a scene defines
     them, ``end_time`` is the simulated end time [s]. ``on_snapshot`` is called when ``latest`` has
-    changed, in any thread. Other threads only read ``view`` and ``latest``.
+    changed or was requested, in any thread. Other threads only read ``view`` and ``latest``.
     """
 
     make_simulation: Callable[[Scene], 'Simulation']
@@ -296,7 +296,7 @@ class SimulationWorker:
         self.pace.step_target = self.session.time + duration
 
     def request_snapshot(self) -> None:
-        """Request an update of ``latest``; a separate thread completes it."""
+        """Request an update of ``latest``; ``on_snapshot`` is called even if it does not change."""
         self._begin_snapshot()
 
     def _run(self) -> None:
@@ -460,7 +460,10 @@ class SimulationWorker:
         # Maps are due when the clock has advanced, so simulate to its current time first.
         self._guard(self._advance)
         rest = self.session.begin_snapshot()
-        if rest is not None:
+        if rest is None:
+            # whoever asked may not have seen the newest snapshot, which remains
+            self._report_snapshot()
+        else:
             simulation = self.session.simulation
             self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
 

@@ -402,14 +402,25 @@ class ParticlePublisher:
         self._publisher = graph.create('publisher', PointCloud2, 'lava_particles', profile)
         self._read = graph.create('guard_condition', self._publish)
         self._worker, self._graph = worker, graph
+        self._wanted: tuple[Snapshot, int] | None = None
         self._asked: tuple[Snapshot, int, Future[ParticleSample]] | None = None
 
     def request(self, snapshot: Snapshot, stamp_ns: int) -> None:
-        """Read the particles and publish them with the stamp [ns] of the maps of a snapshot."""
-        if self._asked is None and self._publisher.get_subscription_count():
-            sample = self._worker.commands.submit(self._worker.session.sample, 'particles')
-            self._asked = snapshot, stamp_ns, sample
-            sample.add_done_callback(lambda _: self._read.trigger())
+        """Read the particles and publish them with the stamp [ns] of the maps of a snapshot.
+
+        While the particles of earlier maps are being read, only the newest request waits, so the
+        last maps before a pause always have their particles.
+        """
+        if self._publisher.get_subscription_count():
+            self._wanted = snapshot, stamp_ns
+            self._ask()
+
+    def _ask(self) -> None:
+        if self._wanted is None or self._asked is not None:
+            return
+        sample = self._worker.commands.submit(self._worker.session.sample, 'particles')
+        self._asked, self._wanted = (*self._wanted, sample), None
+        sample.add_done_callback(lambda _: self._read.trigger())
 
     def _publish(self) -> None:
         if self._asked is None:
@@ -420,3 +431,4 @@ class ParticlePublisher:
             header = self._graph.header(stamp_ns)
             message = outputs.particle_message(sample.result(), snapshot, header)
             self._publisher.publish(codec.serialise(message))
+        self._ask()

@@ -362,7 +362,8 @@ class NodeRuntime:
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
         self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
-        self._particles.request(snapshot, stamp_ns)
+        if self._layers.shown is snapshot:
+            self._particles.request(snapshot, self._layers.shown_stamp_ns)
         if repeat:
             self._publish_places(repeat=True)
         self._recorder.flush()

@@ -80,11 +80,12 @@ def test_snapshot_is_updated_on_request(bench):
     bench.worker.request_snapshot()
     # earlier requests are complete by then
     bench.run(bench.worker.pause(False))
-    assert len(bench.shown) == 1
+    # a layer that becomes due between two steps may not have shown this state
+    assert len(bench.shown) == 2 and bench.shown[0] is bench.shown[1]
     bench.go_on()
-    assert len(bench.shown) == 1
+    assert len(bench.shown) == 2
     bench.worker.request_snapshot()
-    bench.wait(lambda: len(bench.shown) == 2)
+    bench.wait(lambda: len(bench.shown) == 3)
     assert bench.shown[-1].time == pytest.approx(0.5)
 
 
