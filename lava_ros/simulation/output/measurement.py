@@ -31,6 +31,15 @@ MAX_COLUMNS = 4096
 #: Minimum measured thickness [m] and slope.
 MIN_MEASURED = 1e-6
 
+#: Cells that continue a chord of a flow through the middle one, along a row, a column and both
+#: diagonals, and their distance [cells].
+_CHORDS = (
+    (((0, 0, 0), (1, 1, 1), (0, 0, 0)), 1.0),
+    (((0, 1, 0), (0, 1, 0), (0, 1, 0)), 1.0),
+    (((1, 0, 0), (0, 1, 0), (0, 0, 1)), math.sqrt(2.0)),
+    (((0, 0, 1), (0, 1, 0), (1, 0, 0)), math.sqrt(2.0)),
+)
+
 
 def measured_scales(
     scene: Scene, effects: Effects, sample: ParticleSample, grids: Any, *, threshold: float,
@@ -170,39 +179,16 @@ def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
     Returns:
         The width [m], float64, same shape, 0 without lava.
     """
+    from scipy.ndimage import find_objects, label
+
     found = np.zeros(wet.shape)
-    if wet.any():
-        # the rectangle of wet cells
-        ends = (np.flatnonzero(wet.any(axis=axis))[[0, -1]] + (0, 1) for axis in (1, 0))
-        window = tuple(slice(*item) for item in ends)
-        wet = wet[window]
-        straight = np.minimum(_measure_runs(wet), _measure_runs(wet.T).T)
-        mirrored = _measure_diagonal_runs(wet[:, ::-1])[:, ::-1]
-        diagonal = np.minimum(_measure_diagonal_runs(wet), mirrored)
-        found[window] = np.minimum(straight * cell, diagonal * (math.sqrt(2.0) * cell))
+    for window in find_objects(wet.astype(np.int8)):
+        chords = []
+        for direction, side in _CHORDS:
+            runs, _ = label(wet[window], direction)
+            chords.append(np.bincount(runs.ravel())[runs] * (side * cell))
+        found[window] = np.where(wet[window], np.min(chords, axis=0), 0.0)
     return found
-
-
-def _measure_runs(wet: np.ndarray) -> np.ndarray:
-    """Return the length of the run of wet cells along a row that contains each, 0 elsewhere."""
-    # a dry column keeps the runs of different rows apart
-    line = np.pad(wet, ((0, 0), (0, 1))).ravel()
-    edges = np.flatnonzero(np.diff(line, prepend=False))
-    lengths = edges[1::2] - edges[::2]
-    found = np.zeros(wet.shape, dtype=np.int64)
-    found[wet] = np.repeat(lengths, lengths)
-    return found
-
-
-def _measure_diagonal_runs(wet: np.ndarray) -> np.ndarray:
-    """Return the same along the diagonals on which the sum of row and column is constant."""
-    rows, columns = wet.shape
-    width = rows + columns
-    # with rows of one cell less, each row begins one cell further to the right
-    skewed = np.pad(wet, ((0, 0), (0, rows))).ravel()[:-rows].reshape(rows, width - 1)
-    found = np.zeros(rows * width, dtype=np.int64)
-    found[:-rows] = _measure_runs(skewed.T).T.ravel()
-    return found.reshape(rows, width)[:, :columns]
 
 
 def _measure_slopes(
