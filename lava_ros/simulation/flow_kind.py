@@ -24,7 +24,7 @@ from lava_ros.effects import considered
 from lava_ros.effects.heat import STEFAN_BOLTZMANN
 from lava_ros.effects.scales import CRUST_CONDUCTIVITY
 from lava_ros.scene import Scene
-from lava_ros.simulation.setup.course import Course, course_of
+from lava_ros.simulation.setup.course import course_of
 
 #: Maximum Reynolds number rho u h / mu of laminar flow in a channel (Chow 1959, Open-Channel
 #: Hydraulics).
@@ -209,52 +209,34 @@ def kind_of(scene: Scene, horizon: float) -> FlowKind | None:
     The course is that of lava with the effects of every kind of flow, so that the kind does not
     depend on the effects that it calls for.
     """
-    course = course_of(scene, considered(scene), horizon=horizon)
-    if course is None:
-        return _unfed_kind(scene)
-    emitted = sum(flow.volume for flow in scene.emplaced_flows)
-    emitted += sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
-    return expected_kind(scene, course, emitted)
+    course, flows = course_of(scene, considered(scene), horizon=horizon), scene.emplaced_flows
+    volume, area = sum(flow.volume for flow in flows), sum(flow.area for flow in flows)
+    if course is not None:
+        volume += course.emitted
+        thickness = course.thickness_of(volume)
+        diameter = 2.0 * math.sqrt(volume / (math.pi * thickness))
+        return _kind_at(
+            scene, course.temperature, discharge=course.discharge, slope=course.slope,
+            thickness=thickness, width=min(course.width, diameter), diameter=diameter,
+            reynolds=course.reynolds,
+        )
+    if area <= 0.0:
+        return None
+    hottest = max(flow.temperature or scene.lava.reference_temperature for flow in flows)
+    diameter = 2.0 * math.sqrt(area / math.pi)
+    return _kind_at(
+        scene, hottest, discharge=0.0, slope=0.0, thickness=volume / area, width=diameter,
+        diameter=diameter, reynolds=0.0,
+    )
 
 
-def expected_kind(scene: Scene, course: Course, emitted: float) -> FlowKind:
-    """Return the kind of the expected flow with an emitted volume [m3]."""
-    lava, temperature = scene.lava, course.temperature
-    # fluid lava is at most as thick as a hemisphere of its volume, however stiff it is
-    thickness = min(course.thickness, (1.5 * emitted / math.pi) ** (1.0 / 3.0))
-    diameter = 2.0 * math.sqrt(emitted / (math.pi * thickness))
+def _kind_at(scene: Scene, temperature: float, **flow: float) -> FlowKind:
+    """Return the kind of a flow whose lava has a temperature [K] at its source."""
+    lava = scene.lava
     return FlowKind(
-        discharge=course.discharge,
-        slope=course.slope,
-        thickness=thickness,
-        width=min(course.width, diameter),
-        diameter=diameter,
+        **flow,
         viscosity=lava.viscosity_at(temperature),
-        reynolds=course.reynolds,
         crust_time=crust_time(scene, temperature),
         weight=lava.density * scene.gravity,
         strength=lava.yield_strength_at(temperature),
-    )
-
-
-def _unfed_kind(scene: Scene) -> FlowKind | None:
-    """Return the kind of emplaced lava without an effusion rate; None without such lava."""
-    area = sum(flow.area for flow in scene.emplaced_flows)
-    if area <= 0.0:
-        return None
-    diameter = 2.0 * math.sqrt(area / math.pi)
-    hottest = max(
-        flow.temperature or scene.lava.reference_temperature for flow in scene.emplaced_flows
-    )
-    return FlowKind(
-        discharge=0.0,
-        slope=0.0,
-        thickness=sum(flow.volume for flow in scene.emplaced_flows) / area,
-        width=diameter,
-        diameter=diameter,
-        viscosity=scene.lava.viscosity_at(hottest),
-        reynolds=0.0,
-        crust_time=crust_time(scene, hottest),
-        weight=scene.lava.density * scene.gravity,
-        strength=scene.lava.yield_strength_at(hottest),
     )

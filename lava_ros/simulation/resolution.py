@@ -192,15 +192,13 @@ def resolution_of(
     width = math.nan if course is None else course.width
     thickness, flows = accuracy.thickness, scene.emplaced_flows
     emplaced = sum(flow.volume for flow in flows)
-    emitted = emplaced + sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
+    emitted = emplaced + (0.0 if course is None else course.emitted)
     if thickness is None and course is None and flows:
         thickness = emplaced / sum(flow.area for flow in flows)
     if thickness is None:
-        thickness = expected_thickness(scene) if course is None else course.thickness
+        thickness = expected_thickness(scene)
         if course is not None:
-            # fluid lava is at most as thick as a hemisphere of its volume, however stiff it is
-            thickness = min(thickness, (1.5 * emitted / math.pi) ** (1.0 / 3.0))
-            thickness = max(thickness, MIN_THICKNESS)
+            thickness = max(course.thickness_of(emitted), MIN_THICKNESS)
     kind = kind_of(scene, horizon)
     cell = scene.terrain.resolution
     # lava that has hardly left its vent is a disc, not a flow as wide as the path allows

@@ -154,9 +154,8 @@ def expected_scales(
     columns = _still_columns(scene, accuracy, effects) if course is None else course.columns
     area = math.inf
     if course is not None:
-        emitted = sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
-        # stiff lava is no thicker than a hemisphere; what leaves the map counts
-        area = emitted / min(course.thickness, (1.5 * emitted / math.pi) ** (1.0 / 3.0))
+        # what leaves the map counts
+        area = course.emitted / course.thickness_of(course.emitted)
     return scales_of(
         scene,
         effects,

@@ -87,6 +87,7 @@ class Course:
             over run.
         discharge: Mean discharge of its source while it erupts [m3/s].
         temperature: Temperature at its source [K].
+        emitted: Volume that all vents emit up to the horizon [m3].
     """
 
     columns: Columns
@@ -98,6 +99,14 @@ class Course:
     slope: float
     discharge: float
     temperature: float
+    emitted: float
+
+    def thickness_of(self, volume: float) -> float:
+        """Return the thickness of the flow [m] once it has a volume [m3].
+
+        Lava is at most as thick as a hemisphere of its volume, however stiff it is.
+        """
+        return min(self.thickness, (1.5 * volume / math.pi) ** (1.0 / 3.0))
 
 
 @dataclass(frozen=True)
@@ -162,6 +171,7 @@ def _find_course(
     return Course(
         columns, width, thickness, max(fall for _, fall in paths), reynolds, cooled,
         largest.quantile(largest.ground_slope, 0.9), sources[0].mean, hot,
+        sum(vent.volume_between(0.0, horizon) for vent in scene.vents),
     )
 
 
