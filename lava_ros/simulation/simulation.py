@@ -234,7 +234,6 @@ class Simulation:
             while True:
                 change = self.scene.events[0].time if self.scene.events else math.inf
                 stop, last = min(until, change), min(end, change)
-                self.solver.prepare_advance(stop, last)
                 # a review follows the end of a step, and shortens none
                 due = min(stop, self._choice.due)
                 reached, self.step, self._is_step_pending = yield from self.solver.advancing_to(
@@ -298,18 +297,14 @@ class Simulation:
         """True if steps keep the peaks themselves, so that few observations suffice."""
         return self.accuracy.method == 'cells'
 
-    @within_memory()
-    def observe(self, peaks: Peaks) -> None:
+    def observing(self, peaks: Peaks) -> Iterator[None]:
         """Raise peaks to the values of the current flow, without a copy to the host.
+
+        Yields to the other members of a batch, if it is in one.
 
         Raises:
             LavaError: If too many particles are in one place.
         """
-        self._complete()
-        self.solver.observe_now(peaks)
-
-    def observing(self, peaks: Peaks) -> Iterator[None]:
-        """Generator form of ``observe``, which yields to the other members of a batch."""
         with within_memory():
             self._complete()
             yield from self.solver.observing(peaks)
@@ -405,7 +400,7 @@ class Simulation:
         choice.horizon = validation.number('horizon', horizon, above=0.0, unit='s')
         choice.forced = dict(forced)
         try:
-            self._update_effects(choice.review.since)
+            self._update_effects(choice.since)
         except LavaError:
             choice.forced, choice.horizon = former
             raise
@@ -421,8 +416,8 @@ class Simulation:
             effects=self.effects,
             forced=self._choice.forced,
             horizon=self._choice.horizon,
-            switched_on=dict(self._choice.review.since),
-            measured=dict(self._choice.review.largest),
+            switched_on=dict(self._choice.since),
+            measured=dict(self._choice.largest),
             accuracy=self.accuracy,
             emitted=self.solver.volume_before,
             since=self.solver.vents.since,
@@ -444,8 +439,8 @@ class Simulation:
         simulation.solver.load(checkpoint)
         choice = simulation._choice
         choice.forced = None if checkpoint.forced is None else dict(checkpoint.forced)
-        choice.review.since.update(checkpoint.switched_on)
-        choice.review.largest.update(checkpoint.measured)
+        choice.since.update(checkpoint.switched_on)
+        choice.largest.update(checkpoint.measured)
         simulation._schedule_review()
         warn_of_other_model(checkpoint)
         return simulation
@@ -453,7 +448,7 @@ class Simulation:
     @property
     def review_count(self) -> int:
         """Number of reviews of the effects so far."""
-        return self._choice.review.count
+        return self._choice.review_count
 
     @property
     def resolution(self) -> Resolution:
@@ -474,13 +469,15 @@ class Simulation:
         grids, sample = self.solver.maps_and_sample()
         if not len(sample.volume):
             return None
-        duration = max(self._choice.horizon, self.time)
+        now, duration = self.time, max(self._choice.horizon, self.time)
+        emitted = self.solver.volume_before + self.solver.vents.emitted(now)
+        later = sum(vent.volume_between(now, duration) for vent in self.scene.vents)
         forced = self._choice.all_forced(self.effects)
         effects = estimated_effects(self.scene, self.accuracy, forced, horizon=duration)
         return measured_scales(
             self.scene, effects, sample, grids,
             threshold=self.accuracy.inundation_threshold, duration=duration,
-            emitted=self.solver.emitted_fraction(duration),
+            emitted=emitted / max(emitted + later, 1e-30),
         )
 
     def _schedule_review(self, *, is_due: bool = False) -> None:

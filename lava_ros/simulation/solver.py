@@ -88,9 +88,6 @@ class Solver(Protocol):
             LavaError: If lava is not on the terrain, or a discharge is out of range.
         """
 
-    def prepare_advance(self, until: float, end: float) -> None:
-        """Prepare to advance to ``until`` [s] by steps of which none passes ``end`` [s]."""
-
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
@@ -116,11 +113,8 @@ class Solver(Protocol):
     def start_peaks(self) -> None:
         """Begin to keep peaks, if the steps keep them."""
 
-    def observe_now(self, peaks: Peaks) -> None:
-        """Raise peaks to the values of the current flow."""
-
     def observing(self, peaks: Peaks) -> Iterator[None]:
-        """Generator form of ``observe_now``, which yields to the other members of a batch."""
+        """Raise peaks to the values of the current flow; yield to other members of a batch."""
 
     def read_peaks(self, peaks: Peaks, *, where_wet: bool) -> PeakMaps:
         """Return the peaks so far, of all cells or of the rectangle that lava can reach."""
@@ -133,9 +127,6 @@ class Solver(Protocol):
 
     def budget(self) -> VolumeBudget:
         """Return the volume budget."""
-
-    def emitted_fraction(self, until: float) -> float:
-        """Return the fraction of the volume emitted by a later time [s] that is emitted now."""
 
     def replace_vents(self, scene: Scene) -> None:
         """Continue with the vents of another scene; closing vents empty their conduits.

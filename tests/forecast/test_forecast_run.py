@@ -54,7 +54,7 @@ def test_forecast_equals_the_continued_simulation(device, effects):
     peak = np.full_like(simulation.snapshot().thickness, np.nan)
     for time in (0.0, *moments(HORIZON, N_SAMPLES)):
         simulation.advance(start + time, limit=start + HORIZON)
-        simulation.observe(peaks)
+        list(simulation.observing(peaks))
         peak = np.fmax(peak, simulation.snapshot().thickness)
     continued = simulation.read_peaks(peaks)
     ahead = ahead_of(checkpoint, device)

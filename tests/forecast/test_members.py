@@ -157,7 +157,7 @@ def test_member_equals_the_simulation_of_its_scene(device: str) -> None:
     peaks = simulation.start_peaks(plan.threshold)
     for look in range(11):
         simulation.advance(60.0 * look, limit=600.0)
-        simulation.observe(peaks)
+        list(simulation.observing(peaks))
     flow = simulation.read_peaks(peaks, where_wet=True)
     assert results[1].corner == flow.corner
     if device == 'cpu':
@@ -195,7 +195,7 @@ def test_member_continues_a_running_simulation(device: str) -> None:
     peaks = running.start_peaks(plan.threshold)
     for look in range(6):
         running.advance(300.0 + 60.0 * look, limit=600.0)
-        running.observe(peaks)
+        list(running.observing(peaks))
     flow = running.read_peaks(peaks, where_wet=True)
     assert same.corner == flow.corner
     np.testing.assert_array_equal(same.peak, flow.thickness)

@@ -18,7 +18,8 @@ from lava_ros.simulation.output import measurement
 from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import measure_resolution, measure_widths
 from lava_ros.simulation.selection import Decision, noted
-from lava_ros.simulation.setup.review import MAX_INTERVAL, next_review, Review
+from lava_ros.simulation.setup import review as review_module
+from lava_ros.simulation.setup.review import EffectChoice, MAX_INTERVAL, next_review
 from slope_scenes import ground, HOUR, LAVA, scene
 from solver import only
 
@@ -227,14 +228,20 @@ def test_cost_is_proportional_to_the_largest_number(name):
     assert replace(half, measured=effect.threshold).cost == pytest.approx(effect.cost)
 
 
-def test_review_measures_an_excluded_effect():
-    review, on = Review(), only('inertia')
+def test_review_measures_an_excluded_effect(monkeypatch: pytest.MonkeyPatch):
+    choice, threshold = EffectChoice({}, HOUR), EFFECTS['helmholtz'].threshold
+
+    def review(value, *on):
+        found = [decision('helmholtz', value, is_on=value > threshold)]
+        monkeypatch.setattr(review_module, 'decide_by', lambda *_, **__: found)
+        return set(choice.reviewed(None, only(*on), Accuracy(), 60.0))
+
     for value in (0.1, 0.4, 0.3):
-        called_for = [decision('helmholtz', value, is_on=value > EFFECTS['helmholtz'].threshold)]
-        assert review.note(called_for, on) == []
-    assert review.largest == {'helmholtz': 0.4} and review.count == 3
-    assert review.note(called_for, only()) == ['helmholtz']
-    assert review.note(called_for, only('helmholtz')) == []
+        assert review(value, 'inertia') == {'inertia'}
+    assert choice.largest == {'helmholtz': 0.4} and choice.review_count == 3
+    assert not choice.since
+    assert review(0.3) == review(0.3, 'helmholtz') == {'helmholtz'}
+    assert choice.since == {'helmholtz': 60.0}
 
 
 def test_decision_names_the_effect_that_excludes_it():

@@ -4,7 +4,7 @@
 """The lava of a simulation on cells: its arrays, and what others read of them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 from typing import Any
 
@@ -31,12 +31,11 @@ from lava_ros.simulation.cells.state import (
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.covered_maps import CoveredCells, show_covered_cells
-from lava_ros.simulation.output.diagnostics import SHOWN
+from lava_ros.simulation.output.diagnostics import Moment, SHOWN, snapshot_of
 from lava_ros.simulation.output.peaks import PeakMaps, Peaks
 from lava_ros.simulation.output.snapshot import (
     ParticleSample,
     PendingSnapshot,
-    Snapshot,
     StepReport,
 )
 from lava_ros.simulation.output.window import Window
@@ -220,12 +219,6 @@ class CellLava:
         """True if no cell has lava that flows."""
         return self.thickest <= self._film
 
-    def emitted_fraction(self, until: float) -> float:
-        """Return the volume of all lava so far over that at a later time [s]."""
-        volume = self.volume_before + self.vents.emitted(self.time)
-        later = sum(vent.volume_between(self.time, until) for vent in self.scene.vents)
-        return float(volume / max(volume + later, 1e-30))
-
     @property
     def grids(self) -> Any:
         """All lava, its temperature, the solidified part, and ``SHOWN`` on the terrain's cells."""
@@ -271,22 +264,16 @@ class CellLava:
 
     def begin_snapshot(self, *, overlaps: bool) -> PendingSnapshot:
         """Map the flow; a CPU has done so when this returns."""
-        maps, terrain, budget = self.draw_maps().numpy().copy(), self.scene.terrain, self.budget()
-        inundated, half_inundated, arrived = maps[-len(SHOWN) :]
-        thin = np.sum(maps[0], where=np.isnan(arrived) & (maps[0] > 0.0), dtype=np.float64)
-        counts, clock = self.counts, self.clock
-        freezes = self.effects.any('freezes') or bool(budget.frozen)
-        snapshot = Snapshot(
-            time=self.time, terrain=terrain, thickness=maps[0], temperature=maps[1],
-            budget=replace(budget, thin=float(thin) * terrain.resolution**2),
-            particle_count=self.count,
-            steps=StepReport(
-                count=int(counts[STEPS]), evaluations=int(counts[EVALUATIONS]),
-                stages=int(counts[STAGES]), length=float(clock[FULL]), limit='diffusion',
-            ),
-            frozen=maps[2] if freezes else None,
-            arrived=arrived, half_inundated=half_inundated, inundated=inundated,
-            threshold=self.accuracy.inundation_threshold,
+        maps, counts = self.draw_maps().numpy().copy(), self.counts
+        steps = StepReport(
+            count=int(counts[STEPS]), evaluations=int(counts[EVALUATIONS]),
+            stages=int(counts[STAGES]), length=float(self.clock[FULL]), limit='diffusion',
+        )
+        moment = Moment(self.time, self.count, steps, self.budget())
+        if not (self.effects.any('freezes') or moment.budget.frozen):
+            maps = np.delete(maps, 2, axis=0)
+        snapshot = snapshot_of(
+            maps, moment, self.scene.terrain, self.accuracy.inundation_threshold
         )
         return PendingSnapshot(lambda: snapshot)
 
@@ -310,17 +297,16 @@ class CellLava:
         warm = np.where(thickness > 0.0, self.heat.temperature.numpy(), 0.0)
         self.peaks.restart(thickness + self.heat.frozen.numpy(), warm)
 
-    def observe_now(self, peaks: Peaks) -> None:
-        """Check the current flow; the steps themselves keep its peaks."""
+    def observing(self, peaks: Peaks) -> Iterator[None]:
+        """Check the current flow; the steps themselves keep its peaks.
+
+        The other members of a batch are not involved.
+        """
         if self.device.is_cuda:
             # not a number anywhere makes the largest one of the report none
             peaks.check(np.array(self.thickest), np.array(0.0))
         else:
             peaks.check(self.state.thickness.numpy(), self.heat.temperature.numpy())
-
-    def observing(self, peaks: Peaks) -> Iterator[None]:
-        """Generator form of ``observe_now``: the other members of a batch are not involved."""
-        self.observe_now(peaks)
         yield from ()
 
     def maps_and_sample(self) -> tuple[Any, ParticleSample]:
@@ -343,10 +329,10 @@ class CellLava:
                 min(math.ceil(part[0].stop * scale), self.grid.shape[0]),
             ),
         )
-        peaks.put(
-            thickness, temperature, part, terrain.has_data, solidus=self.scene.lava.solidus
-        )
-        return peaks.read(self._maps, part)
+        # 0 K is lava that was solid throughout
+        warm = np.where(temperature > 0.0, temperature, self.scene.lava.solidus)
+        warm[~(terrain.has_data[part] & (thickness > 0.0))] = np.nan
+        return peaks.read(self._maps, part, kept=np.stack([thickness, warm]).astype(np.float32))
 
     def read_flow(self) -> ParticleSample:
         """Return the cells whose lava counts as inundation, or all as ``read_sample``.

@@ -298,9 +298,6 @@ class CellSolver(CellLava):
                 self._set(self.time)
             self._launch(self.clock, 0)
 
-    def prepare_advance(self, until: float, end: float) -> None:
-        """Do nothing: ``advancing_to`` skips the time without lava."""
-
     def switch_effects(self, effects: Effects) -> None:
         """Continue with other effects.
 

@@ -7,7 +7,6 @@ Read one after the other while steps continue, they would belong to different mo
 particle volumes would have to be copied to the host for one sum.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -153,24 +152,19 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
 
 
 def snapshot_of(
-    copies: Sequence[np.ndarray],
-    terrain: Terrain,
-    state: State,
-    vents: VentSet,
-    before: float,
-    threshold: float,
+    maps: np.ndarray, moment: Moment, terrain: Terrain, threshold: float
 ) -> Snapshot:
-    """Build the snapshot of a moment; state, vents and volume as for ``moment_of``.
+    """Build the snapshot of a moment.
 
-    ``threshold`` is the minimum thickness of lava that inundates ground [m].
-
-    ``copies`` are the grids on the terrain (thickness, temperature, the solidified thickness if
-    lava can have solidified, and ``SHOWN``), and the gathered values.
+    Args:
+        maps: Thickness, temperature, solidified thickness if lava can have solidified, and
+            ``SHOWN``, shape [maps, rows, columns].
+        moment: The other values, without the volume that is too thin to inundate.
+        terrain: The terrain with the cells of the maps.
+        threshold: Minimum thickness of lava that inundates ground [m].
     """
-    grids, numbers = copies
-    inundated, half_inundated, arrived = grids[-len(SHOWN) :]
-    grids = grids[: -len(SHOWN)]
-    moment = moment_of(numbers, state, vents, before)
+    inundated, half_inundated, arrived = maps[-len(SHOWN) :]
+    grids = maps[: -len(SHOWN)]
     # not nansum, which copies the grid
     thin = np.sum(grids[0], where=np.isnan(arrived) & (grids[0] > 0.0), dtype=np.float64)
     budget = replace(moment.budget, thin=float(thin) * terrain.resolution**2)

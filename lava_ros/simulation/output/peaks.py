@@ -18,7 +18,7 @@ from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.output.inundation import inundated_fraction
 from lava_ros.simulation.output.rasterization import Raster
-from lava_ros.simulation.output.window import cell_in, CellWindow
+from lava_ros.simulation.output.window import Bounded, cell_in, CellWindow
 from lava_ros.simulation.particles.state import State
 
 #: Reasons why a map cannot be shown, by their number.
@@ -109,29 +109,6 @@ class Peaks:
         arguments = [known, raster.grids, self._peaks, self._flaw]
         raster.window.launch(state, _raise_peaks, arguments)
 
-    def put(
-        self, thickness: np.ndarray, temperature: np.ndarray, part: tuple[slice, slice],
-        known: np.ndarray, *, solidus: float,
-    ) -> None:
-        """Replace the peaks by those that the motion has kept, for some rows and columns.
-
-        Args:
-            thickness: Largest thickness [m], shape [rows, columns] of the part.
-            temperature: Highest temperature [K], same shape; 0 of lava that was solid throughout.
-            part: Rows and columns.
-            known: True for cells with data, shape of the terrain.
-            solidus: Temperature of lava that was solid throughout [K].
-        """
-        is_known = known[part]
-        warm = np.where(temperature > 0.0, temperature, solidus)
-        peaks = np.stack([
-            np.where(is_known, thickness, np.nan),
-            np.where(is_known & (thickness > 0.0), warm, np.nan),
-        ]).astype(np.float32)
-        if peaks.size:
-            own = wp.array(peaks, dtype=wp.float32, device=self._peaks.device)
-            wp.copy(self._peaks[:, part[0], part[1]], own)
-
     def check(self, thickness: np.ndarray, temperature: np.ndarray) -> None:
         """Note whether the thickness [m] or the temperature [K] of cells cannot be shown."""
         for number, values in enumerate((thickness, temperature), start=1):
@@ -143,14 +120,23 @@ class Peaks:
         """Return why an observation cannot be shown as a map; empty if there is no reason."""
         return _FLAWS[int(read(self._flaw)[0])]
 
-    def read(self, state: State, part: tuple[slice, slice]) -> PeakMaps:
-        """Return the peaks so far for some rows and columns."""
+    def read(
+        self, state: Bounded, part: tuple[slice, slice], *, kept: np.ndarray | None = None
+    ) -> PeakMaps:
+        """Return the peaks so far.
+
+        Args:
+            state: The state of the flow.
+            part: Rows and columns.
+            kept: Thickness [m] and temperature [K] that the steps themselves have kept, in place
+                of those of the observations, float32, shape [2, rows, columns] of the part.
+        """
         start, corner, covered = self._start, (part[0].start, part[1].start), state.cell_maps
-        maps = (
-            covered.arrived, covered.half_inundated, covered.covered.view(wp.float32),
-            self._peaks[0], self._peaks[1],
-        )
-        arrived, half_inundated, squares, thickness, temperature = _read_parts(maps, part)
+        maps = [covered.arrived, covered.half_inundated, covered.covered.view(wp.float32)]
+        if kept is None:
+            maps += self._peaks[0], self._peaks[1]
+        arrived, half_inundated, squares, *observed = _read_parts(maps, part)
+        thickness, temperature = observed if kept is None else kept
         thickness[~self._has_data[part]] = np.nan
         arrival, half = (
             np.where(times >= 0.0, np.maximum(times.astype(np.float64), start), np.nan)

@@ -28,7 +28,7 @@ from lava_ros.simulation.output.diagnostics import (
 )
 from lava_ros.simulation.output.peaks import PeakMaps, Peaks
 from lava_ros.simulation.output.rasterization import Raster
-from lava_ros.simulation.output.snapshot import ParticleSample, PendingSnapshot
+from lava_ros.simulation.output.snapshot import ParticleSample, PendingSnapshot, Snapshot
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
@@ -165,13 +165,6 @@ class ParticleLava:
         assert self.accuracy.spacing is not None
         return self.accuracy.spacing
 
-    def emitted_fraction(self, until: float) -> float:
-        """Return the fraction of the volume emitted by a later time [s] that is emitted now."""
-        now = self.state.time
-        volume = self.volume_before + self.vents.emitted(now)
-        later = sum(vent.volume_between(now, until) for vent in self.scene.vents)
-        return float(volume / max(volume + later, 1e-30))
-
     def add_particles(self, rows: np.ndarray | list[Any]) -> None:
         """Add particles given as (map x, map y, volume, temperature)."""
         if not len(rows):
@@ -254,9 +247,12 @@ class ParticleLava:
         copies = self._reader.begin([grids, numbers], overlaps=overlaps)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
         threshold = self.accuracy.inundation_threshold
-        return PendingSnapshot(
-            lambda: snapshot_of(copies(), terrain, state, vents, before, threshold)
-        )
+
+        def finish() -> Snapshot:
+            maps, values = copies()
+            return snapshot_of(maps, moment_of(values, state, vents, before), terrain, threshold)
+
+        return PendingSnapshot(finish)
 
     def maps_and_sample(self) -> tuple[Any, ParticleSample]:
         """Map the flow, and read the particles back."""

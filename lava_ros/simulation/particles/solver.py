@@ -222,12 +222,8 @@ class ParticleSolver(ParticleLava):
         self.most_particles, self.is_empty = max(self.most_particles, count), count == 0
         return self.is_empty and not was_empty
 
-    def prepare_advance(self, until: float, end: float) -> None:
-        """Count the ground of vents that open before ``end`` [s], and skip time without lava.
-
-        The clock is at ``until`` [s] if no lava is emitted before ``end``.
-        """
-        self.raise_top(until=end)
+    def _skip_idle_time(self, until: float, end: float) -> None:
+        """Set the clock to ``until`` [s] if there is no lava, and none is emitted by ``end``."""
         if not self.is_empty:
             return
         clock, counts = self.state.read_clock()
@@ -250,27 +246,21 @@ class ParticleSolver(ParticleLava):
     def start_peaks(self) -> None:
         """Do nothing: observations gather the peaks of particles."""
 
-    def observe_now(self, peaks: Peaks) -> None:
-        """Raise peaks to the values of the current flow.
+    def observing(self, peaks: Peaks) -> Iterator[None]:
+        """Raise peaks to the values of the current flow; yield to other members of a batch.
 
         Raises:
             LavaError: If too many particles are in one place.
         """
         self.bin()
-        self._observe(peaks)
-        self.neighbors.refuse_crowds()
-
-    def observing(self, peaks: Peaks) -> Iterator[None]:
-        """Generator form of ``observe_now``, which yields to the other members of a batch."""
-        batch = current_batch()
+        batch, state = current_batch(), self.state
         if batch is None:
-            self.observe_now(peaks)
-            return
-        self.bin()
-        state = self.state
-        observe = partial(self._observe, peaks)
-        batch.launch(state, partial(state.launches.record, observe, state.capacity))
-        yield
+            self._observe(peaks)
+            self.neighbors.refuse_crowds()
+        else:
+            observe = partial(self._observe, peaks)
+            batch.launch(state, partial(state.launches.record, observe, state.capacity))
+            yield
 
     def _observe(self, peaks: Peaks) -> None:
         """Raise peaks to the values of the current flow, within a stage that moves nothing."""
@@ -286,6 +276,10 @@ class ParticleSolver(ParticleLava):
     ) -> Generator[None, None, Stop]:
         """Advance to a time, as ``Solver.advancing_to``."""
         state = self.state
+        if end is not None:
+            # ground of the vents that open before it
+            self.raise_top(until=end)
+            self._skip_idle_time(until, end)
         state.write_target(until, end, max_end)
         batch, is_step_pending = current_batch(), False
         if batch is None:

@@ -9,7 +9,7 @@ its threshold is switched on, and stays on.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 import math
 
 from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
@@ -24,38 +24,6 @@ FIRST = 1.0 / 128.0
 
 #: Longest time between two reviews, as a fraction of the horizon, or of the time if that is more.
 MAX_INTERVAL = 1.0 / 4.0
-
-
-@dataclass
-class Review:
-    """Results of the reviews of a simulation.
-
-    Attributes:
-        largest: Largest measured number of each effect, by name.
-        since: Simulated time [s] at which a review has switched an effect on, by name.
-        count: Number of reviews.
-    """
-
-    largest: dict[str, float] = field(default_factory=dict)
-    since: dict[str, float] = field(default_factory=dict)
-    count: int = 0
-
-    def note(self, decisions: Iterable[Decision], effects: Effects) -> list[str]:
-        """Add the decisions of a review about effects that are off.
-
-        Args:
-            decisions: The decisions.
-            effects: The effects that are on.
-
-        Returns:
-            The names of the effects to switch on.
-        """
-        self.count += 1
-        decisions = tuple(decisions)
-        for item in decisions:
-            if not math.isnan(item.value):
-                self.largest[item.name] = max(self.largest.get(item.name, 0.0), item.value)
-        return [item.name for item in called_for(decisions, effects)]
 
 
 def called_for(decisions: Iterable[Decision], effects: Effects) -> list[Decision]:
@@ -104,14 +72,19 @@ class EffectChoice:
         forced: Effects that the user has forced on or off, by name; None if the user has given
             all of them, which then never change.
         horizon: Time span for the choice of effects and of the spacing [s].
-        review: Results of the reviews.
         due: Simulated time of the next review [s]; infinite without one.
+        largest: Largest number of each effect that reviews have measured, by name.
+        since: Simulated time [s] at which a review has switched an effect on, by name.
+        review_count: Number of reviews of a flow.
     """
 
     def __init__(self, effects: Effects | Mapping[str, bool] | None, horizon: float) -> None:
         """Store what the user has given, as for ``Simulation``."""
         self.forced = None if isinstance(effects, Effects) else dict(effects or {})
-        self.horizon, self.review, self.due = horizon, Review(), math.inf
+        self.horizon, self.due = horizon, math.inf
+        self.largest: dict[str, float] = {}
+        self.since: dict[str, float] = {}
+        self.review_count = 0
         self._given = effects if isinstance(effects, Effects) else None
         self._watched: list[str] = []
 
@@ -174,8 +147,12 @@ class EffectChoice:
         """
         names = self._watched if names is None else names
         decisions = decide_by(scales, self.forced or {}, accuracy, names=names)
-        found = self.review.note(decisions, effects)
-        self.review.since |= dict.fromkeys(found, time)
+        self.review_count += 1
+        for item in decisions:
+            if not math.isnan(item.value):
+                self.largest[item.name] = max(self.largest.get(item.name, 0.0), item.value)
+        found = [item.name for item in called_for(decisions, effects)]
+        self.since |= dict.fromkeys(found, time)
         return replace(effects, **dict.fromkeys(found, True))
 
     def decisions(
@@ -187,8 +164,8 @@ class EffectChoice:
         )
         return tuple(
             noted(
-                item, effects, self.review.largest.get(item.name, math.nan),
-                self.review.since.get(item.name, math.nan),
+                item, effects, self.largest.get(item.name, math.nan),
+                self.since.get(item.name, math.nan),
             )
             for item in decisions
         )

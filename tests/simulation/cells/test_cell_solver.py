@@ -63,7 +63,7 @@ def test_steps_keep_the_largest_thickness():
         simulation.advance(float(time))
         largest = np.maximum(largest, np.nan_to_num(simulation.snapshot().thickness))
     # one observation, at the end
-    simulation.observe(peaks)
+    list(simulation.observing(peaks))
     found = simulation.read_peaks(peaks)
     assert not found.flaw
     wet = largest > 0.0
