@@ -129,9 +129,9 @@ def print_report(
 ) -> None:
     """Print the report of the command, with the numerical error of the members."""
     from lava_ros.layers.numbers import percent
+    from lava_ros.layers.spacing_error import SpacingError
     from lava_ros.scene.erupting_lava import EruptingLava
     from lava_ros.simulation.numerical_error import error_text, NOT_MEASURED
-    from lava_ros.simulation.spacing_error import SpacingError
 
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''

@@ -22,6 +22,7 @@ from lava_ros.forecast.sentinels import (
     REVIEWS,
     Sentinels,
 )
+from lava_ros.layers.spacing_error import COARSER, has_pair, pair_of, SpacingPair
 from lava_ros.runs.drive import driving
 from lava_ros.runs.sinks import PeakSink
 from lava_ros.scene import Scene
@@ -30,7 +31,6 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
-from lava_ros.simulation.spacing_error import COARSER, has_pair, pair_of, SpacingPair
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation

@@ -5,7 +5,7 @@
 
 Members are added as integers, whose sums do not depend on the order: any number of workers gives
 bitwise identical maps. The error due to the particle spacing, measured by pairs of runs, shifts
-and widens the arrival times (simulation/spacing_error.py).
+and widens the arrival times (layers/spacing_error.py).
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,10 +20,10 @@ from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.layers.forecast import HazardMaps, PlaceForecast, QUANTILES, WorstCase
 from lava_ros.layers.places import Places
+from lava_ros.layers.spacing_error import SpacingError, SpacingPair
 from lava_ros.scene import MAX_ELEVATION
 from lava_ros.simulation.output.budget import GONE
 from lava_ros.simulation.output.inundation import reached_cells, TOUCHED
-from lava_ros.simulation.spacing_error import SpacingError, SpacingPair
 
 #: Rounding error of sums of corrected weights.
 _ROUNDING = 1e-6

@@ -27,12 +27,12 @@ from lava_ros.forecast.sampling import Posterior, Susceptibility
 from lava_ros.forecast.sentinels import CalledEffect
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
+from lava_ros.layers.spacing_error import SpacingPair
 from lava_ros.runs.provenance import description
 from lava_ros.runs.store import is_usable, known_record, RecordedFolder
 from lava_ros.scene import MAX_ELEVATION, scene_to_dict
 from lava_ros.scene.ranges import describe_inputs
 from lava_ros.simulation.output.inundation import TOUCHED
-from lava_ros.simulation.spacing_error import SpacingPair
 
 _LOG = logging.getLogger(__name__)
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros.layers.spacing_error import SpacingError
 from lava_ros.scene import Terrain
 from lava_ros.simulation.output.inundation import area_of
-from lava_ros.simulation.spacing_error import SpacingError
 
 #: Time to arrival in unknown cells, as returned by ``Layer.raw_values`` [s].
 UNKNOWN = -1.0

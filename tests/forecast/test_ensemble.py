@@ -29,8 +29,8 @@ from lava_ros.forecast.sentinels import is_sentinel
 from lava_ros.forecast.store import maps_at, Store
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.places import Places
+from lava_ros.layers.spacing_error import pair_of
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.spacing_error import pair_of
 from slope_scenes import uncertain_scene
 
 PLAN = disc_plan()

@@ -47,9 +47,9 @@ from lava_ros.layers.forecast import (
     QUANTILES,
     unseen,
 )
+from lava_ros.layers.spacing_error import COARSER, EVERY, SpacingError, SpacingPair
 from lava_ros.scene import Terrain
 from lava_ros.simulation.numerical_error import PARTICLE_ORDER
-from lava_ros.simulation.spacing_error import COARSER, EVERY, SpacingError, SpacingPair
 
 PLAN = disc_plan()
 

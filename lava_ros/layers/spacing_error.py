@@ -64,8 +64,6 @@ _PARTS = 4
 #: Minimum standard uncertainty of a logarithm of time.
 _MIN_SPREAD = 1e-6
 
-_ERF = np.vectorize(math.erf, otypes=[np.float64])
-
 
 @dataclass(frozen=True)
 class SpacingPair:
@@ -225,16 +223,19 @@ class SpacingError:
         Returns:
             The corrected weights, float64, shape [cells, intervals].
         """
+        from scipy.special import ndtr
+
         number = counts.shape[1]
         times = np.log((np.arange(2 * number * _PARTS) + 0.5) / (number * _PARTS))
         spread = max(ORDER_UNCERTAINTY * abs(end), _MIN_SPREAD)
-        is_counted = _normal((end - times) / spread)
+        is_counted = ndtr((end - times) / spread)
         edges = np.log(np.arange(1, number) / number)
         scores = (edges - times[:, None] + self.delay) / max(self.delay_spread, _MIN_SPREAD)
         # all that count arrive within the horizon
-        moved = np.diff(_normal(scores), axis=1, prepend=0.0, append=1.0)
+        moved = np.diff(ndtr(scores), axis=1, prepend=0.0, append=1.0)
         kernel = (is_counted[:, None] * moved).reshape(2 * number, _PARTS, number).mean(axis=1)
-        return _continued(counts, total) @ kernel
+        weights: np.ndarray = _continued(counts, total) @ kernel
+        return weights
 
     def corrected_areas(self, areas: dict[float, float]) -> dict[float, float]:
         """Shift and widen the areas inundated in at least a fraction of the members, if usable.
@@ -303,8 +304,3 @@ def _continued(counts: np.ndarray, total: float) -> np.ndarray:
     sums = counts.sum(axis=1, keepdims=True) + np.cumsum(beyond, axis=1)
     beyond = np.where(sums <= total, beyond, np.maximum(beyond - (sums - total), 0.0))
     return np.hstack([counts, beyond])
-
-
-def _normal(scores: np.ndarray) -> np.ndarray:
-    """Return the cumulative normal distribution, any shape."""
-    return np.asarray(0.5 + 0.5 * _ERF(scores / math.sqrt(2.0)))

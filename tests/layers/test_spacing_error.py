@@ -9,9 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.numerical_error import PARTICLE_ORDER
-from lava_ros.simulation.spacing_error import (
+from lava_ros.layers.spacing_error import (
     COARSER,
     EVERY,
     has_pair,
@@ -21,6 +19,8 @@ from lava_ros.simulation.spacing_error import (
     SpacingError,
     SpacingPair,
 )
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.numerical_error import PARTICLE_ORDER
 
 REDUCTION = COARSER['particles']**PARTICLE_ORDER - 1.0
 
