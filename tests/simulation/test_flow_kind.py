@@ -16,8 +16,8 @@ from lava_ros.scene.materials import material_named
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.flow_kind import crust_time, kind_of, MAX_STRESS
-from lava_ros.simulation.output.measurement import current_resolution, measure_kind
-from lava_ros.simulation.resolution import resolution_of
+from lava_ros.simulation.output.measurement import current_resolution
+from lava_ros.simulation.resolution import Resolution, resolution_of
 from project import ROOT
 from scripts import load_script
 
@@ -100,7 +100,9 @@ def test_measured_mound_of_basalt_is_implausible_and_a_pond_is_not(
         terrain=Terrain(ground, cell), thickness=lava, standing=lava > 0.1, inundated=None,
     )
     expected = next(item for item in FLOWS if item.name == 'Etna 2001, lower fissure').found
-    found = measure_kind(snapshot, expected)
+    resolution = Resolution(cell, 1.0, math.nan, math.nan, cell, 'given', kind=expected)
+    accuracy = Accuracy(spacing=cell, thickness=1.0)
+    found = current_resolution(snapshot, accuracy, resolution).kind
     assert found.is_measured and found.thickness > 0.4 * height
     assert any('implausible' in text for text in found.warnings()) == is_flagged
 

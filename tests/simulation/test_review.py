@@ -16,7 +16,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output import measurement
 from lava_ros.simulation.output.checkpoint import from_bytes
-from lava_ros.simulation.output.measurement import measure_resolution, measure_widths
+from lava_ros.simulation.output.measurement import current_resolution, measure_widths
 from lava_ros.simulation.selection import Decision, noted
 from lava_ros.simulation.setup import review as review_module
 from lava_ros.simulation.setup.review import EffectChoice, MAX_INTERVAL, next_review
@@ -178,8 +178,8 @@ def test_measurements_of_a_steady_flow_are_close_to_the_expected_ones(device: st
             np.vstack([simulation.sample().position, [[100.0, 300.0]]])
         )), rel=1e-6
     )
-    found = measure_resolution(simulation.snapshot(), simulation.accuracy)
-    assert found is not None and found.limit == 'measured'
+    found = current_resolution(simulation.snapshot(), simulation.accuracy, expected)
+    assert found.limit == 'measured'
     assert found.width == pytest.approx(expected.width, rel=0.4)
     assert found.across == pytest.approx(expected.across, rel=0.4)
     assert found.thickness == pytest.approx(expected.thickness, rel=0.3)
@@ -193,7 +193,9 @@ def test_no_measurement_without_lava(device: str):
     )
     assert simulation.advance(500.0) == 500.0
     assert simulation.measure_scales() is None
-    assert measure_resolution(simulation.snapshot(), simulation.accuracy) is None
+    expected = simulation.resolution
+    found = current_resolution(simulation.snapshot(), simulation.accuracy, expected)
+    assert found is expected
 
 
 @pytest.mark.parametrize('turns', range(4))

@@ -17,7 +17,6 @@ from lava_ros.effects.scales import Columns, Scales, volume_quantile
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.memory import read
-from lava_ros.simulation.flow_kind import FlowKind
 from lava_ros.simulation.output.diagnostics import SHOWN
 from lava_ros.simulation.output.inundation import footprint_cells, standing_cells
 from lava_ros.simulation.output.snapshot import ParticleSample, Snapshot
@@ -102,69 +101,51 @@ def measured_scales(
     )
 
 
-def measure_resolution(snapshot: Snapshot, accuracy: Accuracy) -> Resolution | None:
-    """Measure how well the particles resolve a flow; None while it is too small to measure.
-
-    Args:
-        snapshot: The flow on the cells of its terrain.
-        accuracy: Its resolution, with all automatic values resolved.
-    """
-    assert accuracy.spacing is not None and accuracy.thickness is not None
-    thickness, cell = np.nan_to_num(snapshot.thickness), snapshot.terrain.resolution
-    wet = _wet_cells(snapshot)
-    if not wet.any():
-        return None
-    width, thickness = measure_widths(wet, cell)[wet], thickness[wet]
-    distance = accuracy.spacing * np.sqrt(accuracy.thickness / thickness)
-    if not is_extended(np.count_nonzero(wet) * cell**2, float(np.median(distance))):
-        return None
-    middle = volume_quantile(thickness, thickness, 0.5)
-    return Resolution(
-        spacing=accuracy.spacing,
-        thickness=middle,
-        width=volume_quantile(width, thickness, NARROW),
-        across=volume_quantile(width / distance, thickness, NARROW),
-        cell=cell,
-        limit='measured',
-        method=accuracy.method,
-    )
-
-
-def measure_kind(snapshot: Snapshot, kind: FlowKind) -> FlowKind:
-    """Return the kind of a flow by its measured shape, the expected ``kind`` without lava."""
-    terrain, wet = snapshot.terrain, _wet_cells(snapshot)
-    if not wet.any():
-        return kind
-    thickness = np.nan_to_num(snapshot.thickness)[wet]
-    slope = _measure_slopes(terrain, np.nonzero(wet), snapshot.thickness)
-    stress = kind.weight * thickness * slope / np.hypot(1.0, slope)
-    return kind.measured(
-        thickness=volume_quantile(thickness, thickness, 0.5),
-        width=volume_quantile(measure_widths(wet, terrain.resolution)[wet], thickness, NARROW),
-        diameter=2.0 * terrain.resolution * math.sqrt(np.count_nonzero(wet) / math.pi),
-        stress=volume_quantile(stress, thickness, 0.5),
-    )
-
-
-def _wet_cells(snapshot: Snapshot) -> np.ndarray:
-    """Return the cells with lava, bool, without those that lava only touches."""
-    wet = snapshot.standing
-    if snapshot.inundated is not None and (wet & snapshot.footprint).any():
-        wet = wet & snapshot.footprint
-    return wet
-
-
 def current_resolution(
     snapshot: Snapshot, accuracy: Accuracy, expected: Resolution
 ) -> Resolution:
-    """Return the measured resolution of a flow, or the expected one while it is too small.
+    """Measure how well the particles resolve a flow, and its kind.
 
-    The shape of its kind is measured in any case: a small flow may be one that no lava forms. The
-    arguments are those of ``measure_resolution``, and the expected resolution.
+    Args:
+        snapshot: The flow on the cells of its terrain.
+        accuracy: Its resolution, with all automatic values filled in.
+        expected: The expected resolution.
+
+    Returns:
+        The measured resolution; while the flow is too small to measure, the expected one. The kind
+        is measured as soon as there is lava: a small flow may be one that no lava forms.
     """
-    found = measure_resolution(snapshot, accuracy) or expected
-    kind = expected.kind
-    return replace(found, kind=None if kind is None else measure_kind(snapshot, kind))
+    assert accuracy.spacing is not None and accuracy.thickness is not None
+    wet, cell, kind = snapshot.standing, snapshot.terrain.resolution, expected.kind
+    if snapshot.inundated is not None and (wet & snapshot.footprint).any():
+        # not the cells that lava only touches
+        wet = wet & snapshot.footprint
+    count = np.count_nonzero(wet)
+    if not count:
+        return expected
+    thickness, width = snapshot.thickness[wet], measure_widths(wet, cell)[wet]
+    middle = volume_quantile(thickness, thickness, 0.5)
+    narrow = volume_quantile(width, thickness, NARROW)
+    if kind is not None:
+        slope = _measure_slopes(snapshot.terrain, np.nonzero(wet), snapshot.thickness)
+        stress = kind.weight * thickness * slope / np.hypot(1.0, slope)
+        kind = kind.measured(
+            thickness=middle, width=narrow, diameter=2.0 * cell * math.sqrt(count / math.pi),
+            stress=volume_quantile(stress, thickness, 0.5),
+        )
+    distance = accuracy.spacing * np.sqrt(accuracy.thickness / thickness)
+    if not is_extended(count * cell**2, float(np.median(distance))):
+        return replace(expected, kind=kind)
+    return Resolution(
+        spacing=accuracy.spacing,
+        thickness=middle,
+        width=narrow,
+        across=volume_quantile(width / distance, thickness, NARROW),
+        cell=cell,
+        limit='measured',
+        kind=kind,
+        method=accuracy.method,
+    )
 
 
 def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
