@@ -38,7 +38,7 @@ from lava_ros.simulation.resolution import (
     resolved_accuracy,
 )
 from lava_ros.simulation.selection import Decision, HORIZON
-from lava_ros.simulation.setup.defaults import device_of, formulated
+from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.simulation.setup.review import EffectChoice
 from lava_ros.simulation.solver import Solver
 
@@ -109,7 +109,7 @@ class Simulation:
         self.accuracy = resolved_accuracy(
             given, scene, self._choice.all_forced(), horizon=horizon
         )
-        chosen = formulated(self._choice.first(scene, self.accuracy), self.accuracy)
+        chosen = self._choice.first(scene, self.accuracy)
         with naming_the_cause(scene, given):
             self._solver = SOLVERS[self.accuracy.method](scene, chosen, self.accuracy, used)
 
@@ -513,7 +513,6 @@ class Simulation:
 
     def _switch_to(self, effects: Effects) -> None:
         """Continue with other effects."""
-        effects = formulated(effects, self.accuracy)
         if effects != self.effects:
             self._is_step_pending = False
             self.solver.switch_effects(effects)

@@ -1,9 +1,8 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Defaults for values that a user omits, and effects of a formulation."""
+"""The device of a simulation, and its default."""
 
-from dataclasses import replace
 from functools import cache
 import logging
 import os
@@ -12,10 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
-from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.selection import implied_effects
 
 _LOG = logging.getLogger(__name__)
 
@@ -61,13 +57,3 @@ def _start_warp() -> None:
                 else:
                     # output of another thread
                     os.write(2, line)
-
-
-def formulated(effects: Effects, accuracy: Accuracy) -> Effects:
-    """Return effects with those that the formulation switches on or off.
-
-    Raises:
-        LavaError: If an effect is on that the formulation excludes, unless it is on by default.
-    """
-    asked = {name: True for name in effects if not EFFECTS[name].is_default}
-    return replace(effects, **implied_effects(accuracy, asked))

@@ -16,7 +16,14 @@ from lava_ros.effects import EFFECTS, Effects, excluded_by, existing
 from lava_ros.effects.scales import Scales
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.selection import decide, decide_by, Decision, effects_for, noted
+from lava_ros.simulation.selection import (
+    decide,
+    decide_by,
+    Decision,
+    effects_for,
+    implied_effects,
+    noted,
+)
 
 #: Time of the first review as a fraction of the horizon; until half of it, each is at twice the
 #: time of the one before.
@@ -97,10 +104,15 @@ class EffectChoice:
         return asdict(fixed)
 
     def first(self, scene: Scene, accuracy: Accuracy) -> Effects:
-        """Return the effects at the start."""
+        """Return the effects at the start.
+
+        Raises:
+            LavaError: If the user has given an effect that the formulation excludes.
+        """
         if self.forced is None:
             assert self._given is not None
-            return self._given
+            asked = {name: True for name in self._given if not EFFECTS[name].is_default}
+            return replace(self._given, **implied_effects(accuracy, asked))
         return effects_for(scene, self.forced, accuracy=accuracy, horizon=self.horizon)
 
     def updated(self, scene: Scene, accuracy: Accuracy, remaining: Iterable[str]) -> Effects:
