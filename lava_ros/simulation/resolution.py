@@ -114,7 +114,11 @@ class Resolution:
         return self.across < MIN_ACROSS
 
     def warnings(self, threshold: float | None = None) -> list[str]:
-        """Return warnings as phrases; ``threshold`` is a given least thickness of lava [m]."""
+        """Return warnings as phrases.
+
+        Args:
+            threshold: Minimum thickness of lava that inundates ground [m], if a user has given it.
+        """
         found = []
         if self.is_coarse:
             found.append(f'the flow is under-resolved, below {MIN_ACROSS:g} {self.method} across')
@@ -159,11 +163,16 @@ def is_extended(area: float, distance: float) -> bool:
 def estimated_effects(
     scene: Scene, accuracy: Accuracy, forced: Mapping[str, bool] | None, *, horizon: float
 ) -> Effects:
-    """Return the effects that estimates of a flow up to a horizon [s] include.
+    """Return the effects that estimates of a flow include.
 
-    They are those of ``effects.considered``, and those of the expected kind of the flow.
-    ``forced`` are the effects that a user has switched on or off, by name; the formulation
-    switches others.
+    They are those of ``effects.considered``, those of the formulation, and those that the expected
+    kind of the flow calls for.
+
+    Args:
+        scene: The scene.
+        accuracy: The resolution, with the formulation.
+        forced: Effects that a user has switched on or off, by name.
+        horizon: Time span to consider [s].
     """
     implied = FORMULATIONS[accuracy.formulation]
     switched = {name: implied[name] for name in implied if name in EFFECTS}
@@ -181,10 +190,13 @@ def resolution_of(
     *,
     horizon: float = HORIZON,
 ) -> Resolution:
-    """Return the resolution of a scene at an accuracy, whose own spacing or thickness remains.
+    """Return the resolution of a scene.
 
-    ``forced`` are the effects that a user has switched on or off, by name.
-    Lava emitted after the ``horizon`` [s] does not count.
+    Args:
+        scene: The scene.
+        accuracy: Its accuracy; a spacing or thickness that it states is kept.
+        forced: Effects that a user has switched on or off, by name.
+        horizon: Time after which emitted lava does not count [s].
     """
     effects = estimated_effects(scene, accuracy, forced, horizon=horizon)
     mobility = math.inf if accuracy.mobility_limit is None else accuracy.mobility_limit

@@ -142,11 +142,16 @@ def expected_scales(
     accuracy: Accuracy | None = None,
     horizon: float = HORIZON,
 ) -> Scales:
-    """Return the scales of a flow before its first step, up to a horizon [s].
+    """Return the scales of a flow before its first step.
 
-    ``forced`` are the effects that a user has switched on or off, by name.
-    They are those of its expected course (``course_of``). Without a discharge each cell of the
-    terrain counts as a column, of the thickness of the accuracy or that of a flow of 1 m3/s.
+    They follow from its expected course (``course_of``). Without a discharge each cell of the
+    terrain counts as a column, with the thickness of the accuracy or that of a flow of 1 m3/s.
+
+    Args:
+        scene: The scene.
+        forced: Effects that a user has switched on or off, by name.
+        accuracy: The resolution; automatic if omitted.
+        horizon: Time span to consider [s].
     """
     accuracy = accuracy or Accuracy()
     effects = estimated_effects(scene, accuracy, forced, horizon=horizon)

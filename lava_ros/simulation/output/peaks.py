@@ -99,7 +99,7 @@ class Peaks:
         self._flaw = wp.zeros(1, dtype=wp.int32, device=device)
 
     def observe(self, state: State, known: Any, raster: Raster) -> None:
-        """Raise the peaks to the values of maps, later ones than those of the previous call.
+        """Raise the peaks to the values of the current maps.
 
         Args:
             state: The particles of the flow.

@@ -134,10 +134,13 @@ _found = WeakKeyDictionary[Scene, dict[tuple[Effects, float, float], Course | No
 def course_of(
     scene: Scene, effects: Effects | None = None, *, horizon: float, mobility: float = math.inf
 ) -> Course | None:
-    """Return the expected course of the flow up to a horizon [s]; None without a discharge.
+    """Return the expected course of the flow; None without a discharge.
 
-    ``effects`` are those whose laws the lava follows, by default all that the scene has, and
-    ``mobility`` is ``Accuracy.mobility_limit`` [m/s].
+    Args:
+        scene: The scene.
+        effects: Effects whose laws the lava follows, by default all that the scene has.
+        horizon: Time at which the course ends [s].
+        mobility: ``Accuracy.mobility_limit`` [m/s], infinite without one.
     """
     effects = considered(scene) if effects is None else effects
     courses = _found.setdefault(scene, {})
