@@ -30,15 +30,6 @@ MAX_COLUMNS = 4096
 #: Minimum measured thickness [m] and slope.
 MIN_MEASURED = 1e-6
 
-#: Cells that continue a chord of a flow through the middle one, along a row, a column and both
-#: diagonals, and their distance [cells].
-_CHORDS = (
-    (((0, 0, 0), (1, 1, 1), (0, 0, 0)), 1.0),
-    (((0, 1, 0), (0, 1, 0), (0, 1, 0)), 1.0),
-    (((1, 0, 0), (0, 1, 0), (0, 0, 1)), math.sqrt(2.0)),
-    (((0, 0, 1), (0, 1, 0), (1, 0, 0)), math.sqrt(2.0)),
-)
-
 
 def measured_scales(
     scene: Scene, effects: Effects, sample: ParticleSample, grids: Any, *, threshold: float,
@@ -160,15 +151,26 @@ def measure_widths(wet: np.ndarray, cell: float) -> np.ndarray:
     Returns:
         The width [m], float64, same shape, 0 without lava.
     """
-    from scipy.ndimage import find_objects, label
+    found, (i, j) = np.zeros(wet.shape), np.nonzero(wet)
+    if i.size:
+        straight = np.minimum(_measure_runs(i, j), _measure_runs(j, i))
+        diagonal = np.minimum(_measure_runs(i + j, i), _measure_runs(i - j, i))
+        found[wet] = np.minimum(straight * cell, diagonal * (math.sqrt(2.0) * cell))
+    return found
 
-    found = np.zeros(wet.shape)
-    for window in find_objects(wet.astype(np.int8)):
-        chords = []
-        for direction, side in _CHORDS:
-            runs, _ = label(wet[window], direction)
-            chords.append(np.bincount(runs.ravel())[runs] * (side * cell))
-        found[window] = np.where(wet[window], np.min(chords, axis=0), 0.0)
+
+def _measure_runs(line: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return the length of the run of adjacent cells that contains each cell [cells].
+
+    ``line`` and ``place`` are the number of a cell's line and its place on that, shape [cells].
+    """
+    # cells of different lines are not adjacent
+    number = line * (np.ptp(place) + 2) + place
+    order = np.argsort(number, kind='stable')
+    ends = np.flatnonzero(np.diff(number[order]) != 1) + 1
+    lengths = np.diff(ends, prepend=0, append=number.size)
+    found = np.empty_like(number)
+    found[order] = np.repeat(lengths, lengths)
     return found
 
 
