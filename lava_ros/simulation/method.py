@@ -15,7 +15,7 @@ from typing import NamedTuple
 from lava_ros.effects import EFFECTS
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.selection import decide
+from lava_ros.simulation.selection import decide, effects_for
 
 #: Choice of the method by the flow.
 AUTO = 'auto'
@@ -40,12 +40,16 @@ def choose_method(
         horizon: Simulated duration [s].
     """
     forced = forced or {}
-    on_cells = replace(accuracy, method='cells')
-    decisions = decide(scene, forced, accuracy=on_cells, horizon=horizon)
+    decisions = decide(
+        scene, forced, accuracy=replace(accuracy, method='cells'), horizon=horizon
+    )
     lacking = [name for name, is_on in forced.items() if is_on and EFFECTS[name].needs_particles]
     lacking += [item.name for item in decisions if item.is_missed]
     if lacking:
         return MethodChoice('particles', f'cells have no {", ".join(lacking)}')
-    if any(item.is_on and item.effect.freezes for item in decisions):
+    effects = effects_for(
+        scene, forced, accuracy=replace(accuracy, method='cells'), horizon=horizon
+    )
+    if effects.any('freezes'):
         return MethodChoice('particles', 'cells take more time for lava that freezes')
     return MethodChoice('cells', 'the lava does not freeze, and cells take less time')

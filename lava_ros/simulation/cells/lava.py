@@ -272,9 +272,7 @@ class CellLava:
         moment = Moment(self.time, self.count, steps, self.budget())
         if not (self.effects.any('freezes') or moment.budget.frozen):
             maps = np.delete(maps, 2, axis=0)
-        snapshot = snapshot_of(
-            maps, moment, self.scene.terrain, self.accuracy.inundation_threshold
-        )
+        snapshot = snapshot_of(maps, moment, self.scene.terrain, self.accuracy)
         return PendingSnapshot(lambda: snapshot)
 
     def budget(self) -> VolumeBudget:

@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Terrain
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.snapshot import Snapshot, StepReport
 from lava_ros.simulation.particles import layout as at
@@ -152,7 +153,7 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
 
 
 def snapshot_of(
-    maps: np.ndarray, moment: Moment, terrain: Terrain, threshold: float
+    maps: np.ndarray, moment: Moment, terrain: Terrain, accuracy: Accuracy
 ) -> Snapshot:
     """Build the snapshot of a moment.
 
@@ -161,7 +162,7 @@ def snapshot_of(
             ``SHOWN``, shape [maps, rows, columns].
         moment: The other values, without the volume that is too thin to inundate.
         terrain: The terrain with the cells of the maps.
-        threshold: Minimum thickness of lava that inundates ground [m].
+        accuracy: The resolution of the simulation.
     """
     inundated, half_inundated, arrived = maps[-len(SHOWN) :]
     grids = maps[: -len(SHOWN)]
@@ -176,6 +177,6 @@ def snapshot_of(
         arrived=arrived,
         half_inundated=half_inundated,
         inundated=inundated,
-        threshold=threshold,
+        threshold=accuracy.inundation_threshold,
         **moment._replace(budget=budget)._asdict(),
     )

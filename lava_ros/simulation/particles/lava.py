@@ -246,11 +246,11 @@ class ParticleLava:
         numbers = self._diagnostics.take(state, self.vents, self.raised)
         copies = self._reader.begin([grids, numbers], overlaps=overlaps)
         terrain, vents, before = self.scene.terrain, self.vents, self.volume_before
-        threshold = self.accuracy.inundation_threshold
+        accuracy = self.accuracy
 
         def finish() -> Snapshot:
             maps, values = copies()
-            return snapshot_of(maps, moment_of(values, state, vents, before), terrain, threshold)
+            return snapshot_of(maps, moment_of(values, state, vents, before), terrain, accuracy)
 
         return PendingSnapshot(finish)
 
