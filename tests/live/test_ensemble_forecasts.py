@@ -110,6 +110,10 @@ def test_one_ensemble_is_requested_per_state():
         'duration': 3.0,
     }
     assert not ensembles.handle_reply('ensemble', changes=0, **answer)
+    # maps of its first members, and of an earlier ensemble with new weights, do not end it
+    for part in ({'is_done': False}, {'number': 1}):
+        assert ensembles.handle_reply('ensemble', changes=1, **(answer | part))
+        assert ensembles.is_busy and ensembles.status.count == 0
     assert ensembles.handle_reply('ensemble', changes=1, **answer)
     latest = ensembles.latest
     assert (latest.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
@@ -118,6 +122,8 @@ def test_one_ensemble_is_requested_per_state():
     order(ensembles, 4, fork(4.0, 7.0))
     ensembles.handle_reply('ensemble_refused', reason='nothing is uncertain')
     assert ensembles.status.error == 'nothing is uncertain'
+    assert ensembles.handle_reply('ensemble', changes=1, **answer)
+    assert ensembles.status.error == ''
     assert not ensembles.is_wanted(1, 9.0) and ensembles.is_wanted(2, 9.0)
     assert order(ensembles, 5, fork(5.0, 9.0, changes=2))['members'] == 8
     assert ensembles.status.error == ''
