@@ -73,6 +73,11 @@ def test_stamp_of_an_outline_becomes_simulated_time():
     assert order(ensembles, 4, fork(120.0, 30.0))['posterior'] is POSTERIOR
     assert order(ensembles, 5, fork(130.0, 40.0, changes=2)) is None
     assert ensembles.status.members_left is None
+    # a time of the previous scene
+    early = ensembles.observe(MASK, 125.0)
+    assert sent(ensembles, changes=2) == []
+    with pytest.raises(LavaError, match='5.0 s before the first forecast of this scene'):
+        early.result(0.0)
 
 
 @pytest.mark.parametrize(
