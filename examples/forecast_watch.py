@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
 import numpy as np
 from sensor_msgs.msg import PointCloud2
@@ -42,6 +43,8 @@ class ForecastWatch(DiagnosticsWatch):
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
         super().__init__('lava_forecast_watch', domain_id)
+        # simulated times [s] and their stamps [ns]
+        self._moments: list[tuple[float, int]] = []
         self.arrivals: list[ReceivedGrid] = []
         self.probabilities: list[ReceivedGrid] = []
         latched, commands = qos.ros_profile(qos.LATCHED), qos.ros_profile(qos.COMMANDS)
@@ -64,6 +67,12 @@ class ForecastWatch(DiagnosticsWatch):
         self._vents.publish(outputs.vents_message(rows, terrain, header))
         return time.monotonic()
 
+    def stamp_at(self, time: float) -> int:
+        """Return the ROS time [ns] at which the simulation reached a simulated time [s]."""
+        times, stamps = zip(*self._moments, strict=True)
+        # a simulation on a busy machine is slower than its clock, so its speed is not assumed
+        return stamps[0] + round(np.interp(time, times, [item - stamps[0] for item in stamps]))
+
     def show_outline(self, lava: np.ndarray, terrain: Terrain, stamp_ns: int) -> float:
         """Publish an outline observed at a ROS time [ns], and return the monotonic time [s].
 
@@ -73,6 +82,16 @@ class ForecastWatch(DiagnosticsWatch):
         info, cells = codec.map_metadata(terrain, header.stamp), np.where(lava, 100, 0)
         self._outline.publish(codec.occupancy_grid(cells.astype(np.int8), info, header))
         return time.monotonic()
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        super()._on_diagnostics(message)
+        status = self.values('simulation')
+        if 'simulated_time_s' in status:
+            moment = float(status['simulated_time_s']), int(status['stamp_ns'])
+            if self._moments and moment[0] < self._moments[-1][0]:
+                # the first vents start the simulation again
+                self._moments.clear()
+            self._moments.append(moment)
 
     @staticmethod
     def _on_grid(grids: list[ReceivedGrid], grid: OccupancyGrid) -> None:

@@ -176,11 +176,8 @@ def _narrowed(
             return float(watch.values('simulation').get('simulated_time_s', 0.0))
 
         wait('for the flow', lambda: now() > SEEN_AT)
-        # ROS time at which simulated time was SEEN_AT
-        late = round(1e9 * (now() - SEEN_AT) / speed)
-        stamp_ns = int(watch.values('simulation')['stamp_ns']) - late
         before, status = watch.probabilities[-1], watch.values('ensemble')
-        shown = watch.show_outline(seen, scene.terrain, stamp_ns)
+        shown = watch.show_outline(seen, scene.terrain, watch.stamp_at(SEEN_AT))
         _print_progress(shown - opened, 'an outline is observed')
         wait(
             'to weigh the members',

@@ -107,17 +107,23 @@ def _changed(node: ast.AST) -> str | None:
 
 @cache
 def tests_of(file: str) -> tuple[tuple[str, ...], ...]:
-    """Return the tests with a file's name, or in its room that import it, and all of its room."""
+    """Return the tests of a file in stages: its own, those of its room, and those of others.
+
+    Its own have its name, or are in its room and import it; those of other rooms import it.
+    """
     path = Path(file)
     room = ROOT / 'tests' / path.parts[1]
     pattern = rf"\b{re.escape('.'.join(path.with_suffix('').parts))}\b"
-    found = [
-        test for test in sorted((ROOT / 'tests').rglob('test_*.py'))
-        if test.stem == f'test_{path.stem}'
-        or (room in test.parents and re.search(pattern, test.read_text('utf-8')))
-    ]
-    stages = tuple(str(test.relative_to(ROOT)) for test in found), (f'tests/{room.name}', *_SPREAD)
-    return stages if found else stages[1:]
+    own, others = [], []
+    for test in sorted((ROOT / 'tests').rglob('test_*.py')):
+        is_near, name = room in test.parents, str(test.relative_to(ROOT))
+        is_importing = re.search(pattern, test.read_text('utf-8'))
+        if test.stem == f'test_{path.stem}' or (is_near and is_importing):
+            own.append(name)
+        elif is_importing:
+            others.append(name)
+    stages = tuple(own), (f'tests/{room.name}', *_SPREAD), (*others, *_SPREAD)
+    return tuple(stage for stage in stages if stage not in ((), _SPREAD))
 
 
 def passes(tree: Path, tests: tuple[str, ...], limit: float) -> bool:

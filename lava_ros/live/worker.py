@@ -296,7 +296,7 @@ class SimulationWorker:
         self.pace.step_target = self.session.time + duration
 
     def request_snapshot(self) -> None:
-        """Request an update of ``latest``; ``on_snapshot`` is called even if it does not change."""
+        """Request an update of ``latest``; ``on_snapshot`` is called even without a change."""
         self._begin_snapshot()
 
     def _run(self) -> None:

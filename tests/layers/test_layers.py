@@ -12,12 +12,14 @@ import pytest
 import yaml
 
 from lava_ros.bag import LATCHED
+from lava_ros.bag.messages import header_fields
 from lava_ros.errors import LavaError
 from lava_ros.layers import layer as kinds
 from lava_ros.layers.forecast import Forecast
 from lava_ros.layers.layer import hazard, HazardLimits, within
 from lava_ros.layers.layer_files import layers_from_dict, load_layers, switched
-from lava_ros.scene import Terrain
+from lava_ros.layers.messages import SceneMessages
+from lava_ros.scene import Lava, Scene, Terrain, Vent
 from recording import snapshot_at
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
@@ -431,3 +433,22 @@ def test_within_agrees_with_all_pairs_of_cells(distance, fraction):
     before = marked.copy()
     np.testing.assert_array_equal(within(marked, distance), expected)
     np.testing.assert_array_equal(marked, before)
+
+
+def test_messages_of_a_scene_are_made_only_when_it_changes():
+    ground, vent = Terrain(np.zeros((4, 5)), 10.0), Vent((25.0, 15.0), 2.0)
+    scene, made = Scene(ground, (vent,), lava=Lava.paper()), SceneMessages()
+
+    def topics(scene, **options):
+        return set(made.update(scene, 0.0, header_fields('map', 1), **options))
+
+    vents = {'vents', 'vents_markers'}
+    everything = vents | {'terrain_georeference', 'terrain', 'terrain_info', 'relief'}
+    assert topics(scene) == everything
+    assert topics(scene) == set()
+    moved = dataclasses.replace(scene, vents=(dataclasses.replace(vent, name='moved'),))
+    assert topics(moved) == vents
+    flooded = dataclasses.replace(ground, elevation=ground.elevation + 1.0)
+    assert topics(moved, ground=flooded) == everything
+    made.forget()
+    assert topics(moved, ground=flooded) == everything

@@ -73,6 +73,11 @@ def test_stamp_of_an_outline_becomes_simulated_time():
     assert order(ensembles, 4, fork(120.0, 30.0))['posterior'] is POSTERIOR
     assert order(ensembles, 5, fork(130.0, 40.0, changes=2)) is None
     assert ensembles.status.members_left is None
+    # a time of the previous scene
+    early = ensembles.observe(MASK, 125.0)
+    assert sent(ensembles, changes=2) == []
+    with pytest.raises(LavaError, match='5.0 s before the first forecast of this scene'):
+        early.result(0.0)
 
 
 @pytest.mark.parametrize(
@@ -110,6 +115,10 @@ def test_one_ensemble_is_requested_per_state():
         'duration': 3.0,
     }
     assert not ensembles.handle_reply('ensemble', changes=0, **answer)
+    # maps of its first members, and of an earlier ensemble with new weights, do not end it
+    for part in ({'is_done': False}, {'number': 1}):
+        assert ensembles.handle_reply('ensemble', changes=1, **(answer | part))
+        assert ensembles.is_busy and ensembles.status.count == 0
     assert ensembles.handle_reply('ensemble', changes=1, **answer)
     latest = ensembles.latest
     assert (latest.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
@@ -118,6 +127,8 @@ def test_one_ensemble_is_requested_per_state():
     order(ensembles, 4, fork(4.0, 7.0))
     ensembles.handle_reply('ensemble_refused', reason='nothing is uncertain')
     assert ensembles.status.error == 'nothing is uncertain'
+    assert ensembles.handle_reply('ensemble', changes=1, **answer)
+    assert ensembles.status.error == ''
     assert not ensembles.is_wanted(1, 9.0) and ensembles.is_wanted(2, 9.0)
     assert order(ensembles, 5, fork(5.0, 9.0, changes=2))['members'] == 8
     assert ensembles.status.error == ''

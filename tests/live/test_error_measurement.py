@@ -23,6 +23,9 @@ from waiting import PATIENCE, wait_until
 
 END = 120.0
 
+#: Simulated time per time of the clock [s/s].
+SCALE = 100.0
+
 
 def scene():
     """Return a bumpy slope with a vent at its top."""
@@ -35,6 +38,24 @@ def simulation_of(scene):
     return Simulation(
         scene, effects=Effects(), accuracy=Accuracy(spacing=5.0, thickness=1.0), device='cpu'
     )
+
+
+class Clock:
+    """A clock that the test moves, so that a change comes before the end on any machine."""
+
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+    def run_until(self, condition, limit):
+        """Move the clock up to a limit [s], and wait until a condition holds."""
+
+        def is_met():
+            self.now = min(self.now + 0.02, limit)
+            return condition()
+
+        wait_until(is_met)
 
 
 class FakeProcess:
@@ -65,11 +86,11 @@ class Bench:
     """A worker whose error a fake or a real process measures."""
 
     def __init__(
-        self, process, *, share=0.5, first=0.0, end=END, scale=100.0, clock=time.monotonic
+        self, process, *, share=0.5, first=0.0, end=END, clock=time.monotonic
     ):
         self.process = process
         self.worker = SimulationWorker(
-            simulation_of, clock=clock, time_scale=scale, end_time=end
+            simulation_of, clock=clock, time_scale=SCALE, end_time=end
         )
         self.error = ErrorMeasurement(
             self.worker, share=lambda: share, make_process=process, first_wall_time=first
@@ -115,12 +136,12 @@ def test_error_at_the_end_is_that_of_partner_runs(bench):
 
 
 def test_request_has_the_vents_of_the_whole_run(bench):
-    fake = FakeProcess(ERROR)
-    found = bench(lambda: fake, first=1e9)
+    fake, clock = FakeProcess(ERROR), Clock()
+    found = bench(lambda: fake, first=1e9, clock=clock)
     found.worker.set_scene(scene()).result(PATIENCE)
-    wait_until(lambda: found.worker.view.time > 20.0)
+    clock.run_until(lambda: found.worker.view.time > 20.0, limit=0.5 * END / SCALE)
     found.worker.set_vents((replace(scene().vents[0], discharge=5.0),)).result(PATIENCE)
-    wait_until(lambda: found.error.latest is not None)
+    clock.run_until(lambda: found.error.latest is not None, limit=2.0 * END / SCALE)
     request = fake.requests[0][1]
     vents = request['scene'].vents
     assert vents == found.worker.view.schedule
@@ -132,19 +153,16 @@ def test_request_has_the_vents_of_the_whole_run(bench):
 
 
 def test_running_simulation_is_measured_again_when_its_time_has_tripled(bench):
-    fake, now = FakeProcess(ERROR), [0.0]
-    found = bench(lambda: fake, share=0.25, clock=lambda: now[0])
+    fake, clock = FakeProcess(ERROR), Clock()
+    found = bench(lambda: fake, share=0.25, clock=clock)
     found.worker.set_scene(scene()).result(PATIENCE)
 
-    def go_on():
-        # the clock stands at 20 s until the first measurement
-        if fake.requests or now[0] < 0.2:
-            now[0] += 0.02
+    def is_measured_at(time):
         found.worker.request_snapshot()
-        return found.worker.status.state is WorkerState.FINISHED
+        return found.error.latest is not None and found.error.latest.time >= time
 
-    wait_until(go_on)
-    wait_until(lambda: found.error.latest is not None and found.error.latest.time == END)
+    clock.run_until(lambda: is_measured_at(0.0), limit=20.0 / SCALE)
+    clock.run_until(lambda: is_measured_at(END), limit=2.0 * END / SCALE)
     times = [values['time'] for _, values in fake.requests]
     assert times[-1] == END and len(times) >= 2
     # that of the end may follow earlier
@@ -176,14 +194,16 @@ def test_reason_is_named_when_the_error_cannot_be_measured(bench, share):
 
 
 def test_changed_ground_under_lava_is_not_measured(bench):
-    fake = FakeProcess(ERROR)
-    found = bench(lambda: fake, first=1e9)
+    fake, clock = FakeProcess(ERROR), Clock()
+    found = bench(lambda: fake, first=1e9, clock=clock)
     found.worker.set_scene(scene()).result(PATIENCE)
-    wait_until(lambda: found.worker.view.time > 20.0)
+    clock.run_until(lambda: found.worker.view.time > 20.0, limit=0.5 * END / SCALE)
     ground = scene().terrain
     raised = np.array(ground.elevation)
     raised[:, :10] += 5.0
     found.worker.set_terrain(replace(ground, elevation=raised)).result(PATIENCE)
-    wait_until(lambda: found.worker.status.state is WorkerState.FINISHED)
+    clock.run_until(
+        lambda: found.worker.status.state is WorkerState.FINISHED, limit=2.0 * END / SCALE
+    )
     assert found.error.text() == f'{NOT_MEASURED}: the ground has changed under lava'
     assert not fake.requests

@@ -18,7 +18,9 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
 from lava_ros.forecast import process as forecast_process
+from lava_ros.forecast.assimilation import Mask
 from lava_ros.forecast.forecast_run import ForecastRun, N_FIRST_SAMPLES, N_SAMPLES
 from lava_ros.live import forecaster
 from lava_ros.live.ensemble_forecasts import ForecastRules
@@ -165,6 +167,13 @@ def test_forecasts_follow_the_live_simulation(bench):
     time.sleep(1.5 * MIN_PERIOD)
     assert bench.forecaster.status.count == count
     assert bench.forecaster.age(bench.forecaster.latest) == 0.0
+    # an outline reaches the process, which has no members to weight
+    ground = bench.worker.view.scene.terrain
+    everywhere = np.ones(ground.shape, dtype=bool)
+    mask = Mask(everywhere, everywhere, ground.resolution, ground.origin)
+    weighting = bench.forecaster.ensembles.observe(mask, time.monotonic())
+    with pytest.raises(LavaError, match=r'horizon of an ensemble \(there is none\)'):
+        weighting.result(PATIENCE)
 
 
 def test_new_scene_makes_forecasts_stale_immediately(bench):

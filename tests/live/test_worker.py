@@ -22,6 +22,7 @@ from lava_ros.live.worker_status import MAX_TASK_DURATION, SpeedMeter, WorkerSta
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.selection import decide, effects_for, HORIZON
+from waiting import PATIENCE
 from worker_bench import OUTSIDE, TERRAIN, VENT
 
 
@@ -428,10 +429,10 @@ def test_frames_continue_while_effects_change():
         on_snapshot=lambda: frames.append(worker.latest),
     )
     worker.start()
-    worker.set_scene(scene).result(timeout=60.0)
+    worker.set_scene(scene).result(PATIENCE)
 
     def show_frames(count):
-        end, first = time.monotonic() + 60.0, len(frames)
+        end, first = time.monotonic() + PATIENCE, len(frames)
         while len(frames) - first < count:
             assert time.monotonic() < end, worker.status
             worker.request_snapshot()
@@ -441,11 +442,11 @@ def test_frames_continue_while_effects_change():
     for forced in ({'helmholtz': True}, {'inertia': True}, {'steep': False}, {}):
         change = worker.set_effects(forced, horizon=HORIZON)
         show_frames(3)
-        change.result(timeout=60.0)
+        change.result(PATIENCE)
         assert {name: worker.session.effects[name] for name in forced} == {
             name: f'{"on" if is_on else "off"}: forced' for name, is_on in forced.items()
         }
-    assert worker.stop(60.0)
+    assert worker.stop(PATIENCE)
     times = [snapshot.time for snapshot in frames]
     assert times == sorted(times) and times[0] < times[-1]
     assert worker.status.error == ''

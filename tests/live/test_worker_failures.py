@@ -10,7 +10,8 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.live.commands import Command, CommandQueue
 from lava_ros.live.worker_status import WorkerState
-from worker_bench import Bench, PATIENCE, TERRAIN, VENT
+from waiting import PATIENCE
+from worker_bench import Bench, TERRAIN, VENT
 
 
 @pytest.mark.parametrize(
@@ -93,7 +94,7 @@ def test_stop_fails_waiting_and_later_commands():
     bench = Bench()
     waiting = bench.worker.set_vents([VENT])
     bench.run(bench.worker.pause(False))
-    assert bench.worker.stop(60.0)
+    assert bench.worker.stop(PATIENCE)
     for future in (waiting, bench.worker.set_vents([VENT]), bench.worker.reset()):
         with pytest.raises(LavaError, match='simulation has stopped'):
             future.result(0.0)
@@ -112,7 +113,7 @@ def test_stop_fails_waiting_commands_during_a_step():
         waiting.result(0.0)
     bench.simulation.is_compiled.set()
     bench.run(compiling)
-    assert bench.worker.stop(60.0)
+    assert bench.worker.stop(PATIENCE)
 
 
 @pytest.fixture
@@ -190,7 +191,7 @@ def test_pause_shows_the_final_state(copying):
 
 def test_stop_waits_for_the_snapshot(copying):
     copying.simulation.is_copied.set()
-    assert copying.worker.stop(60.0)
+    assert copying.worker.stop(PATIENCE)
     assert copying.worker.latest.time == pytest.approx(0.5)
 
 
