@@ -3,25 +3,21 @@
 
 """The run that the options of `lava run` ask for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
-from lava_ros.cli.run_options import with_method
+from lava_ros.cli.run_options import RunOptions, with_method
 from lava_ros.cli.scenes import log_resolution, sourced_scene
+from lava_ros.forecast.preset_spacing import choose_spacing
 from lava_ros.runs.scene_run import Request
+from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
 
-if TYPE_CHECKING:
-    from lava_ros.cli.run_options import RunOptions
-    from lava_ros.scene import Scene
 
 def request_of(options: RunOptions) -> Request:
     """Return the run of the options, and log warnings about its scene.
@@ -72,8 +68,6 @@ def _spacing_of(
     preset: str, scene: Scene, forced: Mapping[str, bool], until: float, device: str
 ) -> float:
     """Return the spacing of a preset for a scene, from pilot runs [m]."""
-    from lava_ros.forecast.preset_spacing import choose_spacing
-
     accuracy = resolved_accuracy(preset_accuracy(preset), scene, forced, horizon=until)
     choice = choose_spacing(
         scene, preset, accuracy, horizon=until, device=device,

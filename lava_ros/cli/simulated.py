@@ -3,17 +3,12 @@
 
 """Runs with progress, for the kinds of `lava run`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 import sys
-from typing import TYPE_CHECKING
 
 from lava_ros.cli.console import Progress
-
-if TYPE_CHECKING:
-    from lava_ros.runs.scene_run import Request, SceneRun
+from lava_ros.runs.scene_run import Request, SceneRun
 
 
 @contextmanager
@@ -23,19 +18,12 @@ def simulated(request: Request) -> Iterator[SceneRun]:
     Raises:
         LavaError: If the run cannot start, continue or write its maps.
     """
-    from lava_ros.layers.numbers import duration
-    from lava_ros.runs.scene_run import SceneRun
-    from lava_ros.runs.sinks import ProgressSink
-
     with SceneRun(request) as made:
         if made.is_resumed:
             print(f'continuing the interrupted run in {made.folder.path}', file=sys.stderr)
         try:
             with Progress() as progress:
-                made.run(ProgressSink(
-                    lambda time: progress.show(duration(time), time / request.until),
-                    request.until, lambda: progress.is_due,
-                ))
+                made.run(progress.sink(request.until))
             yield made
         except KeyboardInterrupt:
             print('lava run: interrupted; the same command continues', file=sys.stderr)

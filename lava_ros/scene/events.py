@@ -108,8 +108,7 @@ def read_events(
         else:
             path = folder / change
             if kind == 'barriers':
-                usual = {'height': None, 'width': None, 'slope': Barrier.slope}
-                built = tuple(read_barriers(f'{where}.barriers', path, ground, usual))
+                built = tuple(read_barriers(f'{where}.barriers', path, ground))
                 event = TerrainEvent(time, f'{len(built)} barriers from {change}', barriers=built)
             else:
                 terrain = read(path)

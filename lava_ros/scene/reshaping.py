@@ -119,7 +119,8 @@ class Barrier:
 
 
 def read_barriers(
-    field: str, path: str | Path, terrain: Terrain, usual: Mapping[str, float | None]
+    field: str, path: str | Path, terrain: Terrain,
+    usual: Mapping[str, float | None] = {'height': None, 'width': None, 'slope': Barrier.slope},
 ) -> list[Barrier]:
     """Read the barriers of a file: its lines, with their height, width and slope.
 

@@ -110,7 +110,7 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
 
 @pytest.mark.parametrize(('words', 'named'), [
     (('--barriers-at', '1h'), '--barriers-at'),
-    (('--places', 'none.csv', '--barriers', 'dams.csv'), '--places'),
+    (('--places', 'none.csv'), '--places'),
     (('--seed', '3', '--at', '1h'), '--at and --members exclude'),
     (('--barriers', 'hut.csv'), 'a line'),
     (('--emplaced-as', 'ground'), '--emplaced-as'),
