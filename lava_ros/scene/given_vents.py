@@ -182,5 +182,5 @@ def summit(terrain: Terrain) -> tuple[float, float]:
     inner[here] = ground[here]
     highest = np.argmax(inner if np.isfinite(inner).any() else ground)
     row, column = np.unravel_index(int(highest), terrain.shape)
-    x, y = terrain.origin
-    return (x + (column + 0.5) * terrain.resolution, y + (row + 0.5) * terrain.resolution)
+    x, y = terrain.centres
+    return float(x[column]), float(y[row])
