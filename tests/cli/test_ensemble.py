@@ -117,13 +117,10 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
     (('--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'), 'at least one area'),
     (('--terrain-at', '1h', 'none.tif'), 'none.tif'),
     (('--terrain-at', '-1h', 'ground.npz'), '--terrain-at'),
-    (('--members', '0'), 'members'),
-    (('--until', 'soon'), '--until'),
     (('--workers', '0'), '--workers'),
     (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
     (('--observed', 'outline.tif'), '--observed-at'),
     (('--susceptibility', 'none.tif'), '--susceptibility'),
-    (('--threshold', '-1'), 'threshold'),
 ])
 def test_refuses_unusable_options(scene, lines, tmp_path, monkeypatch, words, named):
     monkeypatch.chdir(tmp_path)
