@@ -65,7 +65,7 @@ class GivenVents:
             texts = [
                 item if isinstance(item, str) else ','.join(map(str, item)) for item in self.vent
             ]
-            places = [place_as_typed(word, text, terrain, on_terrain=True) for text in texts]
+            places = [place_as_typed(word, text, terrain, must_be_covered=True) for text in texts]
             return tuple(
                 VentRow(f'vent {index}', place, discharge=self.rate)
                 for index, place in enumerate(places)

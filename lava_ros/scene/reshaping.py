@@ -178,11 +178,6 @@ def with_barriers(
     return raised
 
 
-def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
-    """Raise a terrain by one barrier, as ``with_barriers``."""
-    return with_barriers(terrain, [barrier])
-
-
 def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:
     """Return the height that a barrier adds to the ground [m], shape [rows, columns]."""
     rows, columns = terrain.shape
