@@ -41,15 +41,6 @@ def bag(tmp_path_factory):
     return record(tmp_path_factory.mktemp('plot') / 'flow')
 
 
-@pytest.fixture(scope='module')
-def ensemble(tmp_path_factory):
-    """Run four members on the terrain of the bag."""
-    folder = tmp_path_factory.mktemp('ensemble')
-    write_ensemble_scene(folder, 3.0, {'position': {'deviation': 5.0}})
-    done(*ensemble_words(folder, 4))
-    return folder / 'members'
-
-
 @pytest.fixture
 def outline(tmp_path):
     """Write an observed outline that overlaps both flows."""
