@@ -74,7 +74,9 @@ def demo(args: argparse.Namespace) -> int:
         speed = validation.number(
             '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
         )
-    domain = _own_domain(args.domain)
+    domain = domain_of(args.domain)
+    # only this machine discovers the node
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     scene = scene_from_arguments(args)
     onset = Onset.of(scene)
     output = _unused(args.output)
@@ -107,13 +109,6 @@ def demo(args: argparse.Namespace) -> int:
     write_json(result, output / RESULT, args.json)
     _print_result(result)
     return 0
-
-
-def _own_domain(number: int | None) -> int:
-    """Return the ID of the demo's ROS domain, and restrict discovery to this machine."""
-    domain = domain_of(number)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    return domain
 
 
 def _unused(name: str) -> Path:

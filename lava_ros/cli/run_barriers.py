@@ -4,7 +4,7 @@
 """Barriers of `lava run --barriers`: their file, the scene with them, and the comparison."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +38,6 @@ def barriers_of(options: RunOptions, terrain: Terrain) -> list[Barrier]:
     for item in barriers:
         print(item.text())
     return barriers
-
-
-def settings_of(options: RunOptions, barriers: Sequence[Barrier]) -> dict[str, Any]:
-    """Return the barriers as plain data, and when they are built."""
-    return {'barriers': [asdict(item) for item in barriers], 'built_s': options.built}
 
 
 def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:

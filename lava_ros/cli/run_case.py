@@ -16,7 +16,7 @@ from lava_ros.cli.console import Progress, with_units, write_json
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
 from lava_ros.cli.run_options import RunOptions, with_method
-from lava_ros.cli.simulated import simulated
+from lava_ros.cli.run_request import simulated
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.partner_runs import measure_run

@@ -4,7 +4,7 @@
 """One run of a scene for `lava run`."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 import sys
 from typing import Any
 
@@ -13,8 +13,7 @@ from lava_ros.cli import run_barriers
 from lava_ros.cli.arrivals import add_arrivals, check_places, print_arrivals
 from lava_ros.cli.console import flow_facts, print_facts, write_json
 from lava_ros.cli.run_options import RunOptions
-from lava_ros.cli.run_request import request_of
-from lava_ros.cli.simulated import simulated
+from lava_ros.cli.run_request import request_of, simulated
 from lava_ros.forecast.partner_runs import measure_run
 from lava_ros.layers.numbers import duration
 from lava_ros.layers.place_arrivals import ArrivalTable
@@ -34,8 +33,8 @@ def run_scene(options: RunOptions) -> int:
     check_places(options.places, terrain)
     barriers = run_barriers.barriers_of(options, terrain)
     if barriers:
-        chosen = run_barriers.settings_of(options, barriers)
-        request = replace(request, settings={**request.settings, **chosen})
+        built = {'barriers': [asdict(item) for item in barriers], 'built_s': options.built}
+        request = replace(request, settings={**request.settings, **built})
     with simulated(request) as made:
         if barriers:
             _run_with(options, made, barriers)
