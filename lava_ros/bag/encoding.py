@@ -9,13 +9,12 @@ header (OMG DDS-XTypes 1.3, section 7.4.1.1, plain CDR version 1).
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-import re
 import struct
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lava_ros.bag.schemas import message_schema, SEPARATOR
+from lava_ros.bag.schemas import Field, fields_of, message_schema, SEPARATOR
 
 #: numpy type of each primitive type of a definition.
 _NUMBERS = {
@@ -23,9 +22,6 @@ _NUMBERS = {
     **{f'{sign}int{8 * size}': f'<{kind}{size}'
        for sign, kind in (('', 'i'), ('u', 'u')) for size in (1, 2, 4, 8)},
 }
-
-# Type, bound of a string, array suffix, name, and default value of a field or value of a constant.
-_FIELD = re.compile(r'\s*([A-Za-z][\w/]*)(?:<=\d+)?(\[[^\]]*\])?\s+([A-Za-z]\w*)\s*(.*?)\s*$')
 
 #: Encapsulation header of little-endian CDR.
 _LITTLE_ENDIAN = b'\0\1\0\0'
@@ -44,15 +40,6 @@ class Message(NamedTuple):
     fields: Mapping[str, Any]
 
 
-class _Field(NamedTuple):
-    """A field of a definition; ``length`` is None for a single value, 0 for any number of them."""
-
-    name: str
-    kind: str
-    length: int | None
-    default: str
-
-
 def encode(message: Message) -> bytes:
     """Serialise a message to CDR.
 
@@ -65,37 +52,20 @@ def encode(message: Message) -> bytes:
 
 
 @cache
-def _definitions(kind: str) -> dict[str, tuple[_Field, ...]]:
+def _definitions(kind: str) -> dict[str, list[Field]]:
     """Return the fields of a type and of its dependencies, by names without ``msg``."""
     first, *others = message_schema(kind).text.split(f'\n{SEPARATOR}\n')
     texts = {kind.replace('/msg/', '/'): first}
     for other in others:
         heading, _, text = other.partition('\n')
         texts[heading.removeprefix('MSG: ').strip()] = text
-    return {name: tuple(_fields(name, text)) for name, text in texts.items()}
-
-
-def _fields(owner: str, text: str) -> list[_Field]:
-    found = []
-    for line in text.splitlines():
-        match = _FIELD.match(line.split('#', 1)[0])
-        # a constant has a value after an equals sign
-        if match is None or match[4].startswith('='):
-            continue
-        kind, suffix, name, default = match.groups()
-        if kind not in _NUMBERS and kind != 'string':
-            package, _, last = kind.replace('/msg/', '/').rpartition('/')
-            kind = f'{package or owner.partition("/")[0]}/{last}'
-        size = (suffix or '').strip('[]')
-        length = None if suffix is None else int(size) if size.isdigit() else 0
-        found.append(_Field(name, kind, length, default))
-    return found
+    return {name: fields_of(text, name.partition('/')[0]) for name, text in texts.items()}
 
 
 class _Encoder:
     """Serialises values one after the other."""
 
-    def __init__(self, definitions: Mapping[str, tuple[_Field, ...]]) -> None:
+    def __init__(self, definitions: Mapping[str, Sequence[Field]]) -> None:
         self.data = bytearray()
         self._definitions = definitions
 

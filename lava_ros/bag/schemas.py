@@ -13,18 +13,54 @@ import os
 from pathlib import Path
 import re
 import sys
+from typing import NamedTuple
 
 from lava_ros.errors import LavaError, refusing
 
 _TYPE_NAME = re.compile(r'([A-Za-z]\w*)/msg/([A-Za-z]\w*)')
 
-# A field or constant: type, optional bound of a string, optional array suffix, name.
-_FIELD_TYPE = re.compile(r'\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]')
+# Type, bound of a string, array suffix, name, and default value of a field or value of a constant.
+_FIELD = re.compile(r'\s*([A-Za-z][\w/]*)(?:<=\d+)?(\[[^\]]*\])?\s+([A-Za-z]\w*)\s*(.*?)\s*$')
 
 _PRIMITIVE = re.compile(r'bool|byte|char|float(32|64)|u?int(8|16|32|64)|w?string')
 
 #: Line between the definitions of a type and of its dependencies.
 SEPARATOR = '=' * 80
+
+
+class Field(NamedTuple):
+    """A field of a definition; ``length`` is None for a single value, 0 for any number of them.
+
+    ``kind`` is a primitive type, or the name of a message without ``msg``.
+    """
+
+    name: str
+    kind: str
+    length: int | None
+    default: str
+
+    @property
+    def is_primitive(self) -> bool:
+        """True unless the field has a message."""
+        return _PRIMITIVE.fullmatch(self.kind) is not None
+
+
+def fields_of(text: str, package: str) -> list[Field]:
+    """Return the fields of a definition, whose package is that of types without one."""
+    found = []
+    for line in text.splitlines():
+        match = _FIELD.match(line.split('#', 1)[0])
+        # a constant has a value after an equals sign
+        if match is None or match[4].startswith('='):
+            continue
+        kind, suffix, name, default = match.groups()
+        if not _PRIMITIVE.fullmatch(kind):
+            owner, _, last = kind.replace('/msg/', '/').rpartition('/')
+            kind = f'{owner or package}/{last}'
+        size = (suffix or '').strip('[]')
+        length = None if suffix is None else int(size) if size.isdigit() else 0
+        found.append(Field(name, kind, length, default))
+    return found
 
 
 @dataclass(frozen=True)
@@ -101,21 +137,12 @@ def _full_text(resource: str, prefixes: tuple[Path, ...], seen: set[str]) -> str
     seen.add(resource)
     text = _definition_file(resource, prefixes).read_text(encoding='utf-8')
     parts = [text]
-    for dependency in _dependencies(text, resource.split('/')[0]):
+    known = fields_of(text, resource.split('/')[0])
+    for dependency in sorted({item.kind for item in known if not item.is_primitive}):
         if dependency not in seen:
             parts.append(f'\n{SEPARATOR}\nMSG: {dependency}\n')
             parts.append(_full_text(dependency, prefixes, seen))
     return ''.join(parts)
-
-
-def _dependencies(text: str, package: str) -> list[str]:
-    found = set()
-    for line in text.splitlines():
-        match = _FIELD_TYPE.match(line.split('#', 1)[0])
-        if match and not _PRIMITIVE.fullmatch(match[1]):
-            parts = match[1].split('/')
-            found.add(f'{parts[0] if len(parts) > 1 else package}/{parts[-1]}')
-    return sorted(found)
 
 
 def _type_hash(message_type: str, path: Path) -> str:

@@ -7,23 +7,40 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from lava_ros.cli.console import table_lines
 
 if TYPE_CHECKING:
     from lava_ros.layers.place_arrivals import ArrivalTable
+    from lava_ros.scene import Terrain
 
 
-def arrivals_at(files: Sequence[str], path: Path) -> ArrivalTable | None:
-    """Return the arrivals at the places of files in a run on disk; None without files.
+def check_places(files: Sequence[str], terrain: Terrain) -> None:
+    """Raise LavaError, before a run, for a file of places that cannot be used."""
+    from lava_ros.layers.places import places_on
+    from lava_ros.scene.features import read_features
+
+    for file in files:
+        places_on(read_features('--places', file, terrain), terrain)
+
+
+def add_arrivals(record: dict[str, Any], files: Sequence[str], path: Path) -> ArrivalTable | None:
+    """Add the arrivals at the places of files in a run on disk to its record.
+
+    Returns:
+        Their table; None without files.
 
     Raises:
         LavaError: If the run or a file of places cannot be read.
     """
+    if not files:
+        return None
     from lava_ros.products.arrivals import table_of
 
-    return table_of(path, files, field='--places') if files else None
+    table = table_of(path, files, field='--places')
+    record['places'] = table.as_dict()['places']
+    return table
 
 
 def print_arrivals(table: ArrivalTable | None) -> None:

@@ -69,18 +69,7 @@ def calibrate(args: argparse.Namespace) -> int:
     outlines of later dates are forecast. The same command continues an interrupted search.
     """
     from lava_ros.cli.scenes import settle_method
-    from lava_ros.hindcast.calibration import (
-        BATCH,
-        evaluating,
-        findings,
-        leave_one_out,
-        near_optimal,
-        posterior_quantiles,
-        read_samples,
-        result_names,
-        search,
-        write_samples,
-    )
+    from lava_ros.hindcast import calibration
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.free_parameters import changed, free_parameters_of
     from lava_ros.hindcast.replicates import MAX_REPLICATES
@@ -115,8 +104,8 @@ def calibrate(args: argparse.Namespace) -> int:
     if present and not {TABLE, SETTINGS} & present:
         raise LavaError('--output', str(output), 'a folder that is new, empty or of a calibration')
     file_to_write('--output', table)
-    results = [name for case in cases for name in result_names(case)]
-    known = [] if args.fresh else read_samples(table, parameters, results)
+    results = [name for case in cases for name in calibration.result_names(case)]
+    known = [] if args.fresh else calibration.read_samples(table, parameters, results)
     _keep_settings(args, cases, settings, output, has_runs=bool(known))
     others = {
         numbers['directions'] for sample in known for numbers in sample.numbers.values()
@@ -140,23 +129,26 @@ def calibrate(args: argparse.Namespace) -> int:
 
     def report(count: int, sample: ParameterSample) -> None:
         so_far.append(sample)
-        write_samples(table, parameters, [*so_far, *known[len(so_far) :]])
+        calibration.write_samples(table, parameters, [*so_far, *known[len(so_far) :]])
         progress.show(f'set {count}: Jaccard {sample.jaccard:.3f}', count / runs)
 
-    begun = evaluating(cases, settings, workers=workers, runs=directions, until=until)
+    begun = calibration.evaluating(
+        cases, settings, workers=workers, runs=directions, until=until
+    )
     with begun as evaluate, Progress() as progress:
-        samples = search(
+        samples = calibration.search(
             parameters,
             evaluate,
             runs=runs,
             seed=seed,
-            batch=max(BATCH, workers) if device_of(args.device).is_cuda else workers,
+            batch=max(calibration.BATCH, workers) if device_of(args.device).is_cuda else workers,
             known=known,
             progress=report,
         )
-    found, near = findings(parameters, samples), near_optimal(samples)
-    _, effective = posterior_quantiles(parameters, samples)
-    left_out = leave_one_out(samples, names)
+    found = calibration.findings(parameters, samples)
+    near = calibration.near_optimal(samples)
+    _, effective = calibration.posterior_quantiles(parameters, samples)
+    left_out = calibration.leave_one_out(samples, names)
     forecasts = [item for case in cases for item in _forecasts(case, near[0], fitted)]
     data = {
         'cases': names,

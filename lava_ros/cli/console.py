@@ -4,17 +4,20 @@
 """Output of commands: progress, tables, JSON, and text without control characters."""
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 import json
 import os
 from pathlib import Path
 import sys
 import time
-from typing import Any, TextIO
+from typing import Any, TextIO, TYPE_CHECKING
 
 from lava_ros.errors import LavaError, printable, refusing
 from lava_ros.files import file_to_write, write_output
+
+if TYPE_CHECKING:
+    from lava_ros.runs.sinks import ProgressSink
 
 #: Version of the JSON of the commands.
 JSON_VERSION = 1
@@ -139,6 +142,41 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
     ]
 
 
+def print_facts(rows: Iterable[tuple[str, object]]) -> None:
+    """Print names and values in two columns."""
+    for name, value in rows:
+        print(f'{name:32} {value}')
+
+
+def flow_facts(
+    record: Mapping[str, Any], resolution: Mapping[str, Any], carriers: str = 'particles'
+) -> list[tuple[str, str]]:
+    """Describe a simulated flow: its resolution, error, areas and volumes.
+
+    Args:
+        record: Results with the keys of ``run.json``.
+        resolution: Mapping with ``spacing_m`` [m] and ``particles_across``, None if unknown.
+        carriers: Carriers of the lava.
+    """
+    from lava_ros.layers.numbers import area_words
+    from lava_ros.simulation.output.budget import VolumeBudget
+
+    across = resolution['particles_across']
+    budget = VolumeBudget.from_texts({name: str(value) for name, value in record.items()})
+    assert budget is not None
+    return [
+        ('particles' if carriers == 'particles' else 'cells with lava',
+         f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart'),
+        (f'{carriers} across the flow', 'unknown' if across is None else f'{across:.2g}'),
+        # absent from folders of older versions
+        *([('kind of flow', record['flow_kind'])] if record.get('flow_kind') else []),
+        ('numerical error', record['numerical_error_text']),
+        ('inundated area', area_words(record['inundated_area_m2'])),
+        ('standing lava', area_words(record['standing_area_m2'])),
+        *((f'volume {name}', value) for name, value in budget.rows()),
+    ]
+
+
 def made_folder(name: str | Path) -> Path:
     """Create the folder that ``--output`` names, unless it exists.
 
@@ -198,6 +236,15 @@ class Progress:
     def is_due(self) -> bool:
         """Return True if what is shown is old enough to be replaced."""
         return time.monotonic() > self._due
+
+    def sink(self, until: float) -> 'ProgressSink':
+        """Return a sink that shows the simulated time of a run up to a time [s]."""
+        from lava_ros.layers.numbers import duration
+        from lava_ros.runs.sinks import ProgressSink
+
+        return ProgressSink(
+            lambda time: self.show(duration(time), time / until), until, lambda: self.is_due
+        )
 
     def show(self, what: str, done: float) -> None:
         """Show the current activity, and the completed fraction of the work."""

@@ -15,7 +15,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.console import Progress, write_json
+from lava_ros.cli.console import flow_facts, print_facts, Progress, write_json
 from lava_ros.cli.options import argument, command, output_option, seconds_of, shared
 from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scene_options import SCENE
@@ -74,7 +74,9 @@ def demo(args: argparse.Namespace) -> int:
         speed = validation.number(
             '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
         )
-    domain = _own_domain(args.domain)
+    domain = domain_of(args.domain)
+    # only this machine discovers the node
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     scene = scene_from_arguments(args)
     onset = Onset.of(scene)
     output = _unused(args.output)
@@ -107,13 +109,6 @@ def demo(args: argparse.Namespace) -> int:
     write_json(result, output / RESULT, args.json)
     _print_result(result)
     return 0
-
-
-def _own_domain(number: int | None) -> int:
-    """Return the ID of the demo's ROS domain, and restrict discovery to this machine."""
-    domain = domain_of(number)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    return domain
 
 
 def _unused(name: str) -> Path:
@@ -207,28 +202,18 @@ def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
 
 
 def _print_result(result: dict[str, Any]) -> None:
-    from lava_ros.layers.numbers import area_words
-    from lava_ros.layers.numbers import duration as words
-    from lava_ros.simulation.output.budget import VolumeBudget
+    from lava_ros.layers.numbers import duration
 
-    budget = VolumeBudget.from_texts({name: str(value) for name, value in result.items()})
-    assert budget is not None
     held = ' (limited so that you can watch: --max-speed X)' if result['speed_is_limited'] else ''
-    for name, value in (
-        ('simulated time', words(result['simulated_time_s'])),
-        ('particles', f'{result["particles"]:,}, {result["spacing_m"]:.3g} m apart'),
-        ('particles across the flow', f'{result["particles_across"]:.2g}'),
-        ('numerical error', result['numerical_error_text']),
-        ('inundated area', area_words(result['inundated_area_m2'])),
-        ('standing lava', area_words(result['standing_area_m2'])),
-        *((f'volume {name}', value) for name, value in budget.rows()),
+    print_facts([
+        ('simulated time', duration(result['simulated_time_s'])),
+        *flow_facts(result, result),
         ('speed', f'{result["speed"]:,.0f} x real time{held}'),
         ('device', result['device']),
         ('maps over DDS', f'{result["height_maps_received"]} of height'),
         ('wall time', f'{result["wall_time_s"]:.1f} s'),
         ('bag', result['bag']),
         ('picture', result['picture']),
-    ):
-        print(f'{name:32} {value}')
+    ])
     for item in result['warnings']:
         print(f'lava ros demo: {item}', file=sys.stderr)

@@ -88,9 +88,7 @@ def _measured(
     device: str | None,
 ) -> tuple[tuple[Decision, ...], Resolution]:
     from lava_ros.effects import EFFECTS
-    from lava_ros.layers.numbers import duration
     from lava_ros.runs.drive import drive
-    from lava_ros.runs.sinks import ProgressSink
 
     # the solver loads Warp, which the expected numbers do not need
     from lava_ros.simulation.output.measurement import current_resolution
@@ -100,10 +98,7 @@ def _measured(
         scene, effects=forced, accuracy=accuracy, device=device, horizon=horizon
     )
     with Progress() as progress:
-        drive(simulation, horizon, [ProgressSink(
-            lambda time: progress.show(duration(time), time / horizon), horizon,
-            lambda: progress.is_due,
-        )])
+        drive(simulation, horizon, [progress.sink(horizon)])
     simulation.review(EFFECTS)
     resolution = current_resolution(
         simulation.snapshot(), simulation.accuracy, simulation.resolution

@@ -3,26 +3,34 @@
 
 """The report of an ensemble: numbers of its maps, scores against mapped lava, and text."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from lava_ros.cli.console import table_lines
 from lava_ros.cli.run_barriers import print_comparison
-
-if TYPE_CHECKING:
-    from lava_ros.cli.run_options import RunOptions
-    from lava_ros.forecast.assimilation import Outline
-    from lava_ros.forecast.ensemble import Ensemble
-    from lava_ros.forecast.members import Plan
-    from lava_ros.forecast.probability import Footprint
-    from lava_ros.hindcast.case import Case
-    from lava_ros.layers.forecast import HazardMaps
-    from lava_ros.simulation.numerical_error import NumericalError
+from lava_ros.cli.run_options import RunOptions
+from lava_ros.forecast.assimilation import Outline
+from lava_ros.forecast.ensemble import Ensemble
+from lava_ros.forecast.influence import Influences
+from lava_ros.forecast.members import Plan
+from lava_ros.forecast.probability import Footprint
+from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.probabilistic_score import (
+    mapped_on,
+    outlines_on,
+    probability_at,
+    score_dates,
+    score_probability,
+)
+from lava_ros.layers.forecast import HazardMaps
+from lava_ros.layers.numbers import percent
+from lava_ros.layers.spacing_error import SpacingError
+from lava_ros.products.reliability import write_reliability
+from lava_ros.scene.erupting_lava import EruptingLava
+from lava_ros.simulation.numerical_error import error_text, NOT_MEASURED, NumericalError
 
 #: Reliability of the probabilities at dated outlines, in the folder of the maps.
 RELIABILITY = 'reliability.png'
@@ -51,15 +59,6 @@ def score_against_case(
     Returns:
         The score at the end, and that at the dated outlines if there are any.
     """
-    from lava_ros.hindcast.probabilistic_score import (
-        mapped_on,
-        outlines_on,
-        probability_at,
-        score_dates,
-        score_probability,
-    )
-    from lava_ros.products.reliability import write_reliability
-
     known = -1.0 if outline is None else outline.time
     later = {
         text: item for text, item in outlines_on(case, plan).items() if item.time > known
@@ -128,11 +127,6 @@ def print_report(
     report: dict[str, Any], plan: Plan, error: NumericalError | None = None
 ) -> None:
     """Print the report of the command, with the numerical error of the members."""
-    from lava_ros.layers.numbers import percent
-    from lava_ros.layers.spacing_error import SpacingError
-    from lava_ros.scene.erupting_lava import EruptingLava
-    from lava_ros.simulation.numerical_error import error_text, NOT_MEASURED
-
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
     took = f'{report["wall_time_s"]:.0f} s{pace}'
@@ -233,9 +227,6 @@ def _input_lines(inputs: dict[str, Any]) -> list[str]:
 
 def _influence_lines(data: dict[str, Any]) -> list[str]:
     """Describe which quantities decide the inundated area."""
-    from lava_ros.forecast.influence import Influences
-    from lava_ros.layers.numbers import percent
-
     found = Influences.from_dict(data)
     if not found.rows:
         return [f'what decides: {found.text()}']

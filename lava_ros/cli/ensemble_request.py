@@ -3,17 +3,16 @@
 
 """The ensemble that the options of `lava run --members` ask for."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 from lava_ros import validation
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
-from lava_ros.cli.run_options import with_method
+from lava_ros.cli.run_options import RunOptions, with_method
 from lava_ros.cli.scenes import log_resolution, sourced_scene
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
@@ -24,26 +23,19 @@ from lava_ros.forecast.ensemble import (
     run_on_cluster,
 )
 from lava_ros.forecast.member_scenes import median_scene
-from lava_ros.forecast.members import make_plan
+from lava_ros.forecast.members import make_plan, Plan
 from lava_ros.forecast.observations import observed_in_file
 from lava_ros.forecast.preset_spacing import choose_spacing
 from lava_ros.forecast.sampling import Susceptibility
 from lava_ros.forecast.store import stored_spacing
-from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.runs.provenance import identity_of
 from lava_ros.runs.store import unused_folder
+from lava_ros.scene import Terrain
 from lava_ros.scene.on_terrain import read_raster_on
 from lava_ros.simulation.presets import preset_accuracy
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from lava_ros.cli.run_options import RunOptions
-    from lava_ros.forecast.members import Plan
-    from lava_ros.hindcast.case import Case
-    from lava_ros.scene import Terrain
 
 
 def observation_of(options: RunOptions, terrain: Terrain) -> tuple[Outline | None, str]:

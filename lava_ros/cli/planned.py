@@ -3,19 +3,16 @@
 
 """The plan of runs for ``--within`` and ``--error``."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import seconds_of
 from lava_ros.errors import LavaError
+from lava_ros.forecast.planning import plan_runs, RunPlan
+from lava_ros.scene import Scene
 
-if TYPE_CHECKING:
-    from lava_ros.forecast.planning import RunPlan
-    from lava_ros.scene import Scene
 
 def target_of(args: argparse.Namespace) -> dict[str, float]:
     """Return the wall time [s] or the error [fraction] that the arguments ask for, if any.
@@ -55,8 +52,6 @@ def planned(
     Raises:
         LavaError: If no run meets the target.
     """
-    from lava_ros.forecast.planning import plan_runs
-
     try:
         found = plan_runs(
             scene, within=target.get('within'), error=target.get('error'), horizon=until,

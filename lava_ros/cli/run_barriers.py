@@ -3,24 +3,20 @@
 
 """Barriers of `lava run --barriers`: their file, the scene with them, and the comparison."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.console import made_folder, table_lines
-from lava_ros.layers.places import places_on
+from lava_ros.cli.run_options import RunOptions
+from lava_ros.layers.numbers import area_words
+from lava_ros.products.comparison import compare_runs, place_texts
+from lava_ros.products.gis import Provenance
+from lava_ros.scene import Scene, Terrain
 from lava_ros.scene.events import TerrainEvent
-from lava_ros.scene.features import read_features
 from lava_ros.scene.reshaping import Barrier, read_barriers, with_barriers
-
-if TYPE_CHECKING:
-    from lava_ros.cli.run_options import RunOptions
-    from lava_ros.products.gis import Provenance
-    from lava_ros.scene import Scene, Terrain
 
 #: Folders of the same run or members with barriers, and of the comparison.
 WITH_BARRIERS, COMPARISON = 'with_barriers', 'comparison'
@@ -36,21 +32,12 @@ def barriers_of(options: RunOptions, terrain: Terrain) -> list[Barrier]:
         return []
     if options.observed:
         raise validation.conflict('--barriers', '--observed')
-    usual = {'height': None, 'width': None, 'slope': Barrier.slope}
-    barriers = read_barriers('--barriers', options.barriers, terrain, usual)
-    for file in options.places:
-        # raises for an invalid file before the runs
-        places_on(read_features('--places', file, terrain), terrain)
+    barriers = read_barriers('--barriers', options.barriers, terrain)
     # raises for a barrier off the terrain, before the runs
     with_barriers(terrain, barriers)
     for item in barriers:
         print(item.text())
     return barriers
-
-
-def settings_of(options: RunOptions, barriers: Sequence[Barrier]) -> dict[str, Any]:
-    """Return the barriers as plain data, and when they are built."""
-    return {'barriers': [asdict(item) for item in barriers], 'built_s': options.built}
 
 
 def dammed(scene: Scene, barriers: Sequence[Barrier], built: float) -> Scene:
@@ -76,8 +63,6 @@ def compare(
         barriers: The barriers.
         origin: Origin of the maps, for their tags.
     """
-    from lava_ros.products.comparison import compare_runs
-
     built = options.built
     compared = compare_runs(
         output, folder, made_folder(output / COMPARISON), places=options.places,
@@ -97,9 +82,6 @@ def compare(
 
 def print_comparison(compared: dict[str, Any]) -> None:
     """Print the areas and the places without and with barriers, and the written files."""
-    from lava_ros.layers.numbers import area_words
-    from lava_ros.products.comparison import place_texts
-
     for name, areas in compared['area_m2'].items():
         without, built = (area_words(areas[case]) for case in ('without', 'with'))
         print(f'{name:>13}: {without} without barriers, {built} with them')

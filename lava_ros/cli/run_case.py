@@ -3,30 +3,35 @@
 
 """One run of a mapped eruption, or several, for `lava run`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 import shutil
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from lava_ros import validation
-from lava_ros.cli.arrivals import arrivals_at, print_arrivals
+from lava_ros.cli.arrivals import add_arrivals, check_places, print_arrivals
 from lava_ros.cli.console import Progress, with_units, write_json
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
-from lava_ros.cli.simulated import simulated
+from lava_ros.cli.run_options import RunOptions, with_method
+from lava_ros.cli.run_request import simulated
 from lava_ros.errors import LavaError
-
-if TYPE_CHECKING:
-    from lava_ros.cli.run_options import RunOptions
-    from lava_ros.hindcast.case import Case
-    from lava_ros.hindcast.run import Result
-    from lava_ros.hindcast.score import Score
-    from lava_ros.runs.scene_run import Request, SceneRun
-    from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.files.optional import require
+from lava_ros.forecast.partner_runs import measure_run
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.page import draw_comparison, facts, write_maps, write_page
+from lava_ros.hindcast.replicates import agreement, MAX_REPLICATES, run_replicates
+from lava_ros.hindcast.run import coarseness, request_of, Result, Settings
+from lava_ros.hindcast.score import refer, Score, score_outlines, score_snapshot
+from lava_ros.hindcast.spacing import choose_case_spacing
+from lava_ros.layers.arrival import Arrival
+from lava_ros.layers.recording import Recording
+from lava_ros.runs.scene_run import Request, SceneRun
+from lava_ros.scene.erupting_lava import EruptingLava
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.selection import decision_as_dict
 
 #: Files of a mapped eruption in the folder of its run, and folder of unfinished further runs.
 PICTURE, PAGE, REPLICATES = 'comparison.png', 'hindcast.html', 'replicates'
@@ -34,14 +39,8 @@ PICTURE, PAGE, REPLICATES = 'comparison.png', 'hindcast.html', 'replicates'
 
 def run_case(options: RunOptions) -> int:
     """Simulate a mapped eruption, compare it with the map, and return the exit status."""
-    from lava_ros.forecast.partner_runs import measure_run
-    from lava_ros.hindcast.page import draw_comparison, facts, write_maps, write_page
-    from lava_ros.hindcast.replicates import agreement
-    from lava_ros.hindcast.run import Result
-    from lava_ros.hindcast.score import score_snapshot
-    from lava_ros.scene.erupting_lava import EruptingLava
-
     case, request = _requested(options)
+    check_places(options.places, case.scene.terrain)
     with simulated(request) as made:
         result = Result.of_run(made)
         judged = score_snapshot(case, result.snapshot)
@@ -69,9 +68,7 @@ def run_case(options: RunOptions) -> int:
         )
         record = {'folder': str(folder), **made.finish(facts_of_case)}
     shutil.rmtree(folder / REPLICATES, ignore_errors=True)
-    table = arrivals_at(options.places, folder)
-    if table is not None:
-        record['places'] = table.as_dict()['places']
+    table = add_arrivals(record, options.places, folder)
     write_json(record, options.json)
     print(case.title)
     rows = [('lava', EruptingLava.of(case.scene).text())]
@@ -92,13 +89,6 @@ def _requested(options: RunOptions) -> tuple[Case, Request]:
     Raises:
         LavaError: If an argument or a file is not valid.
     """
-    from lava_ros.cli.run_options import with_method
-    from lava_ros.files.optional import require
-    from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.replicates import MAX_REPLICATES
-    from lava_ros.hindcast.run import request_of, Settings
-    from lava_ros.hindcast.spacing import choose_case_spacing
-
     # checked before the first run, although only the replicates need it
     runs = validation.whole('--runs', options.runs, at_least=1, at_most=MAX_REPLICATES)
     source, target = options.source, options.target
@@ -156,8 +146,6 @@ def _several(
     """Return the results of the run and of its rotated and mirrored runs."""
     if options.runs == 1:
         return [result]
-    from lava_ros.hindcast.replicates import run_replicates
-    from lava_ros.hindcast.run import Settings
 
     made.keep()
     settings = Settings(
@@ -174,9 +162,6 @@ def _several(
 
 def _peak(folder: Path, threshold: float) -> Any:
     """Return the largest thickness in any map of a bag [m], shape [rows, columns]."""
-    from lava_ros.layers.arrival import Arrival
-    from lava_ros.layers.recording import Recording
-
     history = Arrival(threshold)
     for frame in Recording(folder).frames():
         history.add(frame)
@@ -188,8 +173,6 @@ def _dated(
     case: Case, results: Sequence[Result]
 ) -> tuple[list[dict[str, Any]], dict[str, str]]:
     """Return the scores of the dated outlines as plain data, and as text by label."""
-    from lava_ros.hindcast.score import refer, score_outlines
-
     if not case.outlines:
         return [], {}
     scores = score_outlines(case, [item.snapshot for item in results])
@@ -206,9 +189,6 @@ def _dated(
 
 def _as_dict(case: Case, result: Result, judged: Score) -> dict[str, Any]:
     """Return what ``run.json`` has of a mapped eruption in addition to that of a scene."""
-    from lava_ros.hindcast.run import coarseness
-    from lava_ros.simulation.selection import decision_as_dict
-
     budget, accuracy = result.snapshot.budget, result.accuracy
     assert accuracy.spacing is not None and accuracy.thickness is not None
     return {

@@ -3,21 +3,19 @@
 
 """An ensemble of runs for `lava run --members`: its folders, maps, bags and report."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 import json
 from pathlib import Path
 import sys
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.cli import run_barriers
-from lava_ros.cli.arrivals import arrivals_at, print_arrivals
+from lava_ros.cli.arrivals import add_arrivals, check_places, print_arrivals
 from lava_ros.cli.console import made_folder, Progress, with_units, write_json
 from lava_ros.cli.ensemble_report import (
     describe_agreement,
@@ -35,13 +33,17 @@ from lava_ros.cli.ensemble_request import (
 )
 from lava_ros.cli.run_options import DEMO, RunOptions
 from lava_ros.files.optional import require
+from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.atlas_bag import write_atlas_bag
 from lava_ros.forecast.ensemble import Ensemble, run_ensemble
 from lava_ros.forecast.ensemble_error import measure_ensemble_error
 from lava_ros.forecast.influence import Influences, influences_of
 from lava_ros.forecast.member_scenes import check_members
+from lava_ros.forecast.members import Plan
 from lava_ros.forecast.sampling import draw_members, MAX_MEMBERS, Member, Posterior
 from lava_ros.forecast.store import BAG, Store
+from lava_ros.hindcast.case import Case
+from lava_ros.layers.forecast import HazardMaps
 from lava_ros.products.ensemble_files import write_atlas
 from lava_ros.products.gis import Provenance, require_formats, usual_formats
 from lava_ros.products.run_warnings import warnings_of_plan
@@ -49,15 +51,9 @@ from lava_ros.runs.store import FINISHED, write_record
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.onset import Onset
 from lava_ros.scene.projection import coordinate_system
+from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation.numerical_error import mean_difference, NOT_MEASURED, NumericalError
-
-if TYPE_CHECKING:
-    from lava_ros.forecast.assimilation import Outline
-    from lava_ros.forecast.members import Plan
-    from lava_ros.hindcast.case import Case
-    from lava_ros.layers.forecast import HazardMaps
-    from lava_ros.scene.reshaping import Barrier
 
 #: Folders of the maps that are weighted by an observation and, with its time, of new members near
 #: those that agree with it.
@@ -171,6 +167,7 @@ def run_members(options: RunOptions) -> int:
         validation.whole('--posterior', options.posterior, at_least=1, at_most=MAX_MEMBERS)
     wanted = wanted_ensemble(options)
     plan, terrain = wanted.plan, wanted.plan.scene.terrain
+    check_places(options.places, terrain)
     barriers = run_barriers.barriers_of(options, terrain)
     susceptibility = susceptibility_of(options, terrain)
     output, described = folder_of(options, wanted, susceptibility)
@@ -206,9 +203,8 @@ def run_members(options: RunOptions) -> int:
     plain = with_units(report, m='spacing usable_spacing')
     store.finish(plain)
     record = {'folder': str(output), **store.record}
-    table = arrivals_at(options.places, output / WEIGHTED if options.observed else output)
-    if table is not None:
-        record['places'] = table.as_dict()['places']
+    maps = output / WEIGHTED if options.observed else output
+    table = add_arrivals(record, options.places, maps)
     write_json(record, options.json)
     print_report({**report, 'quantities': store.record['quantities']}, plan, runs.error)
     print_arrivals(table)

@@ -3,23 +3,18 @@
 
 """The options of `lava run`, checked and in SI units."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import forced_effects, HORIZON, seconds_of
 from lava_ros.cli.planned import target_of
 from lava_ros.cli.scenes import settle_method, source_of
 from lava_ros.errors import LavaError
-
-if TYPE_CHECKING:
-    from lava_ros.scene import Scene
-    from lava_ros.scene.source import SceneSource
+from lava_ros.scene import Scene
+from lava_ros.scene.source import SceneSource
 
 #: Maximum number of maps.
 MAX_MAPS = 10_000
@@ -106,37 +101,23 @@ def run_options(args: argparse.Namespace, preset: str) -> RunOptions:
         validation.number('--threshold', args.threshold, above=0.0, unit='m')
     if not args.barriers and args.barriers_at is not None:
         raise validation.dependence('--barriers-at', '--barriers')
-    return RunOptions(
-        source=source_of(args),
-        name=Path(args.scene or args.terrain or DEMO).resolve().stem,
-        is_case=args.scene is not None and Path(args.scene).is_dir(),
-        until=until,
-        maps=validation.whole('--maps', args.maps, at_least=1, at_most=MAX_MAPS),
-        at=_times(args.at, until, args.until or HORIZON),
-        places=args.places,
-        method=args.method,
-        preset=args.preset or preset,
-        spacing=args.spacing,
-        target=target_of(args),
-        forced=forced_effects(args),
-        threshold=args.threshold,
-        device=args.device,
-        output=None if args.output is None else Path(args.output),
-        json=args.json,
-        barriers=args.barriers,
-        built=seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True),
-        members=args.members or 0,
-        seed=args.seed,
-        susceptibility=args.susceptibility,
-        observed=args.observed,
-        observed_at=_time_of_observation(args),
-        posterior=args.posterior,
-        workers=args.workers,
-        scheduler=args.scheduler,
-        formats=args.formats,
-        runs=args.runs,
-        mobility_limit=args.mobility_limit,
-    )
+    names = {item.name for item in fields(RunOptions)}
+    unchanged = {name: value for name, value in vars(args).items() if name in names}
+    return RunOptions(**unchanged | {
+        'source': source_of(args),
+        'name': Path(args.scene or args.terrain or DEMO).resolve().stem,
+        'is_case': args.scene is not None and Path(args.scene).is_dir(),
+        'until': until,
+        'maps': validation.whole('--maps', args.maps, at_least=1, at_most=MAX_MAPS),
+        'at': _times(args.at, until, args.until or HORIZON),
+        'preset': args.preset or preset,
+        'target': target_of(args),
+        'forced': forced_effects(args),
+        'output': None if args.output is None else Path(args.output),
+        'built': seconds_of('--barriers-at', args.barriers_at or '0', may_be_zero=True),
+        'members': args.members or 0,
+        'observed_at': _time_of_observation(args),
+    })
 
 
 def with_method(options: RunOptions, scene: Scene, horizon: float) -> RunOptions:

@@ -1,27 +1,26 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The run that the options of `lava run` ask for."""
+"""The run that the options of `lava run` ask for, and a run with progress."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
+import sys
 
+from lava_ros.cli.console import Progress
 from lava_ros.cli.options import device_named
 from lava_ros.cli.planned import planned
-from lava_ros.cli.run_options import with_method
+from lava_ros.cli.run_options import RunOptions, with_method
 from lava_ros.cli.scenes import log_resolution, sourced_scene
-from lava_ros.runs.scene_run import Request
+from lava_ros.forecast.preset_spacing import choose_spacing
+from lava_ros.runs.scene_run import Request, SceneRun
+from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import effects_for
 
-if TYPE_CHECKING:
-    from lava_ros.cli.run_options import RunOptions
-    from lava_ros.scene import Scene
 
 def request_of(options: RunOptions) -> Request:
     """Return the run of the options, and log warnings about its scene.
@@ -68,12 +67,29 @@ def request_of(options: RunOptions) -> Request:
     )
 
 
+@contextmanager
+def simulated(request: Request) -> Iterator[SceneRun]:
+    """Run to the end with progress, or resume; the block writes what is made of the maps.
+
+    Raises:
+        LavaError: If the run cannot start, continue or write its maps.
+    """
+    with SceneRun(request) as made:
+        if made.is_resumed:
+            print(f'continuing the interrupted run in {made.folder.path}', file=sys.stderr)
+        try:
+            with Progress() as progress:
+                made.run(progress.sink(request.until))
+            yield made
+        except KeyboardInterrupt:
+            print('lava run: interrupted; the same command continues', file=sys.stderr)
+            raise
+
+
 def _spacing_of(
     preset: str, scene: Scene, forced: Mapping[str, bool], until: float, device: str
 ) -> float:
     """Return the spacing of a preset for a scene, from pilot runs [m]."""
-    from lava_ros.forecast.preset_spacing import choose_spacing
-
     accuracy = resolved_accuracy(preset_accuracy(preset), scene, forced, horizon=until)
     choice = choose_spacing(
         scene, preset, accuracy, horizon=until, device=device,

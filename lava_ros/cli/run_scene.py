@@ -3,52 +3,45 @@
 
 """One run of a scene for `lava run`."""
 
-from __future__ import annotations
-
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from lava_ros.bag.description import is_on
 from lava_ros.cli import run_barriers
-from lava_ros.cli.arrivals import arrivals_at, print_arrivals
-from lava_ros.cli.console import write_json
-from lava_ros.cli.simulated import simulated
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from lava_ros.cli.run_options import RunOptions
-    from lava_ros.layers.place_arrivals import ArrivalTable
-    from lava_ros.runs.scene_run import SceneRun
-    from lava_ros.scene import Scene
-    from lava_ros.scene.reshaping import Barrier
+from lava_ros.cli.arrivals import add_arrivals, check_places, print_arrivals
+from lava_ros.cli.console import flow_facts, print_facts, write_json
+from lava_ros.cli.run_options import RunOptions
+from lava_ros.cli.run_request import request_of, simulated
+from lava_ros.forecast.partner_runs import measure_run
+from lava_ros.layers.numbers import duration
+from lava_ros.layers.place_arrivals import ArrivalTable
+from lava_ros.products.gis import Provenance
+from lava_ros.runs.scene_run import SceneRun
+from lava_ros.runs.store import FINISHED, known_record
+from lava_ros.scene import Scene
+from lava_ros.scene.erupting_lava import EruptingLava
+from lava_ros.scene.onset import Onset
+from lava_ros.scene.reshaping import Barrier
 
 
 def run_scene(options: RunOptions) -> int:
     """Simulate a scene once, and return the exit status of `lava run`."""
-    from lava_ros.cli.run_request import request_of
-    from lava_ros.forecast.partner_runs import measure_run
-    from lava_ros.layers.places import places_on
-    from lava_ros.scene.features import read_features
-
     request = request_of(options)
     terrain = request.scene.terrain
-    for file in options.places:
-        # raises for an invalid file before the run
-        places_on(read_features('--places', file, terrain), terrain)
+    check_places(options.places, terrain)
     barriers = run_barriers.barriers_of(options, terrain)
     if barriers:
-        chosen = run_barriers.settings_of(options, barriers)
-        request = replace(request, settings={**request.settings, **chosen})
+        built = {'barriers': [asdict(item) for item in barriers], 'built_s': options.built}
+        request = replace(request, settings={**request.settings, **built})
     with simulated(request) as made:
         if barriers:
             _run_with(options, made, barriers)
         made.note_error(measure_run(made))
         facts = {'barriers': _compared(options, made, barriers)} if barriers else {}
         record = {'folder': str(made.folder.path), **made.finish(facts)}
-    table = arrivals_at(options.places, made.folder.path)
-    if table is not None:
-        record['places'] = table.as_dict()['places']
+    table = add_arrivals(record, options.places, made.folder.path)
     write_json(record, options.json)
     _print(record, request.scene, table)
     if barriers:
@@ -58,9 +51,6 @@ def run_scene(options: RunOptions) -> int:
 
 def _run_with(options: RunOptions, made: SceneRun, barriers: Sequence[Barrier]) -> None:
     """Run the scene with barriers, in a folder inside that of the run."""
-    from lava_ros.forecast.partner_runs import measure_run
-    from lava_ros.runs.store import FINISHED, known_record
-
     made.keep()
     request, built = made.request, options.built
     folder = made.folder.path / run_barriers.WITH_BARRIERS
@@ -82,10 +72,6 @@ def _compared(
     options: RunOptions, made: SceneRun, barriers: Sequence[Barrier]
 ) -> dict[str, Any]:
     """Compare the runs without and with barriers; return plain data."""
-    from lava_ros.bag.description import is_on
-    from lava_ros.products.gis import Provenance
-    from lava_ros.scene.onset import Onset
-
     folder = made.folder.path
     origin = Provenance(
         made.request.name, [name for name, text in made.effects.items() if is_on(text)],
@@ -97,33 +83,17 @@ def _compared(
 
 
 def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> None:
-    from lava_ros.layers.numbers import area_words, duration
-    from lava_ros.scene.erupting_lava import EruptingLava
-    from lava_ros.simulation.output.budget import VolumeBudget
 
-    carriers = record['settings'].get('method', 'particles')
-    resolution, across = record['resolution'], record['resolution']['particles_across']
-    budget = VolumeBudget.from_texts({name: str(value) for name, value in record.items()})
-    assert budget is not None
-    for name, value in (
+    print_facts([
         ('simulated time', duration(record['simulated_time_s'])),
         ('start of the eruption', record['onset'] or 'unknown'),
         ('lava', EruptingLava.of(scene).text()),
-        (
-            'particles' if carriers == 'particles' else 'cells with lava',
-            f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart',
+        *flow_facts(
+            record, record['resolution'], record['settings'].get('method', 'particles')
         ),
-        (f'{carriers} across the flow', 'unknown' if across is None else f'{across:.2g}'),
-        # absent from folders of older versions
-        *([('kind of flow', record['flow_kind'])] if record.get('flow_kind') else []),
-        ('numerical error', record['numerical_error_text']),
-        ('inundated area', area_words(record['inundated_area_m2'])),
-        ('standing lava', area_words(record['standing_area_m2'])),
-        *((f'volume {name}', value) for name, value in budget.rows()),
         ('wall time', f'{record["wall_time_s"]:.1f} s on {record["device"]}'),
         ('run', record['folder']),
-    ):
-        print(f'{name:32} {value}')
+    ])
     print_arrivals(table)
     for item in record['warnings']:
         print(f'lava run: {item}', file=sys.stderr)

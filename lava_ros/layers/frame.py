@@ -15,6 +15,7 @@ from lava_ros.bag.decoding import (
 )
 from lava_ros.layers.layer import ARRIVAL, ARRIVED, Layer
 from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.scene.terrain import Cells
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.output.inundation import (
     area_of,
@@ -43,7 +44,7 @@ class LayerFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class Frame(Cells):
     """The maps of a bag at one moment.
 
     Attributes:

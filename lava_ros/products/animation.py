@@ -124,7 +124,7 @@ class _Canvas:
         aspect = _MAP[2] * figure.get_figwidth() / (_MAP[3] * figure.get_figheight())
         bounds = plot.bounds_of(frame, np.isfinite(item.values))
         least = plot.LEAST_CELLS * frame.resolution
-        window = plot.window_of(bounds, plot.extent_of(frame), aspect, least)
+        window = plot.window_of(bounds, frame.extent, aspect, least)
         self._part, extent = _part(frame, window)
         # float32 halves the memory
         self._ground = plot.shaded_ground(frame)[self._part].astype(np.float32)

@@ -81,7 +81,10 @@ def fixed_boxes(axes: Any, markers: Iterable[tuple[np.ndarray, float]]) -> list[
     """
     from matplotlib.transforms import Bbox
 
-    boxes = [box_of(item) for item in axes.texts if item.get_text() and not _yields(item)]
+    boxes = [
+        box_of(item) for item in axes.texts
+        if item.get_text() and item.get_gid() not in (ISOCHRONE_LABEL, CONTOUR_LABEL)
+    ]
     # the bar of the scale
     boxes += [line.get_window_extent() for line in axes.lines if line.get_gid() == SCALE_BAR]
     for places, size in markers:
@@ -101,7 +104,3 @@ def remove_covered(axes: Any, taken: list[Any]) -> None:
                 item.remove()
             else:
                 taken.append(box)
-
-
-def _yields(text: Any) -> bool:
-    return text.get_gid() in (ISOCHRONE_LABEL, CONTOUR_LABEL)

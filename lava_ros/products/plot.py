@@ -98,20 +98,6 @@ def isochrone_times(last: float, most: int = MAX_ISOCHRONES) -> np.ndarray:
     return step * np.arange(1, math.ceil(last / step) + 1)
 
 
-def extent_of(frame: Frame) -> Window:
-    """Return the extent of the terrain [m]: minimum x and y, maximum x and y."""
-    rows, columns = frame.elevation.shape
-    x, y = frame.origin
-    return (x, y, x + columns * frame.resolution, y + rows * frame.resolution)
-
-
-def cell_centers(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Return the map coordinates of the centres of columns and of rows [m]."""
-    rows, columns = frame.elevation.shape
-    x = frame.origin[0] + (np.arange(columns) + 0.5) * frame.resolution
-    return x, frame.origin[1] + (np.arange(rows) + 0.5) * frame.resolution
-
-
 def barriers_of(frame: Frame) -> list[np.ndarray]:
     """Return the crests of barriers, map positions [m], each of shape [points, 2]."""
     terrain = frame.scene.get('terrain') or {}
@@ -126,10 +112,10 @@ def barriers_of(frame: Frame) -> list[np.ndarray]:
 
 def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
     """Return the bounds of a mask [rows, columns] and the vents; the terrain if both are empty."""
-    x, y = cell_centers(frame)
+    x, y = frame.centres
     xs = [*x[shown.any(axis=0)], *frame.vents[:, 0]]
     ys = [*y[shown.any(axis=1)], *frame.vents[:, 1]]
-    return (min(xs), min(ys), max(xs), max(ys)) if xs else extent_of(frame)
+    return (min(xs), min(ys), max(xs), max(ys)) if xs else frame.extent
 
 
 def window_of(
@@ -208,7 +194,7 @@ def draw_map(
     Returns:
         The artists of the cells and of the vents.
     """
-    x0, y0, x1, y1 = extent_of(frame)
+    x0, y0, x1, y1 = frame.extent
     image = axes.imshow(
         picture, extent=extent or (x0, x1, y0, y1), origin='lower', interpolation='nearest'
     )
@@ -250,7 +236,7 @@ def contour_interval(frame: Frame, window: Window) -> float:
 
 def _part(frame: Frame, window: Window) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return coordinates of the columns and rows in a window [m], and their elevation."""
-    x, y = cell_centers(frame)
+    x, y = frame.centres
     columns = (x >= window[0]) & (x <= window[2])
     rows = (y >= window[1]) & (y <= window[3])
     return x[columns], y[rows], frame.elevation[np.ix_(rows, columns)]
@@ -287,7 +273,7 @@ def draw_isochrones(axes: Any, frame: Frame, times: np.ndarray) -> None:
     levels = [time for time in times_drawn if first < time < last]
     if not levels:
         return
-    lines = axes.contour(*cell_centers(frame), times, levels=levels, zorder=4, **ISOCHRONE)
+    lines = axes.contour(*frame.centres, times, levels=levels, zorder=4, **ISOCHRONE)
     lines.set_path_effects(halo(1.5))
     for time, parts in zip(levels, lines.allsegs, strict=True):
         # one label for each, in the middle of its longest part

@@ -107,7 +107,7 @@ def draw_sheet(
     logo = read_picture('--logo', imprint.logo) if imprint.logo else None
     alike = [*panels, *others]
     # the area of all maps, in projected coordinates
-    limits = _union(_moved(plot.extent_of(item.frame), item) for item in alike)
+    limits = _union(_moved(item.frame.extent, item) for item in alike)
     bounds, margin = extent, 0.0
     if bounds is None:
         bounds = _union(_moved(plot.bounds_of(item.frame, item.shown), item) for item in alike)
@@ -181,7 +181,7 @@ def _draw_panel(
         if cells.any():
             look = _outline_style(number)
             axes.contour(
-                *plot.cell_centers(frame), cells.astype(float), levels=[0.5],
+                *frame.centres, cells.astype(float), levels=[0.5],
                 colors=look['color'], linewidths=look['linewidth'], linestyles=look['linestyle'],
             )
     first = len(panel.outlines or {})

@@ -3,7 +3,7 @@
 
 """Files of a case: the folder of a mapped eruption, which docs/VALIDATION.md describes."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -97,14 +97,14 @@ def find_case_files(directory: str | Path) -> CaseFiles:
 
 
 def read_case_events(
-    files: CaseFiles, ground: Terrain, read: Callable[[Path], Terrain], start: float
+    files: CaseFiles, ground: Terrain, options: Mapping[str, Any], start: float
 ) -> list[TerrainEvent]:
     """Read the changes of the ground of a case, each with the whole ground after it.
 
     Args:
         files: Files of the case.
         ground: Terrain before the events.
-        read: Function that reads an elevation file.
+        options: Options of ``load_terrain`` for a new elevation.
         start: Start of the simulation on the clock of the case [s]; an earlier change is at 0.
 
     Raises:
@@ -112,7 +112,7 @@ def read_case_events(
     """
     events = []
     items = files.options.get('events', [])
-    for item in read_events('case.events', items, files.folder, ground, read):
+    for item in read_events('case.events', items, files.folder, ground, options):
         ground = item.ground(ground)
         time = max(item.time - start, 0.0)
         # with the ground in place of its barriers: the filter of a case smooths these, too

@@ -3,7 +3,7 @@
 
 """Changes of the ground during an eruption: a new elevation, or barriers."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 import hashlib
@@ -18,6 +18,7 @@ from lava_ros.files.keys import Check, either, FILE_NAME, Key, Keys
 from lava_ros.scene.projection import system_name
 from lava_ros.scene.reshaping import Barrier, BARRIER_KEYS, read_barriers, with_barriers
 from lava_ros.scene.terrain import Terrain
+from lava_ros.scene.terrain_files import load_terrain
 
 #: Keys of a change in an event; an event in a file has one of them.
 CHANGES = ('terrain', 'barrier', 'barriers')
@@ -74,7 +75,7 @@ def event_to_dict(event: TerrainEvent) -> dict[str, Any]:
 
 
 def read_events(
-    label: str, items: object, folder: Path, ground: Terrain, read: Callable[[Path], Terrain]
+    label: str, items: object, folder: Path, ground: Terrain, options: Mapping[str, Any]
 ) -> list[TerrainEvent]:
     """Read the changes of the ground of a scene or a case.
 
@@ -85,7 +86,7 @@ def read_events(
             file of lines with ``height``, ``width`` and optionally ``slope``.
         folder: Folder to which file names are relative.
         ground: Terrain before the events.
-        read: Function that reads an elevation file.
+        options: Options of ``load_terrain`` for a new elevation; its offset is that of ``ground``.
 
     Raises:
         LavaError: If a value or a file cannot be used, times do not increase, or an elevation is
@@ -108,11 +109,10 @@ def read_events(
         else:
             path = folder / change
             if kind == 'barriers':
-                usual = {'height': None, 'width': None, 'slope': Barrier.slope}
-                built = tuple(read_barriers(f'{where}.barriers', path, ground, usual))
+                built = tuple(read_barriers(f'{where}.barriers', path, ground))
                 event = TerrainEvent(time, f'{len(built)} barriers from {change}', barriers=built)
             else:
-                terrain = read(path)
+                terrain = load_terrain(path, **{**options, 'offset': ground.offset})
                 if not terrain.has_system:
                     # a raster without a system is in that of the terrain
                     terrain = replace(terrain, epsg=ground.epsg, wkt=ground.wkt)

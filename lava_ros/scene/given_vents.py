@@ -65,7 +65,7 @@ class GivenVents:
             texts = [
                 item if isinstance(item, str) else ','.join(map(str, item)) for item in self.vent
             ]
-            places = [place_as_typed(word, text, terrain, on_terrain=True) for text in texts]
+            places = [place_as_typed(word, text, terrain, must_be_covered=True) for text in texts]
             return tuple(
                 VentRow(f'vent {index}', place, discharge=self.rate)
                 for index, place in enumerate(places)
@@ -182,5 +182,5 @@ def summit(terrain: Terrain) -> tuple[float, float]:
     inner[here] = ground[here]
     highest = np.argmax(inner if np.isfinite(inner).any() else ground)
     row, column = np.unravel_index(int(highest), terrain.shape)
-    x, y = terrain.origin
-    return (x + (column + 0.5) * terrain.resolution, y + (row + 0.5) * terrain.resolution)
+    x, y = terrain.centres
+    return float(x[column]), float(y[row])

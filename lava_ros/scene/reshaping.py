@@ -119,7 +119,8 @@ class Barrier:
 
 
 def read_barriers(
-    field: str, path: str | Path, terrain: Terrain, usual: Mapping[str, float | None]
+    field: str, path: str | Path, terrain: Terrain,
+    usual: Mapping[str, float | None] = {'height': None, 'width': None, 'slope': Barrier.slope},
 ) -> list[Barrier]:
     """Read the barriers of a file: its lines, with their height, width and slope.
 
@@ -175,11 +176,6 @@ def with_barriers(
             barriers=(*raised.barriers, barrier.line),
         )
     return raised
-
-
-def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
-    """Raise a terrain by one barrier, as ``with_barriers``."""
-    return with_barriers(terrain, [barrier])
 
 
 def _added(terrain: Terrain, barrier: Barrier, is_told: bool) -> np.ndarray:

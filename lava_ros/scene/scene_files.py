@@ -5,7 +5,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 import logging
 from pathlib import Path
 from typing import Any
@@ -96,9 +95,7 @@ def _with_changes(
             'scene.emplaced_flows', data['emplaced_flows'], folder, terrain
         )
     if 'events' in data:
-        # the grid of an event has to be that of the terrain
-        read = partial(load_terrain, **{**options, 'offset': terrain.offset})
-        data['events'] = read_events('scene.events', data['events'], folder, terrain, read)
+        data['events'] = read_events('scene.events', data['events'], folder, terrain, options)
     return data, terrain
 
 

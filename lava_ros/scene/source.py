@@ -9,7 +9,6 @@ Python, the command line, the node and hindcasts read all scenes here.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from functools import partial
 import logging
 from operator import attrgetter
 from pathlib import Path
@@ -316,9 +315,7 @@ class SceneSource:
             ],
             'rate_error': error_of_rates(rates, choices.measured),
             'emplaced_flows': flows,
-            'events': read_case_events(
-                files, ground, partial(load_terrain, **known, offset=ground.offset), start
-            ),
+            'events': read_case_events(files, ground, known, start),
         }
         if origin is not None:
             expected = 'a time [s] at which the year is from 1 to 9999'
@@ -383,9 +380,9 @@ class SceneSource:
         self, label: str, data: dict[str, Any], terrain: Terrain, case: CaseInputs | None = None
     ) -> SourcedScene:
         """Make the scene of plain data and of the inputs that a scene and a case share."""
-        # the grid of an event has to be that of the terrain
-        read = partial(load_terrain, **{**self._terrain_options(), 'offset': terrain.offset})
-        events = read_events('events', list(self.events), Path(), terrain, read)
+        events = read_events(
+            'events', list(self.events), Path(), terrain, self._terrain_options()
+        )
         data['events'] = sorted([*data.get('events', []), *events], key=attrgetter('time'))
         if self.material is not None:
             data['lava'] = {'material': self.material}

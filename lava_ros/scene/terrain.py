@@ -59,8 +59,35 @@ class Georeference(NamedTuple):
         return self.wkt if self.epsg is None else f'EPSG:{self.epsg}'
 
 
+class Cells:
+    """Base of classes with an elevation on square cells in the map frame."""
+
+    elevation: np.ndarray
+    resolution: float
+    origin: tuple[float, float]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the grid."""
+        return self.elevation.shape
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Smallest x, smallest y, largest x and largest y of the grid [m]."""
+        rows, columns = self.shape
+        x, y = self.origin
+        return (x, y, x + columns * self.resolution, y + rows * self.resolution)
+
+    @property
+    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Map coordinates of the centres of columns and of rows [m]."""
+        rows, columns = self.shape
+        x = self.origin[0] + (np.arange(columns) + 0.5) * self.resolution
+        return x, self.origin[1] + (np.arange(rows) + 0.5) * self.resolution
+
+
 @dataclass(frozen=True, eq=False)
-class Terrain:
+class Terrain(Cells):
     """Ground elevation on a regular grid of square cells in the map frame (ENU).
 
     Attributes:
@@ -154,18 +181,6 @@ class Terrain:
         shift = np.subtract(georeference.offset, self.offset)
         barriers = tuple(tuple(map(tuple, (crest + shift).tolist())) for crest in self.barriers)
         return replace(self, **georeference._asdict(), barriers=barriers)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns of the grid."""
-        return self.elevation.shape
-
-    @property
-    def extent(self) -> tuple[float, float, float, float]:
-        """Smallest x, smallest y, largest x and largest y of the grid [m]."""
-        rows, columns = self.shape
-        x, y = self.origin
-        return (x, y, x + columns * self.resolution, y + rows * self.resolution)
 
     @property
     def centre(self) -> tuple[float, float]:

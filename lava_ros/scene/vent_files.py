@@ -18,8 +18,8 @@ from lava_ros.files import warn_of_unknown
 from lava_ros.files.columns import understood
 from lava_ros.scene.effusion_rates import instants_to_series, Interval
 from lava_ros.scene.features import Feature, load_features
-from lava_ros.scene.likely_places import likely_place
 from lava_ros.scene.terrain import Terrain
+from lava_ros.scene.typed_places import likely_place
 from lava_ros.scene.vent_keys import Discharge
 
 _LOG = logging.getLogger(__name__)

@@ -15,8 +15,8 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.likely_places import likely_place
 from lava_ros.scene.terrain import Terrain
+from lava_ros.scene.typed_places import likely_place
 from lava_ros.scene.vent_keys import Discharge, VENT_KEYS
 
 

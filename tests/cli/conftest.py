@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from command_line import done
 from geodata import feature, write_features, write_scene
 from recording import TERRAIN
 
@@ -32,6 +33,15 @@ def write_outline(path: Path, south_west: Any, north_east: Any) -> Path:
     (west, south), (east, north) = south_west, north_east
     ring = [(west, south), (east, south), (east, north), (west, north), (west, south)]
     return write_features(path, feature('Polygon', [ring]))
+
+
+@pytest.fixture(scope='session')
+def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run four members on the terrain of recordings, and return the folder of their maps."""
+    folder = tmp_path_factory.mktemp('ensemble')
+    write_ensemble_scene(folder, 3.0, {'position': {'deviation': 5.0}})
+    done(*ensemble_words(folder, 4))
+    return folder / 'members'
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import rasterio
 
-from cli.conftest import ensemble_words, write_ensemble_scene
+from cli.conftest import ensemble_words
 from command_line import done, refused
 
 #: Maps, tags of the maps, and keys of the description that version 0.1.0 did not write, with words
@@ -39,14 +39,6 @@ KEYS = {
 
 #: Every map, tag and key alone, and all together, as in a folder of version 0.1.0.
 CASES = [*([name] for name in (*MAPS, *TAGS, *KEYS)), [*MAPS, *TAGS, *KEYS]]
-
-
-@pytest.fixture(scope='module')
-def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp('earlier')
-    write_ensemble_scene(folder, 3.0, {'position': {'deviation': 5.0}})
-    done(*ensemble_words(folder, 2))
-    return folder / 'members'
 
 
 def remove(folder: Path, names: list[str]) -> None:
@@ -122,5 +114,5 @@ def test_places_and_bags_of_an_earlier_ensemble_are_read_and_members_refused(
         if (folder / 'run.json').exists():
             write_as_earlier(folder, json.loads((folder / 'run.json').read_text()))
     assert found[0] == found[1]
-    words = [folder if word == ensemble else word for word in ensemble_words(ensemble.parent, 3)]
+    words = [folder if word == ensemble else word for word in ensemble_words(ensemble.parent, 5)]
     assert 'new, empty, or of this ensemble' in refused(*words)

@@ -110,20 +110,17 @@ def test_barriers_are_compared_with_the_same_members(scene, lines, tmp_path):
 
 @pytest.mark.parametrize(('words', 'named'), [
     (('--barriers-at', '1h'), '--barriers-at'),
-    (('--places', 'none.csv', '--barriers', 'dams.csv'), '--places'),
+    (('--places', 'none.csv'), '--places'),
     (('--seed', '3', '--at', '1h'), '--at and --members exclude'),
     (('--barriers', 'hut.csv'), 'a line'),
     (('--emplaced-as', 'ground'), '--emplaced-as'),
     (('--emplaced-flow', 'hut.csv', '--emplaced-thickness', '3'), 'at least one area'),
     (('--terrain-at', '1h', 'none.tif'), 'none.tif'),
     (('--terrain-at', '-1h', 'ground.npz'), '--terrain-at'),
-    (('--members', '0'), 'members'),
-    (('--until', 'soon'), '--until'),
     (('--workers', '0'), '--workers'),
     (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
     (('--observed', 'outline.tif'), '--observed-at'),
     (('--susceptibility', 'none.tif'), '--susceptibility'),
-    (('--threshold', '-1'), 'threshold'),
 ])
 def test_refuses_unusable_options(scene, lines, tmp_path, monkeypatch, words, named):
     monkeypatch.chdir(tmp_path)

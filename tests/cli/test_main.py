@@ -222,18 +222,6 @@ def test_warns_of_positions_on_another_terrain(island, tmp_path, caplog):
         assert words in caplog.text and bool(caplog.records) == bool(words)
 
 
-@pytest.mark.parametrize(('words', 'sentence'), [
-    (('--vent', '-155.2,19.4'), "--vent is '-155.2,19.4', expected"),
-    (('--vent', '1,2,3'), "--vent is '1,2,3', expected longitude,latitude"),
-    (('--vent', '364000,7650400'), 'a place on the terrain, which covers easting 365000 to'),
-    (('--discharge', '-3'), '--effusion-rate is -3.0, expected a finite number at least 0'),
-    (('--material', 'obsidian'), "--material is 'obsidian', expected one of"),
-    (('--on', 'vft', '--off', 'vft'), '--on vft and --off vft exclude each other'),
-])
-def test_refuses_unusable_vents(words, sentence, island):
-    assert sentence in refused('effects', '--terrain', island, *words)
-
-
 @pytest.mark.parametrize(('words', 'text'), [
     ('effects', 'because'), ('map {sample} -o map.png', 'drawn to map.png'),
     ('places {sample} hut.csv', 'lava at least 0.1 m thick'),

@@ -99,13 +99,17 @@ LINES = {
         'effects scene.yaml --epsg UTM40S', "--epsg is 'UTM40S'", 'an EPSG code such as 32633'),
     'decimal comma': (
         'effects scene.yaml --effusion-rate 18,5', "--effusion-rate is '18,5'", 'point: 18.5'),
-    'negative rate': (
-        'effects scene.yaml --effusion-rate -5', '--effusion-rate is -5.0', 'at least 0 m3/s'),
+    'negative rate by its other name': (
+        'effects scene.yaml --discharge -5', '--effusion-rate is -5.0', 'at least 0 m3/s'),
     'number with a unit': (
         'export BAG -o out --threshold 10cm', "--threshold is '10cm'", 'without a unit'),
     'latitude first': (
         'effects scene.yaml --vent -21.2430,55.7018', "--vent is '-21.2430,55.7018'",
         'longitude and latitude are swapped'),
+    'place with a height': (
+        'effects scene.yaml --vent 1,2,3', "--vent is '1,2,3'", 'longitude,latitude [degrees] or'),
+    'place in degrees elsewhere': (
+        'effects scene.yaml --vent -155.2,19.4', "--vent is '-155.2,19.4'", 'of another place'),
     'place without a comma': (
         'effects scene.yaml --vent "365300 7650400"', "--vent is '365300 7650400'",
         'easting,northing [m]'),

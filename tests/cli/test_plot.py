@@ -41,15 +41,6 @@ def bag(tmp_path_factory):
     return record(tmp_path_factory.mktemp('plot') / 'flow')
 
 
-@pytest.fixture(scope='module')
-def ensemble(tmp_path_factory):
-    """Run four members on the terrain of the bag."""
-    folder = tmp_path_factory.mktemp('ensemble')
-    write_ensemble_scene(folder, 3.0, {'position': {'deviation': 5.0}})
-    done(*ensemble_words(folder, 4))
-    return folder / 'members'
-
-
 @pytest.fixture
 def outline(tmp_path):
     """Write an observed outline that overlaps both flows."""
@@ -204,7 +195,7 @@ def test_plot_draws_overlays_and_counts_those_off_the_map(bag, tmp_path, caplog,
 @pytest.mark.parametrize(('words', 'named'), [
     (('--layers', 'inundation_probability'), 'one of thickness, temperature, hazard'),
     (('--places', 'none.csv'), '--places is .none.csv., expected a file that exists'),
-    (('--at', '9h'), '--at is .9h.'),
+    (('-o', 'a.html', '--places', 'none.csv'), '--places is .none.csv., expected a file that'),
     (('--extent', '5', '1', '4', '2'), '--extent is .5 1 4 2., expected WEST SOUTH EAST'),
     (('--extent', '1', '2', '3', '4'), '--extent is .1 2 3 4., expected an extent that overlaps'),
     (('--scale', '1:0'), '--scale is .0., expected'),
@@ -213,10 +204,13 @@ def test_plot_draws_overlays_and_counts_those_off_the_map(bag, tmp_path, caplog,
     (('--start', '2006-07-14T22:00Z', '--timezone', 'Europe/Etna'), '--timezone is'),
     (('--timezone', 'Europe/Rome'), '--timezone has no effect without --start'),
     (('--logo', 'none.png'), '--logo is .none.png., expected a PNG or JPEG'),
+    (('-o', 'a.html', '--logo', 'none.png'), '--logo is .none.png., expected a PNG or JPEG'),
+    (('-o', 'a.html', '--scale', '1:2000'), '--scale does not apply to .html, a page for a scr'),
 ])
-def test_plot_refuses_unusable_options(bag, tmp_path, words, named):
-    assert re.search(named, refused('map', bag, '-o', tmp_path / 'a.png', *words))
-    assert not (tmp_path / 'a.png').exists()
+def test_map_refuses_unusable_options(bag, tmp_path, monkeypatch, words, named):
+    monkeypatch.chdir(tmp_path)
+    assert re.search(named, refused('map', bag, '-o', 'a.png', *words))
+    assert not list(tmp_path.iterdir())
 
 
 def test_maps_older_than_the_requested_time_are_noted(bag, tmp_path, caplog, undrawn):
@@ -231,13 +225,16 @@ def test_maps_older_than_the_requested_time_are_noted(bag, tmp_path, caplog, und
     assert 'time' not in plot(tmp_path, bag)['notes'] and 'the newest' not in caplog.text
 
 
-def test_onset_of_a_bag_gives_dates(tmp_path, caplog, undrawn):
+def test_onset_gives_dates_in_utc_and_local_time(ensemble, tmp_path, caplog, undrawn):
     stated = {'onset': '2006-07-14T22:00:00Z'}
     bag = record(tmp_path / 'flow', config=GRIDS, custom_data=stated)
     zone = ('--timezone', 'Europe/Rome')
-    notes = plot(tmp_path, bag, '--at', '600', *zone)['notes']
+    notes = plot(tmp_path, bag, '--layers', 'arrival', '--at', '600', *zone)['notes']
     assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
     assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
+    assert notes['isochrones'].startswith('5 min: 2006-07-14 22:05 UTC (2006-07-15 00:05 CEST)')
+    notes = plot(tmp_path, ensemble, '--start', '2026-01-01T13:00+01:00', *zone)['notes']
+    assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
     notes = plot(tmp_path, bag, '--start', '2026-01-01T12:00Z', *zone)['notes']
     assert notes['maps show'].startswith('2026-01-01 12:13 UTC')
     done('map', bag, '-o', tmp_path / 'a.html')
@@ -340,25 +337,3 @@ def test_info_has_the_simulated_time_and_volumes(bag):
     output = json.loads(done('bag', 'info', bag, '--json', '-'))['simulation']
     assert output['time_s'] == 800.0
     assert output['volume_held_m3'] == pytest.approx(volume, rel=1e-6)
-
-
-def test_onset_gives_dates_in_utc_and_local_time(ensemble, tmp_path, undrawn):
-    onset = ('--start', '2006-07-14T22:00Z', '--timezone', 'Europe/Rome')
-    bag = record(tmp_path / 'flow', config=GRIDS)
-    notes = plot(tmp_path, bag, '--layers', 'arrival', '--at', '600', *onset)['notes']
-    assert notes['start of the eruption'] == '2006-07-14 22:00 UTC (2006-07-15 00:00 CEST)'
-    assert notes['maps show'] == '2006-07-14 22:10 UTC (2006-07-15 00:10 CEST)'
-    assert notes['isochrones'].startswith('5 min: 2006-07-14 22:05 UTC (2006-07-15 00:05 CEST)')
-    notes = plot(tmp_path, ensemble, '--start', '2026-01-01T13:00+01:00', *onset[2:])['notes']
-    assert notes['forecast until'] == '2026-01-01 12:03 UTC (13:03 CET)'
-
-
-def test_report_refuses_wrong_page_options(bag, tmp_path):
-    for option, value, words in (
-        ('--places', 'a.csv', "is 'a.csv', expected a file that exists"),
-        ('--scale', '1:2000', 'does not apply to .html, a page for a screen'),
-        ('--logo', 'a.png', "is 'a.png', expected a PNG or JPEG picture"),
-    ):
-        error = refused('map', bag, '-o', tmp_path / 'a.html', option, value)
-        assert f'{option} {words}' in error
-    assert not (tmp_path / 'a.html').exists()

@@ -195,7 +195,6 @@ def test_finished_run_is_never_changed(folder, tmp_path, monkeypatch):
     (('--maps', '0'), '--maps is 0'),
     (('--within', '1min', '--spacing', '5'), '--spacing and --within exclude each other'),
     (('--method', 'cells', '--on', 'inertia'), 'effects.inertia is True, expected false with'),
-    (('--on', 'crust', '--off', 'crust'), '--on crust and --off crust exclude each other'),
     (('--start', 'yesterday'), "start is 'yesterday'"),
     (('--threshold', '0'), '--threshold is 0'),
     # the simulation refuses these, after the folder has been made

@@ -115,7 +115,7 @@ def test_scale_bar_and_contours_are_round(width):
     assert f'{length:e}'[0] in '125' and float(f'{length:.0e}') == length
     assert 0.08 * width < length < 0.33 * width
     frame = Frame(GROUND * np.float32(width / 800.0), 10.0, (0.0, 0.0), {}, FRAME.vents, None, {})
-    interval = plot.contour_interval(frame, plot.extent_of(frame))
+    interval = plot.contour_interval(frame, frame.extent)
     assert f'{interval:e}'[0] in '125' and interval == pytest.approx(float(f'{interval:.0e}'))
 
 
@@ -124,7 +124,7 @@ def test_legend_has_the_contour_interval(page):
     (entry,) = [text for text in texts if text.startswith('elevation contours')]
     assert re.fullmatch('elevation contours every [125]0* m', entry)
     flat = Frame(np.ones((5, 5), np.float32), 1.0, (0.0, 0.0), {}, np.empty((0, 2)), None, {})
-    assert plot.contour_interval(flat, plot.extent_of(flat)) == 0.0
+    assert plot.contour_interval(flat, flat.extent) == 0.0
 
 
 def test_names_of_lines_and_areas_are_on_the_map(page):

@@ -34,7 +34,7 @@ PLACE = projected(TERRAIN, LONGITUDES[0], LATITUDE)
 
 
 def from_option(folder, longitude):
-    return place_as_typed('--vent', f'{longitude},{LATITUDE}', TERRAIN, on_terrain=True)
+    return place_as_typed('--vent', f'{longitude},{LATITUDE}', TERRAIN, must_be_covered=True)
 
 
 def from_letters(folder, longitude):

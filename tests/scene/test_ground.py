@@ -17,7 +17,7 @@ from lava_ros.forecast.observations import observed_in_file
 from lava_ros.products.gis import Provenance, write_grid
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.scene.features import load_features, read_features
-from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
+from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barriers
 from lava_ros.scene.terrain_files import barrier_tags, load_terrain
 from lava_ros.simulation.particles.terrain import ringed_heights
 
@@ -100,18 +100,18 @@ def _added(terrain: Terrain) -> np.ndarray:
 
 def test_barrier_has_its_height_width_and_sides():
     barrier = Barrier((_place(100, 205), _place(400, 205)), height=20.0, width=30.0)
-    added = _added(with_barrier(GROUND, barrier))
+    added = _added(with_barriers(GROUND, [barrier]))
     np.testing.assert_allclose(added[17:25, 25], [5, 15, 20, 20, 20, 15, 5, 0], atol=1e-4)
     assert added[20, 10:40].min() == pytest.approx(20.0)
     assert added[20, 3] == 0.0
     assert added[20, 47] == 0.0
-    assert with_barrier(GROUND, barrier).epsg == 32633
+    assert with_barriers(GROUND, [barrier]).epsg == 32633
 
 
 def test_thin_barrier_has_no_gap():
     """A wall narrower than a cell blocks flow between neighbours, including diagonal ones."""
     barrier = Barrier((_place(5, 5), _place(395, 385)), height=5.0, width=0.5, slope=100.0)
-    raised = _added(with_barrier(GROUND, barrier)) > 4.0
+    raised = _added(with_barriers(GROUND, [barrier])) > 4.0
     for row in range(1, 37):
         columns = np.flatnonzero(raised[row])
         following = np.flatnonzero(raised[row + 1])
@@ -127,7 +127,7 @@ def test_volume_of_a_barrier_is_that_of_its_cross_section(width, caplog):
     for cell in (1.0, 10.0):
         ground = Terrain(np.zeros((int(1000 / cell), int(1000 / cell))), cell)
         caplog.clear()
-        added = with_barrier(ground, barrier).elevation
+        added = with_barriers(ground, [barrier]).elevation
         volumes[cell] = float(added.sum(dtype=float)) * cell**2
         is_widened = bool(width < np.sqrt(2.0) * cell)
         assert is_widened is ('becomes 14.1 m wide on cells of 10 m' in caplog.text)
@@ -139,8 +139,8 @@ def test_volume_of_a_barrier_is_that_of_its_cross_section(width, caplog):
 def test_elevation_file_keeps_its_barriers(tmp_path, ending, caplog):
     """Damaged barriers, or those of another coordinate system, are only a warning."""
     line = (_place(100, 100), _place(300, 100), _place(300, 300))
-    dam = with_barrier(GROUND, Barrier(line, 8.0, 20.0))
-    dam = with_barrier(dam, Barrier(line[:2], 9.0, 20.0))
+    dam = with_barriers(GROUND, [Barrier(line, 8.0, 20.0)])
+    dam = with_barriers(dam, [Barrier(line[:2], 9.0, 20.0)])
     path = tmp_path / f'dam{ending}'
 
     def write(tags: dict[str, str], epsg: int = 32633) -> Terrain:
@@ -170,7 +170,7 @@ def test_barrier_and_filter_keep_cells_without_data():
     elevation = np.array(GROUND.elevation)
     elevation[20, 20:30] = np.nan
     holed = Terrain(elevation, 10.0)
-    raised = with_barrier(holed, Barrier(((100.0, 205.0), (400.0, 205.0)), 8.0, 20.0))
+    raised = with_barriers(holed, [Barrier(((100.0, 205.0), (400.0, 205.0)), 8.0, 20.0)])
     np.testing.assert_array_equal(raised.has_data, holed.has_data)
     smooth = low_pass(holed, 30.0)
     np.testing.assert_array_equal(smooth.has_data, holed.has_data)
@@ -190,7 +190,7 @@ def test_barrier_and_filter_keep_cells_without_data():
 def test_rejects_invalid_barriers(change, word):
     good: dict[str, Any] = {'line': ((0.0, 0.0), (100.0, 0.0)), 'height': 5.0, 'width': 5.0}
     with pytest.raises(LavaError, match=word):
-        with_barrier(GROUND, Barrier(**{**good, **change}))
+        with_barriers(GROUND, [Barrier(**{**good, **change})])
 
 
 def test_filter_removes_short_waves_and_keeps_planes():

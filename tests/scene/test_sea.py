@@ -13,7 +13,7 @@ from lava_ros.scene import Scene, scene_from_dict, scene_from_yaml, scene_to_dic
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import default_lava
-from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
+from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barriers
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.output.checkpoint import from_bytes
@@ -109,7 +109,7 @@ def test_events_have_the_sea_of_the_scene():
 
 def test_barrier_out_of_the_sea_is_ground():
     wall = Barrier(((350.0, 50.0), (350.0, 250.0)), height=40.0, width=20.0)
-    raised = with_barrier(COAST, wall)
+    raised = with_barriers(COAST, [wall])
     assert raised.sea_level == 0.0
     assert raised.has_data[15, 34] and not COAST.has_data[15, 34]
     assert COAST.is_sea.sum() > raised.is_sea.sum()

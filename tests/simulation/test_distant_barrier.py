@@ -11,7 +11,7 @@ import pytest
 from command_line import done
 from geodata import write_raster
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.scene.reshaping import Barrier, with_barrier
+from lava_ros.scene.reshaping import Barrier, with_barriers
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.particles.terrain import ringed_heights
@@ -46,7 +46,7 @@ def without():
 def test_distant_barrier_changes_no_bit_of_the_flow(name, without):
     known = FAR[name]
     barrier = Barrier(tuple(known['line']), known['height'], 20.0, known.get('slope', 1.0))
-    raised = with_barrier(GROUND, barrier)
+    raised = with_barriers(GROUND, [barrier])
     added = raised.elevation - GROUND.elevation
     assert added.max() > 4.0 and not (added * np.nan_to_num(without.inundated)).any()
     found = flow(raised)
@@ -58,7 +58,7 @@ def test_distant_barrier_changes_no_bit_of_the_flow(name, without):
 
 def test_near_barrier_changes_the_flow(without):
     line = ((500_300.0, 4_180_220.0), (500_500.0, 4_180_220.0))
-    found = flow(with_barrier(GROUND, Barrier(line, 15.0, 20.0)))
+    found = flow(with_barriers(GROUND, [Barrier(line, 15.0, 20.0)]))
     assert np.nanmax(np.abs(found.thickness - without.thickness)) > 1.0
 
 

@@ -28,11 +28,6 @@ def render_page(template: str, **content: Any) -> str:
     return pages.get_template(template).render(version=lava_ros.__version__, **content)
 
 
-def read_asset(name: str) -> str:
-    """Return the text of a style or script in this folder."""
-    return Path(__file__).with_name(name).read_text(encoding='utf-8')
-
-
 def write_static_page(
     output: Path, pictures: Sequence[tuple[str, Path]], *, template: str = 'still.html',
     **content: Any,
@@ -59,10 +54,9 @@ def write_static_page(
         # raises for a file without a picture
         read_picture('--logo', logo)
     content['logo'] = encoded(Path(logo)) if logo else ''
-    images = []
-    for title, path in pictures:
-        images.append((title, encoded(path)))
-    text = render_page(template, style=read_asset('report.css'), pictures=images, **content)
+    images = [(title, encoded(path)) for title, path in pictures]
+    style = Path(__file__).with_name('report.css').read_text(encoding='utf-8')
+    text = render_page(template, style=style, pictures=images, **content)
     write_output('output', output, text)
     return len(text.encode())
 

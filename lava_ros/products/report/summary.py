@@ -101,9 +101,8 @@ def _front_distance(frame: Frame, cells: np.ndarray, vents: np.ndarray) -> float
     rows, columns = np.nonzero(cells)
     if len(rows) == 0 or len(vents) == 0:
         return math.nan
-    x = frame.origin[0] + (columns + 0.5) * frame.resolution
-    y = frame.origin[1] + (rows + 0.5) * frame.resolution
-    nearest = np.full(len(x), np.inf)
+    x, y = frame.centres
+    nearest = np.full(len(rows), np.inf)
     for vent_x, vent_y in vents:
-        np.minimum(nearest, np.hypot(x - vent_x, y - vent_y), out=nearest)
+        np.minimum(nearest, np.hypot(x[columns] - vent_x, y[rows] - vent_y), out=nearest)
     return float(nearest.max())
