@@ -313,7 +313,7 @@ class CellSolver(CellLava):
         if effects.any('needs_age') and not needed_age:
             # ages count from now
             lava.emission_time[:] = self.time
-        constants = type(self.heat).on(self.state, self.scene, effects)
+        constants = self.new_heat()
         self.heat.law, self.heat.constants = constants.law, constants.constants
         self.heat.diffusivity = constants.diffusivity
         self.put(lava)
