@@ -7,9 +7,13 @@ import math
 
 import numpy as np
 
+from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.simulation.particles.terrain import averaged
 from lava_ros.simulation.setup.coarse_ground import halve_ground, subdivide_ground
+
+#: Maximum number of cells of a divided terrain: their arrays take 10 GB.
+MAX_CELLS = 2**26
 
 
 def grid_of(terrain: Terrain, spacing: float) -> Terrain:
@@ -17,9 +21,18 @@ def grid_of(terrain: Terrain, spacing: float) -> Terrain:
 
     The ground is the B-spline of the terrain, as for particles. Cells are not larger than the
     terrain allows, which needs two along each side.
+
+    Raises:
+        LavaError: If the spacing is too small for the terrain.
     """
     grid = terrain
     doublings = round(math.log2(spacing / terrain.resolution))
+    cells = terrain.shape[0] * terrain.shape[1]
+    halvings = max(math.floor(0.5 * math.log2(MAX_CELLS / cells)), 0)
+    if -doublings > halvings:
+        expected = f'at least {terrain.resolution * 0.5**halvings:.4g} m, because smaller cells '
+        expected += f'would be more than {MAX_CELLS}'
+        raise LavaError('accuracy.spacing', float(f'{spacing:.4g}'), expected)
     for _ in range(doublings):
         if min(grid.shape) < 4:
             break

@@ -157,6 +157,27 @@ def test_changes_of_vents_and_terrain_conserve_volume():
     assert np.isfinite(simulation.snapshot().arrived).sum() >= arrived
 
 
+@pytest.mark.parametrize(('side', 'knobs', 'message'), [
+    (40, {'spacing': 1.0}, r'accuracy.spacing is 1.0, expected at least 39.06 m, because'),
+    (600, {'refinement': 20.0}, r'accuracy.refinement is 20.0, expected one for which the auto'),
+])
+def test_refuses_more_cells_than_fit_into_memory(side, knobs, message):
+    vast = Terrain(np.zeros((side, side)), 5000.0)
+    with pytest.raises(LavaError, match=message):
+        simulated(vast, Vent((1e5, 1e5), 10.0), **knobs)
+
+
+def test_terrain_remains_if_the_next_one_is_refused():
+    simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0), spacing=5.0)
+    simulation.advance(100.0)
+    with pytest.raises(LavaError, match=r'accuracy.spacing is 5.0, expected at least 39.06 m'):
+        simulation.set_terrain(Terrain(np.zeros((40, 40)), 5000.0, origin=(-1e5, -1e5)))
+    simulation.advance(200.0)
+    budget = simulation.budget()
+    assert simulation.scene.terrain.shape == (60, 60)
+    assert budget.emitted == pytest.approx(2000.0) and budget.error < 1e-12
+
+
 def test_terrain_events_change_the_ground_at_their_times():
     wall = slope().elevation.astype(float)
     wall[:, 30:32] += 30.0
