@@ -9,6 +9,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
+from lava_ros.scene.terrain import MAX_SIDE_CELLS, RESOLUTION_RANGE
 from lava_ros.simulation.particles.terrain import averaged
 from lava_ros.simulation.setup.coarse_ground import halve_ground, subdivide_ground
 
@@ -27,14 +28,16 @@ def grid_of(terrain: Terrain, spacing: float) -> Terrain:
     """
     grid = terrain
     doublings = round(math.log2(spacing / terrain.resolution))
-    cells = terrain.shape[0] * terrain.shape[1]
-    halvings = max(math.floor(0.5 * math.log2(MAX_CELLS / cells)), 0)
-    if -doublings > halvings:
-        expected = f'at least {terrain.resolution * 0.5**halvings:.4g} m, because smaller cells '
-        expected += f'would be more than {MAX_CELLS}'
+    halvings = math.log2(min(
+        math.sqrt(MAX_CELLS / terrain.elevation.size), MAX_SIDE_CELLS / max(terrain.shape),
+        terrain.resolution / RESOLUTION_RANGE[0],
+    ))
+    if doublings < 0 and -doublings > halvings:
+        least = terrain.resolution * 0.5 ** max(math.floor(halvings), 0)
+        expected = f'at least {least:.4g} m, the smallest cells that the terrain may have'
         raise LavaError('accuracy.spacing', float(f'{spacing:.4g}'), expected)
     for _ in range(doublings):
-        if min(grid.shape) < 4:
+        if min(grid.shape) < 4 or 2.0 * grid.resolution > RESOLUTION_RANGE[1]:
             break
         grid = halve_ground(grid)
     for _ in range(-doublings):
