@@ -32,7 +32,7 @@ colcon: $(STAMP)  ## Build the package with colcon in an empty workspace, and ru
 	build/colcon/bin/python -m pip install --quiet --disable-pip-version-check 'colcon-common-extensions==0.3.0'
 	PYTHONPATH=$(CURDIR)/tests:$$(echo $(CURDIR)/build/colcon/lib/python3.*/site-packages):$$PYTHONPATH $(VENV)/bin/python tests/install/colcon_workspace.py
 
-hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minutes on 2 cores (ARGS='--scene cliff')
+hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minutes on 2 cores (ARGS='--scene cliff', '--method cells')
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run $(ARGS)
 
 hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each, and list the failures

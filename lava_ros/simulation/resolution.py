@@ -324,7 +324,9 @@ def resolved_accuracy(
 
 @contextmanager
 def naming_the_cause(scene: Scene, given: Accuracy) -> Iterator[None]:
-    """Refuse the vent or lava that has led to a refused spacing or thickness, unless it was given.
+    """Refuse what has led to a refused spacing or thickness, unless the user has given that.
+
+    It is the strongest vent, the lava without vents, or for the spacing of cells the refinement.
 
     Raises:
         LavaError: In place of that of an automatic ``accuracy.spacing`` or ``accuracy.thickness``.
@@ -337,7 +339,9 @@ def naming_the_cause(scene: Scene, given: Accuracy) -> Iterator[None]:
             raise
         field, value = 'lava.viscosity', scene.lava.viscosity
         peaks = [vent.peak for vent in scene.vents]
-        if peaks:
+        if given.method == 'cells' and name == 'spacing':
+            field, value = 'accuracy.refinement', given.refinement
+        elif peaks:
             value = max(peaks)
             field = f'vents[{peaks.index(value)}].discharge'
         expected = f'one for which the automatic {name} of {error.value:.3g} m is '

@@ -11,10 +11,11 @@ from hypothesis import assume
 from hypothesis import strategies as st
 import numpy as np
 
+from hard.cells import without_missing
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import MAX_VENT_VISCOSITY, Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
-from lava_ros.simulation.accuracy import Accuracy, expected_thickness
+from lava_ros.simulation.accuracy import Accuracy, expected_thickness, METHODS
 from lava_ros.simulation.presets import preset_accuracy
 
 #: Effects that are compiled for every test run.
@@ -159,7 +160,7 @@ def vents_on(draw: Any, terrain: Terrain, lava: Lava, limit: int = 3) -> tuple[V
 
 @st.composite
 def extreme_scenes(draw: Any) -> tuple[Scene, Accuracy, float]:
-    """Draw a scene of any size and rate, its resolution, and a horizon [s]."""
+    """Draw a scene of any size and rate, its method and resolution, and a horizon [s]."""
     side, cell = draw(st.sampled_from((2, 3, 40))), draw(powers(1e-3, 1e4))
     slope = draw(st.sampled_from((0.0, 1e-3, 0.1, 5.0)))
     z = np.clip(slope * cell * np.mgrid[0:side, 0:side][1], 0.0, 9e4)
@@ -180,7 +181,8 @@ def extreme_scenes(draw: Any) -> tuple[Scene, Accuracy, float]:
     )
     accuracy = preset_accuracy(draw(st.sampled_from(('draft', 'standard', 'fine'))))
     accuracy = replace(
-        accuracy, spacing=draw(st.none() | powers(1e-5, 1e5)),
+        accuracy, method=draw(st.sampled_from(METHODS)),
+        spacing=draw(st.none() | powers(1e-5, 1e5)),
         thickness=draw(st.none() | powers(1e-6, 3e3)),
     )
     scene = Scene(Terrain(z, cell), vents, lava, gravity=draw(powers(0.1, 30.0)))
@@ -215,7 +217,7 @@ def _fitting(effects: Effects, lava: Lava) -> Lava:
 
 @st.composite
 def trials(draw: Any, *, all_effects: bool) -> Trial:
-    """Draw a scene, its physics, resolution and duration, and changes during the run."""
+    """Draw a scene, its physics, method, resolution and duration, and changes of the run."""
     effects = draw(any_effects() if all_effects else st.sampled_from(COMMON))
     terrain = draw(terrains())
     lava = _fitting(effects, draw(materials()))
@@ -227,8 +229,10 @@ def trials(draw: Any, *, all_effects: bool) -> Trial:
     accuracy = preset_accuracy(draw(st.sampled_from(('draft', 'standard'))))
     if all_effects and draw(st.integers(0, 3)) == 0:
         accuracy = preset_accuracy('reference')
-    spacing = terrain.resolution / accuracy.refinement
-    accuracy = replace(accuracy, spacing=spacing)
+    spacing, method = terrain.resolution / accuracy.refinement, draw(st.sampled_from(METHODS))
+    accuracy = replace(accuracy, spacing=spacing, method=method)
+    if method == 'cells':
+        effects = without_missing(effects)
     flux = sum(max(q for _, q in vent.series) for vent in vents) or 1.0
     fraction = draw(st.just(0.0) | st.floats(0.01, 1.0))
     particle = spacing**2 * expected_thickness(scene)

@@ -69,9 +69,9 @@ PLACES = (
     '0,0', '1e300,0', 'nan,nan', '1,2,3', ',', 'inf,5', '200,100', '200,100.0000001', '0,1e-200',
 )
 NAMES = (
-    'draft', 'cpu', 'cuda:0', 'inertia', 'etna_basalt', 'steps', 'viscosity', 'viscosity=1:2',
-    'viscosity=nan:inf', 'discharge=-1:1e300', 'new.json', 'none/new.json', 'ground.npz', 'valley',
-    'scene.yaml', '.', 'x' * 300, '\udcff',
+    'draft', 'cells', 'auto', 'cpu', 'cuda:0', 'inertia', 'etna_basalt', 'steps', 'viscosity',
+    'viscosity=1:2', 'viscosity=nan:inf', 'discharge=-1:1e300', 'new.json', 'none/new.json',
+    'ground.npz', 'valley', 'scene.yaml', '.', 'x' * 300, '\udcff',
 )
 WORDS = {
     int: st.sampled_from(WHOLE) | st.integers(-10, 200).map(str),

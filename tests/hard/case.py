@@ -64,6 +64,7 @@ class HardScene:
         closed: True if no lava may leave the map.
         most_steps: Maximum number of steps by preset: noise in the speeds increases it.
         reaches: Minimum distance from (0, 0) that lava has reached at the end [m].
+        solidified: Maximum fraction of the emitted volume that has solidified at the end.
         since: Time at which the clock starts [s].
         longest_step: Longest step instead of the presets' [s], where theirs would take too long.
         halved: True if a run with steps half as long is compared; False where runs are long, or
@@ -87,6 +88,7 @@ class HardScene:
     closed: bool = False
     most_steps: Mapping[str, int] = field(default_factory=dict)
     reaches: float = 0.0
+    solidified: float = 1.0
     since: float = 0.0
     longest_step: float | None = None
     halved: bool = True

@@ -39,10 +39,9 @@ import math
 import numpy as np
 from scipy.special import k0, k1
 
-from hard.ground import along, Bound, head, lift, Moment
+from hard.ground import along, Bound, head, is_on_cells, lift, Moment
 from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.simulation.particles.kernels import SQUARED_SUPPORT
-from lava_ros.simulation.particles.layout import STEPS
 
 #: Tolerance of temperatures in float32 digits.
 DIGITS = 16
@@ -102,7 +101,7 @@ class Temperature:
             if effects.green or effects.helmholtz:
                 extent = float(np.hypot(*np.ptp(moment.lava.position, axis=0)))
                 self._widest = max(self._widest, extent)
-                radius = moment.simulation.accuracy.radius
+                radius = moment.reach
                 height += STEEPEST * self._thickest / radius * self._widest
             fall = scene.gravity / scene.lava.specific_heat * height
         above = float(temperature.max()) - self.hottest
@@ -157,7 +156,7 @@ class Energy:
         received += max(moment.budget.frozen - last.budget.frozen, 0.0) * thickest
         relief = float(lava.volume.sum()) * (moment.ground.relief + moment.thickest)
         received += ENERGY * max(relief, before.energy)
-        steps = max(int(moment.counts[STEPS] - last.counts[STEPS]), 1)
+        steps = max(moment.steps - last.steps, 1)
         square = ((moment.time - last.time) / steps) ** 2
         # half a step of the previous frame may have been longer
         received += max(self._half_kick, max(before.half_kick, now.half_kick) * square)
@@ -183,7 +182,8 @@ def _account(moment: Moment) -> _Account:
     gravity, energy, half_kick = simulation.scene.gravity, 0.0, 0.0
     if len(lava.volume):
         inertia = simulation.effects.inertia
-        thickness = lava.thickness if inertia else _sum_of(moment)
+        is_exact = inertia or is_on_cells(simulation)
+        thickness = lava.thickness if is_exact else _sum_of(moment)
         height = ground.height(lava.position) - ground.lowest
         energy = float((lava.volume * (0.5 * thickness + height)).sum())
         if inertia:

@@ -8,11 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import cached_property
 import math
+from typing import Any
 
 import numpy as np
 
+from hard import cells
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.cells import state as cell_state
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.particles.layout import EVALUATIONS, STAGE, STEPS
 
@@ -24,20 +27,28 @@ MAX_SAMPLES = 4000
 
 
 class Ground:
-    """The ground of the solver including solidified lava, implemented independently in numpy."""
+    """The ground of the solver including solidified lava, implemented independently in numpy.
+
+    It is a quadratic B-spline for particles, and has one height in each cell for cells.
+    """
 
     def __init__(self, simulation: Simulation) -> None:
-        terrain = simulation.scene.terrain
-        self._terrain = terrain
-        self._heights = simulation.solver.terrain.height.numpy().astype(np.float64)
+        self._terrain, self._is_spline = terrain_of(simulation), not is_on_cells(simulation)
+        solver: Any = simulation.solver
+        if self._is_spline:
+            self._heights = solver.terrain.height.numpy().astype(np.float64)
+        else:
+            self._heights = solver.heat.elevation.numpy() + solver.heat.frozen.numpy()
         self.lowest = float(self._heights.min())
         self.relief = float(self._heights.max()) - self.lowest
 
     def height(self, position: np.ndarray) -> np.ndarray:
-        """Return the height of the quadratic B-spline at map positions [m], shape [count]."""
+        """Return the height of the ground at map positions [m], shape [count]."""
         place = (position - np.asarray(self._terrain.origin)) / self._terrain.resolution
         last = np.array(self._terrain.shape[::-1]) - 1
         cell = np.clip(np.floor(place).astype(int), 0, last)
+        if not self._is_spline:
+            return np.asarray(self._heights[cell[:, 1] + 1, cell[:, 0] + 1])
         t = np.clip(place - cell - 0.5, -0.5, 0.5)
         weights = np.stack([0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2])
         total = np.zeros(len(position))
@@ -111,11 +122,18 @@ class Moment:
         self.time = simulation.time
         self.lava = simulation.sample()
         self.budget = simulation.budget()
-        # copied: on a CPU the array is the solver's own
-        self.counts = simulation.solver.state.counts.numpy().copy()
+        #: Numbers of steps and of evaluations of the flow.
+        self.steps, self.evaluations, _ = counts_of(simulation)
         #: Volume that the vents have emitted [m3].
         self.given = self.budget.emitted - self.budget.pending
         self.thickest = float(self.lava.thickness.max(initial=0.0))
+
+    @property
+    def reach(self) -> float:
+        """Distance within which the solver does not resolve heights [m]."""
+        if is_on_cells(self.simulation):
+            return terrain_of(self.simulation).resolution
+        return self.simulation.accuracy.radius
 
     @cached_property
     def ground(self) -> Ground:
@@ -142,19 +160,40 @@ def along(
     again = Simulation.resume(start, device=simulation.device)
     if start.scene.vents != simulation.scene.vents:
         again.set_vents(simulation.scene.vents)
-    counts, every = again.solver.state.counts, 1 + steps // MAX_SAMPLES
+    if is_on_cells(again):
+        cells.take_single_steps(again.solver)
+    every = 1 + steps // MAX_SAMPLES
     begun, former, is_taken = start.time, rate(Moment(again)), True
-    step, spent = (int(counts.numpy()[count]) for count in (STEPS, EVALUATIONS))
+    step, spent, _ = counts_of(again)
     for _ in again.advancing(simulation.time):
-        stage, reached, total = (
-            int(counts.numpy()[count]) for count in (STAGE, STEPS, EVALUATIONS)
-        )
+        reached, total, stage = counts_of(again)
         if stage == 0 and reached > step:
             was_taken, is_taken = is_taken, reached % every == 0
             now = rate(Moment(again)) if was_taken or is_taken else 0.0
             if was_taken:
                 yield former, now, every * (again.time - begun), every * (total - spent)
             begun, step, former, spent = again.time, reached, now, total
+
+
+def is_on_cells(simulation: Simulation) -> bool:
+    """Return True if cells carry the lava."""
+    return simulation.accuracy.method == 'cells'
+
+
+def terrain_of(simulation: Simulation) -> Terrain:
+    """Return the ground on the cells that the solver uses."""
+    solver: Any = simulation.solver
+    terrain: Terrain = solver.grid if is_on_cells(simulation) else solver.scene.terrain
+    return terrain
+
+
+def counts_of(simulation: Simulation) -> tuple[int, int, int]:
+    """Return the numbers of steps, of evaluations of the flow, and of stages of a begun step."""
+    solver: Any = simulation.solver
+    if is_on_cells(simulation):
+        return int(solver.counts[cell_state.STEPS]), int(solver.counts[cell_state.EVALUATIONS]), 0
+    counts = solver.state.counts.numpy()
+    return int(counts[STEPS]), int(counts[EVALUATIONS]), int(counts[STAGE])
 
 
 def lift(former: Terrain, terrain: Terrain) -> float:

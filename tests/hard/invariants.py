@@ -33,6 +33,8 @@ cost   Velocity evaluations in a frame are at most ``COST`` times those that the
        (``ground.along``).
 energy, heat, temperature  energy.py
 
+The module ``cells`` has what differs for lava on cells.
+
 With ``Watch.renew`` a change from outside (a new terrain) is taken as it is.
 """
 
@@ -45,12 +47,12 @@ import math
 
 import numpy as np
 
+from hard import cells
 from hard.energy import Energy, Temperature
-from hard.ground import along, Bound, distance, head, Moment
+from hard.ground import along, Bound, distance, head, is_on_cells, Moment, terrain_of
 from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.accuracy import expected_thickness
 from lava_ros.simulation.particles.kernels import smoothing_kernel
-from lava_ros.simulation.particles.layout import EVALUATIONS, STEPS
 from lava_ros.simulation.step.stage import longest_step
 from lava_ros.simulation.step.timestep import MAX_STAGES
 from lava_ros.verification.bounds import bound
@@ -97,7 +99,7 @@ class Heights:
                 self._top = max(self._top, ground.highest(vent, 0.0) + above)
                 if moment.simulation.effects.inertia:
                     self._head = max(self._head, head(vent, scene.gravity))
-            reach = vent.radius + moment.simulation.accuracy.radius
+            reach = vent.radius + moment.reach
             near = distance(places, vent.position, vent.end) < reach
             if near.any():
                 self._top = max(self._top, float(moment.surface[near].max()))
@@ -112,7 +114,7 @@ class Heights:
         self._since = moment.time
 
     def _placed(self, moment: Moment) -> Iterator[Bound]:
-        terrain, places = moment.simulation.scene.terrain, moment.lava.position
+        terrain, places = terrain_of(moment.simulation), moment.lava.position
         place = (places - terrain.origin) / terrain.resolution
         cell = np.floor(place).astype(int)
         rows, columns = terrain.shape
@@ -136,14 +138,18 @@ class Heights:
 
         if simulation.effects.inertia:
             self._head = max(self._head, float(heads.max()))
-        elif simulation.accuracy.formulation != 'as-published':
+        elif not (
+            simulation.accuracy.formulation == 'as-published' or is_on_cells(simulation)
+        ):
             self._source = max(self._source, self._top)
             fall = np.maximum(self._source - surface + lava.thickness, 0.0)
             most = (fall + lava.thickness) * (1.0 + FALL)
             worst = int(np.argmax(heads / most))
             yield 'fall', float(heads[worst]), float(most[worst]), at(worst)
-        rise = moment.ground.rise(lava.position, simulation.accuracy.radius)
-        tolerance = np.minimum(lava.thickness, rise) + LEVEL * lava.thickness
+        tolerance = LEVEL * lava.thickness
+        if not is_on_cells(simulation):
+            rise = moment.ground.rise(lava.position, moment.reach)
+            tolerance += np.minimum(lava.thickness, rise)
         # 64 roundings of 2^-24, for a sum over as many neighbours
         tolerance += 2.0**-18 * max(abs(self._top), moment.thickest)
         climb = self._head
@@ -178,16 +184,18 @@ class Cost:
         """Yield the cost of the frame that ends."""
         last, simulation, now = self._last, moment.simulation, pace(moment)
         span = moment.time - last.time
-        evaluations, steps = (
-            int(moment.counts[count] - last.counts[count]) for count in (EVALUATIONS, STEPS)
-        )
+        evaluations = moment.evaluations - last.evaluations
+        steps = moment.steps - last.steps
         if span > 0.0 and steps > 0:
             self.smallest_step = min(self.smallest_step, span / steps)
             self.highest = max(self.highest, evaluations / span)
             if simulation.accuracy.fixed_step is None:
-                # the frame's end may divide a step, and so may each emitted particle
-                came = (moment.given - last.given) / simulation.accuracy.particle_volume
-                cuts = 2.0 * (MAX_STAGES + came)
+                if is_on_cells(simulation):
+                    cuts = cells.CUTS
+                else:
+                    # the frame's end may divide a step, and so may each emitted particle
+                    came = (moment.given - last.given) / simulation.accuracy.particle_volume
+                    cuts = 2.0 * (MAX_STAGES + came)
                 most = COST * (max(now, self._pace) * span + cuts)
                 if evaluations > most:
                     # each step's s follows the lava at its start
@@ -201,6 +209,8 @@ class Cost:
 def pace(moment: Moment) -> float:
     """Return the evaluations per second that the current lava requires, with maximum steps."""
     simulation, sample = moment.simulation, moment.lava
+    if is_on_cells(simulation):
+        return cells.pace(simulation)
     accuracy, scene = simulation.accuracy, simulation.scene
     reach = simulation.solver.stage.constants.reach
     ends, limits, _ = simulation.solver.vents.step_limits.T

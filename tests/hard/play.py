@@ -17,29 +17,37 @@ halving   With steps half as long the radius of the inundated area changes by no
           as large. An error of first order in the step then changes by half as much again.
 symmetry  At ``reference`` a mirrored scene's thickness differs from its mirror image by no more
           than ``MIRRORED`` of the largest, at every frame until the scene's ``mirrored_until``.
-left, rest, distinct, spread, cost
+left, rest, distinct, spread, cost, solidified
           Requirements of single scenes: ``case.HardScene``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 import math
 import time as wall_clock
+from typing import Any
 
 import numpy as np
 
+from hard import cells
 from hard.case import HardScene, PHYSICS
+from hard.ground import is_on_cells
 from hard.invariants import Violation, Watch
 from lava_ros.effects import Effects
 from lava_ros.simulation import Particles, Simulation, Snapshot
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.cells import state as cell_state
+from lava_ros.simulation.output.snapshot import ParticleSample
 from lava_ros.simulation.particles.layout import TIME
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
 
 #: The presets that have to keep the invariants.
 KEPT = ('draft', 'standard', 'fine', 'reference')
+
+#: The same by method: the cells of `fine` are those of `standard`.
+PRESETS_OF = {'particles': KEPT, 'cells': tuple(name for name in KEPT if name != 'fine')}
 
 #: Maximum difference of a mirrored scene's thickness from its mirror image, over the largest.
 MIRRORED = 1e-6
@@ -98,8 +106,8 @@ class Outcome:
 
 
 def play(
-    item: HardScene, preset: str, *, device: str | None = 'cpu', compare: bool = True,
-    wall_limit: float | None = None,
+    item: HardScene, preset: str, *, method: str = 'particles', device: str | None = 'cpu',
+    compare: bool = True, wall_limit: float | None = None,
 ) -> Outcome:
     """Run a scene at a preset with checks, and stop it after a wall time [s].
 
@@ -107,14 +115,16 @@ def play(
     """
     start = wall_clock.monotonic()
     outcome = Outcome(item.name, preset, until=item.until)
-    accuracy = replace(preset_accuracy(preset), thickness=item.thickness)
+    accuracy = replace(preset_accuracy(preset), method=method, thickness=item.thickness)
     if item.longest_step is not None:
         accuracy = replace(accuracy, longest_step=item.longest_step)
     simulation = simulation_of(item, accuracy, device)
     watch = Watch(simulation, dry=item.dry, raises=False)
-    before = simulation.sample().position
+    before, lengths = simulation.sample(), []
     for moment in _moments(item, accuracy.fixed_step):
+        begun = simulation.time, simulation.steps
         outcome.is_cut = not _advance(simulation, item, moment, start, wall_limit)
+        lengths.append((simulation.time - begun[0]) / max(simulation.steps - begun[1], 1))
         snapshot = simulation.snapshot()
         watch.check(snapshot)
         outcome.volume_error = max(outcome.volume_error, snapshot.budget.error)
@@ -131,29 +141,34 @@ def play(
         for asked in _requirements(item, outcome, before, simulation):
             _require(outcome, *asked)
         if compare and item.halved:
-            _compare(item, outcome, simulation.accuracy, footprint(snapshot), device)
+            _compare(item, outcome, simulation, lengths)
     outcome.wall_time = wall_clock.monotonic() - start
     return outcome
 
 
 def _requirements(
-    item: HardScene, outcome: Outcome, before: np.ndarray, simulation: Simulation
+    item: HardScene, outcome: Outcome, before: ParticleSample, simulation: Simulation
 ) -> Iterator[tuple[str, float, float]]:
     """Yield the requirements of a single scene: the invariant, its value, and its maximum."""
     places = simulation.sample().position
     if item.still:
         moved = math.inf
-        if len(places) == len(before):
-            one, other = (array[np.lexsort(array.T)] for array in (before, places))
+        if len(places) == len(before.position):
+            one, other = (array[np.lexsort(array.T)] for array in (before.position, places))
             moved = float(np.abs(one - other).max())
+            if is_on_cells(simulation):
+                moved += float(np.abs(before.thickness - simulation.sample().thickness).max())
         # a float32 has 2^-24 of half the map
         yield 'rest', moved, 2.0**-22 * max(simulation.scene.terrain.extent)
     if item.distinct:
         yield 'distinct', len(places) - len(np.unique(places, axis=0)), 0
-    if outcome.preset in item.most_steps:
+    if outcome.preset in item.most_steps and not is_on_cells(simulation):
         yield 'cost', outcome.steps, item.most_steps[outcome.preset]
     if item.reaches:
         yield 'spread', -float(np.hypot(*places.T).max(initial=0.0)), -item.reaches
+    if item.solidified < 1.0:
+        budget = simulation.budget()
+        yield 'solidified', budget.frozen, item.solidified * budget.emitted
     if item.closed:
         yield 'left', simulation.budget().left, 0.0
     if outcome.preset == 'reference' and item.mirrored:
@@ -168,13 +183,19 @@ def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Si
     if accuracy.formulation == 'as-published':
         without = dict.fromkeys(('inertia', 'helmholtz'), False)
         effects = replace(effects, **without) if isinstance(effects, Effects) else without
+    if accuracy.method == 'cells' and isinstance(effects, Effects):
+        effects = cells.without_missing(effects)
     simulation = Simulation(
         item.scene, effects=effects, accuracy=replace(accuracy, spacing=spacing), device=device,
         particles=item.lava(spacing) if item.lava else None,
     )
-    clock = simulation.solver.state.clock.numpy()
-    clock[TIME] = item.since
-    simulation.solver.state.clock.assign(clock)
+    solver: Any = simulation.solver
+    if is_on_cells(simulation):
+        solver.clock[cell_state.TIME] = item.since
+    else:
+        clock = solver.state.clock.numpy()
+        clock[TIME] = item.since
+        solver.state.clock.assign(clock)
     return simulation
 
 
@@ -194,14 +215,16 @@ def _moments(item: HardScene, step: float | None = None) -> list[float]:
 def _advance(
     simulation: Simulation, item: HardScene, moment: float, start: float, limit: float | None
 ) -> bool:
-    """Advance to a moment; return False if the wall time was up before.
-
-    Events happen right after the check of their moment.
-    """
-    if simulation.time in item.events:
-        item.events[simulation.time](simulation)
+    """Advance to a moment; return False if the wall time was up before."""
+    _happen(simulation, item)
     left = None if limit is None else limit - (wall_clock.monotonic() - start)
     return simulation.advance(moment, wall_limit=left) >= moment
+
+
+def _happen(simulation: Simulation, item: HardScene) -> None:
+    """Let an event of the current time happen, right after the check of its moment."""
+    if simulation.time in item.events:
+        item.events[simulation.time](simulation)
 
 
 def _require(outcome: Outcome, name: str, value: float, most: float) -> None:
@@ -210,18 +233,28 @@ def _require(outcome: Outcome, name: str, value: float, most: float) -> None:
 
 
 def _compare(
-    item: HardScene, outcome: Outcome, accuracy: Accuracy, whole: np.ndarray, device: str | None
+    item: HardScene, outcome: Outcome, simulation: Simulation, lengths: Sequence[float]
 ) -> None:
-    """Compare the footprint with that of a run with steps half as long (module docstring)."""
+    """Compare the footprint with that of a run with steps half as long (module docstring).
+
+    ``lengths`` are the mean steps until each moment [s].
+    """
+    accuracy, device = simulation.accuracy, simulation.device
+    is_by_length = is_on_cells(simulation)
+    least = accuracy.inundation_threshold if is_by_length else 0.0
+    whole = footprint(simulation.snapshot(), least)
 
     def change(fraction: float, played: HardScene = item) -> float:
         """Return the change of the footprint with steps of a fraction of their length."""
         shorter = {name: fraction * getattr(accuracy, name)
                    for name in ('courant_number', 'longest_step')}
-        simulation = simulation_of(played, replace(accuracy, **shorter), device)
-        for moment in _moments(item):
-            _advance(simulation, item, moment, 0.0, None)
-        return footprint_change(whole, footprint(simulation.snapshot()))
+        other = simulation_of(played, replace(accuracy, **shorter), device)
+        for moment, length in zip(_moments(item), lengths, strict=True):
+            _happen(other, item)
+            if is_by_length:
+                cells.limit_steps(other, fraction * length)
+            other.advance(moment)
+        return footprint_change(whole, footprint(other.snapshot(), least))
 
     found = change(0.5)
     bound = PRESETS[outcome.preset].errors['edge'] + _cell_fraction(whole)
@@ -269,9 +302,9 @@ def _shaken(item: HardScene, seed: int) -> HardScene:
     return replace(item, scene=shaken, lava=None if lava is None else shaken_lava)
 
 
-def footprint(snapshot: Snapshot) -> np.ndarray:
-    """Return the cells with lava, bool, shape [rows, columns]."""
-    return np.nan_to_num(snapshot.thickness) > 0.0
+def footprint(snapshot: Snapshot, least: float = 0.0) -> np.ndarray:
+    """Return the cells with lava thicker than ``least`` [m], bool, shape [rows, columns]."""
+    return np.nan_to_num(snapshot.thickness) > least
 
 
 def footprint_change(one: np.ndarray, other: np.ndarray) -> float:

@@ -22,24 +22,30 @@ from typing import Any
 import warp as wp
 
 from hard.invariants import Violation
-from hard.play import KEPT, Outcome, play
+from hard.play import KEPT, Outcome, play, PRESETS_OF
 from hard.scenes import FAMILIES, SCENES
 from lava_ros.cli.console import Progress, table_lines
+from lava_ros.simulation.accuracy import METHODS
 from lava_ros.simulation.backend.threads import use_threads
 from lava_ros.verification.measure import file_stem, machine_name
 from lava_ros.verification.rows import write_csv
 
 PUBLISHED = 'as-published'
 
-#: A scene, a preset, the device, and the maximum wall time [s].
-Task = tuple[str, str, str, float | None]
+#: A scene, a preset, the method, the device, and the maximum wall time [s].
+Task = tuple[str, str, str, str, float | None]
 
 
-def _played(scene: str, preset: str, device: str, wall_limit: float | None) -> Outcome:
+def _played(
+    scene: str, preset: str, method: str, device: str, wall_limit: float | None
+) -> Outcome:
     """Run a scene; an exception is an outcome with a violation."""
     compare = preset != PUBLISHED
     try:
-        return play(SCENES[scene], preset, device=device, compare=compare, wall_limit=wall_limit)
+        return play(
+            SCENES[scene], preset, method=method, device=device, compare=compare,
+            wall_limit=wall_limit,
+        )
     except Exception as error:
         raised = Violation('exception', math.nan, 0.0, math.nan, repr(error))
         return Outcome(scene, preset, violations=[raised])
@@ -52,6 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--published', action='store_true', help="the paper's settings instead of the presets"
     )
+    parser.add_argument(
+        '--method', choices=METHODS, default='particles',
+        help='carriers of the lava; cells without the effects that they lack (default: particles)',
+    )
     parser.add_argument('--scene', action='append', choices=[*SCENES, *FAMILIES], metavar='NAME')
     parser.add_argument('--device', action='append', help='cpu or cuda:0 (default: all)')
     parser.add_argument('--jobs', type=int, default=2, help='processes (default: 2)')
@@ -59,9 +69,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         '--limit', type=float, default=10.0,
         help='wall time of a scene at the paper\'s settings [s] (default: 10)',
     )
-    parser.add_argument('--csv', type=Path, metavar='FOLDER', help='write hard_cpu.csv and '
-                        'hard_as_published_cpu.csv there, or of another device')
+    parser.add_argument('--csv', type=Path, metavar='FOLDER', help='write hard_cpu.csv, '
+                        'hard_cells_cpu.csv or hard_as_published_cpu.csv there, or of another '
+                        'device')
     options = parser.parse_args(arguments)
+    if options.published and options.method != 'particles':
+        parser.error('--published is for particles: the paper has no cells')
+    presets = [
+        name for name in PRESETS_OF[options.method] if name in (options.preset or (name,))
+    ]
+    if not presets:
+        parser.error(f'--method {options.method} has the same cells at fine as at standard')
     if options.csv:
         options.csv.mkdir(parents=True, exist_ok=True)
     # one thread per process
@@ -69,7 +87,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = options.scene or [*SCENES]
     names = [name for name, item in SCENES.items()
              if name in asked or any(item in FAMILIES.get(family, ()) for family in asked)]
-    presets = [name for name in KEPT if name in (options.preset or (name,))]
     if options.published:
         presets = [PUBLISHED]
     devices = options.device or [str(device) for device in wp.get_devices()]
@@ -82,17 +99,22 @@ def _run_on(
 ) -> list[str]:
     """Run the scenes at the presets; return the verdicts."""
     limit = options.limit if options.published else None
-    tasks = [(name, preset, device, limit) for preset in reversed(presets) for name in names]
+    tasks = [
+        (name, preset, options.method, device, limit)
+        for preset in reversed(presets) for name in names
+    ]
     outcomes = run(tasks, options.jobs)
     order = {name: index for index, name in enumerate(names)}
     outcomes.sort(key=lambda item: (order[item.scene], presets.index(item.preset)))
     title, name = 'At the presets', 'hard'
+    if options.method == 'cells':
+        title, name = 'On cells, at the presets', 'hard_cells'
     if options.published:
         title, name = f'At the paper\'s settings, {options.limit:g} s each', 'hard_as_published'
     print(table(f'{title}, {device}', outcomes))
     print(summary(outcomes))
     if options.csv:
-        rows = [_row(item, device) for item in outcomes]
+        rows = [_row(item, options.method, device) for item in outcomes]
         write_csv(rows, options.csv / f'{name}_{file_stem(device)}.csv')
     return [item.verdict for item in outcomes]
 
@@ -148,10 +170,12 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     return '\n'.join(lines)
 
 
-def _row(item: Outcome, device: str) -> dict[str, Any]:
+def _row(item: Outcome, method: str, device: str) -> dict[str, Any]:
     """Return an outcome by the columns of a file, in seconds and fractions; None: not measured."""
     family = next(name for name, scenes in FAMILIES.items() if SCENES[item.scene] in scenes)
     command = 'make hard-published' if item.preset == PUBLISHED else 'make hard'
+    words = ['--method cells'] if method == 'cells' else []
+    words += [] if device == 'cpu' else [f'--device {device}']
     row = {
         'case': item.scene, 'family': family, 'preset': item.preset, 'verdict': item.verdict,
         'simulated_s': item.time, 'until_s': item.until, 'particles': item.particles,
@@ -160,7 +184,7 @@ def _row(item: Outcome, device: str) -> dict[str, Any]:
         'footprint_change': item.footprint_change, 'footprint_bound': item.footprint_bound,
         'asymmetry': item.asymmetry, 'wall_s': round(item.wall_time, 2),
         'what': '; '.join(map(str, item.violations)), 'machine': machine_name(device),
-        'command': command + ('' if device == 'cpu' else f" ARGS='--device {device}'"),
+        'command': command + (f" ARGS='{' '.join(words)}'" if words else ''),
     }
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value

@@ -21,7 +21,8 @@ from hard.scenes import FAMILIES, SCENES
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy, METHODS
+from lava_ros.simulation.cells import solver as cell_solver
 from lava_ros.simulation.step import stage
 
 #: A scene of each family that violated an invariant, or cost most, in earlier versions of the
@@ -40,6 +41,7 @@ HARD = (
 )
 
 
+@pytest.mark.parametrize('method', METHODS)
 @pytest.mark.parametrize(
     ('name', 'compare'),
     [
@@ -47,9 +49,9 @@ HARD = (
         *(pytest.param(name, True, marks=pytest.mark.nightly) for name in (*HARDEST, *HARD)),
     ],
 )
-def test_the_hardest_scenes_keep_every_invariant(name, compare, device):
+def test_the_hardest_scenes_keep_every_invariant(name, compare, method, device):
     """Nightly also with steps half as long."""
-    outcome = play(SCENES[name], 'standard', device=device, compare=compare)
+    outcome = play(SCENES[name], 'standard', method=method, device=device, compare=compare)
     assert outcome.verdict == 'holds', outcome.violations
 
 
@@ -80,11 +82,13 @@ def test_rejects_lava_that_piles_up_at_its_vent(device):
         simulation.snapshot()
 
 
-def _film(effects: Effects = PHYSICS['plain'], **lava: float) -> Simulation:
+def _film(
+    effects: Effects = PHYSICS['plain'], method: str = 'particles', **lava: float
+) -> Simulation:
     item = SCENES['film_1_mm']
     return Simulation(
         replace(item.scene, lava=replace(item.scene.lava, **lava)), effects=effects,
-        accuracy=Accuracy(thickness=0.001), device='cpu', particles=item.lava(5.0),
+        accuracy=Accuracy(method=method, thickness=0.001), device='cpu', particles=item.lava(5.0),
     )
 
 
@@ -108,6 +112,30 @@ def test_watch_detects_an_invalid_particle(column, value, invariant):
         watch.check()
 
 
+@pytest.mark.spoils_volume
+@pytest.mark.parametrize(
+    ('name', 'row', 'value', 'invariant'),
+    [
+        ('thickness', 22, np.nan, 'finite'), ('thickness', 22, 0.002, 'volume'),
+        ('temperature', 22, 1500.0, 'temperature'), ('temperature', 22, 200.0, 'temperature'),
+        ('thickness', 31, 0.001, 'energy'), ('thickness', 31, 0.001, 'climb'),
+    ],
+)
+def test_watch_detects_an_invalid_cell(name, row, value, invariant):
+    simulation = _film(method='cells')
+    watch = Watch(simulation)
+    watch.check()
+    lava = simulation.solver.columns()
+    if row == 31:
+        # lava moves up to the edge of the map
+        lava.thickness[22, 16] = 0.0
+    getattr(lava, name)[row, 16] = value
+    simulation.solver.put(lava)
+    simulation.advance(1e-3)
+    with pytest.raises(InvariantError, match=invariant):
+        watch.check()
+
+
 def test_watch_detects_vents_with_overdue_lava():
     simulation = _film()
     shown = simulation.snapshot()
@@ -116,13 +144,15 @@ def test_watch_detects_vents_with_overdue_lava():
         Watch(simulation).check(late)
 
 
-@pytest.mark.parametrize(
-    'effects', [PHYSICS['plain'], pytest.param(Effects(power_law=True), marks=pytest.mark.nightly)]
-)
-def test_watch_detects_steps_that_are_too_short(effects, monkeypatch):
-    longest = stage.longest_step
-    monkeypatch.setattr(stage, 'longest_step', lambda *of: 1e-3 * longest(*of))
-    simulation = _film(effects, flow_index=0.8)
+@pytest.mark.parametrize(('method', 'effects'), [
+    *((method, PHYSICS['plain']) for method in METHODS),
+    pytest.param('particles', Effects(power_law=True), marks=pytest.mark.nightly),
+])
+def test_watch_detects_steps_that_are_too_short(method, effects, monkeypatch):
+    own = cell_solver if method == 'cells' else stage
+    longest = own.longest_step
+    monkeypatch.setattr(own, 'longest_step', lambda *of: 1e-3 * longest(*of))
+    simulation = _film(effects, method, flow_index=0.8)
     watch = Watch(simulation)
     simulation.advance(300.0)
     with pytest.raises(InvariantError, match=r'cost .* > .*evaluations in the frame'):

@@ -13,7 +13,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.heat import heat_of, warming_function
 from lava_ros.effects.laws import law_of
 from lava_ros.scene import Scene
-from lava_ros.simulation.cells.state import CellState, Heat, maps_of
+from lava_ros.simulation.cells.state import CellState, EDGE, Heat, maps_of
 from lava_ros.simulation.particles.terrain import ringed_heights
 
 _REAL = wp.float32
@@ -27,6 +27,7 @@ class HeatState:
         law: Constants of the laws of flow.
         constants: Constants of the heat balance.
         diffusivity: Thermal diffusivity of lava [m2/s], with ``conduction``.
+        emerging: Minimum thickness of the columns that lava forms as it comes out of a vent [m].
         temperature: Temperature [K], float64, a map.
         emission_time: Mean time of emission [s], float64, a map.
         vent_temperature: Temperature of the lava that comes out [K], float32, a map.
@@ -42,6 +43,7 @@ class HeatState:
     law: Any
     constants: Any
     diffusivity: float
+    emerging: float
     temperature: Any
     emission_time: Any
     vent_temperature: Any
@@ -54,13 +56,16 @@ class HeatState:
     cold: Any
 
     @classmethod
-    def on(cls, cells: CellState, scene: Scene, effects: Effects) -> 'HeatState':
+    def on(
+        cls, cells: CellState, scene: Scene, effects: Effects, thickness: float
+    ) -> 'HeatState':
         """Return the state of lava that has the temperature of the hottest vent everywhere.
 
         Args:
             cells: State of the flow.
             scene: The scene.
             effects: The effects that are on.
+            thickness: Expected thickness of the flow [m].
         """
         shape, lava = cells.thickness.shape, scene.lava
         arrays = maps_of(Heat, shape, cells.device, {'cold': shape[0]})
@@ -68,7 +73,8 @@ class HeatState:
         if 'conduction' in effects:
             diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
         state = cls(
-            law_of(lava, _REAL), heat_of(scene, effects, _REAL), diffusivity, **arrays
+            law_of(lava, _REAL), heat_of(scene, effects, _REAL), diffusivity, EDGE * thickness,
+            **arrays,
         )
         hottest = hottest_of(scene)
         state.temperature.fill_(hottest)

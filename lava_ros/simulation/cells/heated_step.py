@@ -172,6 +172,7 @@ _EXCHANGE = """
     const float* APART drop_x = s.drop_x.data;
     const float* APART drop_y = s.drop_y.data;
     const double* APART thickness = s.thickness.data;
+    const double* APART source = s.source.data;
     const float* APART warming = m.warming.data;
     const float* APART renewal = m.renewal.data;
     const float* APART descent = m.descent.data;
@@ -194,7 +195,9 @@ _EXCHANGE = """
             auto column = empty;
             // the edge of a front is thicker than its mean over the cell (covered.py)
             const float beside = larger(larger(y[p - 1], y[p + 1]), larger(y[p - w], y[p + w]));
-            column.thickness = larger(larger(h, film), EDGE * beside);
+            // and so is lava that comes out of a vent
+            const float least = source[p] > 0.0 ? m.emerging : film;
+            column.thickness = larger(larger(h, least), EDGE * beside);
             column.normal_thickness = column.thickness;
             column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
             COSINE

@@ -117,13 +117,18 @@ class CellLava:
             self.grid, self.device, lava=lava, weight=lava.density * self.scene.gravity,
             film=self._film,
         )
-        self.heat = HeatState.on(self.state, self.scene, self.effects)
+        self.heat = self.new_heat()
         self.peaks = CellPeaks(self.state.thickness.shape, self.device)
         self._grids: Any = None
         self.window = Window(terrain.shape, 2)
         self._known = wp.array(
             terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=self.device
         )
+
+    def new_heat(self) -> HeatState:
+        """Return the heat of the grid, without lava, for the current scene and effects."""
+        assert self.accuracy.thickness is not None
+        return HeatState.on(self.state, self.scene, self.effects, self.accuracy.thickness)
 
     def _cover(self) -> None:
         """Continue to record what lava covers on the cells of the terrain."""

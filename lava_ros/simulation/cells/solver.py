@@ -310,7 +310,7 @@ class CellSolver(CellLava):
         if effects.any('needs_age') and not needed_age:
             # ages count from now
             lava.emission_time[:] = self.time
-        constants = type(self.heat).on(self.state, self.scene, effects)
+        constants = self.new_heat()
         self.heat.law, self.heat.constants = constants.law, constants.constants
         self.heat.diffusivity = constants.diffusivity
         self.put(lava)
@@ -325,13 +325,22 @@ class CellSolver(CellLava):
         self._is_due = True
 
     def replace_terrain(self, scene: Scene) -> None:
-        """Replace the terrain by that of another scene; lava outside it has left."""
+        """Replace the terrain by that of another scene; lava outside it has left.
+
+        Raises:
+            LavaError: If the spacing is too small for the terrain. The previous one then remains.
+        """
         self.record()
         now, former, grid, lava = self.time, self.state, self.grid, self.columns()
-        peaks = self.peaks
-        self.volume_before += self.vents.emitted(now)
+        peaks, attributes = self.peaks, dict(vars(self))
         self.scene = scene
-        self._place_terrain()
+        try:
+            self._place_terrain()
+        except BaseException:
+            # a grid that is refused, or does not fit into memory
+            vars(self).update(attributes)
+            raise
+        self.volume_before += self.vents.emitted(now)
         self.state.counts.assign(former.counts)
         moved = mixed(lava, lambda values: averaged(values, grid, self.grid))
         area, new = grid.resolution**2, self.grid.resolution**2

@@ -113,6 +113,7 @@ class Heat:
     law: law_type(wp.float32)
     constants: heat_type(wp.float32)
     diffusivity: wp.float32
+    emerging: wp.float32
     temperature: wp.array2d(dtype=wp.float64)
     emission_time: wp.array2d(dtype=wp.float64)
     vent_temperature: wp.array2d(dtype=wp.float32)

@@ -10,8 +10,9 @@ import numpy as np
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.step.vent_ground import permitted_places
 
-#: Places along the diameter of a vent, and minimum number along a cell.
-_ACROSS, _PER_CELL = 32, 4
+#: Places along the diameter of a vent, and minimum number along a cell: fewer, but at least one,
+#: across more than ``_MANY`` cells.
+_ACROSS, _PER_CELL, _MANY = 32, 4, 256
 
 #: Maximum number of places along a fissure.
 _MAX_ALONG = 4096
@@ -80,7 +81,7 @@ class CellVents:
 
 def _weights_of(vent: Vent, grid: Terrain, rise: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the cells in which the lava of a vent comes out, and the fraction in each."""
-    places = _places_in(vent, grid.resolution)
+    places = _places_in(vent, grid)
     allowed = permitted_places(vent, places, grid, rise)
     place = np.floor((allowed - grid.origin) / grid.resolution).astype(int)
     rows, columns = grid.shape
@@ -89,14 +90,22 @@ def _weights_of(vent: Vent, grid: Terrain, rise: float) -> tuple[np.ndarray, np.
     return cells, counts / counts.sum()
 
 
-def _places_in(vent: Vent, cell: float) -> np.ndarray:
-    """Return places evenly spread over a vent, at least as wide as a cell, [count, 2]."""
+def _places_in(vent: Vent, grid: Terrain) -> np.ndarray:
+    """Return places evenly spread over a vent, at least as wide as a cell, [count, 2].
+
+    A disc has none beyond the border of the grid.
+    """
+    cell = grid.resolution
     radius = max(vent.radius, 0.5 * cell)
-    across = max(_ACROSS, math.ceil(2.0 * radius / cell) * _PER_CELL)
+    cells = math.ceil(2.0 * radius / cell)
+    across = max(_ACROSS, cells * max(min(_PER_CELL, _PER_CELL * _MANY // cells), 1))
     ticks = radius * ((np.arange(across) + 0.5) / across * 2.0 - 1.0)
     start = np.asarray(vent.position)
     if vent.end is None:
-        x, y = np.meshgrid(ticks, ticks)
+        low, high = (np.subtract(corner, start) for corner in np.split(np.array(grid.extent), 2))
+        x, y = np.meshgrid(*(
+            ticks[(ticks >= low[axis]) & (ticks <= high[axis])] for axis in (0, 1)
+        ))
         inside = np.hypot(x, y) <= radius
         return start + np.column_stack([x[inside], y[inside]])
     way = np.subtract(vent.end, start)

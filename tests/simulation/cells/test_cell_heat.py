@@ -59,7 +59,7 @@ class Flow:
         self.state = CellState.on(
             terrain, 'cpu', lava=lava, weight=lava.density * GRAVITY, film=1e-6
         )
-        self.heat = HeatState.on(self.state, self.scene, self.effects)
+        self.heat = HeatState.on(self.state, self.scene, self.effects, 1.0)
         state, heat = self.state, self.heat
         lay_ground(state.argument(), heat.argument(), self.effects)
         state.thickness.assign(np.pad(thickness, 1))

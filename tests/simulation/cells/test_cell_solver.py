@@ -157,6 +157,36 @@ def test_changes_of_vents_and_terrain_conserve_volume():
     assert np.isfinite(simulation.snapshot().arrived).sum() >= arrived
 
 
+@pytest.mark.parametrize(('shape', 'cell', 'knobs', 'message'), [
+    ((40, 40), 5000.0, {'spacing': 1.0}, r'spacing is 1.0, expected at least 39.06 m, the smal'),
+    ((2, 9000), 8.0, {'spacing': 1.0}, r'spacing is 1.0, expected at least 4 m, the smallest'),
+    ((4, 4), 1e-3, {'spacing': 1e-5}, r'spacing is 1e-05, expected at least 0.000125 m, the'),
+    ((600, 600), 10.0, {'refinement': 20.0}, r'refinement is 20.0, expected one for which the a'),
+])
+def test_refuses_cells_that_the_terrain_cannot_have(shape, cell, knobs, message):
+    ground = Terrain(np.zeros(shape), cell)
+    with pytest.raises(LavaError, match=f'^accuracy.{message}'):
+        simulated(ground, Vent((cell, cell), 1e-6, radius=cell), **knobs)
+
+
+def test_wide_vent_spreads_evenly_over_small_cells():
+    ground = Terrain(np.zeros((2, 2)), 100.0)
+    simulation = simulated(ground, Vent((100.0, 100.0), 10.0, radius=5000.0), spacing=1.0)
+    weights = simulation.solver.vents.weights[0]
+    assert weights.size == 256 * 256 and weights.max() < 4.1 * weights.min()
+
+
+def test_terrain_remains_if_the_next_one_is_refused():
+    simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0), spacing=5.0)
+    simulation.advance(100.0)
+    with pytest.raises(LavaError, match=r'accuracy.spacing is 5.0, expected at least 39.06 m'):
+        simulation.set_terrain(Terrain(np.zeros((40, 40)), 5000.0, origin=(-1e5, -1e5)))
+    simulation.advance(200.0)
+    budget = simulation.budget()
+    assert simulation.scene.terrain.shape == (60, 60)
+    assert budget.emitted == pytest.approx(2000.0) and budget.error < 1e-12
+
+
 def test_terrain_events_change_the_ground_at_their_times():
     wall = slope().elevation.astype(float)
     wall[:, 30:32] += 30.0

@@ -41,7 +41,7 @@ def lava_on(
     terrain = Terrain(elevation, cell)
     state = CellState.on(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
     scene = Scene(terrain, (), lava)
-    lay_ground(state.argument(), HeatState.on(state, scene, effects).argument(), effects)
+    lay_ground(state.argument(), HeatState.on(state, scene, effects, 1.0).argument(), effects)
     state.thickness.assign(np.pad(thickness, 1))
     state.stage.assign(np.pad(thickness, 1).astype(np.float32))
     viscosity = np.full(elevation.shape, lava.viscosity) if viscosity is None else viscosity
