@@ -57,9 +57,9 @@ def compare_runs(
     terrain = runs[1].terrain
     change = np.where(terrain.has_data, likely[1] - likely[0], np.nan)
     files = write_grid(output / f'{CHANGE}.tif', CHANGE, change, terrain, origin)[:1]
+    each = dict(zip(_CASES, map(_areas, runs), strict=True))
     areas = {
-        name: dict(zip(_CASES, pair, strict=True))
-        for name, *pair in zip(*_areas(runs), strict=True)
+        name: {case: found[name] for case, found in each.items()} for name in each['without']
     }
     shown, middle, drawn = 'arrival', 'inundated', 'barriers'
     if runs[0].ensemble is not None:
@@ -96,14 +96,11 @@ def compare_runs(
             for path in (without, with_barriers)
         ]
         rows = [
-            {
-                'name': one['name'], 'kind': one['kind'],
-                **{
-                    f'{value}_{case}': row[value]
-                    for value in _VALUES for case, row in (('without', one), ('with', other))
-                },
+            {'name': pair[0]['name'], 'kind': pair[0]['kind']} | {
+                f'{value}_{case}': row[value]
+                for value in _VALUES for case, row in zip(_CASES, pair, strict=True)
             }
-            for one, other in zip(*tables, strict=True)
+            for pair in zip(*tables, strict=True)
         ]
         write_output('--output', output / TABLE, format_table(COLUMNS, rows))
         files.append(output / TABLE)
@@ -122,16 +119,12 @@ def _probability(run: Run) -> np.ndarray:
     return np.where(np.isfinite(arrival.values), 100.0, 0.0)
 
 
-def _areas(runs: Sequence[Run]) -> tuple[list[Any], ...]:
-    """Return the names of areas, and the areas [m2] of each run."""
-    if runs[0].ensemble is not None:
-        names = [f'at least {least:g} %' for least in PROBABILITIES]
-        members = [run.ensemble for run in runs if run.ensemble is not None]
-        return names, *([item.areas[least] for least in PROBABILITIES] for item in members)
-    frames = [run.panels['thickness'].frame for run in runs]
-    return ['inundated'], *(
-        [0.0 if frame.inundated is None else frame.area(frame.inundated)] for frame in frames
-    )
+def _areas(run: Run) -> dict[str, float]:
+    """Return the inundated area of a run, or those of an ensemble by probability [m2]."""
+    if run.ensemble is not None:
+        return {f'at least {least:g} %': run.ensemble.areas[least] for least in PROBABILITIES}
+    frame = run.panels['thickness'].frame
+    return {'inundated': 0.0 if frame.inundated is None else frame.area(frame.inundated)}
 
 
 def place_texts(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:

@@ -120,13 +120,14 @@ def _folder_of_pictures(output: Path) -> Iterator[Path]:
 def _places(
     paths: Sequence[str | Path], options: Mapping[str, Any]
 ) -> list[tuple[str, str, sections.Table]]:
-    """Return the arrival of lava at the places of the overlays, by run."""
-    overlays = options.get('overlays', ())
+    """Return the arrival at the places of the overlays: the run, a summary and a table."""
+    overlays, found = options.get('overlays', ()), []
     dates = {name: options.get(name) for name in ('node', 'onset', 'zone')}
-    return sections.place_tables({
-        str(path): table_of(path, overlays, field='--places', **dates)
-        for path in paths if overlays
-    })
+    for path in paths if overlays else ():
+        table = table_of(path, overlays, field='--places', **dates)
+        head, *rows = table.as_texts()
+        found.append((str(path), table.summary, sections.Table(head, rows)))
+    return found
 
 
 def _of_bag(recording: Recording, summary: RunSummary, folder: Path) -> dict[str, Any]:

@@ -19,7 +19,6 @@ from lava_ros.layers.layer import (
     ZERO_CELSIUS,
 )
 from lava_ros.layers.numbers import area_words, duration, seconds
-from lava_ros.layers.place_arrivals import ArrivalTable
 from lava_ros.layers.recording import Recording
 from lava_ros.products.report.summary import RunSummary
 from lava_ros.products.run_warnings import warnings_of_moments
@@ -214,13 +213,4 @@ def described_data(recording: Recording, description: Mapping[str, Any]) -> list
         (title, dump_yaml(data, allow_unicode=True))
         for title, data in (('Scene', recording.scene), ('Parameters', description['parameters']))
         if data
-    ]
-
-
-def place_tables(tables: Mapping[str, ArrivalTable]) -> list[tuple[str, str, Table]]:
-    """Return the arrival at places: the name of each run, a summary and a table."""
-    return [
-        (name, table.summary, Table(head, rows))
-        for name, table in tables.items()
-        for head, *rows in [table.as_texts()]
     ]
