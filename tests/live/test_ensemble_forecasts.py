@@ -106,6 +106,8 @@ def test_one_ensemble_is_requested_per_state():
     first = order(ensembles, 2, fork(2.0, 5.0))
     assert (first['members'], first['posterior']) == (8, None)
     assert order(ensembles, 3, fork(3.0, 6.0)) is None
+    ensembles.handle_reply('progress', progress=0.9, ensemble=0.5)
+    assert ensembles.status.progress == 0.5
     known = np.zeros(SCENE.terrain.shape)
     quantiles = dict.fromkeys(QUANTILES, known)
     maps = HazardMaps(known, quantiles, quantiles, known, 8, 8.0, 0.5)
@@ -120,6 +122,8 @@ def test_one_ensemble_is_requested_per_state():
         assert ensembles.handle_reply('ensemble', changes=1, **(answer | part))
         assert ensembles.is_busy and ensembles.status.count == 0
     assert ensembles.handle_reply('ensemble', changes=1, **answer)
+    ensembles.handle_reply('progress', progress=0.9, ensemble=0.5)
+    assert ensembles.status.progress is None
     latest = ensembles.latest
     assert (latest.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
     assert ensembles.status.count == 1
