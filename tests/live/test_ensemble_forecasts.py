@@ -46,7 +46,7 @@ def sent(ensembles, changes=1, now=1e9):
 
 
 def test_stamp_of_an_outline_becomes_simulated_time():
-    ensembles = EnsembleForecasts()
+    ensembles, numbers = EnsembleForecasts(), set()
     for number, (clock, time) in enumerate(((100.0, 20.0), (110.0, 30.0), (120.0, 30.0)), 1):
         order(ensembles, number, fork(clock, time))
     for clock, time in ((105.0, 25.0), (115.0, 30.0), (123.0, 36.0)):
@@ -56,11 +56,13 @@ def test_stamp_of_an_outline_becomes_simulated_time():
         assert name == 'outline' and outline.time == pytest.approx(time)
         np.testing.assert_array_equal(outline.lava, MASK.lava)
         assert outline.known.all() and not done.done()
+        numbers.add(order_of_it['number'])
         ensembles.handle_reply(
             'weighed', number=order_of_it['number'], posterior=POSTERIOR, outlines=1,
             jaccard_mean=0.4, effective_before=3.0,
         )
         assert 'of 3 members that counted like 3.0 of equal weight, 1.8' in done.result(0.0)
+    assert len(numbers) == 3
     early = ensembles.observe(MASK, 99.0)
     assert sent(ensembles) == []
     with pytest.raises(LavaError, match='1.0 s before the first forecast of this scene'):
