@@ -271,7 +271,8 @@ def test_a_flipped_bit_is_never_silent(
         os.truncate(path, end)
         places = [place for place in places if place < end]
     data = path.read_bytes()
-    out, html = tmp_path / 'out', tmp_path / 'out.html'
+    out, html, huts = tmp_path / 'out', tmp_path / 'out.html', tmp_path / 'huts.csv'
+    huts.write_text('name,x,y\nhut,300,300\n')
     commands = {
         'info': ('bag info', bag, '--json', '-'),
         'replay': ('ros replay', bag),
@@ -279,6 +280,7 @@ def test_a_flipped_bit_is_never_silent(
         'report': ('map', bag, '-o', html),
         'export': ('export', bag, '-o', out, '--every', '--maps', 'thickness', 'hazard'),
         'recover': ('bag recover', bag, '-o', out),
+        'places': ('places', bag, huts),
     }
     show: dict[str, Callable[[], object]] = {
         'recover': lambda: contents(out),

@@ -46,7 +46,7 @@ def sent(ensembles, changes=1, now=1e9):
 
 
 def test_stamp_of_an_outline_becomes_simulated_time():
-    ensembles = EnsembleForecasts()
+    ensembles, numbers = EnsembleForecasts(), set()
     for number, (clock, time) in enumerate(((100.0, 20.0), (110.0, 30.0), (120.0, 30.0)), 1):
         order(ensembles, number, fork(clock, time))
     for clock, time in ((105.0, 25.0), (115.0, 30.0), (123.0, 36.0)):
@@ -56,11 +56,13 @@ def test_stamp_of_an_outline_becomes_simulated_time():
         assert name == 'outline' and outline.time == pytest.approx(time)
         np.testing.assert_array_equal(outline.lava, MASK.lava)
         assert outline.known.all() and not done.done()
+        numbers.add(order_of_it['number'])
         ensembles.handle_reply(
             'weighed', number=order_of_it['number'], posterior=POSTERIOR, outlines=1,
             jaccard_mean=0.4, effective_before=3.0,
         )
         assert 'of 3 members that counted like 3.0 of equal weight, 1.8' in done.result(0.0)
+    assert len(numbers) == 3
     early = ensembles.observe(MASK, 99.0)
     assert sent(ensembles) == []
     with pytest.raises(LavaError, match='1.0 s before the first forecast of this scene'):
@@ -106,6 +108,8 @@ def test_one_ensemble_is_requested_per_state():
     first = order(ensembles, 2, fork(2.0, 5.0))
     assert (first['members'], first['posterior']) == (8, None)
     assert order(ensembles, 3, fork(3.0, 6.0)) is None
+    ensembles.handle_reply('progress', progress=0.9, ensemble=0.5)
+    assert ensembles.status.progress == 0.5
     known = np.zeros(SCENE.terrain.shape)
     quantiles = dict.fromkeys(QUANTILES, known)
     maps = HazardMaps(known, quantiles, quantiles, known, 8, 8.0, 0.5)
@@ -120,6 +124,8 @@ def test_one_ensemble_is_requested_per_state():
         assert ensembles.handle_reply('ensemble', changes=1, **(answer | part))
         assert ensembles.is_busy and ensembles.status.count == 0
     assert ensembles.handle_reply('ensemble', changes=1, **answer)
+    ensembles.handle_reply('progress', progress=0.9, ensemble=0.5)
+    assert ensembles.status.progress is None
     latest = ensembles.latest
     assert (latest.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
     assert ensembles.status.count == 1
