@@ -17,7 +17,7 @@ rest       The thickness of each cell, in addition to which cells have lava.
 distinct   Always true.
 halving    Steps of at most half their mean length in the same frame, because no setting scales
            them. The footprint is that of lava as thick as the threshold: in front of a flow there
-           is a film, down to 1e-24 m.
+           is a film, down to 1e-24 m. Its border has cells of the solver.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ import numpy as np
 
 from hard import cells
 from hard.case import HardScene, PHYSICS
-from hard.ground import is_on_cells
+from hard.ground import is_on_cells, terrain_of
 from hard.invariants import Violation, Watch
 from lava_ros.effects import Effects
 from lava_ros.simulation import Particles, Simulation, Snapshot
@@ -257,7 +257,10 @@ def _compare(
         return footprint_change(whole, footprint(other.snapshot(), least))
 
     found = change(0.5)
-    bound = PRESETS[outcome.preset].errors['edge'] + _cell_fraction(whole)
+    # a cell of the solver may be several of the terrain
+    ratio = terrain_of(simulation).resolution / simulation.scene.terrain.resolution
+    cell = _cell_fraction(whole) * max(ratio, 1.0) ** 2
+    bound = PRESETS[outcome.preset].errors['edge'] + cell
     if found > bound:
         # scatter only adds to the bound: without it the verdict is the same. Largest difference
         # between this run and one more, of equivalent runs
