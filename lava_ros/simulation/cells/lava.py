@@ -286,7 +286,7 @@ class CellLava:
             ),
             frozen=maps[2] if freezes else None,
             arrived=arrived, half_inundated=half_inundated, inundated=inundated,
-            threshold=self.accuracy.inundation_threshold,
+            threshold=self.accuracy.inundation_threshold, method=self.accuracy.method,
         )
         return PendingSnapshot(lambda: snapshot)
 
