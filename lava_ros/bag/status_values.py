@@ -7,13 +7,14 @@ import numpy as np
 
 from lava_ros.scene import KELVIN
 from lava_ros.scene.projection import system_name
+from lava_ros.simulation.carriers import COUNTED
 from lava_ros.simulation.numerical_error import NumericalError
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
 
 
 def resolution_values(resolution: Resolution) -> dict[str, object]:
-    """Return the values that describe how well the particles resolve the flow, and its kind."""
+    """Return the values that describe how well the carriers resolve the flow, and its kind."""
     kind = {} if resolution.kind is None else {
         'flow_kind': resolution.kind.text(),
         'flow_kind_warnings': '; '.join(resolution.kind.warnings()),
@@ -22,7 +23,7 @@ def resolution_values(resolution: Resolution) -> dict[str, object]:
         'method': resolution.method,
         'spacing_m': f'{resolution.spacing:.4g}',
         'flow_width_m': f'{resolution.width:.4g}',
-        'particles_across': f'{resolution.across:.3g}',
+        f'{resolution.method}_across': f'{resolution.across:.3g}',
         **kind,
     }
 
@@ -37,6 +38,11 @@ def numerical_error_values(error: NumericalError) -> dict[str, str]:
         'numerical_error_ground': f'{area.ground:.2g}',
         'numerical_error_time_s': repr(error.time),
     }
+
+
+def count_key(method: str) -> str:
+    """Return the key of the number of particles, or of cells with lava, of a method."""
+    return COUNTED[method].replace(' ', '_')
 
 
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
@@ -60,7 +66,7 @@ def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
     return {
         'simulated_time_s': repr(snapshot.time),
         'frame_stamp_ns': stamp_ns,
-        'particles': snapshot.particle_count,
+        count_key(snapshot.method): snapshot.particle_count,
         **areas,
         **snapshot.budget.texts(),
         'steps': steps.count,

@@ -12,16 +12,11 @@ from typing import Any, NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.simulation.carriers import METHOD_CHOICES, METHOD_MEANING
 
 #: Presets and the default one, as in ``simulation.presets``, which is slow to import.
 PRESETS = ('draft', 'standard', 'fine', 'reference', 'as-published')
 DEFAULT_PRESET = 'standard'
-
-#: Solvers (``accuracy.METHODS``).
-METHODS = ('particles', 'cells')
-
-#: Choice of the solver by the flow (``method.AUTO``).
-AUTO = 'auto'
 
 #: Default simulated time of a run, as in ``lava_ros.simulation.resolution``.
 HORIZON = '24h'
@@ -195,9 +190,7 @@ _SHARED = {item[0][0]: item for item in (
     ),
     argument('--material', 'NAME', 'lava by name; replaces the lava of the case'),
     argument(
-        '--method', None, 'carriers of the lava: particles, or cells, which take less time and '
-        'lack some effects; auto: cells for lava that does not freeze, if they have the effects '
-        'that the flow needs', 'particles', choices=(*METHODS, AUTO),
+        '--method', None, METHOD_MEANING, METHOD_CHOICES[0], choices=METHOD_CHOICES,
     ),
     argument(
         '--node', 'NAME', 'node whose simulation to read, in a bag with several: its full name, '

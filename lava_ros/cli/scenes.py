@@ -19,7 +19,7 @@ from lava_ros.scene import KELVIN, Scene
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.source import SceneSource, SourcedScene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.method import AUTO, choose_method
+from lava_ros.simulation.method import settled_method
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolution_of
 
@@ -106,11 +106,10 @@ def settle_method(
 
     Method ``auto`` chooses by the scene. Without a device, cells run on a CPU.
     """
-    if method == AUTO:
-        choice = choose_method(scene, preset_accuracy(preset), forced, horizon=horizon)
-        method = choice.method
-        print(f'method: {choice.method}, because {choice.reason}')
-    return method, device or ('cpu' if method == 'cells' else None)
+    choice = settled_method(method, scene, preset_accuracy(preset), forced, horizon=horizon)
+    if choice.reason:
+        print(choice.text())
+    return choice.method, device or ('cpu' if choice.method == 'cells' else None)
 
 
 def log_resolution(

@@ -116,6 +116,7 @@ class ForecastRun:
             temperature=seen.temperature,
             duration=self._duration,
             particle_count=self.simulation.particle_count,
+            method=self.simulation.accuracy.method,
         )
 
 

@@ -80,7 +80,7 @@ class Plan:
     def has_pair(self, member: Member) -> bool:
         """Return True if a member also runs with particles farther apart, or larger cells.
 
-        Members of a running simulation continue with its particles, and have no pairs.
+        Members of a running simulation continue with its lava, and have no pairs.
         """
         return self.start is None and has_pair(member.index)
 

@@ -27,7 +27,8 @@ from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.scene.projection import system_words
-from lava_ros.simulation.accuracy import Accuracy, describe_carriers
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import describe_carriers
 from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
 from lava_ros.simulation.output.inundation import raise_peak
 from lava_ros.simulation.output.snapshot import Snapshot

@@ -11,6 +11,7 @@ import numpy as np
 
 from lava_ros.layers.spacing_error import SpacingError
 from lava_ros.scene import Terrain
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.inundation import area_of
 
 #: Time to arrival in unknown cells, as returned by ``Layer.raw_values`` [s].
@@ -38,7 +39,8 @@ class Forecast:
         temperature: Maximum depth-averaged temperature within the horizon [K], float32, same
             shape; NaN without lava.
         duration: Wall time of the computation [s].
-        particle_count: Number of particles at its end.
+        particle_count: Number of particles, or of cells with lava, at its end.
+        method: Carriers of the lava (``Accuracy.method``).
         stamp_ns: ROS time of its start [ns], of a live simulation.
         changes: Number of changes of scene or effects before its start, of a live simulation.
     """
@@ -53,6 +55,7 @@ class Forecast:
     temperature: np.ndarray
     duration: float
     particle_count: int
+    method: str = METHODS[0]
     stamp_ns: int = 0
     changes: int = 0
 

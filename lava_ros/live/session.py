@@ -10,30 +10,32 @@ import threading
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from lava_ros.bag.description import effect_table
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError, RefusalError
+from lava_ros.live.failures import SimulationError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.terrain import is_same_ground
 from lava_ros.scene.vents import are_alike, schedule
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.memory import NO_MEMORY
+from lava_ros.simulation.carriers import COUNTED
+from lava_ros.simulation.method import lacking_on_cells
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import ParticleSample
 from lava_ros.simulation.resolution import Resolution
+from lava_ros.simulation.selection import warnings_of
 
 if TYPE_CHECKING:
     # the solver loads Warp: done in the worker's thread, not at import
     from lava_ros.simulation import Simulation, Snapshot
 
 
+#: Remedy for effects that only particles have.
+WITH_PARTICLES = 'Set method to particles or auto, and start again with ~/reset'
+
 #: Maximum change of an elevation that counts as noise of a sensor [m].
 ELEVATION_NOISE = 0.1
-
-
-class SimulationError(Exception):
-    """The simulation cannot continue; the message contains the reason and a remedy."""
 
 
 class Origin(NamedTuple):
@@ -75,6 +77,7 @@ class SessionView:
             without one, and after a change of the ground under lava.
         origin: Checkpoint from which the simulation was resumed, None if it started at time 0.
         effects: Table of effects (``effect_table``), empty without a simulation.
+        missed: Warnings about effects that the flow needs and the method does not have.
         resolution: Expected resolution of the flow, None without a simulation.
         changes: Number of changes that make a forecast invalid: starts, changes of effects, and
             changes of vents or terrain beyond the noise of a sensor (``are_alike``,
@@ -91,6 +94,7 @@ class SessionView:
     repeatable: Scene | None = None
     origin: Origin | None = None
     effects: Mapping[str, str] = field(default_factory=dict)
+    missed: tuple[str, ...] = ()
     resolution: Resolution | None = None
     changes: int = 0
     starts: int = 0
@@ -208,8 +212,15 @@ class SimulationSession:
         return self._running('checkpoint').checkpoint()
 
     def sample(self) -> ParticleSample:
-        """Read the particles."""
-        return self._running('particles').sample()
+        """Read the particles.
+
+        Raises:
+            LavaError: If the lava is on cells, or there is no simulation.
+        """
+        simulation = self._running('particles')
+        if simulation.accuracy.method != 'particles':
+            raise RefusalError('particles', 'The simulation runs on cells', WITH_PARTICLES)
+        return simulation.sample()
 
     def _running(self, what: str) -> 'Simulation':
         if self.simulation is None:
@@ -234,7 +245,8 @@ class SimulationSession:
             The time reached [s].
 
         Raises:
-            SimulationError: If there are more than ``max_particles``; ``latest`` contains them.
+            SimulationError: If there are more than ``max_particles`` particles or cells with lava;
+                ``latest`` contains them.
         """
         assert self.simulation is not None
         before = self.time
@@ -249,12 +261,12 @@ class SimulationSession:
             # an effect may have been switched on
             self._note_change(is_noise=True)
         # reading the count from the device takes time, and it changes only in a step
-        particles = self.simulation.particle_count if reached > before else 0
-        if particles > max_particles:
+        count = self.simulation.particle_count if reached > before else 0
+        if count > max_particles:
             self.renew_snapshot()
             raise SimulationError(
-                f'{particles} particles, expected at most {max_particles} (max_particles); '
-                'a larger spacing needs fewer'
+                f'{count} {COUNTED[self.simulation.accuracy.method]}, expected at most '
+                f'{max_particles} (max_particles); a larger spacing needs fewer'
             )
         return reached
 
@@ -347,6 +359,11 @@ class SimulationSession:
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
         """Choose the effects again for ``horizon`` [s], with some forced on or off."""
         if self.simulation is not None:
+            wanted = [name for name, is_on in forced.items() if is_on and name in EFFECTS]
+            lacking = lacking_on_cells(wanted)
+            if lacking and self.simulation.accuracy.method == 'cells':
+                problem = f'The simulation runs on cells, which have no {", ".join(lacking)}'
+                raise RefusalError('effects', problem, WITH_PARTICLES)
             self.simulation.set_effects(forced, horizon=horizon)
             self._note_change()
 
@@ -405,6 +422,7 @@ class SimulationSession:
         simulation = self.simulation
         if simulation is not None:
             effects, changes = simulation.effects, self.changes
+            decisions = simulation.decisions()
             if not is_noise or effects != self._counted[1]:
                 changes += 1
                 self._counted = values.get('scene', self.scene), effects
@@ -412,7 +430,8 @@ class SimulationSession:
                 'time': simulation.time,
                 'step': simulation.step,
                 'resolution': simulation.resolution,
-                'effects': effect_table(effects, simulation.decisions()),
+                'effects': effect_table(effects, decisions),
+                'missed': tuple(warnings_of(decisions)),
                 'changes': changes,
             }
             self._is_changed = True
@@ -434,17 +453,3 @@ class SimulationSession:
 def _is_same(one: Terrain, other: Terrain, *, within: float = 0.0) -> bool:
     """Return True if two terrains are alike (``is_same_ground``) in the same coordinate system."""
     return one.georeference == other.georeference and is_same_ground(one, other, within=within)
-
-
-def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
-    """Describe why the simulation has failed, and the remedy if one is known."""
-    if isinstance(error, SimulationError):
-        return str(error)
-    if isinstance(error, MemoryError) or NO_MEMORY in str(error):
-        held = ''
-        if latest is not None:
-            rows, columns = latest.terrain.shape
-            held = f' with {latest.particle_count} particles on {columns} x {rows} cells'
-        reason = str(error.__cause__ or error) or type(error).__name__
-        return f'out of memory{held}: {reason}; a larger spacing or a coarser terrain needs less'
-    return f'{type(error).__name__}: {error}'

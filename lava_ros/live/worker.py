@@ -16,15 +16,9 @@ from typing import Any, TYPE_CHECKING
 from lava_ros.errors import Guard, LavaError, RefusalError
 from lava_ros.live.catch_up import Published
 from lava_ros.live.commands import Command, command, CommandQueue, finish
+from lava_ros.live.failures import failure_text, SimulationError
 from lava_ros.live.pace import Pace, ROUNDING
-from lava_ros.live.session import (
-    failure_text,
-    Fork,
-    Origin,
-    SessionView,
-    SimulationError,
-    SimulationSession,
-)
+from lava_ros.live.session import Fork, Origin, SessionView, SimulationSession
 from lava_ros.live.worker_status import MAX_TASK_DURATION, WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.scene.materials import DEFAULT
@@ -37,7 +31,7 @@ if TYPE_CHECKING:
 #: Default uncertainty of a scene that was received on topics.
 OPEN = Uncertainty(material=DEFAULT)
 
-#: Default of the maximum number of particles.
+#: Default of the maximum number of particles, or of cells with lava.
 MAX_PARTICLES = 20_000_000
 
 #: Wall time of a slice of simulation [s]. A command waits at most for a slice and a time step.

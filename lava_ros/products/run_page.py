@@ -33,6 +33,7 @@ from lava_ros.products.gis import PROBABILITIES
 from lava_ros.products.plot import time_note, titles
 from lava_ros.products.run_warnings import (
     error_of_moment,
+    method_of,
     warnings_of_moments,
     warnings_of_plan,
 )
@@ -41,7 +42,8 @@ from lava_ros.scene import MAX_ELEVATION, Scene, scene_from_dict, Terrain
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.onset import Onset, recorded_onset, stated_onset
 from lava_ros.scene.projection import system_words
-from lava_ros.simulation.accuracy import Accuracy, describe_carriers
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import describe_carriers, METHODS
 from lava_ros.simulation.numerical_error import brief_text, NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 
@@ -286,7 +288,9 @@ def _model(recording: Recording) -> dict[str, str]:
     moments = recording.timeline.last_run
     chosen = description['parameters'] or {}
     spacing = moments[-1].values.get('spacing_m', '') if moments else ''
-    carriers = describe_carriers(chosen.get('method', 'particles'), spacing)
+    # a parameter of a node may ask for the choice by the flow
+    method = method_of(moments[-1]) if moments else METHODS[0]
+    carriers = describe_carriers(method, spacing)
     words, preset = [f'lava_ros {version}, {carriers}'], chosen.get('preset')
     if isinstance(preset, str):
         words.append(f'preset {preset}')

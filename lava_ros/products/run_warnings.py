@@ -11,6 +11,7 @@ from typing import Any
 from lava_ros.bag.decoding import Moment
 from lava_ros.forecast.members import Plan
 from lava_ros.layers.numbers import percent
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.resolution import Resolution, resolution_of
 from lava_ros.simulation.selection import decide, warnings_of
@@ -32,14 +33,20 @@ def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
         )
     elif budgets:
         found += _sentences(*budgets[-1].warnings())
-    names = ('spacing_m', 'flow_width_m', 'particles_across')
-    spacing, width, across = (run[-1].number(name) for name in names)
+    last, method = run[-1], method_of(run[-1])
+    names = ('spacing_m', 'flow_width_m', f'{method}_across')
+    spacing, width, across = (last.number(name) for name in names)
     resolution = Resolution(
-        spacing, math.nan, width, across, math.nan, 'measured',
-        method=run[-1].values.get('method', 'particles'),
+        spacing, math.nan, width, across, math.nan, 'measured', method=method
     )
-    kind = run[-1].values.get('flow_kind_warnings', '')
-    return [*found, *_under_resolved(resolution), *_sentences(kind)]
+    texts = (last.values.get(name, '') for name in ('flow_kind_warnings', 'missed_effects'))
+    return [*found, *_under_resolved(resolution), *_sentences(*texts)]
+
+
+def method_of(moment: Moment) -> str:
+    """Return the carriers of the lava (``Accuracy.method``) by diagnostics."""
+    method = moment.values.get('method', '')
+    return method if method in METHODS else METHODS[0]
 
 
 def warnings_of_plan(plan: Plan) -> list[str]:

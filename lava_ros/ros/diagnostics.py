@@ -3,7 +3,7 @@
 
 """Diagnostics of the node: messages on /diagnostics, and its log."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 import re
 from socket import gethostname
@@ -15,6 +15,7 @@ import numpy as np
 
 from lava_ros.bag.description import is_on
 from lava_ros.bag.status_values import (
+    count_key,
     numerical_error_values,
     resolution_values,
     snapshot_values,
@@ -23,7 +24,7 @@ from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.live.ensemble_forecasts import ForecastStatus
 from lava_ros.live.error_measurement import ErrorMeasurement
 from lava_ros.live.recording_control import RecordingControl
-from lava_ros.live.session import SessionView
+from lava_ros.live.session import SessionView, WITH_PARTICLES
 from lava_ros.live.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.scene.plausibility import doubts_of_scene
@@ -47,14 +48,23 @@ def simulation_status(
     is_active: bool,
     frame_stamp_ns: int,
     resolution: Resolution | None = None,
+    method_reason: str = '',
+    missed: Sequence[str] = (),
     clock: Mapping[str, str] = MappingProxyType({}),
     error: Mapping[str, str] = MappingProxyType({}),
 ) -> DiagnosticStatus:
     """Return the status of the simulation.
 
-    ``snapshot`` is the last one published, in maps stamped ``frame_stamp_ns`` [ns]. ``resolution``
-    describes how well the particles resolve the flow. ``clock`` contains the warnings about the
-    clock (``ClockWatch.look``), and ``error`` the values of the numerical error.
+    Args:
+        worker: Status of the worker.
+        snapshot: The last snapshot published, None before the first.
+        is_active: Whether the node is active.
+        frame_stamp_ns: Stamp of the maps of the snapshot [ns].
+        resolution: How well the carriers of the lava resolve the flow.
+        method_reason: Why the node has chosen these carriers, empty if they were given.
+        missed: Warnings about effects that they do not have (``SessionView.missed``).
+        clock: Warnings about the clock (``ClockWatch.look``).
+        error: Values of the numerical error.
     """
     state = worker.state
     level, message = _LEVELS.get(state, OK), state.value
@@ -72,6 +82,8 @@ def simulation_status(
         )
     if state is WorkerState.RUNNING and resolution is not None and resolution.warnings():
         warnings.append(resolution.text())
+    if state is WorkerState.RUNNING and missed:
+        warnings.append(missed_text(missed))
     if worker.error:
         message = f'{message}: {worker.error}'
     elif worker.fault:
@@ -93,12 +105,21 @@ def simulation_status(
     }
     if resolution is not None:
         values |= resolution_values(resolution)
+    if method_reason:
+        values['method_reason'] = method_reason
+    if missed:
+        values['missed_effects'] = '; '.join(missed)
     values |= error
     if snapshot is not None:
         values |= snapshot_values(snapshot, frame_stamp_ns)
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)
+
+
+def missed_text(missed: Sequence[str]) -> str:
+    """Return the warning about effects that the flow needs and cells do not have, and a remedy."""
+    return f'{"; ".join(missed)}. {WITH_PARTICLES}' if missed else ''
 
 
 def error_values(measurement: ErrorMeasurement) -> dict[str, str]:
@@ -150,7 +171,7 @@ def forecast_status(
             'frame_stamp_ns': latest.stamp_ns,
         }
     if isinstance(latest, Forecast):
-        values['particles'] = latest.particle_count
+        values[count_key(latest.method)] = latest.particle_count
         values['cells_reached'] = int(reached_cells(latest.arrival).sum())
     elif latest is not None:
         maps = latest.maps
@@ -255,13 +276,13 @@ class NodeLog:
     def worker(
         self,
         worker: WorkerStatus,
-        resolution: Resolution | None,
+        view: SessionView,
         clock: Mapping[str, str],
         *,
         is_paused: bool,
     ) -> None:
-        """Log changes of the simulation's state, and warnings about its clock."""
-        state = worker.state
+        """Log changes of the simulation's state, and warnings about its flow and its clock."""
+        state, resolution = worker.state, view.resolution
         text = f'simulation {state.value}'
         if state is WorkerState.FAILED:
             text = f'simulation failed: {worker.error}; ~/reset starts it again'
@@ -274,6 +295,8 @@ class NodeLog:
             severity = 'warning' if resolution.warnings() else 'info'
             wording = resolution.spacing, [*map(_wording, resolution.warnings())]
             self._log_change('resolution', wording, resolution.text(), severity)
+            missed = missed_text(view.missed)
+            self._log_change('missed', _wording(missed), missed, 'warning')
         # the text contains a duration, so only its kind is compared
         for kind in ('clock', 'ahead', 'back', 'lost'):
             self._log_change(kind, kind in clock, clock.get(kind, ''), 'warning')

@@ -27,6 +27,8 @@ from lava_ros.scene import (
 )
 from lava_ros.scene.onset import Onset
 from lava_ros.scene.uncertainty import ALL, QUANTITIES
+from lava_ros.simulation.carriers import METHOD_CHOICES, METHOD_MEANING
+from lava_ros.simulation.method import lacking_on_cells
 from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.selection import HORIZON
@@ -173,7 +175,8 @@ class Settings:
     """
 
     device: str | None = _optional(
-        '', 'cpu, cuda:0, ...; empty: the first GPU, otherwise the CPU', read_only=True
+        '', 'cpu, cuda:0, ...; empty: for particles the first GPU, otherwise the CPU; for cells '
+        'the CPU', read_only=True,
     )
     msg_config: str = _fixed(
         'default.yaml', 'File of the layers (YAML): a path, or the name of a file in msg_configs/'
@@ -203,6 +206,11 @@ class Settings:
     end_time: float | None = _optional(
         0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10)
     )
+    method: str = _parameter(
+        METHOD_CHOICES[0],
+        f'{METHOD_MEANING[0].upper()}{METHOD_MEANING[1:]}; from the next start or reset',
+        choices=METHOD_CHOICES,
+    )
     preset: str = _parameter(
         DEFAULT_PRESET,
         f'Accuracy: one of {", ".join(PRESETS)}; from the next start or reset',
@@ -210,7 +218,8 @@ class Settings:
     )
     spacing: float | None = _optional(
         0.0,
-        'Distance between particles [m], from the next start or reset; 0: that of the preset',
+        'Distance between particles, or about the size of the cells of lava [m], from the next '
+        'start or reset; 0: that of the preset',
         (0.0, 1e4),
     )
     effects_on: tuple[str, ...] = _parameter(
@@ -297,8 +306,8 @@ class Settings:
     max_vents: int = _parameter(1000, 'Maximum number of vents', (0, 100_000))
     max_particles: int = _parameter(
         MAX_PARTICLES,
-        'Maximum number of particles, each with up to 0.8 kB of memory; beyond it the simulation '
-        'stops',
+        'Maximum number of particles, each with up to 0.8 kB of memory, or of cells with lava; '
+        'beyond it the simulation stops',
         (1, 2**30),
     )
     max_input_bytes: int = _parameter(
@@ -435,6 +444,9 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         if name not in drop_superseded(possible(lava)):
             expected = 'an effect for which lava.* has the constants'
             raise LavaError('effects_on', name, expected)
+    if settings.method == 'cells' and (lacking := lacking_on_cells(names_on)):
+        expected = 'an effect that cells have, or method particles or auto'
+        raise LavaError('effects_on', ', '.join(lacking), expected)
     try:
         Effects(**{name: name in names_on for name in EFFECTS})
     except LavaError as error:

@@ -394,16 +394,31 @@ class ScenePublisher:
 
 
 class ParticlePublisher:
-    """Publishes a sample of the particles with each map, while the topic has a subscriber."""
+    """Publishes a sample of the particles with each map, while the topic has a subscriber.
+
+    The topic has no publisher while the lava is on cells.
+    """
 
     def __init__(self, graph: NodeGraph, worker: SimulationWorker) -> None:
         """Create the publisher."""
-        profile = qos.ros_profile(qos.NEWEST)
-        self._publisher = graph.create('publisher', PointCloud2, 'lava_particles', profile)
-        self._read = graph.create('guard_condition', self._publish)
         self._worker, self._graph = worker, graph
+        self._publisher: Any = None
+        # the name stays that of this publisher, even while there is none
+        self._offer(True)
+        self._read = graph.create('guard_condition', self._publish)
         self._wanted: tuple[Snapshot, int] | None = None
         self._asked: tuple[Snapshot, int, Future[ParticleSample]] | None = None
+
+    def _offer(self, is_offered: bool) -> None:
+        """Create the publisher, or drop it."""
+        if is_offered and self._publisher is None:
+            profile = qos.ros_profile(qos.NEWEST)
+            self._publisher = self._graph.create(
+                'publisher', PointCloud2, 'lava_particles', profile
+            )
+        elif self._publisher is not None and not is_offered:
+            self._graph.drop(self._publisher)
+            self._publisher = None
 
     def request(self, snapshot: Snapshot, stamp_ns: int) -> None:
         """Read the particles and publish them with the stamp [ns] of the maps of a snapshot.
@@ -411,7 +426,10 @@ class ParticlePublisher:
         While the particles of earlier maps are being read, only the newest request waits, so the
         last maps before a pause always have their particles.
         """
-        if self._publisher.get_subscription_count():
+        accuracy = self._worker.view.accuracy
+        if accuracy is not None:
+            self._offer(accuracy.method == 'particles')
+        if self._publisher is not None and self._publisher.get_subscription_count():
             self._wanted = snapshot, stamp_ns
             self._ask()
 
@@ -426,8 +444,9 @@ class ParticlePublisher:
         if self._asked is None:
             return
         (snapshot, stamp_ns, sample), self._asked = self._asked, None
-        # a simulation that failed or ended after the request has no particles
-        if not sample.cancelled() and sample.exception() is None:
+        # a simulation that failed, ended or was replaced after the request may have no particles
+        is_read = not sample.cancelled() and sample.exception() is None
+        if is_read and self._publisher is not None:
             header = self._graph.header(stamp_ns)
             message = outputs.particle_message(sample.result(), snapshot, header)
             self._publisher.publish(codec.serialise(message))

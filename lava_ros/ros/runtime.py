@@ -38,6 +38,7 @@ from lava_ros.ros.publishers import (
 from lava_ros.ros.recording import SceneRecording
 from lava_ros.ros.startup_inputs import make_simulation, StartupInputs
 from lava_ros.ros.subscribers import InputSubscribers
+from lava_ros.scene import Scene
 from lava_ros.simulation.output.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ class NodeRuntime:
         self.is_active = False
         self._is_paused = progress is not None and progress.is_paused
         self._clock_watch = ClockWatch()
+        self._method_reason = ''
         self._log = diagnostics.NodeLog(node.get_logger())
         self._recording = SceneRecording(
             graph,
@@ -95,7 +97,7 @@ class NodeRuntime:
         )
         snapshot_ready = graph.create('guard_condition', self._publish)
         self.worker = SimulationWorker(
-            lambda scene: make_simulation(scene, self._settings),
+            self._make_simulation,
             clock=lambda: now_ns(node) * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,
@@ -215,7 +217,7 @@ class NodeRuntime:
             self.allowance.take('effects')
 
     def apply(self, new: Settings) -> None:
-        """Use new settings, immediately or, for preset, spacing and lava, at the next start."""
+        """Use new settings, immediately or, for method, preset, spacing and lava, later."""
         old, self._settings = self._settings, new
         command = self.inputs.command
         for name in ('time_scale', 'max_particles', 'end_time'):
@@ -227,7 +229,10 @@ class NodeRuntime:
         if new.constants != old.constants:
             command('lava', self.worker.set_constants(new.constants))
         before, after = (
-            {'preset': item.preset, 'spacing': item.spacing, **constant_values(item.constants)}
+            {
+                'method': item.method, 'preset': item.preset, 'spacing': item.spacing,
+                **constant_values(item.constants),
+            }
             for item in (old, new)
         )
         if later := [name for name in after if after[name] != before[name]]:
@@ -330,6 +335,14 @@ class NodeRuntime:
         else:
             self._node.get_logger().info(self.inputs.wanted)
 
+    def _make_simulation(self, scene: Scene) -> 'Simulation':
+        """Make a simulation, in the worker's thread, and log a method that it chooses."""
+        simulation, choice = make_simulation(scene, self._settings)
+        self._method_reason = choice.reason
+        if choice.reason:
+            self._node.get_logger().info(choice.text())
+        return simulation
+
     def _note_failure(self, future: 'Future[None]') -> None:
         # a new simulation in its place would look like the resumed eruption
         if not future.cancelled():
@@ -410,7 +423,7 @@ class NodeRuntime:
         clock = self._clock_watch.look(
             stamp_ns, time.monotonic(), worker, is_simulated=is_simulated
         )
-        self._log.worker(worker, view.resolution, clock, is_paused=self._is_paused)
+        self._log.worker(worker, view, clock, is_paused=self._is_paused)
         message = DiagnosticArray(
             header=codec.header('', stamp_ns),
             status=[
@@ -420,6 +433,8 @@ class NodeRuntime:
                     is_active=self.is_active,
                     frame_stamp_ns=self._layers.shown_stamp_ns,
                     resolution=self.worker.session.measured_resolution,
+                    method_reason=self._method_reason,
+                    missed=view.missed,
                     clock=clock,
                     error=diagnostics.error_values(self._error),
                 ),

@@ -32,6 +32,8 @@ from lava_ros.scene import (
     vents_from_list,
 )
 from lava_ros.scene.onset import recorded_onset
+from lava_ros.simulation.carriers import AUTO, COUNTED
+from lava_ros.simulation.method import MethodChoice, settled_method
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.resolution import resolved_accuracy
@@ -193,12 +195,10 @@ def _resumed(node: Node, given: StartupInputs, bag: str) -> StartupInputs:
     for error in found.refused:
         node.get_logger().warning(f'a newer checkpoint cannot be used: {error}')
     checkpoint = found.checkpoint
-    if checkpoint.accuracy.method != 'particles':
-        method = checkpoint.accuracy.method
-        raise LavaError('checkpoint.accuracy.method', method, 'particles: a node has no other')
     node.get_logger().info(
         f'resuming at {checkpoint.time:.3f} s simulated with {checkpoint.particle_count} '
-        f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
+        f'{COUNTED[checkpoint.accuracy.method]}, from a checkpoint of lava_ros '
+        f'{checkpoint.written_by} in {bag}'
     )
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
     before: tuple[Vent, ...] = ()
@@ -238,7 +238,8 @@ def overrides_from_checkpoint(
     result = {}
     known = _checkpoint_parameters(checkpoint) | ({'frame_id': frame_id} if frame_id else {})
     for name, stored in known.items():
-        if _is_same(values[name], stored):
+        if _is_same(values[name], stored) or (name, values[name]) == ('method', AUTO):
+            # the next start or reset chooses the method again
             continue
         if not is_restart and not _is_same(values[name], defaults[name]):
             expected = f'{stored!r} as in the checkpoint, or no value with resume'
@@ -255,18 +256,18 @@ def _checkpoint_parameters(checkpoint: Checkpoint) -> dict[str, Any]:
         'effects_on': [name for name in forced if forced[name]] or [''],
         'effects_off': [name for name in forced if not forced[name]] or [''],
         'horizon': checkpoint.horizon / 3600.0,
+        'method': checkpoint.accuracy.method,
         **constant_values(constants_of(checkpoint.scene)),
     }
     accuracy, scene = checkpoint.accuracy, checkpoint.scene
     for name, preset in PRESETS.items():
+        given = replace(preset.accuracy, method=accuracy.method)
         own = replace(
-            preset.accuracy, spacing=accuracy.spacing, thickness=accuracy.thickness,
+            given, spacing=accuracy.spacing, thickness=accuracy.thickness,
             longest_step=accuracy.longest_step,
         )
         if own == accuracy:
-            automatic = resolved_accuracy(
-                preset.accuracy, scene, forced, horizon=checkpoint.horizon
-            )
+            automatic = resolved_accuracy(given, scene, forced, horizon=checkpoint.horizon)
             result['preset'] = name
             result['spacing'] = 0.0 if automatic.spacing == accuracy.spacing else accuracy.spacing
     return result
@@ -280,8 +281,8 @@ def _is_same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def make_simulation(scene: Scene, settings: Settings) -> 'Simulation':
-    """Make a simulation at time 0, in the worker's thread.
+def make_simulation(scene: Scene, settings: Settings) -> tuple['Simulation', MethodChoice]:
+    """Make a simulation at time 0, in the worker's thread; return it and its method.
 
     Raises:
         LavaError: If the settings do not fit the scene.
@@ -289,10 +290,15 @@ def make_simulation(scene: Scene, settings: Settings) -> 'Simulation':
     # the solver loads Warp: done in the worker's thread, not at import
     from lava_ros.simulation import Simulation
 
-    return Simulation(
+    accuracy = preset_accuracy(settings.preset, spacing=settings.spacing)
+    choice = settled_method(
+        settings.method, scene, accuracy, settings.forced, horizon=settings.horizon
+    )
+    simulation = Simulation(
         scene,
-        accuracy=preset_accuracy(settings.preset, spacing=settings.spacing),
+        accuracy=replace(accuracy, method=choice.method),
         device=settings.device,
         effects=settings.forced,
         horizon=settings.horizon,
     )
+    return simulation, choice

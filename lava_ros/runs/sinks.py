@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.runs.drive import Sink
+from lava_ros.simulation.carriers import COUNTED
 
 if TYPE_CHECKING:
     # importing the solver loads Warp
@@ -85,7 +86,7 @@ class PeakSink(ScheduledSink):
             simulation: The simulation.
             times: Simulated times of the observations after the first one [s], increasing.
             threshold: Thickness at or above which lava has arrived [m].
-            max_particles: Maximum number of particles, None for no limit.
+            max_particles: Maximum number of particles, or of cells with lava; None for no limit.
             of: Suffix for errors about the simulation, such as ' of member 3'.
 
         Raises:
@@ -97,6 +98,7 @@ class PeakSink(ScheduledSink):
         super().__init__([simulation.time, *times])
         self._peaks = simulation.start_peaks(threshold)
         self._max_particles, self._of = max_particles, of
+        self._counted = COUNTED[simulation.accuracy.method]
         self._check_size(simulation.particle_count)
 
     @property
@@ -127,7 +129,7 @@ class PeakSink(ScheduledSink):
     def _check_size(self, count: int) -> None:
         if self._max_particles is not None and count > self._max_particles:
             expected = f'at most {self._max_particles} (max_particles)'
-            raise LavaError(f'particles{self._of}', count, expected)
+            raise LavaError(f'{self._counted}{self._of}', count, expected)
 
     def _check_flow(self, flaw: str) -> None:
         if flaw:

@@ -35,7 +35,7 @@ FORMULATIONS: dict[str, dict[str, bool]] = {
     'as-published': {'green': True, 'steep': False},
 }
 
-#: Solvers by name.
+#: Solvers by name, as in ``carriers``; an import of it would make a chain of imports too long.
 METHODS = ('particles', 'cells')
 
 INTEGRATORS = ('rkl2', 'rkl1', 'euler')
@@ -43,13 +43,6 @@ INTEGRATORS = ('rkl2', 'rkl1', 'euler')
 PRECISIONS = ('float32', 'float64')
 
 GRADIENTS = ('energy', 'balanced')
-
-
-def describe_carriers(method: str, spacing: str = '') -> str:
-    """Return the carriers of the lava in words, with their spacing [m] if it is known."""
-    if method == 'cells':
-        return 'depth-averaged lava on cells' + (f' of {spacing} m' if spacing else '')
-    return 'depth-averaged lava as particles' + (f' {spacing} m apart' if spacing else '')
 
 
 @dataclass(frozen=True)

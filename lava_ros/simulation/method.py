@@ -8,24 +8,41 @@ flow needs. Cells take less time for lava that does not freeze; for lava that do
 the same scores in less time (docs/presets.md#particles-or-cells).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 from lava_ros.effects import EFFECTS
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import AUTO
 from lava_ros.simulation.selection import decide, effects_for
-
-#: Choice of the method by the flow.
-AUTO = 'auto'
 
 
 class MethodChoice(NamedTuple):
-    """Carriers of the lava (``Accuracy.method``), and the reason in words."""
+    """Carriers of the lava (``Accuracy.method``), and the reason in words; empty if given."""
 
     method: str
-    reason: str
+    reason: str = ''
+
+    def text(self) -> str:
+        """Return the choice and its reason."""
+        return f'method: {self.method}, because {self.reason}'
+
+
+def lacking_on_cells(effects: Iterable[str]) -> list[str]:
+    """Return the names of the effects that cells do not have."""
+    return [name for name in effects if EFFECTS[name].needs_particles]
+
+
+def settled_method(
+    method: str, scene: Scene, accuracy: Accuracy, forced: Mapping[str, bool] | None, *,
+    horizon: float,
+) -> MethodChoice:
+    """Return a given method, or for ``auto`` the choice for a scene (``choose_method``)."""
+    if method != AUTO:
+        return MethodChoice(method)
+    return choose_method(scene, accuracy, forced, horizon=horizon)
 
 
 def choose_method(
@@ -39,17 +56,13 @@ def choose_method(
         forced: Effects forced on or off, by name.
         horizon: Simulated duration [s].
     """
-    forced = forced or {}
-    decisions = decide(
-        scene, forced, accuracy=replace(accuracy, method='cells'), horizon=horizon
-    )
-    lacking = [name for name, is_on in forced.items() if is_on and EFFECTS[name].needs_particles]
+    on_cells = replace(accuracy, method='cells')
+    effects = effects_for(scene, forced, accuracy=on_cells, horizon=horizon)
+    decisions = decide(scene, forced, accuracy=on_cells, horizon=horizon)
+    lacking = lacking_on_cells(effects)
     lacking += [item.name for item in decisions if item.is_missed]
     if lacking:
         return MethodChoice('particles', f'cells have no {", ".join(lacking)}')
-    effects = effects_for(
-        scene, forced, accuracy=replace(accuracy, method='cells'), horizon=horizon
-    )
     if effects.any('freezes'):
         return MethodChoice('particles', 'cells take more time for lava that freezes')
     return MethodChoice('cells', 'the lava does not freeze, and cells take less time')

@@ -21,7 +21,9 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.checkpoint import Checkpoint
+from solver import only
 
 SCENE = Scene(
     Terrain(np.tile(500.0 - 2.0 * np.arange(30), (20, 1)), 10.0),
@@ -36,12 +38,12 @@ RULES: dict[str, Any] = {'horizon': 120.0, 'threshold': 0.01, 'device': 'cpu'}
 MEMBERS = 5
 
 
-@pytest.fixture(scope='module')
-def moments() -> list[Checkpoint]:
-    """Return two checkpoints of one simulation."""
-    simulation = Simulation(
-        SCENE, effects=Effects(), accuracy=Accuracy(spacing=10.0, thickness=1.0), device='cpu'
-    )
+@pytest.fixture(scope='module', params=['particles'])
+def moments(request: pytest.FixtureRequest) -> list[Checkpoint]:
+    """Return two checkpoints of one simulation, by default of particles."""
+    accuracy = Accuracy(request.param, spacing=10.0, thickness=1.0)
+    effects = Effects() if request.param == 'particles' else only('steep')
+    simulation = Simulation(SCENE, effects=effects, accuracy=accuracy, device='cpu')
     found = []
     for time in (30.0, 60.0):
         simulation.advance(time)
@@ -64,6 +66,7 @@ def outline_of(checkpoint: Checkpoint, index: int, after: float) -> Outline:
     return Outline(checkpoint.time + after, reached, np.ones_like(reached))
 
 
+@pytest.mark.parametrize('moments', METHODS, indirect=True)
 def test_live_members_equal_those_of_an_ensemble(moments: list[Checkpoint]) -> None:
     ensemble = LiveEnsemble(moments[0], members=MEMBERS, **RULES)
     assert (ensemble.count, ensemble.asked, ensemble.progress) == (0, MEMBERS, 0.0)

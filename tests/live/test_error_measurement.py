@@ -4,6 +4,7 @@
 """The numerical error of a live simulation, measured in the background."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 import time
 
@@ -18,7 +19,9 @@ from lava_ros.live.worker_status import WorkerState
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.numerical_error import AreaError, NOT_MEASURED, NumericalError
+from solver import only
 from waiting import PATIENCE, wait_until
 
 END = 120.0
@@ -34,10 +37,10 @@ def scene():
     return Scene(ground, (Vent((150.0, 75.0), 20.0, radius=8.0),), Lava.paper(viscosity=1e4))
 
 
-def simulation_of(scene):
-    return Simulation(
-        scene, effects=Effects(), accuracy=Accuracy(spacing=5.0, thickness=1.0), device='cpu'
-    )
+def simulation_of(scene, method='particles'):
+    accuracy = Accuracy(method, spacing=5.0, thickness=1.0)
+    effects = Effects() if method == 'particles' else only('steep')
+    return Simulation(scene, effects=effects, accuracy=accuracy, device='cpu')
 
 
 class Clock:
@@ -86,12 +89,11 @@ class Bench:
     """A worker whose error a fake or a real process measures."""
 
     def __init__(
-        self, process, *, share=0.5, first=0.0, end=END, clock=time.monotonic
+        self, process, *, share=0.5, first=0.0, end=END, clock=time.monotonic,
+        make=simulation_of,
     ):
         self.process = process
-        self.worker = SimulationWorker(
-            simulation_of, clock=clock, time_scale=SCALE, end_time=end
-        )
+        self.worker = SimulationWorker(make, clock=clock, time_scale=SCALE, end_time=end)
         self.error = ErrorMeasurement(
             self.worker, share=lambda: share, make_process=process, first_wall_time=first
         )
@@ -116,8 +118,9 @@ def bench():
         item.close()
 
 
-def test_error_at_the_end_is_that_of_partner_runs(bench):
-    found = bench(partner_process, first=1e9)
+@pytest.mark.parametrize('method', METHODS)
+def test_error_at_the_end_is_that_of_partner_runs(bench, method):
+    found = bench(partner_process, first=1e9, make=partial(simulation_of, method=method))
     assert found.error.text() == NOT_MEASURED
     found.worker.set_scene(scene()).result(PATIENCE)
     wait_until(lambda: found.error.latest is not None)
@@ -130,7 +133,7 @@ def test_error_at_the_end_is_that_of_partner_runs(bench):
     found.error._end_process()
     expected = measure(**request)
     assert name == 'measure' and request['share'] == 1.0
-    assert error.as_dict() == expected.as_dict()
+    assert error.as_dict() == expected.as_dict() and error.method == method
     assert 0.0 < error.inundated.particles < 1.0 and error.inundated.ground > 0.0
     assert found.error.text() == f'{error.text()}, at 120 s'
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lava_ros.effects import EFFECTS
 from lava_ros.live.clock import MAX_LAG
 from lava_ros.live.pace import MAX_DELAY, MAX_WAIT
 from lava_ros.live.worker import SimulationWorker
@@ -17,7 +18,7 @@ from lava_ros.scene.events import TerrainEvent
 from lava_ros.scene.materials import default_lava
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.carriers import METHODS
 
 X = 10.0 * np.arange(40)
 
@@ -32,18 +33,31 @@ FAR = 1e9
 NOW = 100.0
 
 
-def simulation_of(scene, device='cpu', effects=None):
-    accuracy = Accuracy(spacing=8.0, deterministic=True)
-    return Simulation(scene, effects=effects or {}, accuracy=accuracy, device=device)
+#: Forced effects of lava of one temperature, for which cells need few kernels.
+PLAIN = {name: name == 'steep' for name in EFFECTS}
+
+
+@pytest.fixture(params=METHODS)
+def method(request):
+    return request.param
+
+
+def simulation_of(scene, method='particles', device='cpu', effects=None):
+    forced = {'particles': {}, 'cells': PLAIN}[method] | (effects or {})
+    accuracy = Accuracy(method=method, spacing=8.0, deterministic=True)
+    return Simulation(scene, effects=forced, accuracy=accuracy, device=device)
 
 
 class Driven:
     """A worker whose slices and commands run in the thread of the test, with its own clock."""
 
-    def __init__(self, scene=SCENE, *, device='cpu', effects=None, **options):
+    def __init__(
+        self, scene=SCENE, *, method='particles', device='cpu', effects=None, **options
+    ):
         self.now = NOW
         self.worker = SimulationWorker(
-            lambda scene: simulation_of(scene, device, effects), clock=lambda: self.now, **options
+            lambda scene: simulation_of(scene, method, device, effects), clock=lambda: self.now,
+            **options,
         )
         self.run(self.worker.set_scene(scene))
 
@@ -67,21 +81,24 @@ class Driven:
 
 
 def flow_of(simulation):
-    """Return the sorted particles, and the time, steps and evaluations."""
-    simulation.sample()
-    clock, counts = simulation.solver.state.read_clock()
-    numbers = clock[at.TIME], counts[at.STEPS], counts[at.EVALUATIONS]
-    return numbers, simulation.solver.state.read_particles().tobytes()
+    """Return the time, steps and evaluations, and the sorted particles or the columns."""
+    sample, steps = simulation.sample(), simulation.snapshot().steps
+    numbers = simulation.time, steps.count, steps.evaluations
+    if simulation.accuracy.method == 'particles':
+        return numbers, simulation.solver.state.read_particles().tobytes()
+    return numbers, *(value.tobytes() for value in vars(sample).values())
 
 
-@pytest.mark.parametrize(('scale', 'tick', 'effects'), [
-    (1.0, 0.1, {}), (1.0, 0.02, {'insulation': True}), (10.0, 0.1, {}),
-])
-def test_worker_takes_the_steps_of_one_advance(device, scale, tick, effects):
-    driven, launches = Driven(device=device, effects=effects, time_scale=scale), []
-    simulation = driven.session.simulation
-    run_stages = simulation.solver.run_stages
-    simulation.solver.run_stages = lambda: (launches.append(1), run_stages())
+@pytest.mark.parametrize(('method', 'scale', 'tick', 'effects'), [
+    ('particles', 1.0, 0.1, {}), ('particles', 1.0, 0.02, {'insulation': True}),
+    ('particles', 10.0, 0.1, {}), ('cells', 1.0, 0.1, {}), ('cells', 10.0, 0.1, {}),
+], indirect=['method'])
+def test_worker_takes_the_steps_of_one_advance(device, method, scale, tick, effects):
+    driven = Driven(method=method, device=device, effects=effects, time_scale=scale)
+    simulation, launches = driven.session.simulation, []
+    name = {'particles': 'run_stages', 'cells': '_take_steps'}[method]
+    launch = getattr(simulation.solver, name)
+    setattr(simulation.solver, name, lambda: (launches.append(1), launch()))
     for status in driven.follow(200.0 / scale, tick):
         assert not status.is_behind and not status.is_stale and status.lost == status.lag == 0.0
         assert status.age < driven.session.view.step
@@ -89,7 +106,7 @@ def test_worker_takes_the_steps_of_one_advance(device, scale, tick, effects):
     found = flow_of(simulation)
     assert 100.0 < driven.session.time == simulation.time < 200.0
     assert effects.keys() <= set(simulation.effects)
-    expected = simulation_of(SCENE, device, effects)
+    expected = simulation_of(SCENE, method, device, effects)
     expected.advance(driven.session.time, limit=FAR)
     assert found == flow_of(expected)
     # about one idle stage for each step computes the length of the next step
@@ -100,13 +117,13 @@ def test_worker_takes_the_steps_of_one_advance(device, scale, tick, effects):
 EVENT = TerrainEvent(52.5, 'new ground', replace(SCENE.terrain, elevation=np.tile(X, (30, 1))))
 
 
-def test_events_change_the_ground_at_their_times():
+def test_events_change_the_ground_at_their_times(method):
     scene = replace(SCENE, events=(EVENT,))
-    driven, times = Driven(scene), set()
+    driven, times = Driven(scene, method=method), set()
     for _ in driven.follow(100.0):
         times.add(driven.session.time)
     assert EVENT.time in times and driven.session.scene.events == ()
-    expected = simulation_of(scene)
+    expected = simulation_of(scene, method)
     expected.advance(driven.session.time, limit=FAR)
     assert flow_of(driven.session.simulation) == flow_of(expected)
 
@@ -114,18 +131,19 @@ def test_events_change_the_ground_at_their_times():
 def change_nothing(worker):
     yield worker.set_vents(SCENE.vents)
     yield worker.set_terrain(Terrain(SCENE.terrain.elevation.copy(), 10.0))
-    yield worker.set_effects({}, horizon=worker.session.simulation._choice.horizon)
+    choice = worker.session.simulation._choice
+    yield worker.set_effects(choice.forced, horizon=choice.horizon)
     yield worker.checkpoint()
     yield worker.fork()
 
 
-def test_commands_that_change_nothing_shorten_no_step():
-    driven = Driven()
+def test_commands_that_change_nothing_shorten_no_step(method):
+    driven = Driven(method=method)
     for number, _ in enumerate(driven.follow(100.0)):
         if number % 50 == 25:
             for future in change_nothing(driven.worker):
                 driven.run(future)
-    expected = simulation_of(SCENE)
+    expected = simulation_of(SCENE, method)
     expected.advance(driven.session.time, limit=FAR)
     assert flow_of(driven.session.simulation) == flow_of(expected)
 
@@ -142,8 +160,8 @@ CHANGES = {
 
 
 @pytest.mark.parametrize('name', CHANGES)
-def test_changes_take_place_at_the_time_of_the_clock(name):
-    driven = Driven()
+def test_changes_take_place_at_the_time_of_the_clock(name, method):
+    driven = Driven(method=method)
     list(driven.follow(100.3))
     assert driven.session.time < 100.0
     driven.run(CHANGES[name](driven.worker))
@@ -154,8 +172,8 @@ def test_changes_take_place_at_the_time_of_the_clock(name):
         assert driven.session.simulation.budget().emitted == pytest.approx(100.3 * 20.0)
 
 
-def test_end_time_and_steps_of_a_pause_are_exact():
-    driven = Driven(end_time=77.7)
+def test_end_time_and_steps_of_a_pause_are_exact(method):
+    driven = Driven(method=method, end_time=77.7)
     *_, status = driven.follow(100.0)
     assert driven.session.time == 77.7 and status.state is WorkerState.FINISHED
     driven.run(driven.worker.set('end_time', None))
@@ -165,15 +183,15 @@ def test_end_time_and_steps_of_a_pause_are_exact():
     assert driven.session.time == pytest.approx(81.0)
 
 
-def test_steps_longer_than_the_maximum_lag_are_reached():
-    driven = Driven(time_scale=0.01)
+def test_steps_longer_than_the_maximum_lag_are_reached(method):
+    driven = Driven(method=method, time_scale=0.01)
     *_, status = driven.follow(4e3, tick=2.0)
     assert driven.session.view.step > MAX_LAG * driven.worker.time_scale
     assert driven.session.time > 1.0 and status.lost == 0.0
 
 
-def test_fork_has_the_time_of_the_clock_of_its_state():
-    driven = Driven(time_scale=2.0)
+def test_fork_has_the_time_of_the_clock_of_its_state(method):
+    driven = Driven(method=method, time_scale=2.0)
     list(driven.follow(40.0))
     fork = driven.run(driven.worker.fork())
     assert 0.0 < fork.checkpoint.time < 75.0
@@ -217,10 +235,13 @@ def test_paused_state_is_never_stale():
     assert driven.worker.status.age == 0.0 and not driven.worker.status.is_stale
 
 
-@pytest.mark.parametrize('scale', [1.0, 10.0])
-def test_maps_wait_a_bounded_time_for_the_end_of_a_step(scale):
+@pytest.mark.parametrize(
+    ('method', 'scale'), [('particles', 1.0), ('particles', 10.0), ('cells', 1.0)],
+    indirect=['method'],
+)
+def test_maps_wait_a_bounded_time_for_the_end_of_a_step(method, scale):
     slow = replace(SCENE, vents=(Vent((60.0, 150.0), 1e-3),))
-    driven = Driven(slow, time_scale=scale)
+    driven = Driven(slow, method=method, time_scale=scale)
     ages = [status.age for status in driven.follow(150.0, tick=0.5)]
     assert (MAX_WAIT - 1.0) * scale <= max(ages) <= (MAX_WAIT + 0.5) * scale
     assert driven.session.time >= 2.0 * MAX_WAIT * scale

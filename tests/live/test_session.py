@@ -1,14 +1,19 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Session of a simulation: its newest snapshot."""
+"""Session of a simulation: its newest snapshot, and effects that its method does not have."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from lava_ros.errors import LavaError
 from lava_ros.live.session import SimulationSession
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.method import settled_method
 
 
 def test_older_snapshot_never_replaces_a_newer_one() -> None:
@@ -29,3 +34,41 @@ def test_older_snapshot_never_replaces_a_newer_one() -> None:
     assert newest > 1.0
     first()
     assert session.latest.time == newest
+
+
+#: Lava of one temperature, a vent from which it creeps, and one from which it rushes.
+LAVA = Lava.paper(viscosity=100.0, emissivity=0.0, convection=0.0, arrhenius=0.0)
+SLOW = Vent((100.0, 100.0), 1.0)
+FAST = replace(SLOW, discharge=100.0)
+
+
+def settled(scene: Scene) -> Simulation:
+    """Return a simulation by the method that its scene needs."""
+    choice = settled_method('auto', scene, Accuracy(), {}, horizon=3600.0)
+    accuracy = Accuracy(method=choice.method, spacing=20.0)
+    return Simulation(scene, effects={}, accuracy=accuracy, device='cpu', horizon=3600.0)
+
+
+def method_of(session: SimulationSession) -> str:
+    assert session.view.accuracy is not None
+    return session.view.accuracy.method
+
+
+def test_change_that_needs_an_effect_of_particles_is_warned_about() -> None:
+    x, _ = np.meshgrid(np.arange(40) * 20.0, np.arange(20))
+    scene = Scene(Terrain(100.0 - 0.1 * x, 20.0), lava=LAVA)
+    session = SimulationSession(settled)
+    session.start(scene)
+    # the first vents start it again, with the method that they need
+    session.set_vents((SLOW,))
+    assert (session.view.starts, method_of(session), session.view.missed) == (2, 'cells', ())
+    session.set_vents((FAST,))
+    (text,) = session.view.missed
+    assert 'the flow needs inertia (' in text and 'only method particles' in text
+    assert method_of(session) == 'cells'
+    with pytest.raises(LavaError, match='which have no merging. Set method to particles or auto'):
+        session.set_effects({'merging': True}, horizon=3600.0)
+    session.set_effects({'inertia': False}, horizon=3600.0)
+    assert session.view.missed == ()
+    session.reset()
+    assert (method_of(session), session.view.missed) == ('particles', ())

@@ -21,8 +21,8 @@ from worker_bench import Bench, TERRAIN, VENT
         # an error of Warp has a remedy
         (
             RuntimeError("Failed to allocate 64 bytes on device 'cuda:0'"),
-            'out of memory with 0 particles on 5 x 4 cells: Failed to allocate 64 bytes on device '
-            "'cuda:0'; a larger spacing or a coarser terrain needs less",
+            'out of memory with 0 particles on a terrain of 5 x 4 cells: Failed to allocate 64 '
+            "bytes on device 'cuda:0'; a larger spacing or a coarser terrain needs less",
         ),
     ],
 )

@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
+from lava_ros.effects import EFFECTS
 from lava_ros.live import clock
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros import codec, runtime
@@ -36,6 +37,10 @@ STEP = 0.5
 
 #: Parameters with lava after 2 s of the clock and steps of a few milliseconds.
 COARSE = {'device': 'cpu', 'preset': 'draft', 'spacing': 4.0, 'time_scale': 20.0}
+
+
+#: Effects to switch off for lava of one temperature, for which cells need few kernels.
+PLAIN = [name for name, item in EFFECTS.items() if name != 'steep' and not item.needs_particles]
 
 
 class _Log:

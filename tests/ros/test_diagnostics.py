@@ -208,6 +208,25 @@ def test_simulation_level_follows_the_state(state, changes, level, expected):
     assert _values(status)['lifecycle'] == ('active' if is_active else 'inactive')
 
 
+def test_flow_that_needs_an_effect_of_particles_is_a_warning():
+    missed = 'the flow needs inertia (Re = 9 > 1, but only method particles has inertia)'
+    resolution = Resolution(5.0, 5.0, 200.0, 40.0, 10.0, 'flow', method='cells')
+    status = diagnostics.simulation_status(
+        _worker(), replace(_snapshot(), method='cells'), is_active=True, frame_stamp_ns=99,
+        resolution=resolution, method_reason='it was given', missed=(missed,),
+    )
+    values = _values(status)
+    remedy = 'Set method to particles or auto, and start again with ~/reset'
+    assert (status.level, status.message) == (WARN, f'{missed}. {remedy}')
+    names = 'method', 'method_reason', 'cells_across', 'missed_effects'
+    assert [values[name] for name in names] == ['cells', 'it was given', '40', missed]
+    assert values['cells_with_lava'] == '3' and 'particles' not in values
+    # pages read the values of a bag
+    coarse = {**values, 'cells_across': '4'}
+    one, other = warnings_of_moments([Moment(0, 0.0, coarse)])
+    assert '4 cells across' in one and 'he flow needs inertia' in other
+
+
 def test_flow_whose_physics_the_model_lacks_is_a_warning():
     numbers = {'thickness': 5.0, 'width': 200.0, 'diameter': 1000.0}
     for rate, level in ((1.0, WARN), (100.0, OK)):

@@ -130,6 +130,11 @@ def test_empty_list_can_be_set_and_loaded(node_with):
         ({'frame_id': ''}, 'frame_id is'),
         ({'lava.density': -1.0}, 'lava.density is'),
         ({'preset': 'best'}, 'preset is'),
+        ({'method': 'cell'}, "method is 'cell', expected one of particles, cells, auto"),
+        (
+            {'method': 'cells', 'effects_on': ['inertia']},
+            "effects_on is 'inertia', expected an effect that cells have, or method particles",
+        ),
     ],
 )
 def test_rejects_wrong_values(changes, sentence):

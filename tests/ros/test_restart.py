@@ -16,7 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.live import restart
 from lava_ros.live.restart import Progress, RestartFile
 from ros.graph_publisher import elevation, Publisher
-from ros.local_node import COARSE
+from ros.local_node import COARSE, PLAIN
 from ros_domain import own_domain
 
 #: Simulated seconds per second of the clock.
@@ -77,7 +77,11 @@ MOMENTS = {
     'disk full': fill_disk,
     'clock jumped back': jump,
     'paused': pause,
+    'on cells': lambda node, _: node.run(2.0),
 }
+
+#: Parameters of the node before and after its end, by the moment.
+PARAMETERS = {'on cells': {'method': 'auto', 'effects_off': PLAIN}}
 
 
 def start(local, folder, **parameters):
@@ -112,7 +116,7 @@ def killed(request, module_local, tmp_path_factory):
     """A node that was killed after a moment; ``folder`` has its files."""
     folder = tmp_path_factory.mktemp('run')
     write_scene(folder)
-    node = start(module_local, folder)
+    node = start(module_local, folder, **PARAMETERS.get(request.param, {}))
     activate(node)
     node.run(2.0)
     with pytest.MonkeyPatch.context() as patch:
@@ -136,12 +140,13 @@ def test_run_does_not_continue_with_another_token(local, killed, token):
 @pytest.mark.parametrize('clock', ['on', 'an hour back'])
 def test_run_continues_with_its_token(local, killed, clock):
     revive(killed.folder)
-    node = start(local, killed.folder)
+    node = start(local, killed.folder, **PARAMETERS.get(killed.moment, {}))
     node.jump(killed.now + (PAUSE if clock == 'on' else -3600.0))
     activate(node)
     worker = node.worker
     assert 'resuming at' in node.log
     assert worker.view.origin is not None
+    assert worker.view.accuracy.method == ('cells' if killed.moment == 'on cells' else 'particles')
     is_held = killed.moment == 'paused'
     expected = killed.time + (PAUSE * SCALE if clock == 'on' and not is_held else 0.0)
     if killed.moment == 'disk full' and clock != 'on':

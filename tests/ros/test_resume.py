@@ -192,6 +192,11 @@ def test_omitted_parameters_are_those_of_the_checkpoint():
         'preset': 'fine', 'spacing': 3.0,
     }
     assert overrides_from_checkpoint(forced, {**known, **result}, known) == {}
+    cells = replace(forced, forced={}, accuracy=replace(forced.accuracy, method='cells'))
+    result = overrides_from_checkpoint(cells, known, known)
+    assert (result['method'], result['preset'], result['spacing']) == ('cells', 'fine', 3.0)
+    # the next start or reset chooses again
+    assert 'method' not in overrides_from_checkpoint(cells, {**known, 'method': 'auto'}, known)
 
 
 def test_frame_is_that_of_the_bag():
@@ -212,6 +217,7 @@ def test_frame_is_that_of_the_bag():
         ('effects_off', ['steep']),
         ('horizon', 1.0),
         ('preset', 'draft'),
+        ('method', 'cells'),
         ('spacing', 4.0),
     ],
 )

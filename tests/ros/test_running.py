@@ -19,6 +19,7 @@ from lava_ros.bag.checkpoints import newest_checkpoint
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.ros import subscribers
 from ros.graph_publisher import elevation
+from ros.local_node import PLAIN
 
 #: Layers that are off by default.
 OPTIONAL = ('height_raw', 'temperature_raw', 'lava_points')
@@ -155,6 +156,38 @@ def test_particles_are_published_to_subscribers_only(local):
     assert list(mean) == ['x', 'y', 'z', 'temperature']
     assert 300.0 < mean['temperature'] < 1150.0
     assert 460.0 < mean['z'] < 512.0 and 0.0 < mean['x'] < 400.0
+
+
+def test_method_changes_at_a_reset(local):
+    node = started(local, effects_off=PLAIN)
+
+    def reset(method):
+        assert node.set(method=method)['success']
+        assert 'method: the new value is used from the next start or reset' in node.log
+        assert node.call('reset')['success']
+        node.run_commands()
+        node.run(2.0)
+
+    def has_particles():
+        return '/lava_particles' in {item.topic_name for item in node.node.publishers}
+
+    assert has_particles()
+    reset('auto')
+    status = node.status_now('simulation', lambda status: 'cells_with_lava' in status)
+    assert (status['method'], 'particles' in status) == ('cells', False)
+    assert int(status['cells_with_lava']) > 3 and float(status['cells_across']) > 1.0
+    assert f'method: cells, because {status["method_reason"]}' in node.log
+    assert not has_particles()
+    # an effect that cells do not have: refused by the simulation, or with the parameter
+    assert node.set(effects_on=['merging'])['success']
+    node.wait_for_log('effects refused: The simulation runs on cells, which have no merging. Set')
+    answer = node.set(method='cells')
+    assert not answer['success'] and "effects_on is 'merging', expected" in answer['message']
+    assert node.set(effects_on=[''], method='particles')['success']
+    reset('particles')
+    status = node.status_now('simulation', lambda status: 'particles' in status)
+    assert (status['method'], 'method_reason' in status) == ('particles', False)
+    assert has_particles()
 
 
 def test_recording_parameters_can_be_changed(local):

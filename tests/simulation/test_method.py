@@ -35,3 +35,9 @@ def test_effects_that_cells_lack_take_particles(effect):
 def test_lava_that_freezes_takes_particles():
     choice = chosen(scene_from_yaml('etna.yaml'), 43200.0, solidification=True)
     assert choice.method == 'particles' and 'freezes' in choice.reason
+
+
+def test_formulation_that_cells_lack_takes_particles():
+    scene = Scene(flat(60, 10.0), (Vent((0.0, 0.0), 5.0, radius=10.0),), LAVA)
+    choice = choose_method(scene, Accuracy(formulation='as-published'), {}, horizon=3600.0)
+    assert choice.method == 'particles' and 'green' in choice.reason

@@ -9,21 +9,32 @@ import threading
 
 import pytest
 
+from lava_ros.effects import EFFECTS
 from lava_ros.live import worker as live
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.scene import Vent
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.verification.bounds import bound
 from lava_ros.verification.cases import case, CASES
 from waiting import PATIENCE, wait_until
 
-DRAFT = PRESETS['draft'].accuracy
+#: Preset of the cases by method, whose bounds apply.
+PRESET = {'particles': 'draft', 'cells': 'standard'}
+
+#: Name of the method of a solver that launches stages or steps, by method.
+LAUNCH = {'particles': 'run_stages', 'cells': '_take_steps'}
 
 #: Wall time of a slice [s], in which a step of several stages does not end.
 SLICE = 1e-3
 
 HOUR = 3600.0
+
+
+def accuracy_of(method):
+    """Return the accuracy of the cases on a method."""
+    return replace(PRESETS[PRESET[method]].accuracy, method=method)
 
 
 class InThread:
@@ -49,8 +60,9 @@ class Drive:
     ``at_tick`` is called in the worker's thread with the drive, the worker and its scene.
     """
 
-    def __init__(self, tick, time_scale=1.0, at_tick=None):
+    def __init__(self, tick, time_scale=1.0, at_tick=None, method='particles'):
         self.tick, self.time_scale, self.at_tick = tick, time_scale, at_tick
+        self.method = method
         self.now, self.ticks, self.launches, self.workers = 100.0, 0, 0, []
         self.paused_at = -1.0
 
@@ -71,7 +83,7 @@ class Drive:
             patch.setattr(live, 'SLICE_WALL_TIME', SLICE)
             patch.setattr(case, 'Trial', Followed)
             try:
-                return CASES[name].run(DRAFT, device)
+                return CASES[name].run(accuracy_of(self.method), device)
             finally:
                 stopped = [worker.stop(PATIENCE) for worker in self.workers]
                 assert all(stopped)
@@ -88,14 +100,14 @@ class Drive:
         return InThread(worker)
 
     def counted(self, simulation):
-        """Return a simulation whose launches of stages are counted, idle ones included."""
-        run_stages = simulation.solver.run_stages
+        """Return a simulation whose launches are counted, idle ones included."""
+        launch = getattr(simulation.solver, LAUNCH[self.method])
 
         def run():
             self.launches += 1
-            run_stages()
+            launch()
 
-        simulation.solver.run_stages = run
+        setattr(simulation.solver, LAUNCH[self.method], run)
         return simulation
 
     def read(self, worker, scene):
@@ -123,15 +135,15 @@ class Drive:
 
 
 @cache
-def evaluations(name, device):
+def evaluations(name, device, method):
     """Return the number of evaluations of the velocity in a case without a worker."""
-    return CASES[name].run(DRAFT, device).evaluations
+    return CASES[name].run(accuracy_of(method), device).evaluations
 
 
-def check_bounds(name, run):
+def check_bounds(name, run, method):
     assert run.measurements
     for item in run.measurements:
-        assert item.error <= bound('draft', name, item.quantity), item
+        assert item.error <= bound(PRESET[method], name, item.quantity), item
 
 
 #: Ticks of the clock for each case [s]: at real time there are several in a step.
@@ -142,21 +154,33 @@ TICKS = {
     'slope_fixed_area': 0.1, 'ritter': 0.02, 'stoker': 0.02,
 }
 
-#: Cases of heat, of a vent on a slope, of solidification, and of inertia.
-EVERY_RUN = ('radiating_sheet', 'slope_flux', 'freezing_lens', 'inertial_sheet', 'ritter')
+#: Cases of heat, of a vent on a slope, of solidification, and of inertia, computed in every run.
+EVERY_RUN = {
+    'particles': ('radiating_sheet', 'slope_flux', 'freezing_lens', 'inertial_sheet', 'ritter'),
+    'cells': ('latent_heat', 'slope_flux'),
+}
 
 
-@pytest.mark.parametrize('time_scale', [1.0, 10.0])
-@pytest.mark.parametrize(
-    'name',
-    [pytest.param(name, marks=() if name in EVERY_RUN else pytest.mark.nightly)
-     for name in TICKS if name in CASES],
-)
-def test_case_that_follows_a_clock_is_within_its_bounds(name, time_scale, device, monkeypatch):
-    drive = Drive(TICKS[name], time_scale)
+def followed_cases():
+    """Yield the cases that follow a clock, each on the methods that have its effects."""
+    for name in [name for name in TICKS if name in CASES]:
+        lacking = any(EFFECTS[effect].needs_particles for effect in CASES[name].effects)
+        for method in METHODS[:1] if lacking else METHODS:
+            for time_scale in (1.0, 10.0):
+                is_short = method == 'particles' or time_scale == 10.0
+                is_quick = is_short and name in EVERY_RUN[method]
+                marks = () if is_quick else pytest.mark.nightly
+                yield pytest.param(name, method, time_scale, marks=marks)
+
+
+@pytest.mark.parametrize(('name', 'method', 'time_scale'), list(followed_cases()))
+def test_case_that_follows_a_clock_is_within_its_bounds(
+    name, method, time_scale, device, monkeypatch
+):
+    drive = Drive(TICKS[name], time_scale, method=method)
     run = drive.run(name, device, monkeypatch)
-    check_bounds(name, run)
-    assert drive.launches <= 3 * evaluations(name, device)
+    check_bounds(name, run, method)
+    assert drive.launches <= 3 * evaluations(name, device, method)
     # never ahead of the clock
     assert run.simulated_time <= drive.ticks * drive.tick * time_scale
 
@@ -167,11 +191,14 @@ def repeat(drive, worker, scene):
     worker.set_terrain(replace(scene.terrain, elevation=scene.terrain.elevation.copy()))
 
 
-@pytest.mark.parametrize('name', ['radiating_sheet', 'slope_flux'])
-def test_commands_that_change_nothing_cost_no_steps(name, device, monkeypatch):
-    drive = Drive(TICKS[name], at_tick=repeat)
-    check_bounds(name, drive.run(name, device, monkeypatch))
-    assert drive.launches <= 3 * evaluations(name, device)
+@pytest.mark.parametrize(('name', 'method'), [
+    ('radiating_sheet', 'particles'), ('slope_flux', 'particles'),
+    pytest.param('slope_flux', 'cells', marks=pytest.mark.nightly),
+])
+def test_commands_that_change_nothing_cost_no_steps(name, method, device, monkeypatch):
+    drive = Drive(TICKS[name], at_tick=repeat, method=method)
+    check_bounds(name, drive.run(name, device, monkeypatch), method)
+    assert drive.launches <= 3 * evaluations(name, device, method)
 
 
 def pause_briefly(drive, worker, scene):
@@ -189,15 +216,13 @@ def change_horizon(drive, worker, scene):
     worker.set_effects(asdict(worker.session.simulation.effects), horizon=HOUR + drive.ticks)
 
 
-@pytest.mark.parametrize(
-    'change',
-    [
-        pause_briefly,
-        pytest.param(change_vents, marks=pytest.mark.nightly),
-        pytest.param(change_horizon, marks=pytest.mark.nightly),
-    ],
-)
-def test_commands_that_shorten_steps_keep_the_heat(change, device, monkeypatch):
+@pytest.mark.parametrize(('change', 'method'), [
+    (pause_briefly, 'particles'),
+    pytest.param(pause_briefly, 'cells', marks=pytest.mark.nightly),
+    pytest.param(change_vents, 'particles', marks=pytest.mark.nightly),
+    pytest.param(change_horizon, 'particles', marks=pytest.mark.nightly),
+])
+def test_commands_that_shorten_steps_keep_the_heat(change, method, device, monkeypatch):
     """In steps of about a second lava that crystallises cools by few units of a float32."""
 
     def at_tick(drive, worker, scene):
@@ -206,7 +231,7 @@ def test_commands_that_shorten_steps_keep_the_heat(change, device, monkeypatch):
         if is_first_hour or drive.ticks % 50 == 0:
             change(drive, worker, scene)
 
-    drive, name = Drive(1.0, at_tick=at_tick), 'latent_heat'
+    drive, name = Drive(1.0, at_tick=at_tick, method=method), 'latent_heat'
     run = drive.run(name, device, monkeypatch)
-    check_bounds(name, run)
-    assert run.evaluations > 3 * evaluations(name, device)
+    check_bounds(name, run, method)
+    assert run.evaluations > 3 * evaluations(name, device, method)

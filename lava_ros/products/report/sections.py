@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lava_ros.bag.status_values import count_key
 from lava_ros.files.yaml import dump_yaml
 from lava_ros.layers.layer import (
     DEPTHS,
@@ -21,9 +22,10 @@ from lava_ros.layers.layer import (
 from lava_ros.layers.numbers import area_words, duration, seconds
 from lava_ros.layers.recording import Recording
 from lava_ros.products.report.summary import RunSummary
-from lava_ros.products.run_warnings import warnings_of_moments
+from lava_ros.products.run_warnings import method_of, warnings_of_moments
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.projection import system_name
+from lava_ros.simulation.carriers import COUNTED
 from lava_ros.simulation.numerical_error import NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
@@ -163,17 +165,19 @@ def accuracy_table(recording: Recording, description: Mapping[str, Any]) -> Tabl
     preset = PRESETS.get(name) if isinstance(name, str) else None
     run = recording.timeline.last_run[-1]
     known = f'{name}: {preset.summary}' if preset is not None else str(name or 'unknown')
+    method = method_of(run)
+    distance = 'size of the cells' if method == 'cells' else 'distance between particles'
     rows = [('preset', known)]
     for key, term, unit in (
-        ('spacing_m', 'distance between particles', ' m'),
+        ('spacing_m', distance, ' m'),
         ('flow_width_m', 'width of the flow', ' m'),
-        ('particles_across', 'particles across the flow', ''),
+        (f'{method}_across', f'{method} across the flow', ''),
     ):
         if key in run.values:
             rows.append((term, f'{run.values[key]}{unit}'))
     rows += [
         ('numerical error', run.values.get('numerical_error', NOT_MEASURED)),
-        ('particles at the end', run.values.get('particles', 'unknown')),
+        (f'{COUNTED[method]} at the end', run.values.get(count_key(method), 'unknown')),
         ('steps', run.values.get('steps', 'unknown')),
         ('device', recording.bag.custom_data.get('device') or 'unknown'),
     ]

@@ -178,5 +178,6 @@ def snapshot_of(
         half_inundated=half_inundated,
         inundated=inundated,
         threshold=accuracy.inundation_threshold,
+        method=accuracy.method,
         **moment._replace(budget=budget)._asdict(),
     )

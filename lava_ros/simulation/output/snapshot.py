@@ -12,6 +12,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.inundation import (
     area_of,
@@ -52,7 +53,7 @@ class Snapshot:
         temperature: Depth-averaged temperature of flowing lava [K], float32, same shape; the
             solidus, its maximum, where all lava has solidified; NaN without lava.
         budget: Volume budget.
-        particle_count: Number of particles on the terrain.
+        particle_count: Number of particles on the terrain, or of cells with lava.
         steps: Time stepping so far.
         frozen: Solidified part of ``thickness`` [m], float32, same shape; None without
             solidification.
@@ -63,6 +64,7 @@ class Snapshot:
         inundated: Fraction of the cell that lava has covered so far, float32, same shape, NaN
             without data; above 0 where lava has arrived; None in a snapshot from maps without it.
         threshold: Minimum thickness of lava that counts as inundation [m].
+        method: Carriers of the lava (``Accuracy.method``).
     """
 
     time: float
@@ -77,6 +79,7 @@ class Snapshot:
     half_inundated: np.ndarray | None = None
     inundated: np.ndarray | None = None
     threshold: float = COVERED
+    method: str = METHODS[0]
 
     @property
     def footprint(self) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.live.session import failure_text
+from lava_ros.live.failures import failure_text
 from lava_ros.scene import Lava, Vent
 from lava_ros.simulation.backend.memory import OutOfMemoryError
 from solver import incline, simulated
