@@ -296,7 +296,7 @@ class Simulation:
     @property
     def keeps_peaks(self) -> bool:
         """True if steps keep the peaks themselves, so that few observations suffice."""
-        return self.accuracy.method == 'cells'
+        return self.solver.keeps_peaks
 
     @within_memory()
     def observe(self, peaks: Peaks) -> None:

@@ -18,8 +18,7 @@ def grid_of(terrain: Terrain, spacing: float) -> Terrain:
     The ground is the B-spline of the terrain, as for particles. Cells are not larger than the
     terrain allows, which needs two along each side.
     """
-    grid = terrain
-    doublings = round(math.log2(spacing / terrain.resolution))
+    grid, doublings = terrain, doublings_of(terrain, spacing)
     for _ in range(doublings):
         if min(grid.shape) < 4:
             break
@@ -27,6 +26,11 @@ def grid_of(terrain: Terrain, spacing: float) -> Terrain:
     for _ in range(-doublings):
         grid = subdivide_ground(grid)
     return grid
+
+
+def doublings_of(terrain: Terrain, spacing: float) -> int:
+    """Return the doublings of a terrain's cells to the nearest to a spacing [m], < 0: halvings."""
+    return round(math.log2(spacing / terrain.resolution))
 
 
 def on_terrain(
