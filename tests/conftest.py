@@ -20,7 +20,7 @@ import pytest
 from deleted_effects import is_left_out
 from recording import GRIDS, record
 from ros_domain import leave_network, own_domain
-from volume import volume_errors
+from volume import DOUBLE, SINGLE, volume_errors
 
 #: Context of one trial of a kind, by its name; gives the figures of the kind.
 Trial = Callable[[str], AbstractContextManager[dict[str, Any]]]
@@ -74,8 +74,9 @@ def conserved_volume(
         yield
         return
     solver = sys.modules['lava_ros.simulation.particles.lava']
+    cells = sys.modules['lava_ros.simulation.cells.lava'].CellLava
     advancing, flown = module.Simulation.advancing, {}
-    snapshot_of, lost = solver.snapshot_of, []
+    snapshot_of, begin_snapshot, lost = solver.snapshot_of, cells.begin_snapshot, []
 
     def recorded(simulation: Any, *arguments: Any, **options: Any) -> Any:
         if threading.current_thread() is threading.main_thread():
@@ -84,11 +85,17 @@ def conserved_volume(
 
     def checked(*arguments: Any) -> Any:
         snapshot = snapshot_of(*arguments)
-        lost.extend(volume_errors(snapshot))
+        lost.extend(volume_errors(snapshot, SINGLE))
         return snapshot
+
+    def begun(own: Any, **options: Any) -> Any:
+        pending = begin_snapshot(own, **options)
+        lost.extend(volume_errors(pending.result(), DOUBLE))
+        return pending
 
     monkeypatch.setattr(module.Simulation, 'advancing', recorded)
     monkeypatch.setattr(solver, 'snapshot_of', checked)
+    monkeypatch.setattr(cells, 'begin_snapshot', begun)
     yield
     for simulation in flown.values():
         simulation.begin_snapshot().result()

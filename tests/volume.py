@@ -16,24 +16,28 @@ if TYPE_CHECKING:
 #: rounding of float32 where a kernel covers thousands of cells, elsewhere 1e-6 (docs/MODEL.md).
 MAP_TOLERANCE = 1.5e-6
 
-#: Rounding of the budget, as a fraction of the emitted volume.
-BUDGET_ROUNDING = 1e-12
+#: Rounding of the budget, as a fraction of the emitted volume: of volumes of particles, which are
+#: float32, and of sums in float64.
+SINGLE, DOUBLE = 1e-6, 1e-12
 
 
-def volume_errors(snapshot: Snapshot) -> list[str]:
-    """Return where a snapshot and its budget differ, as text."""
+def volume_errors(snapshot: Snapshot, rounding: float) -> list[str]:
+    """Return where a snapshot and its budget differ, as text.
+
+    ``rounding`` is the maximum error of the budget, as a fraction of the emitted volume.
+    """
     budget, cell = snapshot.budget, snapshot.terrain.resolution**2
     maps = {
         'lava': (snapshot.thickness, budget.flowing + budget.frozen),
         'solidified lava': (snapshot.frozen, budget.frozen),
     }
-    errors = [] if budget.is_conserved else [budget.text()]
+    # False if the error is not a number
+    errors = [] if budget.error <= rounding else [budget.text()]
     for name, (thickness, expected) in maps.items():
         found = 0.0
         if thickness is not None:
             found = float(np.nansum(thickness, dtype=np.float64)) * cell
         # False if a volume is not a number
-        rounding = MAP_TOLERANCE * abs(expected) + BUDGET_ROUNDING * budget.emitted
-        if not abs(found - expected) <= rounding:
+        if not abs(found - expected) <= MAP_TOLERANCE * abs(expected) + DOUBLE * budget.emitted:
             errors.append(f'{found} m3 of {name} on the map, {expected} m3 in the budget')
     return errors

@@ -219,13 +219,17 @@ def batch_of(plan: Plan, device: str | None) -> int:
     """Return the number of members that run as one batch on a Warp device."""
     from lava_ros.simulation.batch import AT_ONCE
     from lava_ros.simulation.setup.defaults import device_of
+    from lava_ros.simulation.simulation import SOLVERS
 
-    used = device_of(device, plan.accuracy.method)
+    accuracy, start = plan.accuracy, plan.start
+    used = device_of(device, accuracy.method)
     if not used.is_cuda:
         return 1
-    # a member takes 64 bytes for each cell
-    fit = used.free_memory // (2 * 64 * plan.scene.terrain.elevation.size)
-    return min(max(fit, 1), AT_ONCE)
+    volume = 0.0 if start is None else start.emitted
+    volume += sum(vent.volume_between(0.0, plan.horizon) for vent in plan.scene.vents)
+    needed = SOLVERS[accuracy.method].bytes_for(plan.scene, plan.effects, accuracy, volume)
+    # half of the memory, for members with more lava than the median and for their neighbour grids
+    return min(max(used.free_memory // (2 * needed), 1), AT_ONCE)
 
 
 def run_members(

@@ -295,7 +295,7 @@ class Simulation:
     @property
     def keeps_peaks(self) -> bool:
         """True if steps keep the peaks themselves, so that few observations suffice."""
-        return self.accuracy.method == 'cells'
+        return self.solver.keeps_peaks
 
     def observing(self, peaks: Peaks) -> Iterator[None]:
         """Raise peaks to the values of the current flow, without a copy to the host.

@@ -34,6 +34,7 @@ class Solver(Protocol):
         volume_before: Volume on the terrain at the start, plus that of former vents [m3].
         most_particles: Maximum number of particles, or of cells with lava, at any readback so far.
         vents: The vents on the device; ``vents.since`` is the time from which they emit [s].
+        keeps_peaks: True if steps keep the peaks themselves, so that few observations suffice.
     """
 
     scene: Scene
@@ -41,6 +42,7 @@ class Solver(Protocol):
     volume_before: float
     most_particles: int
     vents: Any
+    keeps_peaks: bool
 
     def __init__(
         self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
@@ -55,6 +57,19 @@ class Solver(Protocol):
 
         Raises:
             LavaError: If the solver lacks an effect or does not run on the device.
+        """
+
+    @staticmethod
+    def bytes_for(scene: Scene, effects: Effects, accuracy: Accuracy, volume: float) -> int:
+        """Return the memory of a simulation and its ``Peaks`` on a device [bytes].
+
+        It leaves out what simulations on the same terrain share, and the arrays of few items.
+
+        Args:
+            scene: Terrain, vents and lava.
+            effects: The effects that are on.
+            accuracy: The resolution, with all automatic values filled in.
+            volume: Expected volume of the lava [m3].
         """
 
     @property

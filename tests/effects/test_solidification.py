@@ -58,7 +58,6 @@ def test_even_layer_raises_the_ground_evenly(device, precision):
     snapshot = simulation.snapshot()
     assert snapshot.particle_count == 0
     assert snapshot.budget.held == 0.0
-    assert snapshot.budget.error < 1e-12
     assert snapshot.budget.frozen == pytest.approx(300.0 * 200.0 * 2.0, rel=1e-12)
     exact = frozen_in(simulation)
     assert exact.sum() * 100.0 == pytest.approx(120000.0, rel=1e-12)
@@ -178,7 +177,6 @@ def test_new_terrain_keeps_solidified_lava(device):
     simulation.set_terrain(Terrain(np.zeros((50, 30)), 10.0))
     budget = simulation.budget()
     assert budget.left == budget.over_border == pytest.approx(60000.0, rel=0.05)
-    assert budget.error < 1e-12
 
     holed = np.zeros((50, 30))
     holed[:, 15:] = np.nan
@@ -187,4 +185,3 @@ def test_new_terrain_keeps_solidified_lava(device):
     assert after.in_holes == pytest.approx(budget.frozen - after.frozen)
     assert after.in_holes > 0.9 * budget.frozen
     assert after.over_border == budget.over_border
-    assert after.error < 1e-12

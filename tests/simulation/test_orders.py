@@ -88,24 +88,26 @@ def test_motion_has_its_order_in_time(name, device):
     assert fitted_order(steps, errors) > least
 
 
-def test_emission_is_of_first_order_in_time(device):
-    """Particles come out at the end of a step, half a step late; the measured order is 1.1.
+@pytest.mark.parametrize('integrator', ['rkl2', 'rkl1'])
+def test_lava_emitted_in_a_step_moves_within_it(integrator, device):
+    """Lava that came out at the end of a step would be late by half a step.
 
-    A particle is due every 0.05 s. The few particles for which steps end when one is due are
-    fewer at a small refinement. The mean square of the distance grows in proportion to time.
+    A particle is due every 0.05 s. The few particles for which steps end when one is due are fewer
+    at a small refinement. The mean square of the distance grows in proportion to time. Measured
+    errors are at most 0.16 of that of half a step.
     """
     squares, steps, end = [], np.array([0.8, 0.4, 0.2, 0.1]), 10.0
     for step in (*steps, 0.0125):
         simulation = simulated(
             LEVEL, LAVA, Vent((0.0, 0.0), 20.0, radius=6.0), effects=only(), device=device,
             precision='float64', spacing=0.7, thickness=2.0, refinement=0.05, longest_step=step,
+            integrator=integrator,
         )
         simulation.advance(end)
         sample = simulation.sample()
         squares.append(np.average((sample.position**2).sum(axis=1), weights=sample.volume))
-    errors = squares[-1] - np.array(squares[:-1])
-    assert errors == pytest.approx(0.5 * steps / end * squares[-1], rel=0.3)
-    assert fitted_order(steps, errors) > 0.9
+    late = 0.5 * steps / end * squares[-1]
+    assert (abs(squares[-1] - np.array(squares[:-1])) < 0.2 * late).all()
 
 
 def test_solidification_is_of_first_order_in_time(device):

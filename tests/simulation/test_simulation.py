@@ -149,7 +149,6 @@ def test_scene_without_vents_stays_dry(device):
     snapshot = simulation.snapshot()
     assert snapshot.time == 1e5
     assert (snapshot.thickness == 0.0).all()
-    assert snapshot.budget.error == 0.0
 
 
 def test_effects_can_change_during_a_run(device):

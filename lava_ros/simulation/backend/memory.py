@@ -42,6 +42,13 @@ def within_memory() -> Iterator[None]:
 _size = lru_cache(wp.types.type_size_in_bytes)
 
 
+def bytes_per_cell(*kinds: Any) -> int:
+    """Return the memory that the two-dimensional arrays of structs take for each cell [bytes]."""
+    types = [item.type for kind in kinds for item in kind.vars.values()]
+    maps = [one for one in types if isinstance(one, wp.array) and one.ndim == 2]
+    return sum(_size(one.dtype) for one in maps)
+
+
 def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
     """Allocate arrays of zeros in one block of memory, three times as fast as one by one.
 

@@ -26,8 +26,7 @@ def grid_of(terrain: Terrain, spacing: float) -> Terrain:
     Raises:
         LavaError: If the spacing is too small for the terrain.
     """
-    grid = terrain
-    doublings = round(math.log2(spacing / terrain.resolution))
+    grid, doublings = terrain, doublings_of(terrain, spacing)
     halvings = math.log2(min(
         math.sqrt(MAX_CELLS / terrain.elevation.size), MAX_SIDE_CELLS / max(terrain.shape),
         terrain.resolution / RESOLUTION_RANGE[0],
@@ -43,6 +42,11 @@ def grid_of(terrain: Terrain, spacing: float) -> Terrain:
     for _ in range(-doublings):
         grid = subdivide_ground(grid)
     return grid
+
+
+def doublings_of(terrain: Terrain, spacing: float) -> int:
+    """Return the doublings of a terrain's cells to the nearest to a spacing [m], < 0: halvings."""
+    return round(math.log2(spacing / terrain.resolution))
 
 
 def on_terrain(

@@ -16,14 +16,19 @@ from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.cells.grid import grid_of, on_terrain
+from lava_ros.simulation.backend.memory import bytes_per_cell
+from lava_ros.simulation.cells.covered import Covered
+from lava_ros.simulation.cells.grid import doublings_of, grid_of, on_terrain
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState, hottest_of
+from lava_ros.simulation.cells.highest import Highest
 from lava_ros.simulation.cells.peaks import CellPeaks
 from lava_ros.simulation.cells.state import (
+    Cells,
     CellState,
     EVALUATIONS,
     FULL,
+    Heat,
     STAGES,
     STEPS,
     TIME,
@@ -90,9 +95,11 @@ class CellLava:
         thickest: Largest thickness of the lava [m].
         volume_before: Volume on the terrain at the start, and of vents that have closed [m3].
         most_particles: Largest number of cells with lava at any count so far.
+        keeps_peaks: True: steps raise ``peaks``.
     """
 
     vents: CellVents
+    keeps_peaks = True
 
     def __init__(
         self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
@@ -106,6 +113,17 @@ class CellLava:
         self._maps = _Maps(device)
         self.covered = CoveredCells(scene.terrain, device)
         self._place_terrain()
+
+    @staticmethod
+    def bytes_for(scene: Scene, effects: Effects, accuracy: Accuracy, volume: float) -> int:
+        """Return the memory of a simulation and its peaks, as ``Solver.bytes_for``."""
+        del effects, volume
+        assert accuracy.spacing is not None
+        terrain, scale = scene.terrain, 2.0 ** -doublings_of(scene.terrain, accuracy.spacing)
+        own = math.prod(scale * side + 2.0 for side in terrain.shape)
+        per_cell = bytes_per_cell(Covered) + Peaks.COUNT * np.dtype(np.float32).itemsize
+        own *= bytes_per_cell(Cells, Heat, Highest)
+        return math.ceil(own) + terrain.elevation.size * per_cell
 
     def _place_terrain(self) -> None:
         """Make the arrays of the grid for the terrain of the scene."""

@@ -17,7 +17,6 @@ import warp as wp
 
 from lava_ros.scene.terrain import HALF, PARTS
 from lava_ros.simulation.backend.compiled import load_square, mark_bits, raise_to
-from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import arguments_type
 
 #: Side of a particle's square over the root of its area V / h. Squares of exactly that area
@@ -35,8 +34,9 @@ _COLUMN = sum(1 << PARTS * row for row in range(PARTS))
 def note_function(real: Any, is_new: bool) -> Any:
     """Return the device function that records the ground covered by a particle.
 
-    A particle that ``is_new`` has no thickness yet, and only touches its cell. Threads with a
-    common cell write the same time.
+    Its arguments: the particle, its thickness [m], the end of the step [s], and arguments of the
+    motion. A particle that ``is_new`` has no thickness yet, and only touches its cell. Threads
+    with a common cell write the same time.
     """
     vec4: Any = wp.types.vector(4, real)
     vec4i: Any = wp.vec4i
@@ -60,7 +60,7 @@ def note_function(real: Any, is_new: bool) -> Any:
         return (wp.max(above - below, 0) & wp.static(_COLUMN)) * wp.max(right - left, 0)
 
     @wp.func
-    def note(p: vec4, thickness: real, m: arguments_type(real)):
+    def note(p: vec4, thickness: real, end: wp.float64, m: arguments_type(real)):
         inverse = real(1.0) / m.ground.resolution
         x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse
         own_row, own_column = int(wp.floor(y)), int(wp.floor(x))
@@ -119,7 +119,7 @@ def note_function(real: Any, is_new: bool) -> Any:
         if wp.static(not is_new):  # noqa: SIM102, the static test decides what is compiled
             if not is_thick:
                 return
-        time = wp.float32(m.clock[at.TIME])
+        time = wp.float32(end)
         for row in range(first_row, last_row + 1):
             for column in range(first_column, last_column + 1):
                 bits = bits_of(south, north, west, east, row, column)

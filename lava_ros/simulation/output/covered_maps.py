@@ -51,7 +51,7 @@ def _kernel(real: Any) -> Any:
     @quick_kernel
     def note_all(i: int, m: arguments_type(real)):
         if i < m.counts[at.PARTICLES]:
-            note(load(m.ordered, i), m.flow[i][0], m)
+            note(load(m.ordered, i), m.flow[i][0], m.clock[at.TIME], m)
 
     return note_all
 

@@ -81,7 +81,13 @@ class PeakMaps(NamedTuple):
 
 
 class Peaks:
-    """Largest values of a flow in each cell, gathered on its device."""
+    """Largest values of a flow in each cell, gathered on its device.
+
+    Attributes:
+        COUNT: Number of arrays of the terrain's cells, float32.
+    """
+
+    COUNT = 2
 
     def __init__(self, terrain: Terrain, threshold: float, start: float, device: Any) -> None:
         """Initialize without observations.
@@ -94,7 +100,7 @@ class Peaks:
         """
         self._threshold, self._start, self._has_data = threshold, start, terrain.has_data
         # filled on the device: members of an ensemble do this one after the other
-        self._peaks = wp.zeros((2, *terrain.shape), dtype=wp.float32, device=device)
+        self._peaks = wp.zeros((self.COUNT, *terrain.shape), dtype=wp.float32, device=device)
         self._peaks[1].fill_(np.nan)
         self._flaw = wp.zeros(1, dtype=wp.int32, device=device)
 

@@ -276,12 +276,15 @@ class Raster:
     """Output grids on a device, one value for each cell of a terrain.
 
     Attributes:
+        COUNT: Number of grids that ``fill`` fills.
         grids: Grids that ``fill`` fills, and additional ones for callers to fill, float32, shape
             [2 or more, rows, columns].
         thickness: The first grid [m], NaN where the terrain has no data.
         window: The cells that lava can reach.
         temperature: The second grid [K], NaN where the ground is dry, too.
     """
+
+    COUNT = 2
 
     def __init__(
         self,
@@ -307,7 +310,7 @@ class Raster:
         self._radius = radius
         self._kernel = kernel
         self._device = device
-        shape = (2 + more, terrain.ground.rows, terrain.ground.columns)
+        shape = (self.COUNT + more, terrain.ground.rows, terrain.ground.columns)
         self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
         self.thickness, self.temperature = self.grids[0], self.grids[1]
         self.window = Window(shape[1:], math.ceil(reach / terrain.exact_ground.resolution))

@@ -33,7 +33,7 @@ from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.layout import centre_of
 from lava_ros.simulation.particles.neighbors import NeighborGrid
 from lava_ros.simulation.particles.solidified import RaisedTerrain
-from lava_ros.simulation.particles.state import State
+from lava_ros.simulation.particles.state import room_for, State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from lava_ros.simulation.step.stage import Stage
 from lava_ros.simulation.step.vents import VentSet
@@ -61,9 +61,11 @@ class ParticleLava:
         volume_before: Volume on the terrain at the start, plus that of former vents [m3].
         most_particles: Maximum number of particles at any readback so far.
         is_empty: True if there was no particle at the latest readback.
+        keeps_peaks: False: observations gather the peaks.
     """
 
     vents: VentSet
+    keeps_peaks = False
 
     def __init__(
         self, scene: Scene, effects: Effects, accuracy: Accuracy, device: wp.Device
@@ -85,6 +87,19 @@ class ParticleLava:
         self.raised: RaisedTerrain | None = None
         self.covered = CoveredCells(scene.terrain, device)
         self.place_terrain()
+
+    @staticmethod
+    def bytes_for(scene: Scene, effects: Effects, accuracy: Accuracy, volume: float) -> int:
+        """Return the memory of a simulation and its peaks, as ``Solver.bytes_for``."""
+        freezes = effects.any('freezes')
+        kinds = at.kinds_of(at.REAL[accuracy.precision])
+        types = [kinds[one.dtype] for one in at.CELL_MAPS.values() if len(one.shape) == 2]
+        types += (Raster.COUNT + freezes + len(SHOWN) + Peaks.COUNT) * [wp.float32]
+        types += freezes * [kinds['real'], wp.int64, wp.int64]
+        per_cell = sum(map(wp.types.type_size_in_bytes, types))
+        count = max(room_for(math.ceil(volume / accuracy.particle_volume)), FIRST_CAPACITY)
+        per_particle = State(1, effects, accuracy, wp.get_device('cpu')).bytes_per_particle
+        return scene.terrain.elevation.size * per_cell + count * per_particle
 
     def place_terrain(self, *, is_raised: bool = False) -> None:
         """Copy the terrain to the device, and create the grids and kernels that depend on it.

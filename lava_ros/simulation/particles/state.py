@@ -114,6 +114,13 @@ class State(Arrays):
         own = {name: getattr(self, name) for name in at.ARRAYS if name in self._declared}
         return own | vars(self.cell_maps) | self.of_effects
 
+    @property
+    def bytes_per_particle(self) -> int:
+        """Memory of the arrays for each particle [bytes]."""
+        kinds = at.kinds_of(self.real)
+        types = [kinds[one.dtype] for one in self._declared.values() if one.shape == ('particle',)]
+        return sum(map(wp.types.type_size_in_bytes, types))
+
     def _allocate(self, capacity: int) -> None:
         """Allocate the arrays of some particles; keep those that do not depend on the number."""
         kinds, items, others, own = at.kinds_of(self.real), {}, {}, self.arrays

@@ -1,7 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Emission: the release of particles from vents by their discharge."""
+"""Emission: the release of particles from vents by their discharge.
+
+After each stage j of a step those particles come out that are due by its time t + c_j dt, so the
+next stage includes them: a Runge-Kutta method for the volume as well as for the motion. A particle
+that comes out within a step has no displacement from its earlier stages. The weighted sum of the
+stages then moves the lava of a step as far as it flows until the end of the step, to second order.
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -13,14 +19,18 @@ from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.particles.cells import bin_function
 from lava_ros.simulation.particles.layout import (
     arguments_type,
+    CURRENT,
     FULL,
     IS_LAST,
     NEWCOMERS,
     PARTICLES,
+    STAGES,
+    STEP,
     TIME,
 )
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.outlets import next_two, Outlets, place_of
+from lava_ros.simulation.step.timestep import fraction_after
 
 #: Relative error of the time at which a particle is due.
 _ROUNDING = 1e-9
@@ -28,12 +38,14 @@ _ROUNDING = 1e-9
 
 @lru_cache
 def emission_function(
-    real: Any, has_velocity: bool, has_age: bool, bins: bool, has_temperature_remainder: bool
+    real: Any, order: int, is_staged: bool, has_velocity: bool, has_age: bool, has_mean: bool,
+    bins: bool, has_temperature_remainder: bool,
 ) -> Any:
     """Return the device function that releases the particles that are due from every k-th vent.
 
-    Its arguments are the index of the first vent, the stride k, the tables of the vents, and the
-    arguments of the motion (``arguments_type``).
+    ``order`` is that of super-time-stepping. The arguments of the function are the index of the
+    first vent, the stride k, the tables of the vents, and the arguments of the motion
+    (``arguments_type``).
     """
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
@@ -43,8 +55,14 @@ def emission_function(
     total = NEWCOMERS if bins else PARTICLES
 
     @wp.func
-    def released(v: int, due: int, outlets: Outlets, m: arguments_type(real)) -> int:
-        """Release some particles of a vent, if there is room; return how many."""
+    def released(
+        v: int, due: int, time: wp.float64, end: wp.float64, outlets: Outlets,
+        m: arguments_type(real),
+    ) -> int:
+        """Release some particles of a vent at a time, if there is room; return how many.
+
+        The time is within a step that ends at ``end``.
+        """
         slot = wp.atomic_add(m.counts, wp.static(total), due)
         if wp.static(bins):
             slot += m.counts[PARTICLES]
@@ -62,23 +80,33 @@ def emission_function(
                 velocity = outlets.vents[v].velocity
                 m.velocity[i] = vec2(real(velocity[0]), real(velocity[1]))
             if wp.static(has_age):
-                m.emission_time[i] = m.clock[TIME]
+                m.emission_time[i] = time
             if wp.static(has_temperature_remainder):
                 m.temperature_remainder[i] = real(0.0)
             place = place_of(v, outlets.released[v] + n, outlets)
             volume, heat = real(outlets.particle_volume), real(outlets.vents[v].temperature)
             p = vec4(real(place[0]), real(place[1]), volume, heat)
             m.particle[i] = p
-            note(p, real(0.0), m)
+            if wp.static(is_staged):
+                m.base[i] = vec4(p[0], p[1], real(0.0), real(0.0))
+                m.drift[i] = vec4()
+                if wp.static(has_mean):
+                    m.mean_temperature[i] = heat
+            note(p, real(0.0), end, m)
             if wp.static(bins):
                 put(i, p, m)
         return due
 
     @wp.func
     def emission(first: int, apart: int, outlets: Outlets, m: arguments_type(real)):
-        if m.counts[IS_LAST] == 0:
+        if m.counts[CURRENT] == 0:
             return
         time = m.clock[TIME]
+        end = time
+        if m.counts[IS_LAST] == 0:
+            # the clock is still at the start of the step
+            end += m.clock[STEP]
+            time += fraction_after(m.counts[CURRENT], m.counts[STAGES], order) * m.clock[STEP]
         for v in range(first, outlets.starts.shape[0] - 1, apart):
             k = outlets.starts[v]
             # read the tables only when a particle is due, within rounding
@@ -93,7 +121,7 @@ def emission_function(
                 due = int(wp.min(rest, wp.float64(outlets.max_per_step)))
                 due -= due % outlets.vents[v].group
                 if due > 0:
-                    due = released(v, due, outlets, m)
+                    due = released(v, due, time, end, outlets, m)
                 if due > 0:
                     outlets.released[v] = outlets.released[v] + due
                     outlets.due[v] = next_two(v, outlets)

@@ -218,7 +218,7 @@ def motion_function(
         if wp.static(bins):
             place(i, p, m)
         if m.counts[at.IS_LAST] == 1:
-            note(p, f[0], m)
+            note(p, f[0], m.clock[at.TIME], m)
 
     return move_on
 

@@ -75,7 +75,7 @@ class Stage:
     def take(
         self, scene: Scene, vents: VentSet, *, observe: Callable[[], None] | None = None
     ) -> None:
-        """Run one stage; at the end of a step the vents emit the particles that are due.
+        """Run one stage, after which the vents emit the particles that are due by its time.
 
         The scene's vents limit the length of steps. ``observe`` launches observations of the flow
         before it moves.
@@ -91,8 +91,8 @@ class Stage:
             self.finish_flow()
         pace, arguments, outlets = self._pace_of(scene, vents), self.arguments, vents.outlets
         emission = emission_function(
-            state.real, state.has_velocity, state.has_age, state.bins_in_motion,
-            state.has_temperature_remainder,
+            state.real, state.order, state.is_staged, state.has_velocity, state.has_age,
+            state.has_mean, state.bins_in_motion, state.has_temperature_remainder,
         )
         emits_in_motion = emission if state.bins_in_motion else None
         choice = choice_within_motion(state, pace, outlets, emits_in_motion)

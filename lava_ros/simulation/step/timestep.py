@@ -48,6 +48,13 @@ def _b(j: int, order: int) -> wp.float64:
     return (square - wp.float64(2.0)) / (wp.float64(2.0) * square)
 
 
+@wp.func
+def fraction_after(stage: int, stages: int, order: int) -> wp.float64:
+    """Return the fraction of a step that has passed after a stage (Meyer et al. 2014, c_j)."""
+    passed = wp.max(_span(wp.float64(stage), order), _b(1, order))
+    return passed / _span(wp.float64(stages), order)
+
+
 #: Maximum number of particles for which steps end when a particle is due, at a refinement of 1. A
 #: late one changes the volume of n by 1/n and the radius by 1/(2 n): with more of them by less
 #: than the error of the edge that the presets state, 0.004 at standard, 0.008 at draft.
@@ -61,7 +68,7 @@ _AFTERWARDS = 1e-6
 def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64) -> wp.float64:
     """Return a step that ends when particles are due, if they are due at one moment of it.
 
-    Particles are emitted at the ends of steps. If steps are shorter than the time between two
+    Particles are emitted at the ends of stages. If steps are shorter than the time between two
     particles, they would be late, and the flow with them, by up to a step.
     """
     tolerance = wp.float64(_AFTERWARDS) * step

