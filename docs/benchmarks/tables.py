@@ -45,6 +45,24 @@ def scores() -> Iterator[Line]:
         )
 
 
+def etna_cells() -> Iterator[Line]:
+    """Yield areas and scores of a flow on cells of some sizes, with other rules for the edge."""
+    yield ('carriers', 'edge as thick as', 'area after five days', 'area over the mapped one',
+           'length', 'Jaccard index')
+    for row in lines_of('etna_cells.csv'):
+        is_cells = row['method'] == 'cells'
+        jaccard, area, length = (
+            format(float(row[name]), '.2f') if row[name] else ''
+            for name in ('jaccard', 'area_ratio', 'length_ratio')
+        )
+        yield (
+            f'cells of {row["cell_m"]} m' if is_cells else 'particles, `draft`',
+            f'{row["edge"]} of its neighbour' if is_cells else '',
+            f'{float(row["area_m2"]) / 1e6:.3f} km²', area and f'x {area}',
+            length and f'x {length}', jaccard,
+        )
+
+
 #: Names of the mapped eruptions, and of the sets of constants with the flows that they fit: the
 #: beginning of the case and of the date of the outline.
 ERUPTIONS = {
@@ -732,7 +750,7 @@ PAGES: Mapping[str, Tables] = {
     'VALIDATION.md': {
         'flows': flows, 'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes,
         'chances': chances, 'dates': dates, 'front': front, 'commands': commands,
-        'outlines': outlines, 'left_out': left_out,
+        'outlines': outlines, 'left_out': left_out, 'etna_cells': etna_cells,
     },
     'MODEL.md': {
         'carriers': carriers, 'grounds': grounds, 'kernel_radii': kernel_radii,
