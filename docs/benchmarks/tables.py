@@ -45,6 +45,39 @@ def scores() -> Iterator[Line]:
         )
 
 
+def etna_cells() -> Iterator[Line]:
+    """Yield areas and scores of a flow on cells of some sizes, with other rules for the edge."""
+    yield ('carriers', 'edge as thick as', 'area after five days', 'area over the mapped one',
+           'length', 'Jaccard index')
+    for row in lines_of('etna_cells.csv'):
+        is_cells = row['method'] == 'cells'
+        jaccard, area, length = (
+            format(float(row[name]), '.2f') if row[name] else ''
+            for name in ('jaccard', 'area_ratio', 'length_ratio')
+        )
+        yield (
+            f'cells of {row["cell_m"]} m' if is_cells else 'particles, `draft`',
+            f'{row["edge"]} of its neighbour' if is_cells else '',
+            f'{float(row["area_m2"]) / 1e6:.3f} km²', area and f'x {area}',
+            length and f'x {length}', jaccard,
+        )
+
+
+def cell_constants() -> Iterator[Line]:
+    """Yield the scores of a flow with constants near those of `etna_basalt`."""
+    yield ('carriers', 'crust covers', 'its temperature', 'its strength', 'viscosity',
+           'Jaccard index', 'area', 'length')
+    for row in lines_of('calibration_etna_cells.csv'):
+        carriers = 'cells of' if row['method'] == 'cells' else 'particles,'
+        yield (
+            f'{carriers} {float(row["spacing_m"]):.2g} m', f'{float(row["crust_cover"]):.3f}',
+            f'{float(row["crust_temperature"]):.0f} K',
+            f'{float(row["crust_strength"]) / 1e3:.0f} kPa',
+            f'{float(row["viscosity"]) / 1e3:.0f} kPa s', f'{float(row["jaccard_2006"]):.2f}',
+            f'x {float(row["area_ratio_2006"]):.2f}', f'x {float(row["length_ratio_2006"]):.2f}',
+        )
+
+
 #: Names of the mapped eruptions, and of the sets of constants with the flows that they fit: the
 #: beginning of the case and of the date of the outline.
 ERUPTIONS = {
@@ -732,7 +765,8 @@ PAGES: Mapping[str, Tables] = {
     'VALIDATION.md': {
         'flows': flows, 'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes,
         'chances': chances, 'dates': dates, 'front': front, 'commands': commands,
-        'outlines': outlines, 'left_out': left_out,
+        'outlines': outlines, 'left_out': left_out, 'etna_cells': etna_cells,
+        'cell_constants': cell_constants,
     },
     'MODEL.md': {
         'carriers': carriers, 'grounds': grounds, 'kernel_radii': kernel_radii,
