@@ -62,7 +62,7 @@ class Clock:
 
 
 class FakeProcess:
-    """A process that replies at once, or never."""
+    """A process that replies at once or never, or that has ended."""
 
     def __init__(self, error):
         self.error, self.requests, self.ended = error, [], 0
@@ -74,6 +74,8 @@ class FakeProcess:
         time.sleep(0.01)
         if self.error is None or not self.requests:
             return None
+        if isinstance(self.error, ChildProcessError):
+            raise self.error
         if isinstance(self.error, str):
             return 'refused', {'reason': self.error}
         return 'measured', {'error': replace(self.error, time=self.requests[-1][1]['time'])}
@@ -184,14 +186,19 @@ def test_new_simulation_has_no_error_yet(bench):
     assert found.error.text() == NOT_MEASURED
 
 
-@pytest.mark.parametrize('share', [0.0, 0.5])
-def test_reason_is_named_when_the_error_cannot_be_measured(bench, share):
-    fake = FakeProcess('out of memory')
+@pytest.mark.parametrize(
+    ('share', 'error'),
+    [(0.0, 'out of memory'), (0.5, 'out of memory'), (0.5, ChildProcessError('out of memory'))],
+)
+def test_reason_is_named_when_the_error_cannot_be_measured(bench, share, error):
+    fake = FakeProcess(error)
     found = bench(lambda: fake, share=share, first=1e9)
     found.worker.set_scene(scene()).result(PATIENCE)
     wait_until(lambda: found.worker.status.state is WorkerState.FINISHED)
     if share:
         wait_until(lambda: 'out of memory' in found.error.text())
+        # the next measurement has another process
+        wait_until(lambda: fake.ended == 1)
     else:
         assert found.error.text() == f'{NOT_MEASURED}: error_share is 0' and not fake.requests
 
