@@ -17,6 +17,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.scene.terrain import HALF, PARTS
+from lava_ros.simulation.cells.spans import COLUMNS
 from lava_ros.simulation.cells.state import Cells, EDGE
 from lava_ros.simulation.cells.threads import shared
 from lava_ros.simulation.output.covered_cells import WHOLE
@@ -62,45 +63,64 @@ _NOTE = """{
     if (is_first)
         extend(0, rows - top), extend(1, bottom + 1), extend(2, columns - left),
             extend(3, right + 1);
-    auto reaches = [&](long r, long q, float up, float along) {
+    COLUMNS
+    // places of squares in cells of the solver
+    auto place_of = [&](long cell, int part) {
+        return (cell + (part + 0.5f) / PARTS) * scale + 1.0f;
+    };
+    auto row_of = [&](float place) { return clamped((long)place, 1, s.rows - 2); };
+    auto column_of = [&](float place) { return clamped((long)place, 1, w - 2); };
+    // bits of the squares of a cell that the lava of the solver's cell (r, q) covers
+    auto covered_by = [&](long i, long j, long r, long q) {
         const float* at = y + r * w + q;
         const float own = at[0];
         const float south = at[-w], north = at[w], west = at[-1], east = at[1];
         const float beside = west > east ? west : east, across = south > north ? south : north;
-        const float thickest = beside > across ? beside : across;
-        if (own >= EDGE * thickest) return true;
-        // distance from the neighbour that is thickest, in cells
-        const float from = beside > across ? (west > east ? along : 1.0f - along)
-                                           : (south > north ? up : 1.0f - up);
-        return from * (EDGE * thickest) <= own;
+        const float whole = EDGE * (beside > across ? beside : across);
+        int rows = 0, columns = 0, found = 0;
+        for (int n = 0; n < PARTS; ++n) {
+            const float up = place_of(i, n), along = place_of(j, n);
+            // distance from the neighbour that is thickest, in cells
+            const float from_row = south > north ? up - r : 1.0f - (up - r);
+            const float from_column = west > east ? along - q : 1.0f - (along - q);
+            const bool is_row = own >= whole || beside > across || from_row * whole <= own;
+            const bool is_column = own >= whole || !(beside > across)
+                || from_column * whole <= own;
+            rows |= (is_row && row_of(up) == r) << n;
+            columns |= (is_column && column_of(along) == q) << n;
+        }
+        for (int n = 0; n < PARTS; ++n)
+            if (rows >> n & 1) found |= columns << n * PARTS;
+        return found;
     };
-    for (long i = first_of(top); i <= last_of(bottom); i += lines)
-        for (long j = left + lane; j <= right; j += lanes) {
+    for (long i = first_of(top); i <= last_of(bottom); i += lines) {
+        const long r_0 = row_of(place_of(i, 0)), r_1 = row_of(place_of(i, PARTS - 1));
+        long from = s.box.data[3], to = s.box.data[2];
+        for (long r = r_0; r <= r_1; ++r) {
+            from = begin_of(r) < from ? begin_of(r) : from;
+            to = end_of(r) > to ? end_of(r) : to;
+        }
+        from = from > to ? right + 1 : clamped(of(from), left, right);
+        to = clamped(of(to), left, right);
+        for (long j = from + lane; j <= to; j += lanes) {
             const long cell = i * columns + j;
             int bits = c.covered.data[cell];
             if (bits == WHOLE || !c.known.data[cell]) continue;
+            const long q_0 = column_of(place_of(j, 0)), q_1 = column_of(place_of(j, PARTS - 1));
             bool is_touched = false;
-            for (int a = 0; a < PARTS; ++a) {
-                const float up = (i + (a + 0.5f) / PARTS) * scale + 1.0f;
-                const long r = clamped((long)up, 1, s.rows - 2);
-                for (int b = 0; b < PARTS; ++b) {
-                    const float along = (j + (b + 0.5f) / PARTS) * scale + 1.0f;
-                    const long q = clamped((long)along, 1, w - 2);
-                    if (y[r * w + q] < least) {
-                        // all squares are in this cell
-                        if (scale <= 1.0f) a = b = PARTS;
-                        continue;
-                    }
+            for (long r = r_0; r <= r_1; ++r)
+                for (long q = q_0; q <= q_1; ++q) {
+                    if (y[r * w + q] < least) continue;
                     is_touched = true;
-                    if (reaches(r, q, up - r, along - q)) bits |= 1 << (a * PARTS + b);
+                    bits |= covered_by(i, j, r, q);
                 }
-            }
             if (!is_touched) continue;
             c.covered.data[cell] = bits;
             if (c.arrived.data[cell] < 0.0f) c.arrived.data[cell] = time;
             if (counted(bits) >= HALF && c.half_inundated.data[cell] < 0.0f)
                 c.half_inundated.data[cell] = time;
         }
+    }
     if (is_first_warp)
     for (long i = s.vent_box.data[0]; i <= s.vent_box.data[1]; ++i)
         for (long j = s.vent_box.data[2] + lane; j <= s.vent_box.data[3]; j += lanes) {
@@ -121,7 +141,7 @@ def note_function(blocks: int = 1) -> Any:
     """
     code = _NOTE
     for name, value in (
-        ('SHARED', shared(blocks)),
+        ('SHARED', shared(blocks)), ('COLUMNS', COLUMNS),
         ('WHOLE', WHOLE), ('PARTS', PARTS), ('HALF', HALF), ('EDGE', f'{EDGE}f')
     ):
         code = code.replace(name, str(value))

@@ -29,6 +29,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells import flow_source
+from lava_ros.simulation.cells.spans import COLUMNS, spans_function
 from lava_ros.simulation.cells.state import Cells, FaceLaw, TARGET, TIME
 from lava_ros.simulation.cells.threads import shared, THREADS
 
@@ -125,6 +126,7 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
     own = 'fluid * (a * fluidity[p] + b * fluidity[q]) / (a + b + 1e-30f)'
     parts = {
         'SHARED': shared(blocks),
+        'COLUMNS': COLUMNS,
         'SLOTS': flow_source.SLOTS,
         'CLEAR_OWN': flow_source.CLEAR.replace('WHICH', 'slots'),
         'CLEAR': flow_source.CLEAR.replace('WHICH', 'others'),
@@ -148,6 +150,8 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
     for name, text in parts.items():
         code = code.replace(name, str(text))
 
+    find_spans = spans_function(Cells, blocks)
+
     @wp.func_native(f'{{{code}}}')
     def take_step(s: Cells): ...
 
@@ -156,6 +160,7 @@ def step_function(effects: Effects, *, is_uniform: bool, blocks: int = 1) -> Any
         if wp.static(law is not None):  # noqa: SIM102, what is called is compiled before
             if s.rows < 0:
                 law(s.law, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        find_spans(s)
         take_step(s)
 
     return step

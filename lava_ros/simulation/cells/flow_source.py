@@ -76,6 +76,7 @@ STEP = """
     int* box = s.box.data;
     const long top = box[0], bottom = box[1], left = box[2], right = box[3];
     SHARED
+    COLUMNS
     struct Flux { float fall, sum, rate, stiff, most, least; };
     const long w = s.stride, last_row = s.rows - 2, last_column = s.stride - 2;
     float* APART y = s.stage.data;
@@ -105,10 +106,19 @@ STEP = """
     // positive floats are in the order of their bits, and a maximum of integers vectorises
     auto bits = [](float a) { return __builtin_bit_cast(int, a); };
     const long row_0 = top > 1 ? top : 1, row_1 = bottom < last_row ? bottom : last_row;
-    const long column_0 = left > 1 ? left : 1;
-    const long column_1 = right < last_column ? right : last_column;
-    // first column of the vents that this thread has
-    const long vent_0 = vents[2] + ((lane - (vents[2] - column_0)) & (lanes - 1));
+    // first and last column of the cells of a row, and of its faces to the next row
+    struct Span { long from, to; };
+    auto cells_of = [&](long i) {
+        const long from = begin_of(i), to = end_of(i);
+        return Span{from > 1 ? from : 1, to < last_column ? to : last_column};
+    };
+    auto both = [](Span a, Span b) {
+        return Span{a.from > b.from ? a.from : b.from, a.to < b.to ? a.to : b.to};
+    };
+    // first column of the vents that this thread has in a row
+    auto vents_from = [&](long from) {
+        return vents[2] + ((lane - (vents[2] - from)) & (lanes - 1));
+    };
     // numbers of maxima; a GPU clears those of the step before
     enum { STIFF, PACE, CLOSED, HIGHEST, SOUTH, NORTH, WEST, EAST, OVERDRAWN };
     SLOTS
@@ -118,8 +128,9 @@ STEP = """
 
     int is_closed = 0;
     for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+        const Span span = cells_of(i);
         int any = 0;
-        for (long j = column_0 + lane; j <= column_1; j += lanes) any |= kind[i * w + j];
+        for (long j = span.from + lane; j <= span.to; j += lanes) any |= kind[i * w + j];
         if (any) is_closed = 1;
     }
     raise(slots + CLOSED, is_closed);
@@ -132,14 +143,23 @@ STEP = """
     };
     float most = 0.0f;
     FLUX
+    // nothing passes the faces at the ends of the spans
+    for (long i = top; is_serial && i <= bottom; ++i) {
+        for (long p = i * w + begin_of(i); p <= i * w + end_of(i) + 1; ++p)
+            s.flux_x.data[p - 1] = s.former_x.data[p - 1] = 0.0f;
+        for (long n = i; n <= i + 1 && n <= bottom; ++n)
+            for (long p = i * w + begin_of(n); i < bottom && p <= i * w + end_of(n); ++p)
+                s.flux_y.data[p] = s.former_y.data[p] = 0.0f;
+    }
     // calls a function of the faces of a row, from the first to the last: along the row, then
     // those to the next row
     auto faces_of = [&](long i, auto visit) {
         for (int axis = 0; axis < 2; ++axis) {
             if (axis == 0 ? (i < row_0 || i > row_1) : i == bottom) continue;
+            const Span span = axis ? both(cells_of(i), cells_of(i + 1))
+                                   : Span{begin_of(i), end_of(i) - 1};
             visit(
-                axis, i * w + (axis ? column_0 : left) + lane,
-                i * w + (axis ? column_1 : right - 1), axis ? w : 1, axis ? 1 : w,
+                axis, i * w + span.from + lane, i * w + span.to, axis ? w : 1, axis ? 1 : w,
                 axis ? drop_y : drop_x, axis ? drop_x : drop_y, axis ? side_y : side_x);
         }
     };
@@ -236,14 +256,15 @@ STEP = """
             if (i < row_0 || i > row_1) return;
             const float* APART gx = older_x;
             const float* APART gy = older_y;
-            for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes)
+            const Span span = cells_of(i);
+            const long from = i * w + span.from + lane, to = i * w + span.to;
+            for (long p = from; p <= to; p += lanes)
                 y[p] = (float)h[p] + (gx[p - 1] - gx[p] + gy[p - w] - gy[p]);
             if (i >= vents[0] && i <= vents[1])
-                for (long p = i * w + vent_0; p <= i * w + vents[3]; p += lanes)
+                for (long p = i * w + vents_from(span.from); p <= i * w + vents[3]; p += lanes)
                     y[p] += (float)(given * source[p]);
             if (!is_open)
-                for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes)
-                    y[p] = kind[p] ? 0.0f : y[p];
+                for (long p = from; p <= to; p += lanes) y[p] = kind[p] ? 0.0f : y[p];
         };
         for (long i = first_of(top); i <= last_of(bottom); i += lines) {
             faces_of(i, [&](int axis, long from, long to, long next, long side,
@@ -293,31 +314,34 @@ STEP = """
     bool was_overdrawn = false;
     for (int turn = 0; turn < LIMITS; ++turn) {
         int is_overdrawn = 0;
-        for (long i = first_of(row_0); i <= last_of(row_1); i += lines)
-            for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes)
+        for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+            const Span span = cells_of(i);
+            for (long p = i * w + span.from + lane; p <= i * w + span.to; p += lanes)
                 is_overdrawn |= after(p) < 0.0;
+        }
         raise(slots + OVERDRAWN + turn, is_overdrawn);
         together();
         if (!raised(slots + OVERDRAWN + turn)) break;
         was_overdrawn = true;
         // at last no cell gives more than it had at the start, whatever comes in
         const int is_last = turn == LIMITS - 1;
-        for (long i = first_of(row_0); i <= last_of(row_1); i += lines)
-            for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes) {
+        for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+            const Span span = cells_of(i);
+            for (long p = i * w + span.from + lane; p <= i * w + span.to; p += lanes) {
                 const float out = out_of(p) + 1e-30f, lacks = (float)after(p);
                 const float has = is_last ? (float)h[p] : out + lacks;
                 const float part = larger(0.999999f * has / out, 0.0f);
                 y[p] = lacks < 0.0f || is_last ? smaller(part, 1.0f) : 1.0f;
             }
-        together();
-        for (long i = first_of(top); i <= last_of(bottom); i += lines) {
-            if (i >= row_0 && i <= row_1)
-                for (long p = i * w + left + lane; p < i * w + right; p += lanes)
-                    gx[p] *= gx[p] > 0.0f ? y[p] : y[p + 1];
-            if (i < bottom)
-                for (long p = i * w + column_0 + lane; p <= i * w + column_1; p += lanes)
-                    gy[p] *= gy[p] > 0.0f ? y[p] : y[p + w];
         }
+        together();
+        for (long i = first_of(top); i <= last_of(bottom); i += lines)
+            faces_of(i, [&](int axis, long from, long to, long next, long, const float*,
+                            const float*, const float*) {
+                float* g = axis ? gy : gx;
+                for (long p = from; p <= to; p += lanes)
+                    g[p] *= g[p] > 0.0f ? y[p] : y[p + next];
+            });
         together();
     }
 
@@ -325,10 +349,11 @@ STEP = """
     int highest = 0;
     long wet[4] = {top + 2, bottom - 2, left + 2, right - 2};
     for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
-        const long from = i * w + column_0 + lane, to = i * w + column_1;
+        const Span span = cells_of(i);
+        const long from = i * w + span.from + lane, to = i * w + span.to;
         for (long p = from; p <= to; p += lanes) h[p] = after(p);
         if (i >= vents[0] && i <= vents[1])
-            for (long p = i * w + vent_0; p <= i * w + vents[3]; p += lanes)
+            for (long p = i * w + vents_from(span.from); p <= i * w + vents[3]; p += lanes)
                 h[p] += step * source[p];
         if (!is_open) {
             double sums[3] = {0.0, 0.0, 0.0};
@@ -389,14 +414,16 @@ STEP = """
 LOST = """
     if (is_first_warp) {
         double out = 0.0, sums[3] = {0.0, 0.0, 0.0};
+        const Span south = cells_of(row_0), north = cells_of(row_1);
         if (top == 0)
-            for (long j = column_0 + lane; j <= column_1; j += lanes) out -= gy[j];
+            for (long j = south.from + lane; j <= south.to; j += lanes) out -= gy[j];
         if (bottom > last_row)
-            for (long j = column_0 + lane; j <= column_1; j += lanes) out += gy[last_row * w + j];
-        if (left == 0)
-            for (long i = row_0 + lane; i <= row_1; i += lanes) out -= gx[i * w];
-        if (right > last_column)
-            for (long i = row_0 + lane; i <= row_1; i += lanes) out += gx[i * w + last_column];
+            for (long j = north.from + lane; j <= north.to; j += lanes)
+                out += gy[last_row * w + j];
+        for (long i = row_0 + lane; i <= row_1; i += lanes) {
+            if (begin_of(i) == 0) out -= gx[i * w];
+            if (end_of(i) > last_column) out += gx[i * w + last_column];
+        }
         if (!is_open)
             for (long i = row_0 + lane; i <= row_1; i += lanes)
                 for (int n = 0; n < 3; ++n) sums[n] += gone[3 * i + n];

@@ -9,12 +9,14 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, Heat
 from lava_ros.simulation.cells.threads import shared, THREADS
 
 #: Faces of rows by the ground with the solidified lava: of all, or beside one that is marked.
 _RAISE = """
     SHARED
+    WITHIN
     const long w = s.stride, last_row = s.rows - 1;
     const double per_cell = 1.0 / s.cell;
     auto z = [&](long row, long j) {
@@ -32,7 +34,8 @@ _RAISE = """
     for (long i = first_of(top); i <= last_of(bottom); i += lines) {
         if (MARKED && !(cold[i] | cold[i > 0 ? i - 1 : i] | cold[i < last_row ? i + 1 : i]))
             continue;
-        for (long j = left + lane; j <= right; j += lanes) {
+        const long from = MARKED ? first_column(i) : left, to = MARKED ? last_column(i) : right;
+        for (long j = from + lane; j <= to; j += lanes) {
             const long p = i * w + j;
             if (j < w - 1) {
                 const double drop = z(i, j) - z(i, j + 1);
@@ -69,7 +72,7 @@ def ground_function(factor: Any, blocks: int = 1, *, is_whole: bool = False) -> 
     raising = _RAISE.replace('MARKED', 'false' if is_whole else 'true')
     own = _FACTOR.replace('CALL', factor.native_func) if factor else '1.0f'
     raising = raising.replace('FACTOR', own)
-    raising = raising.replace('SHARED', shared(blocks))
+    raising = raising.replace('SHARED', shared(blocks)).replace('WITHIN', WITHIN)
 
     @wp.func_native(f'{{{raising}}}')
     def raise_native(s: Cells, m: Heat, top: int, bottom: int, left: int, right: int): ...

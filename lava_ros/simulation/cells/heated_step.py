@@ -32,6 +32,7 @@ from lava_ros.effects.laws import strength_function, viscosity_function
 from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
+from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, EDGE, Heat, WAITING
 from lava_ros.simulation.cells.threads import shared
 
@@ -43,6 +44,7 @@ _VECTORISED = '_Pragma("clang loop vectorize_width(8)")'
 #: Changes of temperature and time of emission by transport.
 _TRANSPORT = """
     SHARED
+    WITHIN
     const long w = s.stride;
     const float step = (float)s.clock.data[1], film = s.film;
     const float* APART before = m.former.data;
@@ -112,7 +114,7 @@ _TRANSPORT = """
     FALL
     for (long i = first_of(top); i <= last_of(bottom); i += lines) {
         // only cells with lava
-        long from = i * w + left + lane, to = i * w + right;
+        long from = i * w + first_column(i) + lane, to = i * w + last_column(i);
         while (is_serial && from <= to && after[from] == 0.0) ++from;
         while (is_serial && from <= to && after[to] == 0.0) --to;
         transport(
@@ -164,6 +166,7 @@ _DESCENT = """
 #: The column of each cell; marks rows in which one is colder than the solidus.
 _EXCHANGE = """
     SHARED
+    WITHIN
     const long w = s.stride;
     const float step = (float)s.clock.data[1], film = s.film, per_cell = 1.0f / s.cell;
     const double begun = s.clock.data[0] - s.clock.data[1];
@@ -185,7 +188,7 @@ _EXCHANGE = """
     auto larger = [](float a, float b) { return a > b ? a : b; };
     for (long i = first_of(top); i <= last_of(bottom); i += lines) {
         // only cells with lava, now or before the step
-        long from = i * w + left + lane, to = i * w + right;
+        long from = i * w + first_column(i) + lane, to = i * w + last_column(i);
         while (is_serial && from <= to && thickness[from] == 0.0 && former[from] == 0.0f) ++from;
         while (is_serial && from <= to && thickness[to] == 0.0 && former[to] == 0.0f) --to;
         int cold = 0;
@@ -252,10 +255,11 @@ _PARTS = {
 #: Lava colder than the solidus becomes ground, in the rows that have any.
 _FREEZE = """
     SHARED
+    WITHIN
     const long w = s.stride;
     for (long i = first_of(top); i <= last_of(bottom); i += lines) {
         if (!m.cold.data[i]) continue;
-        for (long p = i * w + left + lane; p <= i * w + right; p += lanes) {
+        for (long p = i * w + first_column(i) + lane; p <= i * w + last_column(i); p += lanes) {
             const double h = s.thickness.data[p];
             if (h > 0.0 && (float)m.temperature.data[p] < m.constants.solidus) {
                 m.frozen.data[p] += h;
@@ -318,7 +322,7 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
         exchanging = exchanging.replace('age + step', '0.0f').replace('age, step', '0.0f, step')
     moving, exchanging, freezing = (
         f'{{{part}}}'.replace('SHARED', shared(blocks)).replace('VECTORISED', _VECTORISED)
-        for part in (moving, exchanging, _FREEZE)
+        .replace('WITHIN', WITHIN) for part in (moving, exchanging, _FREEZE)
     )
 
     @wp.func_native(moving)

@@ -8,6 +8,7 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, Heat
 from lava_ros.simulation.cells.threads import shared
 
@@ -24,6 +25,7 @@ _RAISE = """{
     const int* box = s.box.data;
     const long top = box[0], bottom = box[1], left = box[2], right = box[3];
     SHARED
+    WITHIN
     const long w = s.stride;
     const float* APART y = s.stage.data;
     const double* APART frozen = m.frozen.data;
@@ -31,7 +33,7 @@ _RAISE = """{
     float* APART thickness = k.thickness.data;
     float* APART temperature = k.temperature.data;
     for (long i = first_of(top); i <= last_of(bottom); i += lines)
-        for (long p = i * w + left + lane; p <= i * w + right; p += lanes) {
+        for (long p = i * w + first_column(i) + lane; p <= i * w + last_column(i); p += lanes) {
             const float total = y[p] + (float)frozen[p];
             const float warm = y[p] > 0.0f ? (float)warmth[p] : 0.0f;
             thickness[p] = total > thickness[p] ? total : thickness[p];
@@ -47,7 +49,7 @@ def raise_function(blocks: int = 1) -> Any:
     ``blocks`` is the number of blocks of a world on a GPU.
     """
 
-    @wp.func_native(_RAISE.replace('SHARED', shared(blocks)))
+    @wp.func_native(_RAISE.replace('SHARED', shared(blocks)).replace('WITHIN', WITHIN))
     def raise_peaks(s: Cells, m: Heat, k: Highest): ...
 
     return raise_peaks

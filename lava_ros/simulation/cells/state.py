@@ -104,6 +104,7 @@ class Cells:
     left: wp.array(dtype=wp.float64)
     gone: wp.array(dtype=wp.float64)
     slots: wp.array(dtype=wp.int32)
+    spans: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -180,6 +181,8 @@ class CellState:
             float64, shape [3].
         gone: The same of a row in the latest step, float64, shape [3 rows].
         slots: Maxima of a step and of the one before, int32, shape [32], on a GPU.
+        spans: First and last column of a row that the lava can reach in the latest step, and the
+            same that have lava (``spans.py``), int32, shape [4 rows], on a CPU.
     """
 
     terrain: Terrain
@@ -218,6 +221,7 @@ class CellState:
     left: Any
     gone: Any
     slots: Any
+    spans: Any
 
     @classmethod
     def on(
@@ -236,7 +240,7 @@ class CellState:
         shape = rows + 2, columns + 2
         sizes = {
             'box': 4, 'vent_box': 4, 'clock': 9, 'counts': 4, 'peaks': 2, 'left': 3,
-            'gone': 3 * shape[0], 'slots': 32,
+            'gone': 3 * shape[0], 'slots': 32, 'spans': 4 * shape[0],
         }
         arrays = maps_of(Cells, shape, device, sizes)
         law = filled(FaceLaw(), law_values(lava))

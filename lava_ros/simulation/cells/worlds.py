@@ -25,6 +25,7 @@ from lava_ros.simulation.cells.covered import Covered, note_function
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.highest import Highest, raise_function
+from lava_ros.simulation.cells.spans import spans_function
 from lava_ros.simulation.cells.state import Cells, Heat, TARGET, TIME, WAITING
 from lava_ros.simulation.cells.threads import shared, THREADS
 
@@ -109,6 +110,7 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
     step = step_function(effects, is_uniform=True, blocks=blocks)
     heated_step = heated_step_function(effects, blocks) if is_heated else None
     note, raise_peaks = note_function(blocks), raise_function(blocks)
+    find_spans = spans_function(Cells, blocks)
     beginning, ending = (
         text.replace('SHARED', shared(blocks)).replace('ORDER', str(_ORDER))
         .replace('REPORT', str(_REPORT)) for text in (_BEGIN, _END)
@@ -143,6 +145,7 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
         clock = world.flow.clock
         is_due = begin(world.flow, orders, numbers, row)
         if is_due == 1 or most == 0:
+            find_spans(world.flow)
             note(world.flow, world.covered)
         for _ in range(most):
             if clock[TIME] >= clock[TARGET] or clock[WAITING] > wp.float64(0.0):

@@ -20,6 +20,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.heated_step import heat_functions, heated_step_function
+from lava_ros.simulation.cells.spans import spans_function
 from lava_ros.simulation.cells.state import (
     Cells,
     CellState,
@@ -218,10 +219,11 @@ def test_column_of_a_cell_cools_as_all_columns_do(name):
     temperature = rng.uniform(700.0, 1500.0, x.shape)
     around = {'wind_speed': 0.5} if 'wind' in effects else {}
     flow = Flow(lava, effects, -slope * x, thickness, temperature, **around)
-    exchange = heat_functions(flow.effects).exchange
+    exchange, find_spans = heat_functions(flow.effects).exchange, spans_function(Cells)
 
     @wp.kernel(module='unique', enable_backward=False)
     def once(s: Cells, m: Heat):
+        find_spans(s)
         exchange(s, m, 1, s.rows - 2, 1, s.stride - 2)
 
     begun, step = 2000.0, 600.0

@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 lava_ros contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Spans of the rows of a window that a step visits: two cells beyond lava and vents.
+
+A flow down a mountain fills a small part of the rectangle around it. On a CPU each row has its own
+first and last column; beyond them nothing moves. On a GPU, whose threads wait for the longest row,
+they are those of the window.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.cells.threads import shared
+
+#: Names in C++: first and last column of a row of the window that a step visits.
+COLUMNS = """
+    const int* spans = s.spans.data;
+    auto begin_of = [&](long i) -> long { return is_serial ? spans[4 * i] : s.box.data[2]; };
+    auto end_of = [&](long i) -> long { return is_serial ? spans[4 * i + 1] : s.box.data[3]; };
+"""
+
+#: The same within the columns from ``left`` to ``right``.
+WITHIN = COLUMNS + """
+    auto first_column = [&](long i) { return begin_of(i) > left ? begin_of(i) : (long)left; };
+    auto last_column = [&](long i) { return end_of(i) < right ? end_of(i) : (long)right; };
+"""
+
+_FIND = """{
+    const long top = s.box.data[0], bottom = s.box.data[1];
+    const long left = s.box.data[2], right = s.box.data[3];
+    SHARED
+    if (!is_serial) return;
+    const int* vents = s.vent_box.data;
+    int* spans = s.spans.data;
+    for (long i = top; i <= bottom; ++i) {
+        const double* h = s.thickness.data + i * s.stride;
+        long from = left, to = right;
+        while (from <= to && h[from] == 0.0) ++from;
+        while (from <= to && h[to] == 0.0) --to;
+        if (i >= vents[0] && i <= vents[1]) {
+            from = vents[2] < from ? vents[2] : from;
+            to = vents[3] > to ? vents[3] : to;
+        }
+        spans[4 * i + 2] = from, spans[4 * i + 3] = to;
+    }
+    for (long i = top; i <= bottom; ++i) {
+        long from = right + 1, to = left - 1;
+        for (long n = i - 2 > top ? i - 2 : top; n <= i + 2 && n <= bottom; ++n) {
+            if (spans[4 * n + 2] > spans[4 * n + 3]) continue;
+            from = spans[4 * n + 2] < from ? spans[4 * n + 2] : from;
+            to = spans[4 * n + 3] > to ? spans[4 * n + 3] : to;
+        }
+        if (from <= to) {
+            from = from - 2 > left ? from - 2 : left;
+            to = to + 2 < right ? to + 2 : right;
+        }
+        spans[4 * i] = from, spans[4 * i + 1] = to;
+    }
+}"""
+
+
+@lru_cache
+def spans_function(cells_type: Any, blocks: int = 1) -> Any:
+    """Return the device function that finds the spans of the window.
+
+    ``cells_type`` is ``Cells``, ``blocks`` the number of blocks of a world on a GPU.
+    """
+
+    @wp.func_native(_FIND.replace('SHARED', shared(blocks)))
+    def find_spans(s: cells_type): ...
+
+    return find_spans
