@@ -40,14 +40,12 @@ class ErrorMeasurement:
     under lava they cannot, and the error is not measured.
 
     ``share`` returns the maximum fraction of one core's time for partner runs while the simulation
-    runs; 0 measures nothing. ``on_change`` is called in the thread when ``latest`` has changed.
-    ``latest`` is the newest error, None before the first, ``failure`` the reason why the last
-    measurement failed.
+    runs; 0 measures nothing. ``latest`` is the newest error, None before the first, ``failure``
+    the reason why the last measurement failed.
     """
 
     worker: SimulationWorker
     share: Callable[[], float]
-    on_change: Callable[[], None] = lambda: None
     make_process: Callable[[], ForecastProcess] = partner_process
     first_wall_time: float = FIRST_WALL_TIME
 
@@ -95,7 +93,6 @@ class ErrorMeasurement:
             self._end_process()
             self._starts, self._begun = view.starts, time.monotonic()
             self.latest, self.failure, self._asked = None, '', 0.0
-            self.on_change()
         if self._process is None:
             if self._is_due():
                 self._begin()
@@ -115,7 +112,6 @@ class ErrorMeasurement:
                 remedy = 'The error is measured again when the simulation has advanced'
                 raise RefusalError('numerical error', values['reason'], remedy)
             self.latest, self.failure = values['error'], ''
-            self.on_change()
 
     def _is_due(self) -> bool:
         snapshot, view, state = self.worker.latest, self.worker.view, self.worker.status.state
@@ -154,7 +150,6 @@ class ErrorMeasurement:
     def _fail(self, error: Exception) -> None:
         self.failure = str(error)
         self._end_process()
-        self.on_change()
 
     def _end_process(self) -> None:
         process, self._process = self._process, None
