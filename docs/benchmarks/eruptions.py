@@ -4,7 +4,7 @@
 """Score sets of constants on mapped eruptions.
 
 python docs/benchmarks/eruptions.py OUT.csv --case DIR [--case DIR ...] [--set NAME ...]
-    [--calibration DIR] [--preset P] [--runs N] [--device D]
+    [--calibration DIR] [--method M] [--preset P] [--runs N] [--device D]
 
 Each row is a set on a case, with scores of the majority of the runs and of single runs. A set is
 written when it is done, and skipped if the table has it at that preset. Sets of a calibration
@@ -31,6 +31,7 @@ from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.free_parameters import changed, free_parameters_of, UNITS
 from lava_ros.hindcast.replicates import agreement, directions, run_together
 from lava_ros.hindcast.run import Settings
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.verification.rows import write_csv
@@ -43,9 +44,13 @@ def fitted() -> dict[str, float]:
     return {name: float(best[name]) for name in UNITS if best.get(name)}
 
 
+#: Constants of a crust that loses less heat than that of `etna_basalt`.
+CRUST = {'crust_cover': 0.97, 'crust_temperature': 715.0}
+
 #: A lava of ``lava materials`` and constants that replace its own, by the name of the set.
 SETS: dict[str, tuple[str, Mapping[str, float]]] = {
     'etna_basalt': ('etna_basalt', {}),
+    'less heat lost': ('etna_basalt', CRUST),
     'fitted to 24 September': ('etna_basalt', fitted()),
     'published, well crusted': ('etna_magflow', {}),
     'published, poorly insulated': (
@@ -162,6 +167,7 @@ def main() -> None:
     parser.add_argument('--case', action='append', required=True, metavar='DIR')
     parser.add_argument('--set', action='append', default=[], choices=tuple(SETS), dest='sets')
     parser.add_argument('--calibration', type=Path, metavar='DIR')
+    parser.add_argument('--method', choices=METHODS, default='particles')
     parser.add_argument('--preset', choices=tuple(PRESETS), default='standard')
     parser.add_argument('--runs', type=int, default=8)
     parser.add_argument('--device')
@@ -176,8 +182,13 @@ def main() -> None:
         with args.output.open(newline='', encoding='utf-8') as file:
             rows = list(csv.DictReader(file))
     done = {(row['constants'], row['preset']) for row in rows}
-    command = f'python docs/benchmarks/eruptions.py --preset {args.preset} --runs {args.runs}'
-    settings = Settings(args.preset, device=str(device_of(args.device)), maps=1)
+    command = (
+        f'python docs/benchmarks/eruptions.py --method {args.method} --preset {args.preset} '
+        f'--runs {args.runs}'
+    )
+    settings = Settings(
+        args.preset, device=str(device_of(args.device, args.method)), maps=1, method=args.method
+    )
     for name, (material, values) in chosen.items():
         if (name, args.preset) in done:
             continue

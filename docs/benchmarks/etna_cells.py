@@ -4,12 +4,13 @@
 """Find out why a mapped flow covers less on cells than with particles.
 
 python docs/benchmarks/etna_cells.py OUT.csv --case etna2006 --day 5
-    [--only CELL[:EDGE] ...]
+    [--only CELL[:EDGE[:crust]] ...]
 
 A row is a run on cells of a size [m] (0: particles at `draft`): the areas that are covered at
 least half after some days and at the end, and the scores of the end. ``EDGE`` is the fraction of
 its thickest neighbour that a cell loses heat as at least, the solver's without. Runs with another
-fraction and on cells of 5 m end after these days.
+fraction and on cells of 5 m end after these days. Those with `crust` have a crust that loses less
+heat, within the published ranges.
 """
 
 import argparse
@@ -18,6 +19,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from eruptions import CRUST
 import numpy as np
 
 from lava_ros.hindcast.case import load_case
@@ -29,7 +31,7 @@ from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import write_csv
 
 #: Size of cells [m], and fraction of the thickest neighbour.
-RUNS = ('0', '20', '10', '5', '20:0.6', '10:0.6', '20:1', '10:1')
+RUNS = ('0', '0::crust', '20', '10', '10::crust', '5', '20:0.6', '10:0.6', '20:1', '10:1')
 
 #: Size of cells on which only the first days are simulated [m].
 FINE = 5.0
@@ -38,10 +40,12 @@ FINE = 5.0
 def run(job: tuple[str, str, float]) -> dict[str, Any]:
     """Make a run of a folder; the kernels of a process have one ``EDGE``."""
     folder, name, day = job
-    spacing, _, edge = name.partition(':')
+    spacing, edge, crust = (*name.split(':'), '', '')[:3]
     cell, fraction = float(spacing), float(edge or EDGE)
     vars(heated_step)['EDGE'] = fraction
     case = load_case(folder)
+    if crust:
+        case = case.with_lava(CRUST)
     is_whole = cell != FINE and fraction == EDGE
     if not is_whole:
         case = replace(case, end=case.start + 86400.0 * day)
@@ -53,7 +57,7 @@ def run(job: tuple[str, str, float]) -> dict[str, Any]:
     assert snapshot.half_inundated is not None
     area = case.scene.terrain.resolution**2
     row = {
-        'case': case.name, 'method': settings.method, 'cell_m': spacing,
+        'case': case.name, 'crust': crust, 'method': settings.method, 'cell_m': spacing,
         'edge': f'{fraction:g}' if cell else '', 'day': f'{day:g}',
         'area_m2': int(area * np.sum(snapshot.half_inundated <= 86400.0 * day)),
         'end_area_m2': '', 'jaccard': '', 'area_ratio': '', 'length_ratio': '',

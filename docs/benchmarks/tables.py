@@ -10,6 +10,7 @@ A table is between ``<!-- table: NAME -->`` and ``<!-- end -->``.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 import csv
+from functools import partial
 import math
 from pathlib import Path
 import re
@@ -30,10 +31,10 @@ def lines_of(name: str | Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def scores() -> Iterator[Line]:
+def scores(file: str = 'eruptions.csv') -> Iterator[Line]:
     """Yield the scores of sets of constants on the mapped flows."""
     yield ('constants', 'flow', 'preset', 'majority', 'single runs', 'area', 'length')
-    for row in lines_of('eruptions.csv'):
+    for row in lines_of(file):
         yield (
             row['constants'],
             row['case'].removeprefix('etna'),
@@ -56,25 +57,11 @@ def etna_cells() -> Iterator[Line]:
             for name in ('jaccard', 'area_ratio', 'length_ratio')
         )
         yield (
-            f'cells of {row["cell_m"]} m' if is_cells else 'particles, `draft`',
+            (f'cells of {row["cell_m"]} m' if is_cells else 'particles, `draft`')
+            + (', other crust' if row['crust'] else ''),
             f'{row["edge"]} of its neighbour' if is_cells else '',
             f'{float(row["area_m2"]) / 1e6:.3f} km²', area and f'x {area}',
             length and f'x {length}', jaccard,
-        )
-
-
-def cell_constants() -> Iterator[Line]:
-    """Yield the scores of a flow with constants near those of `etna_basalt`."""
-    yield ('carriers', 'crust covers', 'its temperature', 'its strength', 'viscosity',
-           'Jaccard index', 'area', 'length')
-    for row in lines_of('calibration_etna_cells.csv'):
-        carriers = 'cells of' if row['method'] == 'cells' else 'particles,'
-        yield (
-            f'{carriers} {float(row["spacing_m"]):.2g} m', f'{float(row["crust_cover"]):.3f}',
-            f'{float(row["crust_temperature"]):.0f} K',
-            f'{float(row["crust_strength"]) / 1e3:.0f} kPa',
-            f'{float(row["viscosity"]) / 1e3:.0f} kPa s', f'{float(row["jaccard_2006"]):.2f}',
-            f'x {float(row["area_ratio_2006"]):.2f}', f'x {float(row["length_ratio_2006"]):.2f}',
         )
 
 
@@ -766,7 +753,7 @@ PAGES: Mapping[str, Tables] = {
         'flows': flows, 'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes,
         'chances': chances, 'dates': dates, 'front': front, 'commands': commands,
         'outlines': outlines, 'left_out': left_out, 'etna_cells': etna_cells,
-        'cell_constants': cell_constants,
+        'cell_scores': partial(scores, 'eruptions_cells.csv'),
     },
     'MODEL.md': {
         'carriers': carriers, 'grounds': grounds, 'kernel_radii': kernel_radii,
