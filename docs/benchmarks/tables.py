@@ -10,7 +10,6 @@ A table is between ``<!-- table: NAME -->`` and ``<!-- end -->``.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 import csv
-from functools import partial
 import math
 from pathlib import Path
 import re
@@ -31,10 +30,10 @@ def lines_of(name: str | Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def scores(file: str = 'eruptions.csv') -> Iterator[Line]:
+def scores() -> Iterator[Line]:
     """Yield the scores of sets of constants on the mapped flows."""
     yield ('constants', 'flow', 'preset', 'majority', 'single runs', 'area', 'length')
-    for row in lines_of(file):
+    for row in lines_of('eruptions.csv'):
         yield (
             row['constants'],
             row['case'].removeprefix('etna'),
@@ -48,7 +47,7 @@ def scores(file: str = 'eruptions.csv') -> Iterator[Line]:
 
 def etna_cells() -> Iterator[Line]:
     """Yield areas and scores of a flow on cells of some sizes, with other rules for the edge."""
-    yield ('carriers', 'edge as thick as', 'area after five days', 'area over the mapped one',
+    yield ('flow', 'carriers', 'edge as thick as', 'area after five days', 'area over the mapped one',
            'length', 'Jaccard index')
     for row in lines_of('etna_cells.csv'):
         is_cells = row['method'] == 'cells'
@@ -57,6 +56,7 @@ def etna_cells() -> Iterator[Line]:
             for name in ('jaccard', 'area_ratio', 'length_ratio')
         )
         yield (
+            row['case'].removeprefix('etna'),
             (f'cells of {row["cell_m"]} m' if is_cells else 'particles, `draft`')
             + (', other crust' if row['crust'] else ''),
             f'{row["edge"]} of its neighbour' if is_cells else '',
@@ -753,7 +753,6 @@ PAGES: Mapping[str, Tables] = {
         'flows': flows, 'scores': scores, 'hindcast_steps': hindcast_steps, 'codes': codes,
         'chances': chances, 'dates': dates, 'front': front, 'commands': commands,
         'outlines': outlines, 'left_out': left_out, 'etna_cells': etna_cells,
-        'cell_scores': partial(scores, 'eruptions_cells.csv'),
     },
     'MODEL.md': {
         'carriers': carriers, 'grounds': grounds, 'kernel_radii': kernel_radii,

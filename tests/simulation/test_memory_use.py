@@ -39,7 +39,7 @@ def test_expected_memory_is_that_of_the_arrays(method, spacing, effects, precisi
         simulation = Simulation(scene, effects=chosen, accuracy=accuracy, device='cpu')
         peaks = simulation.start_peaks(simulation.accuracy.inundation_threshold)
         simulation.advance(20.0)
-        simulation.observe(peaks)
+        list(simulation.observing(peaks))
         simulation.read_peaks(peaks, where_wet=True)
         return simulation, peaks
 

@@ -49,6 +49,18 @@ def doublings_of(terrain: Terrain, spacing: float) -> int:
     return round(math.log2(spacing / terrain.resolution))
 
 
+def known_share(terrain: Terrain, grid: Terrain) -> np.ndarray | None:
+    """Return the share of each of the solver's cells that is terrain with data; None: all of it.
+
+    It is 1 in cells without such terrain.
+    """
+    if grid.resolution <= terrain.resolution:
+        return None
+    share = averaged(terrain.has_data.astype(np.float64), terrain, grid)
+    share[share == 0.0] = 1.0
+    return None if (share == 1.0).all() else share
+
+
 def on_terrain(
     values: np.ndarray, grid: Terrain, terrain: Terrain, part: tuple[slice, slice]
 ) -> np.ndarray:

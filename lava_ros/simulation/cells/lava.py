@@ -18,7 +18,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import bytes_per_cell
 from lava_ros.simulation.cells.covered import Covered
-from lava_ros.simulation.cells.grid import doublings_of, grid_of, on_terrain
+from lava_ros.simulation.cells.grid import doublings_of, grid_of, known_share, on_terrain
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState, hottest_of
 from lava_ros.simulation.cells.highest import Highest
@@ -130,6 +130,7 @@ class CellLava:
         terrain = self.scene.terrain
         assert self.accuracy.spacing is not None
         self.grid = grid_of(terrain, self.accuracy.spacing)
+        self._known_share = known_share(terrain, self.grid)
         lava = self.scene.lava
         self.state = CellState.on(
             self.grid, self.device, lava=lava, weight=lava.density * self.scene.gravity,
@@ -153,7 +154,7 @@ class CellLava:
         terrain = self.scene.terrain
         rows, columns = terrain.shape
         whole = slice(0, rows), slice(0, columns)
-        solid = on_terrain(_inner(self.heat.frozen), self.grid, terrain, whole)
+        solid = self._on_terrain(_inner(self.heat.frozen), whole)
         self.covered.move(terrain, solid, self.accuracy.inundation_threshold)
         self.covered.attach(self._maps)
 
@@ -259,6 +260,12 @@ class CellLava:
         """Record the ground that lava covers now, if that is due."""
         raise NotImplementedError
 
+    def _on_terrain(self, values: np.ndarray, part: tuple[slice, slice]) -> np.ndarray:
+        """Return a map on some of the terrain's cells, with all lava where there are data."""
+        if self._known_share is not None:
+            values = values / self._known_share
+        return on_terrain(values, self.grid, self.scene.terrain, part)
+
     def draw_maps(self) -> Any:
         """Write and return ``grids``."""
         self.record()
@@ -269,7 +276,7 @@ class CellLava:
             _inner(array) for array in (self.state.thickness, heat.temperature, heat.frozen)
         )
         flowing, solid, warmth = (
-            on_terrain(values, self.grid, terrain, part)
+            self._on_terrain(values, part)
             for values in (thickness, frozen, thickness * temperature)
         )
         known = terrain.has_data[part]
@@ -344,7 +351,7 @@ class CellLava:
         terrain = self.scene.terrain
         scale = terrain.resolution / self.grid.resolution
         thickness, temperature = self.peaks.on_terrain(
-            lambda values: on_terrain(values, self.grid, terrain, part),
+            lambda values: self._on_terrain(values, part),
             slice(
                 math.floor(part[0].start * scale),
                 min(math.ceil(part[0].stop * scale), self.grid.shape[0]),

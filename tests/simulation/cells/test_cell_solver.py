@@ -71,6 +71,17 @@ def test_steps_keep_the_largest_thickness():
     assert np.nanmax(found.temperature) == pytest.approx(simulation.scene.vents[0].temperature)
 
 
+def test_lava_in_cells_partly_without_data_is_on_the_map():
+    # the outermost cells are half outside of the odd side; a fixture checks the volume
+    level = np.zeros((21, 21))
+    level[9:13:2, 10:12] = math.nan
+    terrain = Terrain(level, 5.0, origin=(-52.5, -52.5))
+    for place in ((0.0, 0.0), (52.0, 0.0)):
+        simulation = simulated(terrain, Vent(place, 20.0, radius=5.0), spacing=10.0)
+        simulation.advance(5.0)
+        assert simulation.snapshot().budget.held > 50.0
+
+
 def test_narrow_vent_is_as_wide_as_a_cell():
     simulation = simulated(flat(41, 5.0), Vent((0.0, 0.0), 1.0, radius=0.1))
     simulation.advance(1.0)
