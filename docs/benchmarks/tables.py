@@ -47,8 +47,8 @@ def scores() -> Iterator[Line]:
 
 def etna_cells() -> Iterator[Line]:
     """Yield areas and scores of a flow on cells of some sizes, with other rules for the edge."""
-    yield ('flow', 'carriers', 'edge as thick as', 'area after five days', 'area over the mapped one',
-           'length', 'Jaccard index')
+    yield ('flow', 'carriers', 'edge as thick as', 'area after five days',
+           'area over the mapped one', 'length', 'Jaccard index')
     for row in lines_of('etna_cells.csv'):
         is_cells = row['method'] == 'cells'
         jaccard, area, length = (
