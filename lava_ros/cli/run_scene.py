@@ -83,7 +83,6 @@ def _compared(
 
 
 def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> None:
-
     print_facts([
         ('simulated time', duration(record['simulated_time_s'])),
         ('start of the eruption', record['onset'] or 'unknown'),

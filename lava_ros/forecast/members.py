@@ -225,8 +225,8 @@ def batch_of(plan: Plan, device: str | None) -> int:
     used = device_of(device, accuracy.method)
     if not used.is_cuda:
         return 1
-    volume = 0.0 if start is None else start.emitted
-    volume += sum(vent.volume_between(0.0, plan.horizon) for vent in plan.scene.vents)
+    begun, volume = (0.0, 0.0) if start is None else (start.time, start.emitted)
+    volume += sum(vent.volume_between(begun, begun + plan.horizon) for vent in plan.scene.vents)
     needed = SOLVERS[accuracy.method].bytes_for(plan.scene, plan.effects, accuracy, volume)
     # half of the memory, for members with more lava than the median and for their neighbour grids
     return min(max(used.free_memory // (2 * needed), 1), AT_ONCE)

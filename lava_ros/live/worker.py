@@ -455,7 +455,7 @@ class SimulationWorker:
         self._guard(self._advance)
         rest = self.session.begin_snapshot()
         if rest is None:
-            # whoever asked may not have seen the newest snapshot, which remains
+            # a layer that has just become due may not have published the current snapshot
             self._report_snapshot()
         else:
             simulation = self.session.simulation

@@ -159,7 +159,7 @@ def expected_scales(
     columns = _still_columns(scene, accuracy, effects) if course is None else course.columns
     area = math.inf
     if course is not None:
-        # what leaves the map counts
+        # lava that leaves the map is part of the volume
         area = course.emitted / course.thickness_of(course.emitted)
     return scales_of(
         scene,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Hard scenes with lava on cells: the steps that it requires, and what differs from particles.
+"""Hard scenes with lava on cells: the required steps, and the differences from particles.
 
 Scenes run without the effects that cells lack, as for a user who chooses cells without forcing
 effects. A scene has one particle spacing for both methods, and cells the nearest size: two
@@ -34,7 +34,7 @@ from lava_ros.simulation.cells.flow import DISPLACEMENT, HEATED_DISPLACEMENT, MA
 from lava_ros.simulation.cells.state import RATE
 from lava_ros.simulation.step.stage import longest_step
 
-#: Fall of the surface over the thickness above which steps are no shorter.
+#: Largest ratio of the fall of the surface to the thickness that still shortens the steps.
 STEEPEST = 10.0
 
 #: Evaluations of a frame in addition: its end divides a step, and steps grow again by half each.

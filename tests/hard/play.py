@@ -46,7 +46,7 @@ from lava_ros.simulation.presets import preset_accuracy, PRESETS
 #: The presets that have to keep the invariants.
 KEPT = ('draft', 'standard', 'fine', 'reference')
 
-#: The same by method: the cells of `fine` are those of `standard`.
+#: The presets that have to keep the invariants, by method. On cells `fine` equals `standard`.
 PRESETS_OF = {'particles': KEPT, 'cells': tuple(name for name in KEPT if name != 'fine')}
 
 #: Maximum difference of a mirrored scene's thickness from its mirror image, over the largest.

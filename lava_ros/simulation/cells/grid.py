@@ -49,16 +49,16 @@ def doublings_of(terrain: Terrain, spacing: float) -> int:
     return round(math.log2(spacing / terrain.resolution))
 
 
-def known_share(terrain: Terrain, grid: Terrain) -> np.ndarray | None:
-    """Return the share of each of the solver's cells that is terrain with data; None: all of it.
+def fraction_with_data(terrain: Terrain, grid: Terrain) -> np.ndarray | None:
+    """Return the fraction of each of the solver's cells that the terrain's data cover.
 
-    It is 1 in cells without such terrain.
+    It is 1 in cells without any data. None means that data cover all cells.
     """
     if grid.resolution <= terrain.resolution:
         return None
-    share = averaged(terrain.has_data.astype(np.float64), terrain, grid)
-    share[share == 0.0] = 1.0
-    return None if (share == 1.0).all() else share
+    fraction = averaged(terrain.has_data.astype(np.float64), terrain, grid)
+    fraction[fraction == 0.0] = 1.0
+    return None if (fraction == 1.0).all() else fraction
 
 
 def on_terrain(

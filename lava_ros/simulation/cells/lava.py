@@ -18,7 +18,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import bytes_per_cell
 from lava_ros.simulation.cells.covered import Covered
-from lava_ros.simulation.cells.grid import doublings_of, grid_of, known_share, on_terrain
+from lava_ros.simulation.cells.grid import doublings_of, fraction_with_data, grid_of, on_terrain
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState, hottest_of
 from lava_ros.simulation.cells.highest import Highest
@@ -130,7 +130,7 @@ class CellLava:
         terrain = self.scene.terrain
         assert self.accuracy.spacing is not None
         self.grid = grid_of(terrain, self.accuracy.spacing)
-        self._known_share = known_share(terrain, self.grid)
+        self._fraction_with_data = fraction_with_data(terrain, self.grid)
         lava = self.scene.lava
         self.state = CellState.on(
             self.grid, self.device, lava=lava, weight=lava.density * self.scene.gravity,
@@ -262,8 +262,8 @@ class CellLava:
 
     def _on_terrain(self, values: np.ndarray, part: tuple[slice, slice]) -> np.ndarray:
         """Return a map on some of the terrain's cells, with all lava where there are data."""
-        if self._known_share is not None:
-            values = values / self._known_share
+        if self._fraction_with_data is not None:
+            values = values / self._fraction_with_data
         return on_terrain(values, self.grid, self.scene.terrain, part)
 
     def draw_maps(self) -> Any:

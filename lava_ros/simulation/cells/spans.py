@@ -22,7 +22,8 @@ COLUMNS = """
     auto end_of = [&](long i) -> long { return is_serial ? spans[4 * i + 1] : s.box.data[3]; };
 """
 
-#: The same within the columns from ``left`` to ``right``.
+#: Names in C++: as ``COLUMNS``, and the first and last column of a row between ``left`` and
+#: ``right``.
 WITHIN = COLUMNS + """
     auto first_column = [&](long i) { return begin_of(i) > left ? begin_of(i) : (long)left; };
     auto last_column = [&](long i) { return end_of(i) < right ? end_of(i) : (long)right; };
