@@ -3,6 +3,7 @@
 
 """The solver's grid: cells of 2^k times the size of a terrain's, and maps between both."""
 
+from functools import lru_cache
 import math
 
 import numpy as np
@@ -17,11 +18,13 @@ from lava_ros.simulation.setup.coarse_ground import halve_ground, subdivide_grou
 MAX_CELLS = 2**26
 
 
+@lru_cache(maxsize=2)
 def grid_of(terrain: Terrain, spacing: float) -> Terrain:
     """Return the ground on cells of 2^k times the terrain's size, the nearest to a spacing [m].
 
     The ground is the B-spline of the terrain, as for particles. Cells are not larger than the
-    terrain allows, which needs two along each side.
+    terrain allows, which needs two along each side. Members of an ensemble, and their partners on
+    larger cells, share it.
 
     Raises:
         LavaError: If the spacing is too small for the terrain.
@@ -49,6 +52,7 @@ def doublings_of(terrain: Terrain, spacing: float) -> int:
     return round(math.log2(spacing / terrain.resolution))
 
 
+@lru_cache(maxsize=2)
 def fraction_with_data(terrain: Terrain, grid: Terrain) -> np.ndarray | None:
     """Return the fraction of each of the solver's cells that the terrain's data cover.
 
@@ -74,10 +78,9 @@ def on_terrain(
         shape = [number for one in part for number in (one.stop - one.start, ratio)]
         means: np.ndarray = values[rows, columns].reshape(shape).mean(axis=(1, 3))
         return means
+    # a larger cell of an odd side continues beyond the terrain
     ratio = round(grid.resolution / terrain.resolution)
-    if np.array_equal(np.multiply(grid.shape, ratio), terrain.shape):
-        return values[np.ix_(*(np.arange(one.start, one.stop) // ratio for one in part))]
-    return averaged(values, grid, terrain)[part]
+    return values[np.ix_(*(np.arange(one.start, one.stop) // ratio for one in part))]
 
 
 def deposit(

@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 import math
 from typing import Any
 
@@ -13,7 +14,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.laws import Rheology
-from lava_ros.scene import Scene
+from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import bytes_per_cell
@@ -140,9 +141,7 @@ class CellLava:
         self.peaks = CellPeaks(self.state.thickness.shape, self.device)
         self._grids: Any = None
         self.window = Window(terrain.shape, 2)
-        self._known = wp.array(
-            terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=self.device
-        )
+        self._known = _known_on(terrain, str(self.device))
 
     def new_heat(self) -> HeatState:
         """Return the heat of the grid, without lava, for the current scene and effects."""
@@ -154,7 +153,9 @@ class CellLava:
         terrain = self.scene.terrain
         rows, columns = terrain.shape
         whole = slice(0, rows), slice(0, columns)
-        solid = self._on_terrain(_inner(self.heat.frozen), whole)
+        solid = None
+        if not self._is_bare:
+            solid = self._on_terrain(_inner(self.heat.frozen), whole)
         self.covered.move(terrain, solid, self.accuracy.inundation_threshold)
         self.covered.attach(self._maps)
 
@@ -390,6 +391,12 @@ class CellLava:
             thickness=own,
             velocity=0.5 * passed * grid.resolution / own[:, None],
         )
+
+
+@lru_cache(maxsize=2)
+def _known_on(terrain: Terrain, device: str) -> Any:
+    """Return 1 for the cells of a terrain with data, 0 for others; simulations share it."""
+    return wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
 
 
 def mixed(columns: Columns, into: Any) -> Columns:

@@ -32,6 +32,7 @@ volume is added to ``left``.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -128,19 +129,25 @@ class Heat:
 
 
 def maps_of(
-    kind: Any, shape: tuple[int, int], device: Any, sizes: Mapping[str, int]
+    kind: Any, shape: tuple[int, int], device: Any, sizes: Mapping[str, int],
+    shared: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return arrays of zeros for all fields of a struct: maps of a shape, others of a size."""
+    """Return the arrays of a struct: the ``shared`` ones, and zeros for all others.
+
+    Those are maps of a shape, or have one of the ``sizes``.
+    """
     types = {
-        name: item.type for name, item in kind.vars.items() if isinstance(item.type, wp.array)
+        name: item.type for name, item in kind.vars.items()
+        if isinstance(item.type, wp.array) and name not in shared
     }
     found = zeros(
         {name: (one.dtype, sizes.get(name, shape[0] * shape[1])) for name, one in types.items()},
         device,
     )
-    return {
+    maps = {
         name: array if name in sizes else array.reshape(shape) for name, array in found.items()
     }
+    return maps | dict(shared)
 
 
 @dataclass(eq=False)
@@ -242,11 +249,12 @@ class CellState:
             'box': 4, 'vent_box': 4, 'clock': 9, 'counts': 4, 'peaks': 2, 'left': 3,
             'gone': 3 * shape[0], 'slots': 32, 'spans': 4 * shape[0],
         }
-        arrays = maps_of(Cells, shape, device, sizes)
+        arrays = maps_of(
+            Cells, shape, device, sizes, {'kind': _kinds_on(terrain, str(device))}
+        )
         law = filled(FaceLaw(), law_values(lava))
         state = cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
         state.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0, 0.0])
-        state.kind.assign(_kinds(terrain))
         return state
 
     def argument(self) -> Any:
@@ -264,9 +272,10 @@ class CellState:
         return values[1:-1, 1:-1].copy()
 
 
-def _kinds(terrain: Terrain) -> np.ndarray:
-    """Return ``CellState.kind`` of a terrain."""
+@lru_cache(maxsize=2)
+def _kinds_on(terrain: Terrain, device: str) -> Any:
+    """Return ``CellState.kind`` of a terrain, which simulations share."""
     kind = np.full(np.add(terrain.shape, 2), 1 + BORDER, dtype=np.uint8)
     inner = np.where(np.isnan(terrain.elevation), 1 + HOLES, 0)
     kind[1:-1, 1:-1] = np.where(terrain.is_sea, 1 + SEA, inner)
-    return kind
+    return wp.array(kind, dtype=wp.uint8, device=device)

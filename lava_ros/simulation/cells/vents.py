@@ -3,12 +3,13 @@
 
 """Vents on cells: the rate at which each cell of the grid receives lava."""
 
+from functools import lru_cache
 import math
 
 import numpy as np
 
 from lava_ros.scene import Terrain, Vent
-from lava_ros.simulation.step.vent_ground import permitted_places
+from lava_ros.simulation.step.vent_ground import permitted_places, VentShape
 
 #: Places along the diameter of a vent, and minimum number along a cell: fewer, but at least one,
 #: across more than ``_MANY`` cells.
@@ -40,7 +41,8 @@ class CellVents:
             rise: Maximum rise of the ground outside a vent's own radius [m].
         """
         self.vents, self.since = vents, since
-        found = [_weights_of(vent, grid, rise) for vent in vents]
+        shapes = (VentShape(vent.position, vent.radius, vent.end) for vent in vents)
+        found = [_weights_of(shape, grid, rise) for shape in shapes]
         places = [np.zeros(0, dtype=int), *(cells for cells, _ in found)]
         self.cells = np.unique(np.concatenate(places))
         self.weights = np.zeros((len(vents), self.cells.size))
@@ -79,8 +81,14 @@ class CellVents:
         return sum(vent.volume_between(self.since, time) for vent in self.vents)
 
 
-def _weights_of(vent: Vent, grid: Terrain, rise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cells in which the lava of a vent comes out, and the fraction in each."""
+@lru_cache(maxsize=8)
+def _weights_of(
+    vent: VentShape, grid: Terrain, rise: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cells in which the lava of a vent comes out, and the fraction in each.
+
+    Members of an ensemble share the result.
+    """
     places = _places_in(vent, grid)
     allowed = permitted_places(vent, places, grid, rise)
     place = np.floor((allowed - grid.origin) / grid.resolution).astype(int)
@@ -90,7 +98,7 @@ def _weights_of(vent: Vent, grid: Terrain, rise: float) -> tuple[np.ndarray, np.
     return cells, counts / counts.sum()
 
 
-def _places_in(vent: Vent, grid: Terrain) -> np.ndarray:
+def _places_in(vent: VentShape, grid: Terrain) -> np.ndarray:
     """Return places evenly spread over a vent, at least as wide as a cell, [count, 2].
 
     A disc has none beyond the border of the grid.

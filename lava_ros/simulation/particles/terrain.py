@@ -144,7 +144,7 @@ def _averaged_along(
     return np.moveaxis(shared / ratio, 0, axis)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=3)
 def ringed_heights(terrain: Terrain) -> np.ndarray:
     """Return elevations above a level [m], extended by one cell, shape [rows + 2, columns + 2].
 

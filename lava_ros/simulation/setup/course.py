@@ -263,7 +263,7 @@ def _follow(
     level = _HUPPERT * (weight * source.discharge**3 / (3.0 * viscosity)) ** 0.125
     level = max(level * math.sqrt(horizon), 2.0 * source.radius)
     level = min(level, math.hypot(x1 - x0, y1 - y0))
-    path, height = descent(terrain, source.places.mean(axis=0))
+    path, height = descent(terrain, tuple(source.places.mean(axis=0).tolist()))
     if len(path) < 3:
         slope = slope_at(scene.terrain, source.places.mean(axis=0))
         return _on_level_ground(source, scale, level, slope, effects), 0.0

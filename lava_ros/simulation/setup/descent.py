@@ -9,6 +9,7 @@ ground beside or behind lava changes little, and a path ends where unknown groun
 """
 
 from dataclasses import replace
+from functools import lru_cache
 import math
 
 import numpy as np
@@ -28,10 +29,12 @@ _AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0)), ((1, 1), (1, -1), (-1, 1), (-1, -1
 _STRIP = 64
 
 
+@lru_cache(maxsize=4)
 def averaged(terrain: Terrain, factor: int) -> Terrain:
     """Average a terrain over cells larger by a factor.
 
-    A larger cell has data if at least half of its area has. Strips of rows save memory.
+    A larger cell has data if at least half of its area has. Strips of rows save memory. Members of
+    an ensemble share the result.
     """
     factor = min(factor, min(terrain.shape) // 2)
     if factor <= 1:
@@ -63,7 +66,8 @@ def slope_at(terrain: Terrain, place: np.ndarray) -> float:
     return float(math.hypot(rise[:2].max(), rise[2:].max()))
 
 
-def descent(terrain: Terrain, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+@lru_cache(maxsize=16)
+def descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Return points of the steepest descent [m], shape [points, 2], and their elevation [m].
 
     Each is the lowest point of a circle around the previous one, never backwards. In a pit the
@@ -75,7 +79,7 @@ def descent(terrain: Terrain, start: np.ndarray) -> tuple[np.ndarray, np.ndarray
     step = _STRIDE * terrain.resolution
     # one sample in each cell, and one close to the middle: that may be next to a border
     offset = np.array([0.25, *np.arange(1.0, _STRIDE + 1.0)]) * terrain.resolution
-    points = [_known_place(terrain, start)]
+    points = [_known_place(terrain, np.array(start))]
     heights = [float(_sampled(terrain, points[0][None])[0])]
     ahead, is_known = np.ones(_DIRECTIONS, dtype=bool), True
     while is_known and len(points) < _MAX_POINTS:

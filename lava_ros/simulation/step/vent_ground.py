@@ -9,6 +9,7 @@ could have flowed: the ground on the way there rises by no more than the thickne
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,14 @@ MIN_PLACES = 64
 
 #: Factors by which places move towards the vent's centre or line until there are enough.
 _FACTORS = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.0)
+
+
+class VentShape(NamedTuple):
+    """Where a vent is; attributes as those of ``Vent``."""
+
+    position: tuple[float, float]
+    radius: float
+    end: tuple[float, float] | None
 
 
 def is_open(vent: Vent, reach: float, terrain: Terrain, rise: float) -> bool:
@@ -50,7 +59,7 @@ def is_open(vent: Vent, reach: float, terrain: Terrain, rise: float) -> bool:
 
 
 def permitted_places(
-    vent: Vent, places: np.ndarray, terrain: Terrain, rise: float
+    vent: Vent | VentShape, places: np.ndarray, terrain: Terrain, rise: float
 ) -> np.ndarray:
     """Return the places around a vent at which lava may come out.
 
