@@ -269,6 +269,7 @@ class Batch:
         """Return the group and row for launches of the current route."""
         assert self._route is not None
         self._has_asked = True
+        state.launches.launched = None
         key = self._route, is_stage
         group, row, of, forgotten = self._places.get(key, (None, 0, None, 0))
         if group is None or of is not state or forgotten != state.launches.forgotten:

@@ -62,7 +62,10 @@ class Launches:
     Attributes:
         extent: Maximum number of particles that the captured launches process.
         forgotten: Number of calls of ``forget``; anything recorded before the last one is invalid.
+        launched: Number of launches by this object; None once a batch launches what it recorded.
     """
+
+    launched: int | None = 0
 
     def __init__(self, device: Any) -> None:
         """Initialize without any recorded launch."""
@@ -115,7 +118,13 @@ class Launches:
     def replay(self) -> None:
         """Launch what ``capture`` has recorded."""
         assert self._again is not None
+        self.note_launch()
         self._again()
+
+    def note_launch(self) -> None:
+        """Count a launch, or another change of the arrays of a state."""
+        if self.launched is not None:
+            self.launched += 1
 
     def __call__(
         self,
@@ -135,6 +144,7 @@ class Launches:
             launch = Launch(kernel, dim, block_dim, is_over_particles, [*arguments])
             self._recorded.append(launch)
         elif self._device.is_cuda:
+            self.note_launch()
             self._captured.add(kernel)
             wp.launch(kernel, dim, [*arguments, 0], device=self._device, block_dim=block_dim)
         elif dim > 0:
@@ -142,6 +152,7 @@ class Launches:
 
     def packed(self, kernel: Any, arguments: list[Any], *, dim: int) -> Any:
         """Return a packed CPU launch; its ``launch()`` runs it."""
+        self.note_launch()
         key = (id(kernel), *map(id, arguments))
         kept = self._kept.get(key)
         if kept is None:

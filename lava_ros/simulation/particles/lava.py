@@ -197,12 +197,10 @@ class ParticleLava:
     def cover(self) -> None:
         """Fit the neighbour grid to the lava and the vents."""
         self.settle()
-        self.state.write_count(at.NEAR_BORDER, 0)
-        self._fit_to(self.state.read_particles()[:, :2])
-
-    def _fit_to(self, places: np.ndarray) -> None:
-        """Fit the neighbour grid to places relative to the centre [m], and to the vents."""
-        self.neighbors.fit(np.concatenate([places, corners_of(self.scene)]))
+        if self.state.read_clock()[1][at.NEAR_BORDER]:
+            self.state.write_count(at.NEAR_BORDER, 0)
+        rows = self.state.read_particles()
+        self.neighbors.fit(np.concatenate([rows[:, :2], corners_of(self.scene)]))
         self.state.launches.forget()
 
     def settle(self) -> None:

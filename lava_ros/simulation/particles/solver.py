@@ -66,9 +66,9 @@ class ParticleSolver(ParticleLava):
             LavaError: If a particle is not on the terrain, a discharge is out of range, or the
                 spacing is too small for the terrain.
         """
-        places, counts = _NOWHERE, np.zeros(self.state.counts.size, dtype=np.int32)
+        places = _NOWHERE
         if particles is None:
-            self._fit_to(places)
+            self.cover()
         else:
             assert self.accuracy.spacing is not None
             rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
@@ -79,28 +79,25 @@ class ParticleSolver(ParticleLava):
             self.volume_before = float(self.state.read_particles()[:, 2].sum())
             self.sort()
             self.record_covered_ground()
-            places, counts = self.state.read_particles()[:, :2], self.state.read_clock()[1]
+            places = self.state.read_particles()[:, :2]
         check_rates(self.scene.vents, self.accuracy.particle_volume)
-        self.open_vents(0.0, Emission.of_new_vents(len(self.scene.vents)), counts)
+        self.open_vents(0.0, Emission.of_new_vents(len(self.scene.vents)))
         self.raise_top(places, until=0.0)
 
-    def open_vents(
-        self, since: float, before: Emission, counts: np.ndarray | None = None
-    ) -> None:
+    def open_vents(self, since: float, before: Emission) -> None:
         """Put the vents of the scene on the device.
 
         Args:
             since: Simulated time at which they open [s].
             before: Their emission before that time.
-            counts: A copy of ``State.counts``; None to read it, for which the device stops.
         """
         self.vents = VentSet(
             self.scene.vents, self.scene.terrain, self.accuracy, self.device, since=since,
             before=before,
         )
-        self._reserve_room(counts)
+        self._reserve_room()
 
-    def _reserve_room(self, counts: np.ndarray | None = None) -> None:
+    def _reserve_room(self) -> None:
         """Reserve capacity for particles that vents emit before the host reads the counts."""
         # otherwise lava would wait in the vents, and be emitted all at once
         state = self.state
@@ -111,7 +108,7 @@ class ParticleSolver(ParticleLava):
         # steps have at least two stages with RKL2
         ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
         state.particles_ahead = math.ceil(min(ahead * per_step, _MAX_AHEAD))
-        state.make_room(state.read_clock()[1] if counts is None else counts)
+        state.make_room(state.read_clock()[1])
 
     def raise_top(self, places: np.ndarray = _NOWHERE, *, until: float | None = None) -> None:
         """Update the elevation of the highest ground that lava came from.

@@ -107,6 +107,9 @@ class State(Arrays):
         )
         self._limits = math.nan, math.nan
         self._readbacks = [Readback((self.clock, self.counts))]
+        #: The latest readback, and the number of launches before it.
+        self._latest = np.zeros(self.clock.size), np.zeros(self.counts.size, dtype=np.int32)
+        self._read_after = self.launches.launched
 
     @property
     def arrays(self) -> dict[str, wp.array]:
@@ -194,7 +197,12 @@ class State(Arrays):
 
     def read_clock(self) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of ``clock`` and ``counts`` after all earlier launches on this stream."""
-        return self._readbacks[0].begin()()
+        # a GPU waits for the launches of all members of a batch: not if there is nothing new
+        launched = self.launches.launched
+        if launched is None or launched != self._read_after:
+            self._latest, self._read_after = self._readbacks[0].begin()(), launched
+        clock, counts = self._latest
+        return clock.copy(), counts.copy()
 
     def begin_readback(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
         """Start to copy ``clock`` and ``counts``; return a function that waits for the copies.
@@ -267,6 +275,7 @@ class State(Arrays):
 
         Stages that have been launched already still use the previous values.
         """
+        self.launches.note_launch()
         self._target.fill_(time)
         # a fill is a launch, and members of an ensemble have the same limits for all their parts
         if limit is not None and (limit, max_end) != self._limits:
@@ -276,10 +285,12 @@ class State(Arrays):
 
     def write_time(self, time: float) -> None:
         """Replace the simulated time [s], between two steps."""
+        self.launches.note_launch()
         self._time.fill_(time)
 
     def write_count(self, place: int, value: int) -> None:
         """Replace one of the ``counts``."""
+        self.launches.note_launch()
         self.counts[place : place + 1].fill_(value)
 
     @property
@@ -319,6 +330,7 @@ class State(Arrays):
     def take_over(self, former: 'State') -> None:
         """Adopt the data of another state with other effects, as far as both have them."""
         carried = set(self._carried) & set(former._carried)
+        self.launches.note_launch()
         for name in ('particle', *carried, 'clock', 'counts', 'top', 'left'):
             wp.copy(self.arrays[name], former.arrays[name])
         self.cell_maps = former.cell_maps
@@ -345,6 +357,7 @@ class State(Arrays):
         count = len(arrays['particle'])
         if capacity != self.capacity:
             self._allocate(capacity)
+        self.launches.note_launch()
         own = self.arrays
         for name in ('particle', *self._carried, *self._saved):
             array = own[name]
