@@ -8,6 +8,8 @@ import pytest
 
 from lava_ros.scene import Lava, Vent
 from lava_ros.simulation import batch as batch_module
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.backend.memory import Readback
 from lava_ros.simulation.batch import Batch, side_by_side
 from lava_ros.verification.benchmarks.effects import effect_sets
 from solver import incline, simulated
@@ -129,3 +131,19 @@ def test_tasks_without_a_simulation_end_or_raise(device, run):
     assert sorted(ended) == list(range(20))
     with pytest.raises(ValueError, match='here'):
         run(map(task, (19, 20, 18)), device)
+
+
+def test_member_that_resumes_reads_the_device_only_after_changes(device, monkeypatch):
+    former = simulation_of(20.0, device)
+    former.advance(2.0)
+    checkpoint = former.checkpoint()
+    reads, begin = [], Readback.begin
+    monkeypatch.setattr(Readback, 'begin', lambda self: reads.append(self) or begin(self))
+    resumed = Simulation.resume(checkpoint, device=device)
+    resumed.set_vents([Vent((20.0, 15.0), 10.0, 1400.0, radius=3.0)])
+    assert len(reads) <= 3
+    # no value of before a change
+    before = resumed.time, resumed.steps, resumed.particle_count
+    resumed.advance(3.0)
+    after = resumed.time, resumed.steps, resumed.particle_count
+    assert all(new > old for old, new in zip(before, after, strict=True))
