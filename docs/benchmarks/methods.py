@@ -31,8 +31,8 @@ from lava_ros.hindcast.run import request_of, Result, Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
 from lava_ros.runs.scene_run import SceneRun
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import METHODS
 from lava_ros.simulation.backend.threads import use_threads
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.numerical_error import Areas, difference
 from lava_ros.simulation.output.inundation import area_of
 from lava_ros.simulation.presets import preset_accuracy
