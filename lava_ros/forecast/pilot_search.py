@@ -5,8 +5,8 @@
 
 The difference between the last two pilots gives the particles' part of the numerical error; the
 difference between the last but one and a run on coarser ground gives the ground's part
-(simulation/numerical_error.py). The particles' part is proportional to the spacing to the power
-``PARTICLE_ORDER``; the ground's part does not depend on it.
+(simulation/numerical_error.py). The particles' part is proportional to the spacing to a power
+(``ORDERS``); the ground's part does not depend on it.
 """
 
 from collections.abc import Callable
@@ -26,8 +26,8 @@ from lava_ros.simulation.numerical_error import (
     error_of,
     GROUND_ORDER,
     NumericalError,
+    ORDERS,
     Pair,
-    PARTICLE_ORDER,
     richardson,
     scaled,
 )
@@ -96,6 +96,16 @@ class PilotSearch:
     pilots: list[Pilot] = field(default_factory=list)
     spent: float = 0.0
     count: int = 0
+
+    @property
+    def method(self) -> str:
+        """Carriers of the lava."""
+        return self.accuracy_at(self.first).method
+
+    @property
+    def order(self) -> float:
+        """Power of the spacing in the particles' part of the error."""
+        return ORDERS[self.method]
 
     def run_pilots(
         self, budget: Callable[[], float], useful: Callable[[], float], *,
@@ -190,17 +200,17 @@ class PilotSearch:
         ``coarse`` is a run of a ``pilot`` on coarser ground.
         """
         finest = self.pilots[-1]
-        wanted = COARSER * finest.spacing
+        wanted = COARSER[self.method] * finest.spacing
         partner = min(
             self.pilots[:-1], key=lambda pilot: abs(math.log(pilot.spacing / wanted))
         )
-        reduction = richardson(partner.spacing / finest.spacing, PARTICLE_ORDER)
+        reduction = richardson(partner.spacing / finest.spacing, self.order)
         pairs = {'particles': Pair(finest.areas, partner.areas, reduction)}
         if coarse is not None:
             pairs['ground'] = Pair(pilot.areas, coarse.areas, richardson(2.0, GROUND_ORDER))
         return error_of(
             pairs, spacing=finest.spacing, cell=self.scene.terrain.resolution, time=self.horizon,
-            cost=self.spent, method=self.accuracy_at(finest.refinement).method,
+            cost=self.spent, method=self.method,
         )
 
     def cost(self, refinement: float) -> float:
@@ -212,7 +222,7 @@ class PilotSearch:
         """Return the numerical error of a run."""
         ratio = self.pilots[-1].refinement / refinement
         inundated, standing = (
-            replace(area, particles=scaled(area.particles, ratio**PARTICLE_ORDER))
+            replace(area, particles=scaled(area.particles, ratio**self.order))
             for area in (self._error.inundated, self._error.standing)
         )
         spacing = self.accuracy_at(refinement).spacing
@@ -237,4 +247,4 @@ class PilotSearch:
         # errors of areas multiply (scaled)
         found, target = (min(max(part, 1e-9), 0.999) for part in (area.particles, target))
         ratio = math.log1p(-found) / math.log1p(-target)
-        return self.pilots[-1].refinement * ratio ** (1.0 / PARTICLE_ORDER)
+        return self.pilots[-1].refinement * ratio ** (1.0 / self.order)
