@@ -29,7 +29,7 @@ from error_scenes import error_scenes
 import numpy as np
 
 from lava_ros.effects import Effects
-from lava_ros.forecast.partner_runs import partner_of
+from lava_ros.forecast.partner_runs import coarser_partner_of, partner_of
 from lava_ros.scene import Terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -37,12 +37,10 @@ from lava_ros.simulation.backend.threads import use_threads
 from lava_ros.simulation.method import do_methods_agree
 from lava_ros.simulation.numerical_error import (
     Areas,
-    COARSER,
     difference,
     error_of,
     GROUND_ORDER,
     NumericalError,
-    ORDERS,
     Pair,
     richardson,
 )
@@ -149,7 +147,7 @@ class Runs:
         """Yield a run with particles, its partner runs, and coarser ones, by the tag."""
         yield Job(self.item.name, f'{tag}_A', spacing, 'quarters')
         yield from self._of_run(self._accuracy(spacing))
-        yield from self._partners(self._accuracy(COARSER['particles'] * spacing))
+        yield from self._partners(coarser_partner_of(self._accuracy(spacing))[0])
 
     def _of_run(self, accuracy: Accuracy) -> Iterator[Job]:
         """Yield a run on the cells of the scene, and its partner runs."""
@@ -178,11 +176,10 @@ class Runs:
         ``is_coarser`` takes coarser particles as the partner also where cells are.
         """
         accuracy = self._accuracy(spacing, method)
-        partner, reduction = partner_of(self.item.scene, accuracy, self._effects)
-        if is_coarser:
-            ratio = COARSER[method]
-            partner = replace(accuracy, spacing=ratio * spacing)
-            reduction = richardson(ratio, ORDERS[method])
+        partner, reduction = (
+            coarser_partner_of(accuracy) if is_coarser
+            else partner_of(self.item.scene, accuracy, self._effects)
+        )
         jobs = next(self._partners(accuracy)), *self._partners(partner)
         run, own, coarse = (self.read(job.run) for job in jobs)
         pairs = {
@@ -194,6 +191,12 @@ class Runs:
             time=self.item.duration, method=method,
         )
         return error, run.cpu, own.cpu + coarse.cpu
+
+    def partner(self, spacing: float, method: str) -> str:
+        """Return method and spacing [m] of the partner of a run."""
+        accuracy = self._accuracy(spacing, method)
+        partner, _ = partner_of(self.item.scene, accuracy, self._effects)
+        return f'{partner.method} {partner.spacing:g}'
 
     def _ground(self, name: str) -> Terrain:
         if name == 'finest':
@@ -307,6 +310,7 @@ def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
             'across': runs.expected.width / distance,
             'carriers': run.count,
             'cell_m': cell,
+            'partner': runs.partner(distance, method),
         }
         for area, one, other in zip(
             Areas._fields, run.areas, cut(best.areas, run.areas), strict=True

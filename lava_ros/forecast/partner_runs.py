@@ -51,6 +51,7 @@ def measuring(
     horizon: float,
     device: str | None = None,
     areas: Callable[[Snapshot], Areas] = Areas.of,
+    partner: tuple[Accuracy, float] | None = None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Generator[None, None, NumericalError]:
     """Measure the error of a run in parts, so that the caller can do other work in between.
@@ -64,6 +65,7 @@ def measuring(
         horizon: Its horizon [s].
         device: Warp device; None for the first GPU, or the CPU without one.
         areas: Returns the areas of a partner run, on the cells of the run.
+        partner: The accuracy of the partner runs and the reduction; None for ``partner_of``.
         clock: Returns the time [s], for the cost.
 
     Raises:
@@ -71,14 +73,14 @@ def measuring(
     """
     begun = clock()
     assert accuracy.spacing is not None
-    partner, reduction = partner_of(scene, accuracy, effects)
+    chosen, reduction = partner or partner_of(scene, accuracy, effects)
     pairs: dict[str, Pair] = {}
     others: list[Areas] = []
     for part, ground in (('particles', scene), ('ground', on_coarser_ground(scene))):
         if ground is None:
             continue
         simulation = Simulation(
-            ground, effects=effects, accuracy=partner, device=device, horizon=horizon
+            ground, effects=effects, accuracy=chosen, device=device, horizon=horizon
         )
         yield from driving(simulation, time)
         others.append(areas(simulation.snapshot()))
@@ -98,17 +100,23 @@ def partner_of(scene: Scene, accuracy: Accuracy, effects: Effects) -> tuple[Accu
     Particles are compared with the smallest cells that are at least as large as their spacing and
     as the cells of the terrain, unless cells lack something or the lava freezes.
     """
-    method, spacing, cell = accuracy.method, accuracy.spacing, scene.terrain.resolution
+    spacing, cell = accuracy.spacing, scene.terrain.resolution
     assert spacing is not None
     is_limited = accuracy.mobility_limit is not None
-    if method == 'cells' or is_limited or not do_methods_agree(effects):
-        ratio = COARSER[method]
-        coarser = replace(accuracy, spacing=ratio * spacing)
-        return coarser, richardson(ratio, ORDERS[method])
+    if accuracy.method == 'cells' or is_limited or not do_methods_agree(effects):
+        return coarser_partner_of(accuracy)
     doublings = max(math.ceil(math.log2(spacing / cell)), 0)
     # a small terrain limits the size
     size = grid_of(scene.terrain, cell * 2.0**doublings).resolution
     return replace(accuracy, method='cells', spacing=size), between_methods(size, spacing)
+
+
+def coarser_partner_of(accuracy: Accuracy) -> tuple[Accuracy, float]:
+    """Return the accuracy and the ``reduction`` for partner runs by the method of the run."""
+    assert accuracy.spacing is not None
+    ratio = COARSER[accuracy.method]
+    coarser = replace(accuracy, spacing=ratio * accuracy.spacing)
+    return coarser, richardson(ratio, ORDERS[accuracy.method])
 
 
 def measure_error(scene: Scene, run: Areas, time: float, **options: Any) -> NumericalError:

@@ -15,8 +15,8 @@ from lava_ros.scene import Terrain
 from lava_ros.simulation.numerical_error import (
     AreaError,
     Areas,
-    brief_text,
     between_methods,
+    brief_text,
     difference,
     error_of,
     error_text,
