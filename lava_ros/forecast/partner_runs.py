@@ -63,7 +63,7 @@ def measuring(
         accuracy: Its accuracy, with all automatic values resolved.
         effects: Its effects.
         horizon: Its horizon [s].
-        device: Warp device; None for the first GPU, or the CPU without one.
+        device: Warp device; None for the first GPU, or the CPU without one and for cells.
         areas: Returns the areas of a partner run, on the cells of the run.
         partner: The accuracy of the partner runs and the reduction; None for ``partner_of``.
         clock: Returns the time [s], for the cost.
