@@ -125,12 +125,6 @@ VOLUMES = {
     'volume_error': number('Fraction of the emitted volume that is unaccounted for'),
 }
 
-RESOLUTION = keys('Resolution of the flow', {
-    'spacing_m': number('Particle spacing'), 'flow_width_m': number('Width of the flow'),
-    'particles_across': number('Number of particles across the flow'),
-})
-
-
 def _of_field(one: Any) -> Schema:
     """Return the schema of a described field of a dataclass."""
     kind = number if 'limits' in one.metadata else text if 'choices' in one.metadata else flag

@@ -38,6 +38,8 @@ from json_parts import (
     WARNINGS,
 )
 
+from lava_ros.simulation.carriers import count_key, COUNTED, METHODS
+
 FOLDER = Path(__file__).parents[1] / 'schemas'
 
 _PERSISTENCE = {
@@ -324,7 +326,9 @@ INFO = keys('A bag', {
     })),
     'checkpoints': each(keys('A checkpoint', {
         'time_s': number('Simulated time'), 'log_time_ns': count('ROS time'),
-        'particle_count': count('Number of particles'), 'size_bytes': count('Size'),
+        'method': text('Carriers of the lava: particles or cells'),
+        **{f'{count_key(name)}?': count(f'Number of {COUNTED[name]}') for name in METHODS},
+        'size_bytes': count('Size'),
     })),
     'erupting_lava': unknown(LAVA),
     'scene': free('The scene, as the node recorded it'),

@@ -19,6 +19,7 @@ from lava_ros.runs.store import FINISHED, RUNNING, VERSION
 from lava_ros.scene import constants_of
 from lava_ros.scene.file_keys import CASE_KEYS, SCENE_KEYS
 from lava_ros.scene.uncertainty import definitions
+from lava_ros.simulation.carriers import count_key, COUNTED, max_count_key, METHODS
 from lava_ros.simulation.output.budget import VolumeBudget
 
 FOLDER = Path(__file__).parents[1] / 'schemas'
@@ -85,7 +86,7 @@ def run_file() -> Schema:
         'topics': (group, 'Topic of each layer in the bag'),
         'maps': (TEXT, 'Folder of the bag, in that of the run'),
         'wall_time_s': (number, 'Wall time of the run, with its earlier parts'),
-        'resolution': (group, 'Spacing [m], width of the flow [m], particles across'),
+        'resolution': (group, 'Spacing [m], width of the flow [m], carriers across'),
         'flow_kind': ({'type': ['string', 'null']}, 'Kind of the flow, with its numbers'),
         'numerical_error': ({'type': ['object', 'null']}, 'Fractions of the areas; null: unknown'),
         'numerical_error_text': (TEXT, 'The numerical error in words'),
@@ -97,8 +98,11 @@ def run_file() -> Schema:
             VolumeBudget(0.0, 0.0, 0.0, 0.0).texts(),
             (number, 'Volume of lava [m3], as in the diagnostics'),
         ),
-        'particles': (count, 'Number of particles'),
-        'particles_at_most': (count, 'Largest number of particles in any map'),
+        **{count_key(name): (count, f'Number of {COUNTED[name]}') for name in METHODS},
+        **{
+            max_count_key(name): (count, f'Largest number of {COUNTED[name]} in any map')
+            for name in METHODS
+        },
         'steps': (count, 'Number of time steps'),
         'warnings': (list_of(TEXT), 'What a reader of the maps must know'),
     }

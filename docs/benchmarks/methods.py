@@ -7,8 +7,8 @@
 
 The scenes are those of numerical_error.py, each at the presets draft and standard, on one core. A
 row is a run. ``difference`` is one minus the Jaccard index of its inundated area and that of the
-run of particles at the same preset, ``stated`` its numerical error from partner runs, ``jaccard``
-the agreement with the map of a case.
+run of particles at the same preset, ``stated`` its numerical error from coarser runs by the same
+method, ``jaccard`` the agreement with the map of a case.
 """
 
 import argparse
@@ -25,14 +25,14 @@ from error_scenes import error_scenes
 import numpy as np
 
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.forecast.partner_runs import measure_error, measure_run
+from lava_ros.forecast.partner_runs import coarser_partner_of, measure_error, measure_run
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.run import request_of, Result, Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
 from lava_ros.runs.scene_run import SceneRun
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import METHODS
 from lava_ros.simulation.backend.threads import use_threads
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.numerical_error import Areas, difference
 from lava_ros.simulation.output.inundation import area_of
 from lava_ros.simulation.presets import preset_accuracy
@@ -63,6 +63,7 @@ def of_scene(name: str, preset: str, method: str) -> tuple[np.ndarray, dict[str,
     error = measure_error(
         item.scene, Areas.of(snapshot), item.duration, accuracy=simulation.accuracy,
         effects=simulation.effects, horizon=item.horizon, device='cpu',
+        partner=coarser_partner_of(simulation.accuracy),
     )
     inundated = np.nan_to_num(snapshot.inundated)
     lacking = [one.name for one in simulation.decisions() if one.is_missed]

@@ -7,9 +7,11 @@
 
 The actual error is the difference from a run with particles much closer together on ground that is
 sampled on cells a quarter of the size. All runs have the effects and the thickness scale of the
-first one. Areas are compared on cells of a quarter of the size (subdivide_ground): the error is
-that of the lava, not that of counting cells. The folder keeps the areas of the runs, so that an
-interrupted command continues.
+first one. Their areas are compared on cells of a quarter of the size (subdivide_ground): the error
+is that of the lava, not that of counting cells. Runs, their partner runs, and runs on cells are on
+the cells of the scene, as those of a command; ``coarser`` is the error by larger particles where
+the partner is on cells. The folder keeps the areas of the runs, so that an interrupted command
+continues. CPU times are the shortest of some repetitions.
 """
 
 import argparse
@@ -17,29 +19,29 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import replace
 import functools
-import math
 import multiprocessing
 from pathlib import Path
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench_scenes import BenchScene
 from error_scenes import error_scenes
 import numpy as np
 
 from lava_ros.effects import Effects
+from lava_ros.forecast.partner_runs import coarser_partner_of, partner_of
 from lava_ros.scene import Terrain
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.threads import use_threads
+from lava_ros.simulation.method import do_methods_agree
 from lava_ros.simulation.numerical_error import (
     Areas,
-    COARSER,
     difference,
     error_of,
     GROUND_ORDER,
     NumericalError,
     Pair,
-    PARTICLE_ORDER,
     richardson,
 )
 from lava_ros.simulation.presets import preset_accuracy
@@ -69,8 +71,38 @@ SLOW = {
 }
 
 
-#: A run: name of the scene, name of the run, its spacing [m] and its ground.
-Job = tuple[str, str, float, str]
+#: Sizes of the cells of runs whose error is compared, over those of the terrain.
+SIZES = 0.5, 1.0, 2.0
+
+#: Maximum CPU time of the repetitions of a run [s], and their maximum number.
+REPEATED, MAX_REPETITIONS = 2.0, 5
+
+
+class Job(NamedTuple):
+    """A run.
+
+    Attributes:
+        scene: Name of the scene.
+        run: Name of the run.
+        spacing: Particle spacing, or size of the cells [m].
+        ground: That of the scene's cells (``own``), of cells twice as large (``coarser``), as
+            ``own`` on cells of a quarter (``quarters``), or sampled on them (``finest``).
+        method: Carriers of the lava.
+    """
+
+    scene: str
+    run: str
+    spacing: float
+    ground: str = 'own'
+    method: str = 'particles'
+
+
+class Run(NamedTuple):
+    """Areas, CPU time [s] and number of particles or cells of a run."""
+
+    areas: Areas
+    cpu: float
+    count: int
 
 
 class Runs:
@@ -89,11 +121,11 @@ class Runs:
 
     def first(self) -> Job:
         """Return the run on whose number of particles the others depend."""
-        return self.item.name, 'D_A', self.spacing, 'c'
+        return Job(self.item.name, 'D_A', self.spacing, 'quarters')
 
     def levels(self) -> tuple[dict[str, float], str, float]:
         """Return the spacings [m], and name and spacing [m] of the reference."""
-        _, _, particles = self.read('D_A')
+        particles = self.read('D_A').count
         names, closer = SLOW.get(self.item.name, ('DSR' if particles <= FEW else 'DS', CLOSE))
         reference = 'T_f'
         if 'R' in names:
@@ -103,51 +135,100 @@ class Runs:
 
     def jobs(self) -> Iterator[Job]:
         """Yield all runs, the longest first."""
-        name = self.item.name
         levels, reference, finest = self.levels()
-        yield name, reference, finest, 'f'
+        yield Job(self.item.name, reference, finest, 'finest')
         for level, distance in sorted(levels.items(), key=lambda item: item[1]):
-            yield name, f'{level}_A', distance, 'c'
-            yield name, f'{level}_B', COARSER * distance, 'c'
-            yield name, f'{level}_C', COARSER * distance, '2c'
+            yield from self.jobs_at(level, distance)
+        cell = self.item.scene.terrain.resolution
+        for size in SIZES if do_methods_agree(self._effects) else ():
+            yield from self._of_run(self._accuracy(size * cell, 'cells'))
+
+    def jobs_at(self, tag: str, spacing: float) -> Iterator[Job]:
+        """Yield a run with particles, its partner runs, and coarser ones, by the tag."""
+        yield Job(self.item.name, f'{tag}_A', spacing, 'quarters')
+        yield from self._of_run(self._accuracy(spacing))
+        yield from self._partners(coarser_partner_of(self._accuracy(spacing))[0])
+
+    def _of_run(self, accuracy: Accuracy) -> Iterator[Job]:
+        """Yield a run on the cells of the scene, and its partner runs."""
+        yield next(self._partners(accuracy))
+        partner, _ = partner_of(self.item.scene, accuracy, self._effects)
+        yield from self._partners(partner)
+
+    def _partners(self, accuracy: Accuracy) -> Iterator[Job]:
+        """Yield the runs of an accuracy on the ground of the scene, and on coarser ground."""
+        assert accuracy.spacing is not None
+        for ground in ('own', 'coarser'):
+            name = f'{accuracy.method}_{accuracy.spacing:.5g}_{ground}'
+            yield Job(self.item.name, name, accuracy.spacing, ground, accuracy.method)
+
+    def _accuracy(self, spacing: float, method: str = 'particles') -> Accuracy:
+        return replace(
+            preset_accuracy('draft', spacing=spacing), method=method,
+            thickness=self.expected.thickness,
+        )
+
+    def stated(
+        self, spacing: float, method: str = 'particles', *, is_coarser: bool = False
+    ) -> tuple[NumericalError, float, float]:
+        """Return the error by partner runs, and the CPU times of the run and of those [s].
+
+        ``is_coarser`` takes coarser particles as the partner also where cells are.
+        """
+        accuracy = self._accuracy(spacing, method)
+        partner, reduction = (
+            coarser_partner_of(accuracy) if is_coarser
+            else partner_of(self.item.scene, accuracy, self._effects)
+        )
+        jobs = next(self._partners(accuracy)), *self._partners(partner)
+        run, own, coarse = (self.read(job.run) for job in jobs)
+        pairs = {
+            'particles': Pair(run.areas, own.areas, reduction),
+            'ground': Pair(own.areas, coarse.areas, richardson(2.0, GROUND_ORDER)),
+        }
+        error = error_of(
+            pairs, spacing=spacing, cell=self.item.scene.terrain.resolution,
+            time=self.item.duration, method=method,
+        )
+        return error, run.cpu, own.cpu + coarse.cpu
+
+    def partner(self, spacing: float, method: str) -> str:
+        """Return method and spacing [m] of the partner of a run."""
+        accuracy = self._accuracy(spacing, method)
+        partner, _ = partner_of(self.item.scene, accuracy, self._effects)
+        return f'{partner.method} {partner.spacing:g}'
 
     def _ground(self, name: str) -> Terrain:
-        """Return the ground of the cells (c), of cells twice as large (2c), or the finest (f)."""
-        if name == 'f':
+        if name == 'finest':
             return next(
                 item for item in error_scenes(PARTS) if item.name == self.item.name
             ).scene.terrain
         given = self.item.scene.terrain
-        if name == '2c':
+        if name == 'coarser':
             coarse = coarsen_ground(given)
             assert coarse is not None
-            given = coarse
-        return _quarters(given)
+            return coarse
+        return _quarters(given) if name == 'quarters' else given
 
-    def read(self, name: str) -> tuple[Areas, float, int]:
-        """Return the areas, the CPU time [s] and the particles of a run."""
+    def read(self, name: str) -> Run:
+        """Return a run."""
         with np.load(self.folder / f'{name}.npz') as file:
-            shape = tuple(file['shape'])
-            areas = Areas(*(
-                np.unpackbits(file[area])[: math.prod(shape)].reshape(shape).astype(bool)
-                for area in Areas._fields
-            ))
-            return areas, float(file['cpu']), int(file['n'])
+            areas = Areas(*(file[area].astype(float) for area in Areas._fields))
+            return Run(areas, float(file['cpu']), int(file['n']))
 
-    def make(self, name: str, spacing: float, ground: str) -> None:
+    def make(self, job: Job) -> None:
         """Make a run, unless its file exists."""
-        path = self.folder / f'{name}.npz'
+        path = self.folder / f'{job.run}.npz'
         if not path.exists():
-            self._make(path, spacing, self._ground(ground))
+            self._make(path, job)
 
-    def _make(self, path: Path, spacing: float, terrain: Terrain) -> None:
-        item, accuracy = self.item, preset_accuracy('draft', spacing=spacing)
+    def _make(self, path: Path, job: Job) -> None:
+        item, accuracy = self.item, self._accuracy(job.spacing, job.method)
+        terrain, cell = self._ground(job.ground), item.scene.terrain.resolution
         # steps as long as on the cells of the scene
-        radius, cell = accuracy.ratio * spacing, item.scene.terrain.resolution
-        longer = min(radius, cell) / min(radius, cell / PARTS)
+        longer = min(accuracy.radius, cell) / min(accuracy.radius, terrain.resolution)
         accuracy = replace(
-            accuracy, thickness=self.expected.thickness,
-            courant_number=min(longer * accuracy.courant_number, 2.0),
+            accuracy, courant_number=min(longer * accuracy.courant_number, 2.0)
         )
         scene = replace(item.scene, terrain=terrain)
 
@@ -159,15 +240,19 @@ class Runs:
 
         # compiles the kernels
         begin().advance(1e-3)
-        begun = time.process_time()
-        simulation = begin()
-        simulation.advance(item.duration)
-        snapshot = simulation.snapshot()
-        areas = Areas(*(cells >= 0.5 for cells in Areas.of(snapshot)))
+        times: list[float] = []
+        while not times or (sum(times) < REPEATED and len(times) < MAX_REPETITIONS):
+            begun = time.process_time()
+            simulation = begin()
+            simulation.advance(item.duration)
+            snapshot = simulation.snapshot()
+            times.append(time.process_time() - begun)
+        areas = Areas.of(snapshot)
+        if terrain.resolution < cell:
+            areas = Areas(*(cells >= 0.5 for cells in areas))
         np.savez_compressed(
-            path, shape=areas.inundated.shape, cpu=time.process_time() - begun,
-            n=snapshot.particle_count, d=spacing,
-            **{name: np.packbits(cells) for name, cells in areas._asdict().items()},
+            path, cpu=min(times), n=snapshot.particle_count, d=job.spacing,
+            **{name: cells.astype(np.float16) for name, cells in areas._asdict().items()},
         )
 
     @property
@@ -183,9 +268,13 @@ def _quarters(terrain: Terrain) -> Terrain:
 
 
 def cut(areas: Areas, like: Areas) -> Areas:
-    """Return areas on the cells of others, which may be fewer at the far sides."""
+    """Return areas on the cells of others, which may be larger, and fewer at the far sides."""
     rows, columns = like.inundated.shape
-    return Areas(*(cells[:rows, :columns] for cells in areas))
+    ratio = max(round(areas.inundated.shape[0] / rows), 1)
+    return Areas(*(
+        cells[: ratio * rows, : ratio * columns].reshape(rows, ratio, columns, ratio).mean((1, 3))
+        for cells in areas
+    ))
 
 
 @functools.cache
@@ -197,57 +286,50 @@ def runs_of(name: str, folder: Path) -> Runs:
 def make(job: Job, folder: Path) -> Job:
     """Make a run on one thread."""
     use_threads(1)
-    name, *run = job
-    runs_of(name, folder).make(*run)
+    runs_of(job.scene, folder).make(job)
     return job
-
-
-def stated_error(
-    runs: Runs, level: str, spacing: float
-) -> tuple[NumericalError, tuple[Areas, float, int], float]:
-    """Return the stated error of a run, its results, and the CPU time of its partners [s]."""
-    one = runs.read(f'{level}_A')
-    two, more, _ = runs.read(f'{level}_B')
-    three, most, _ = runs.read(f'{level}_C')
-    pairs = {
-        'particles': Pair(one[0], two, richardson(COARSER, PARTICLE_ORDER)),
-        'ground': Pair(two, three, richardson(2.0, GROUND_ORDER)),
-    }
-    cell = runs.item.scene.terrain.resolution
-    error = error_of(pairs, spacing=spacing, cell=cell, time=runs.item.duration)
-    return error, one, more + most
 
 
 def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
     """Yield a row for each spacing of a scene, from runs that are made."""
     runs = runs_of(name, folder)
-    item = runs.item
+    item, cell = runs.item, runs.item.scene.terrain.resolution
     levels, reference, finest = runs.levels()
-    best, best_seconds, _ = runs.read(reference)
-    for level, distance in levels.items():
-        stated, (one, seconds, count), partners = stated_error(runs, level, distance)
+    best = runs.read(reference)
+    compared = [('particles', distance, f'{level}_A') for level, distance in levels.items()]
+    if do_methods_agree(runs.effects):
+        compared += [('cells', size * cell, f'cells_{size * cell:.5g}_own') for size in SIZES]
+    for method, distance, own in compared:
+        run = runs.read(own)
+        stated, seconds, partners = runs.stated(distance, method)
+        coarser, _, coarser_seconds = runs.stated(distance, method, is_coarser=True)
         row = {
             'scene': item.name,
+            'method': method,
             'spacing_m': distance,
             'across': runs.expected.width / distance,
-            'particles': count,
-            'cell_m': item.scene.terrain.resolution,
+            'carriers': run.count,
+            'cell_m': cell,
+            'partner': runs.partner(distance, method),
         }
-        for name, area, other in zip(Areas._fields, one, cut(best, one), strict=True):
-            part = getattr(stated, name)
-            actual = difference(area, other)
+        for area, one, other in zip(
+            Areas._fields, run.areas, cut(best.areas, run.areas), strict=True
+        ):
+            part, actual = getattr(stated, area), difference(one, other)
             row |= {
-                f'{name}_particles': part.particles,
-                f'{name}_ground': part.ground,
-                f'{name}_stated': part.total,
-                f'{name}_actual': actual,
-                f'{name}_ratio': part.total / actual,
+                f'{area}_particles': part.particles,
+                f'{area}_ground': part.ground,
+                f'{area}_stated': part.total,
+                f'{area}_actual': actual,
+                f'{area}_ratio': part.total / actual,
+                f'{area}_coarser_ratio': getattr(coarser, area).total / actual,
             }
         yield row | {
             'reference_spacing_m': finest,
-            'reference_cpu_s': best_seconds,
+            'reference_cpu_s': best.cpu,
             'cpu_s': seconds,
             'partners_cpu_s': partners,
+            'coarser_cpu_s': coarser_seconds,
             'effects': ' '.join(runs.effects),
         }
 
@@ -255,8 +337,7 @@ def compare(name: str, folder: Path) -> Iterator[dict[str, Any]]:
 def make_all(jobs: Iterable[Job], folder: Path, pool: ProcessPoolExecutor) -> None:
     """Make runs in the processes of a pool."""
     for future in as_completed([pool.submit(make, job, folder) for job in jobs]):
-        name, run, *_ = future.result()
-        print(name, run, flush=True)
+        print(*future.result()[:2], flush=True)
 
 
 def main() -> None:
@@ -273,7 +354,7 @@ def main() -> None:
         make_all([runs_of(name, args.folder).first() for name in names], args.folder, pool)
         jobs = [job for name in names for job in runs_of(name, args.folder).jobs()]
         # references last as long as all others together
-        jobs.sort(key=lambda job: job[3] != 'f')
+        jobs.sort(key=lambda job: job.ground != 'finest')
         make_all(jobs, args.folder, pool)
     rows = [row for name in names for row in compare(name, args.folder)]
     write_csv([{**row, 'machine': machine_name('cpu')} for row in rows], args.output)

@@ -20,12 +20,12 @@ import time
 from typing import Any
 
 from error_scenes import error_scenes
-from numerical_error import cut, make, make_all, runs_of, stated_error
+from numerical_error import cut, make, make_all, runs_of
 
 from lava_ros.forecast.preset_spacing import choose_spacing
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.backend.threads import use_threads
-from lava_ros.simulation.numerical_error import Areas, COARSER, difference
+from lava_ros.simulation.numerical_error import Areas, difference
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.resolution import resolution_of, resolved_accuracy
 from lava_ros.verification.measure import machine_name
@@ -66,10 +66,9 @@ def measure(job: Job, folder: Path) -> dict[str, Any]:
     pilots_time = time.process_time() - begun
     seconds, count = simulate(choice.spacing, item.duration)
     tag = tag_of(preset, choice.spacing)
-    runs.make(f'{tag}_A', choice.spacing, 'c')
-    runs.make(f'{tag}_B', COARSER * choice.spacing, 'c')
-    runs.make(f'{tag}_C', COARSER * choice.spacing, '2c')
-    stated, *_ = stated_error(runs, tag, choice.spacing)
+    for one in runs.jobs_at(tag, choice.spacing):
+        runs.make(one)
+    stated, *_ = runs.stated(choice.spacing)
     row = {
         'scene': scene,
         'preset': preset,
@@ -102,8 +101,8 @@ def with_actual_error(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return a row with the errors relative to the reference run of its scene."""
     runs = runs_of(row['scene'], folder)
     _, reference, finest = runs.levels()
-    best, *_ = runs.read(reference)
-    one, *_ = runs.read(f'{tag_of(row["preset"], row["spacing_m"])}_A')
+    best = runs.read(reference).areas
+    one = runs.read(f'{tag_of(row["preset"], row["spacing_m"])}_A').areas
     actual = {
         f'{name}_actual': difference(area, other)
         for name, area, other in zip(Areas._fields, one, cut(best, one), strict=True)

@@ -447,11 +447,11 @@ AREAS, MAP_ACROSS = ('inundated', 'standing'), 16.0
 def numerical_error() -> Iterator[Line]:
     """Yield the stated and the actual error of a run of each scene, about as fine as for maps."""
     yield (
-        'scene', 'cells', 'particles', 'partners', 'inundated area: stated',
+        'scene', 'cells', 'particles', 'partner runs', 'inundated area: stated',
         'by particles, ground',
         'actual', 'standing: stated', 'actual',
     )
-    rows = lines_of('numerical_error.csv')
+    rows = [row for row in lines_of('numerical_error.csv') if row['method'] == 'particles']
     for scene in dict.fromkeys(row['scene'] for row in rows):
         row = min(
             (row for row in rows if row['scene'] == scene),
@@ -461,8 +461,8 @@ def numerical_error() -> Iterator[Line]:
         yield (
             scene.replace('_', ' '),
             f'{float(row["cell_m"]):g} m',
-            f'{int(row["particles"]):,}',
-            f'{100.0 * cost:.0f} % of the time',
+            f'{int(row["carriers"]):,}',
+            f'{row["partner"].split()[0]}, {100.0 * cost:.0f} % of the time',
             f'{_percent(row["inundated_stated"])} %',
             f'{_percent(row["inundated_particles"])}, {_percent(row["inundated_ground"])}',
             f'**{_percent(row["inundated_actual"])} %**',
@@ -472,19 +472,34 @@ def numerical_error() -> Iterator[Line]:
 
 
 def numerical_error_counts() -> Iterator[Line]:
-    """Yield how many stated errors are close to the actual ones."""
+    """Yield how many stated errors are close to the actual ones, by the partner runs."""
     yield (
-        'area', 'runs', 'within a factor of 2', 'within a factor of 3',
-        'largest stated over actual', 'smallest',
+        'runs', 'partner runs', 'area', 'runs', 'within a factor of 1.5', 'of 2', 'of 3',
+        'stated over actual, median', 'smallest', 'largest', 'time of the partners, median',
     )
     rows = lines_of('numerical_error.csv')
-    for name in AREAS:
-        ratios = [float(row[f'{name}_ratio']) for row in rows]
-        yield (
-            name, f'{len(ratios)}', f'{sum(0.5 <= ratio <= 2.0 for ratio in ratios)}',
-            f'{sum(1.0 / 3.0 <= ratio <= 3.0 for ratio in ratios)}',
-            f'{max(ratios):.2g}', f'{min(ratios):.2g}',
-        )
+    for method, partner, prefix in (
+        ('particles', 'cells', ''), ('particles', 'cells', 'coarser_'),
+        ('particles', 'particles', ''), ('cells', 'cells', ''),
+    ):
+        found = [
+            row for row in rows
+            if row['method'] == method and row['partner'].split()[0] == partner
+        ]
+        costs = [
+            float(row[f'{prefix or "partners_"}cpu_s']) / float(row['cpu_s']) for row in found
+        ]
+        for name in AREAS:
+            ratios = [float(row[f'{name}_{prefix}ratio']) for row in found]
+            yield (
+                method, 'coarser particles instead' if prefix else partner, name,
+                f'{len(ratios)}', *(
+                    f'{sum(1.0 / factor <= ratio <= factor for ratio in ratios)}'
+                    for factor in (1.5, 2.0, 3.0)
+                ),
+                f'{statistics.median(ratios):.2g}', f'{min(ratios):.2g}', f'{max(ratios):.2g}',
+                f'{100.0 * statistics.median(costs):.0f} %',
+            )
 
 
 def _percent(fraction: str) -> str:

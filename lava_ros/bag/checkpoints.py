@@ -23,7 +23,13 @@ from lava_ros.bag.reader import mcap_files
 from lava_ros.bag.records import BROKEN, FRAME, is_whole, iter_records, MAX_RECORD_SIZE, TRUNCATED
 from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files import open_input
-from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
+from lava_ros.simulation.output.checkpoint import (
+    Checkpoint,
+    from_bytes,
+    MEDIA_TYPE,
+    method_of,
+    summary_of,
+)
 
 Parsed = TypeVar('Parsed')
 
@@ -122,12 +128,16 @@ def _attachment(path: Path, data: mmap.mmap, offset: int, end: int) -> Attachmen
 
 
 class StoredCheckpoint(NamedTuple):
-    """A checkpoint: simulated time [s], ROS time [ns], number of particles, size [bytes]."""
+    """A checkpoint: simulated time [s], ROS time [ns], number of carriers, size [bytes].
+
+    ``method`` tells whether particles or cells with lava are counted (``Accuracy.method``).
+    """
 
     time: float
     log_time_ns: int
     particle_count: int
     size: int
+    method: str
 
 
 class FoundCheckpoint(NamedTuple):
@@ -150,8 +160,12 @@ def checkpoints_of(
         LavaError: If the bag does not exist or cannot be read.
     """
     return [
-        StoredCheckpoint(summary.time, item.log_time_ns, summary.particle_count, item.size)
-        for item, summary in _parsed(attachments_of(bag), summary_of, on_refused)
+        StoredCheckpoint(
+            summary.time, item.log_time_ns, summary.particle_count, item.size, method
+        )
+        for item, (summary, method) in _parsed(
+            attachments_of(bag), lambda data: (summary_of(data), method_of(data)), on_refused
+        )
     ]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from lava_ros.scene import KELVIN
 from lava_ros.scene.projection import system_name
-from lava_ros.simulation.carriers import COUNTED
+from lava_ros.simulation.carriers import across_key, count_key
 from lava_ros.simulation.numerical_error import NumericalError
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution
@@ -23,7 +23,7 @@ def resolution_values(resolution: Resolution) -> dict[str, object]:
         'method': resolution.method,
         'spacing_m': f'{resolution.spacing:.4g}',
         'flow_width_m': f'{resolution.width:.4g}',
-        f'{resolution.method}_across': f'{resolution.across:.3g}',
+        across_key(resolution.method): f'{resolution.across:.3g}',
         **kind,
     }
 
@@ -38,11 +38,6 @@ def numerical_error_values(error: NumericalError) -> dict[str, str]:
         'numerical_error_ground': f'{area.ground:.2g}',
         'numerical_error_time_s': repr(error.time),
     }
-
-
-def count_key(method: str) -> str:
-    """Return the key of the number of particles, or of cells with lava, of a method."""
-    return COUNTED[method].replace(' ', '_')
 
 
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:

@@ -15,6 +15,7 @@ from typing import Any, TextIO, TYPE_CHECKING
 
 from lava_ros.errors import LavaError, printable, refusing
 from lava_ros.files import file_to_write, write_output
+from lava_ros.simulation.carriers import across_key, count_key, COUNTED, METHODS
 
 if TYPE_CHECKING:
     from lava_ros.runs.sinks import ProgressSink
@@ -149,25 +150,26 @@ def print_facts(rows: Iterable[tuple[str, object]]) -> None:
 
 
 def flow_facts(
-    record: Mapping[str, Any], resolution: Mapping[str, Any], carriers: str = 'particles'
+    record: Mapping[str, Any], resolution: Mapping[str, Any], method: str = METHODS[0]
 ) -> list[tuple[str, str]]:
     """Describe a simulated flow: its resolution, error, areas and volumes.
 
     Args:
         record: Results with the keys of ``run.json``.
-        resolution: Mapping with ``spacing_m`` [m] and ``particles_across``, None if unknown.
-        carriers: Carriers of the lava.
+        resolution: Mapping with ``spacing_m`` [m] and ``across_key``, None if unknown.
+        method: Carriers of the lava (``Accuracy.method``).
     """
     from lava_ros.layers.numbers import area_words
     from lava_ros.simulation.output.budget import VolumeBudget
 
-    across = resolution['particles_across']
+    across, are_cells = resolution[across_key(method)], method == 'cells'
     budget = VolumeBudget.from_texts({name: str(value) for name, value in record.items()})
     assert budget is not None
     return [
-        ('particles' if carriers == 'particles' else 'cells with lava',
-         f'{record["particles"]:,}, {resolution["spacing_m"]:.3g} m apart'),
-        (f'{carriers} across the flow', 'unknown' if across is None else f'{across:.2g}'),
+        (COUNTED[method],
+         f'{record[count_key(method)]:,}, {"of " * are_cells}{resolution["spacing_m"]:.3g} m'
+         f'{"" if are_cells else " apart"}'),
+        (f'{method} across the flow', 'unknown' if across is None else f'{across:.2g}'),
         # absent from folders of older versions
         *([('kind of flow', record['flow_kind'])] if record.get('flow_kind') else []),
         ('numerical error', record['numerical_error_text']),

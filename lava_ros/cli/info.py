@@ -13,6 +13,7 @@ from typing import Any, TYPE_CHECKING
 from lava_ros.cli.console import table_lines, with_units, write_json
 from lava_ros.cli.options import command
 from lava_ros.errors import LavaError
+from lava_ros.simulation.carriers import count_key, COUNTED
 
 if TYPE_CHECKING:
     from lava_ros.bag.mcap_file import McapFile
@@ -79,7 +80,13 @@ def _as_dict(
         ],
         **_simulation(bag, node),
         'checkpoints': with_units(
-            [item._asdict() for item in checkpoints_of(bag.path, on_refused)],
+            [
+                {
+                    'time': item.time, 'log_time_ns': item.log_time_ns, 'method': item.method,
+                    count_key(item.method): item.particle_count, 'size': item.size,
+                }
+                for item in checkpoints_of(bag.path, on_refused)
+            ],
             s='time', bytes='size',
         ),
         'erupting_lava': None if lava is None else lava.as_dict(),
@@ -188,10 +195,11 @@ def _checkpoint_lines(stored: list[dict[str, Any]], refused: list[LavaError]) ->
     if not stored:
         return ['', 'checkpoints  none that can be read', *lines] if refused else []
     total, newest = format_size(sum(item['size_bytes'] for item in stored)), stored[-1]
+    method = newest['method']
     return [
         '', f'checkpoints  {len(stored)}, {total}; resume takes the newest', *lines,
         f'  at {newest["time_s"]:.3f} s simulated, {_moment(newest["log_time_ns"])}, '
-        f'{newest["particle_count"]} particles',
+        f'{newest[count_key(method)]} {COUNTED[method]}',
     ]
 
 

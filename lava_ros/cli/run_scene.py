@@ -87,9 +87,7 @@ def _print(record: dict[str, Any], scene: Scene, table: ArrivalTable | None) -> 
         ('simulated time', duration(record['simulated_time_s'])),
         ('start of the eruption', record['onset'] or 'unknown'),
         ('lava', EruptingLava.of(scene).text()),
-        *flow_facts(
-            record, record['resolution'], record['settings'].get('method', 'particles')
-        ),
+        *flow_facts(record, record['resolution'], record['accuracy']['method']),
         ('wall time', f'{record["wall_time_s"]:.1f} s on {record["device"]}'),
         ('run', record['folder']),
     ])

@@ -28,6 +28,7 @@ from lava_ros.errors import LavaError
 from lava_ros.layers.frame import Frame, grid_frame, image_frame, LayerFrame, threshold_at
 from lava_ros.layers.layer import ARRIVED, IMAGE, INUNDATED, Layer
 from lava_ros.layers.messages import BARRIERS, LABELS, PLACES
+from lava_ros.products.run_warnings import method_of
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.watch.frames import (
@@ -331,6 +332,7 @@ class LiveFrames(Watcher, Frames):
     def _add_frames(self, moment: Moment) -> None:
         """Add frames of the pending maps, whose simulated time is interpolated."""
         before, self._moment = self._moment or moment, moment
+        self.method = method_of(moment)
         if moment.time < before.time:
             self.times.clear()
             self._maps.clear()

@@ -3,13 +3,14 @@
 
 """Partner runs of a run, which measure its numerical error (simulation/numerical_error.py).
 
-Both use ``COARSER`` times the particle spacing of the run, one on its ground and one on coarser
-ground. Together they take about an eighth of the time of a run of many particles.
+One is on the ground of the run, the other one on coarser ground. Both are on cells, which answer
+the same question by another method in less time, or have larger particles (``partner_of``).
 """
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
 import logging
+import math
 import time as wall_clock
 from typing import Any
 
@@ -21,14 +22,17 @@ from lava_ros.scene import Scene
 from lava_ros.scene.terrain import Terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.cells.grid import grid_of
+from lava_ros.simulation.method import do_methods_agree
 from lava_ros.simulation.numerical_error import (
     Areas,
+    between_methods,
     COARSER,
     error_of,
     GROUND_ORDER,
     NumericalError,
+    ORDERS,
     Pair,
-    PARTICLE_ORDER,
     richardson,
 )
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -47,6 +51,7 @@ def measuring(
     horizon: float,
     device: str | None = None,
     areas: Callable[[Snapshot], Areas] = Areas.of,
+    partner: tuple[Accuracy, float] | None = None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Generator[None, None, NumericalError]:
     """Measure the error of a run in parts, so that the caller can do other work in between.
@@ -58,8 +63,9 @@ def measuring(
         accuracy: Its accuracy, with all automatic values resolved.
         effects: Its effects.
         horizon: Its horizon [s].
-        device: Warp device; None for the first GPU, or the CPU without one.
+        device: Warp device; None for the first GPU, or the CPU without one and for cells.
         areas: Returns the areas of a partner run, on the cells of the run.
+        partner: The accuracy of the partner runs and the reduction; None for ``partner_of``.
         clock: Returns the time [s], for the cost.
 
     Raises:
@@ -67,27 +73,50 @@ def measuring(
     """
     begun = clock()
     assert accuracy.spacing is not None
-    # the solver's cells double
-    ratio = 2.0 if accuracy.method == 'cells' else COARSER
-    coarser = replace(accuracy, spacing=ratio * accuracy.spacing)
+    chosen, reduction = partner or partner_of(scene, accuracy, effects)
     pairs: dict[str, Pair] = {}
     others: list[Areas] = []
     for part, ground in (('particles', scene), ('ground', on_coarser_ground(scene))):
         if ground is None:
             continue
         simulation = Simulation(
-            ground, effects=effects, accuracy=coarser, device=device, horizon=horizon
+            ground, effects=effects, accuracy=chosen, device=device, horizon=horizon
         )
         yield from driving(simulation, time)
         others.append(areas(simulation.snapshot()))
         if part == 'particles':
-            pairs[part] = Pair(run, others[0], richardson(ratio, PARTICLE_ORDER))
+            pairs[part] = Pair(run, others[0], reduction)
         else:
             pairs[part] = Pair(others[0], others[1], richardson(2.0, GROUND_ORDER))
     return error_of(
         pairs, spacing=accuracy.spacing, cell=scene.terrain.resolution, time=time,
         cost=clock() - begun, method=accuracy.method,
     )
+
+
+def partner_of(scene: Scene, accuracy: Accuracy, effects: Effects) -> tuple[Accuracy, float]:
+    """Return the accuracy of the partner runs, and the ``reduction`` of a run and the first one.
+
+    Particles are compared with the smallest cells that are at least as large as their spacing and
+    as the cells of the terrain, unless cells lack something or the lava freezes.
+    """
+    spacing, cell = accuracy.spacing, scene.terrain.resolution
+    assert spacing is not None
+    is_limited = accuracy.mobility_limit is not None
+    if accuracy.method == 'cells' or is_limited or not do_methods_agree(effects):
+        return coarser_partner_of(accuracy)
+    doublings = max(math.ceil(math.log2(spacing / cell)), 0)
+    # a small terrain limits the size
+    size = grid_of(scene.terrain, cell * 2.0**doublings).resolution
+    return replace(accuracy, method='cells', spacing=size), between_methods(size, spacing)
+
+
+def coarser_partner_of(accuracy: Accuracy) -> tuple[Accuracy, float]:
+    """Return the accuracy and the ``reduction`` for partner runs by the method of the run."""
+    assert accuracy.spacing is not None
+    ratio = COARSER[accuracy.method]
+    coarser = replace(accuracy, spacing=ratio * accuracy.spacing)
+    return coarser, richardson(ratio, ORDERS[accuracy.method])
 
 
 def measure_error(scene: Scene, run: Areas, time: float, **options: Any) -> NumericalError:

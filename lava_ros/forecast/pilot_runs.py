@@ -20,13 +20,17 @@ from lava_ros.runs.drive import drive
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.numerical_error import Areas
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import Resolution, resolution_of
 
-#: Work of building a run and taking its snapshot, of an evaluation, and of a particle in it, as
-#: times on one core of a CPU [s]. Unlike measured times, work is the same in every repetition.
-SETUP_WORK, EVALUATION_WORK, PARTICLE_WORK = 8e-3, 18e-6, 1e-7
+#: Work of building a run and taking its snapshot, as a time on one core of a CPU [s]. Unlike
+#: measured times, work is the same in every repetition.
+SETUP_WORK = 8e-3
+
+#: Work of an evaluation, and of a particle or a cell in it [s], by method.
+WORK = {'particles': (18e-6, 1e-7), 'cells': (9e-6, 6e-9)}
 
 #: Minimum ratio of two refinements for fitting the growth of evaluations, and minimum growth: in
 #: fine runs a step is limited by the displacement of particles, or has more stages.
@@ -43,9 +47,10 @@ class Pilot:
         wall_time: Wall time [s].
         setup: Part of the wall time before the first step [s].
         evaluations: Number of velocity evaluations.
-        particles: Largest number of particles.
+        particles: Largest number of particles, or of cells with lava.
         effects: Its physics.
         areas: Its areas at the horizon.
+        method: Carriers of the lava.
     """
 
     refinement: float
@@ -56,10 +61,12 @@ class Pilot:
     particles: int
     effects: Effects
     areas: Areas
+    method: str = METHODS[0]
 
     def timed_by_work(self) -> 'Pilot':
         """Return the pilot with its work in place of its wall times."""
-        each = EVALUATION_WORK + PARTICLE_WORK * self.particles
+        evaluation, carrier = WORK[self.method]
+        each = evaluation + carrier * self.particles
         work = SETUP_WORK + each * self.evaluations
         return replace(self, wall_time=work, setup=SETUP_WORK)
 
@@ -93,7 +100,7 @@ def run_at(
     assert accuracy.spacing is not None
     return Pilot(
         refinement, accuracy.spacing, clock() - begun, setup, snapshot.steps.evaluations,
-        simulation.most_particles, simulation.effects, Areas.of(snapshot),
+        simulation.most_particles, simulation.effects, Areas.of(snapshot), accuracy.method,
     )
 
 

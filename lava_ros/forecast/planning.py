@@ -24,7 +24,6 @@ from lava_ros.forecast.pilot_runs import (
     cells_at,
     Pilot,
     preset_below,
-    run_at,
     standard_resolution,
 )
 from lava_ros.forecast.pilot_search import (
@@ -194,11 +193,7 @@ def plan_runs(
         FIRST_CELLS if are_cells else first, device, clock, on_pilot,
         finer=2.0 if are_cells else FINER, doubles=are_cells,
     )
-    # compiles the kernels
-    run_at(
-        scene, search.first, 1e-3, device=device, effects=search.effects,
-        accuracy=search.accuracy_at(search.first),
-    )
+    search.compile_kernels()
     changes = changes_of(with_ranges(scene)) if with_inputs else {}
 
     def useful() -> float:

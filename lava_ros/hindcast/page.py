@@ -28,7 +28,7 @@ from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import Material
 from lava_ros.scene.projection import system_words
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.carriers import describe_carriers
+from lava_ros.simulation.carriers import COUNTED, describe_carriers
 from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
 from lava_ros.simulation.output.inundation import raise_peak
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -160,7 +160,7 @@ def _run(case: Case, preset: str, result: Result) -> Mapping[str, str]:
         'resolution': result.resolution.text(),
         'effects': ', '.join(_described(item) for item in result.decisions if item.is_on),
         'steps': f'{steps.count} steps, {steps.evaluations} evaluations, at most '
-        f'{result.most_particles} {accuracy.method} at once',
+        f'{result.most_particles} {COUNTED[accuracy.method]} at once',
         'volume': result.snapshot.budget.text(),
         'wall time': f'{result.wall_time:.1f} s on {result.device}',
     }

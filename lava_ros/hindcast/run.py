@@ -26,6 +26,7 @@ from lava_ros.runs.store import KeepSink, RunStore
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import max_count_key
 from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
@@ -123,7 +124,7 @@ class Result:
         snapshot: The flow at the end.
         wall_time: Wall time without file access [s]. For one of several runs on a GPU, only the
             time of the host.
-        most_particles: Largest number of particles.
+        most_particles: Largest number of particles, or of cells with lava.
         effects: Names of the effects that are on.
         accuracy: The accuracy, without automatic values.
         resolution: Measured resolution; the expected one if the flow is too small.
@@ -217,7 +218,7 @@ class Run:
             self._store = RunStore(folder, {'kind': 'case', **record})
         record = {} if self._store is None else self._store.record
         self._wall_time = float(record.get('wall_time_s', 0.0))
-        self._most_particles = int(record.get('particles_at_most', 0))
+        self._most_particles = int(record.get(max_count_key(settings.method), 0))
 
     @property
     def is_resumed(self) -> bool:
@@ -260,7 +261,7 @@ class Run:
         if self._store is not None:
             self._store.keep(
                 self._simulation.checkpoint(), wall_time_s=self._wall_time,
-                particles_at_most=self._most_particles,
+                **{max_count_key(self.settings.method): self._most_particles},
             )
 
     def close(self) -> None:

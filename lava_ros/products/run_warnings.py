@@ -11,7 +11,7 @@ from typing import Any
 from lava_ros.bag.decoding import Moment
 from lava_ros.forecast.members import Plan
 from lava_ros.layers.numbers import percent
-from lava_ros.simulation.carriers import METHODS
+from lava_ros.simulation.carriers import across_key, METHODS
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.resolution import Resolution, resolution_of
 from lava_ros.simulation.selection import decide, warnings_of
@@ -34,7 +34,7 @@ def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
     elif budgets:
         found += _sentences(*budgets[-1].warnings())
     last, method = run[-1], method_of(run[-1])
-    names = ('spacing_m', 'flow_width_m', f'{method}_across')
+    names = ('spacing_m', 'flow_width_m', across_key(method))
     spacing, width, across = (last.number(name) for name in names)
     resolution = Resolution(
         spacing, math.nan, width, across, math.nan, 'measured', method=method

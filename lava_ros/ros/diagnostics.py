@@ -14,12 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
 from lava_ros.bag.description import is_on
-from lava_ros.bag.status_values import (
-    count_key,
-    numerical_error_values,
-    resolution_values,
-    snapshot_values,
-)
+from lava_ros.bag.status_values import numerical_error_values, resolution_values, snapshot_values
 from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.live.ensemble_forecasts import ForecastStatus
 from lava_ros.live.error_measurement import ErrorMeasurement
@@ -30,6 +25,7 @@ from lava_ros.scene import suspicious_temperatures, Terrain
 from lava_ros.scene.plausibility import doubts_of_scene
 from lava_ros.scene.projection import system_name
 from lava_ros.scene.vents import are_in_place
+from lava_ros.simulation.carriers import count_key
 from lava_ros.simulation.output.inundation import reached_cells
 from lava_ros.simulation.output.snapshot import Snapshot
 from lava_ros.simulation.resolution import Resolution

@@ -21,6 +21,7 @@ from lava_ros.runs.store import KeepSink, unused_folder
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import across_key, count_key, max_count_key
 from lava_ros.simulation.numerical_error import NOT_MEASURED, NumericalError
 from lava_ros.simulation.output.measurement import current_resolution
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -81,7 +82,7 @@ class SceneRun:
         folder: Its folder.
         snapshot: The newest map; None before the first.
         error: The numerical error; None if it is not measured.
-        most_particles: Largest number of particles in any map.
+        most_particles: Largest number of particles, or of cells with lava, in any map.
         effects: State of each effect with its reason, by name, after the newest switch.
     """
 
@@ -100,14 +101,12 @@ class SceneRun:
         path = request.output or unused_folder(request.name, identity)
         record: dict[str, Any] = {
             'kind': request.kind, **description(scene, identity, plan, request.inputs),
-            'wall_time_s': 0.0, 'particles_at_most': 0, 'effects': [],
+            'wall_time_s': 0.0, 'effects': [],
         }
         data = {**request.data, 'begun': record['begun']}
         self.folder = RunFolder(path, scene.at(0.0), record, data)
         self._earlier, self._begun = self.folder.record['wall_time_s'], wall_clock.monotonic()
         self._wall_time: float | None = None
-        # absent from folders of older versions
-        self.most_particles = int(self.folder.record.get('particles_at_most', 0))
         self.effects: dict[str, str] = {}
         for change in self.folder.record['effects']:
             self.effects |= change['effects']
@@ -118,6 +117,8 @@ class SceneRun:
         except BaseException:
             self.folder.discard()
             raise
+        self._method = self.simulation.accuracy.method
+        self.most_particles = int(self.folder.record.get(max_count_key(self._method), 0))
 
     def __enter__(self) -> 'SceneRun':
         """Return the run."""
@@ -147,7 +148,7 @@ class SceneRun:
         """
         self.folder.keep(
             self.simulation.checkpoint(), wall_time_s=self.wall_time,
-            particles_at_most=self.most_particles,
+            **{max_count_key(self._method): self.most_particles},
         )
 
     def _started(self) -> Simulation:
@@ -212,7 +213,7 @@ class SceneRun:
         self.folder.finish({
             'resolution': {
                 'spacing_m': resolution.spacing, 'flow_width_m': resolution.width,
-                'particles_across': resolution.across,
+                across_key(self._method): resolution.across,
             },
             'flow_kind': None if resolution.kind is None else resolution.kind.text(),
             'numerical_error': None if error is None else error.as_dict(),
@@ -222,8 +223,8 @@ class SceneRun:
             'inundated_area_m2': snapshot.area(snapshot.inundated),  # type: ignore[arg-type]
             'standing_area_m2': snapshot.standing_area,
             **{name: float(value) for name, value in budget.texts().items()},
-            'particles': snapshot.particle_count,
-            'particles_at_most': self.most_particles,
+            count_key(self._method): snapshot.particle_count,
+            max_count_key(self._method): self.most_particles,
             'steps': snapshot.steps.count,
             'wall_time_s': round(self.wall_time, 3),
             'warnings': self.warnings(),
@@ -272,7 +273,7 @@ class SceneRun:
             'effects': json.dumps(history),
             'parameters': json.dumps({
                 'preset': self.folder.record['preset'],
-                'method': self.request.settings.get('method', 'particles'),
+                'method': self.simulation.accuracy.method,
             }),
             'device': simulation.device,
         })

@@ -11,6 +11,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.effects.effect import check_fields, choice, flag, number
 from lava_ros.scene import Scene
+from lava_ros.simulation.carriers import METHODS
 
 #: Smoothing kernels by name: Wendland C2, and equations 3.6 and 3.7 of the paper.
 KERNELS = ('wendland', 'poly6', 'spiky')
@@ -34,9 +35,6 @@ FORMULATIONS: dict[str, dict[str, bool]] = {
     'corrected': {},
     'as-published': {'green': True, 'steep': False},
 }
-
-#: Solvers by name, as in ``carriers``; an import of it would make a chain of imports too long.
-METHODS = ('particles', 'cells')
 
 INTEGRATORS = ('rkl2', 'rkl1', 'euler')
 

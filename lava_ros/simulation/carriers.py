@@ -23,6 +23,21 @@ METHOD_MEANING = (
 COUNTED = {'particles': 'particles', 'cells': 'cells with lava'}
 
 
+def count_key(method: str) -> str:
+    """Return the key of the number of particles, or of cells with lava, in every output."""
+    return COUNTED[method].replace(' ', '_')
+
+
+def max_count_key(method: str) -> str:
+    """Return the key of the largest number of particles, or of cells with lava, in any map."""
+    return f'{count_key(method)}_at_most'
+
+
+def across_key(method: str) -> str:
+    """Return the key of the number of particles, or of cells, across the flow."""
+    return f'{method}_across'
+
+
 def describe_carriers(method: str, spacing: str = '') -> str:
     """Return the carriers of the lava in words, with their spacing [m] if it is known."""
     if method == 'cells':

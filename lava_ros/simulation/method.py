@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from lava_ros.effects import EFFECTS
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.carriers import AUTO
@@ -33,6 +33,11 @@ class MethodChoice(NamedTuple):
 def lacking_on_cells(effects: Iterable[str]) -> list[str]:
     """Return the names of the effects that cells do not have."""
     return [name for name in effects if EFFECTS[name].needs_particles]
+
+
+def do_methods_agree(effects: Effects) -> bool:
+    """Return True if cells have all of these effects, and the lava does not freeze."""
+    return not lacking_on_cells(effects) and not effects.any('freezes')
 
 
 def settled_method(

@@ -6,13 +6,15 @@
 The error of an area is one minus the Jaccard index of the area and that of a run with very fine
 particles on very fine ground. Two partner runs measure it (forecast/partner_runs.py):
 
-    particles   the run, and one with particles COARSER times as far apart
+    particles   the run, and one on cells; if cells have not all effects or the lava freezes, one
+                with particles COARSER times as far apart; of a run on cells, one on larger cells
     ground      that one, and another one on ground of cells twice as large (coarse_ground.py)
 
 Errors of areas multiply: the Jaccard index of the run and a much finer one is that of the run and
-a coarser one, J, to the power 1 / r. With an error -ln J proportional to h^p and a partner coarser
-by c, r = c^p - 1 (Richardson 1911). docs/benchmarks/numerical_error.csv compares the orders p that
-are used here with actual errors.
+its partner, J, to the power 1 / r. With an error -ln J proportional to h^p and a partner coarser
+by c, r = c^p - 1 (Richardson 1911). The errors of particles and of cells add up, so that r is one
+plus their ratio. docs/benchmarks/numerical_error.csv compares the numbers that are used here with
+actual errors.
 """
 
 from collections.abc import Mapping
@@ -25,8 +27,9 @@ import numpy as np
 from lava_ros.simulation.output.inundation import standing_part
 from lava_ros.simulation.output.snapshot import Snapshot
 
-#: Particle spacing of a partner run over that of the run; it takes about 1/16 of the time.
-COARSER = 2.5
+#: Particle spacing of a partner run over that of the run, about 1/16 of the time, or size of the
+#: cells over that of the run.
+COARSER = {'particles': 2.5, 'cells': 2.0}
 
 #: Statement in place of an error that no pair of runs has measured.
 NOT_MEASURED = 'not yet measured'
@@ -51,19 +54,22 @@ class Areas(NamedTuple):
 #: Power of the particle spacing in the errors of both areas (docs/benchmarks/README.md).
 PARTICLE_ORDER = 1.5
 
+#: Power of the particle spacing, or of the size of the cells of lava, by method.
+ORDERS = {'particles': PARTICLE_ORDER, 'cells': 1.25}
+
+#: Size of cells over the particle spacing at which their errors add as much to a difference.
+EQUAL_CELLS = 2.0
+
 #: Power of the cell size in the errors from the ground: that of the spline on smooth ground. On
 #: rough ground elevations converge more slowly, but smaller bumps turn less lava aside.
 GROUND_ORDER = 2.0
-
-#: Reduction of a pair whose second run is exact.
-EXACT = 1.0
 
 
 class Pair(NamedTuple):
     """Areas of two runs that differ in one respect.
 
-    ``reduction`` is r, as in the module's docstring: c^p - 1 for errors of order p and a second
-    run coarser by c (``richardson``), ``EXACT`` for a second run that is exact.
+    ``reduction`` is r, as in the module's docstring: that of ``richardson`` for a second run that
+    is coarser, of ``between_methods`` for one by the other method.
     """
 
     one: Areas
@@ -245,3 +251,8 @@ def scaled(error: float, factor: float) -> float:
 def richardson(ratio: float, order: float) -> float:
     """Return the ``reduction`` of a pair whose spacings have a ratio, for errors of an order."""
     return ratio**order - 1.0
+
+
+def between_methods(size: float, spacing: float) -> float:
+    """Return the ``reduction`` of a pair of particles with a spacing and cells of a size [m]."""
+    return 1.0 + (size / (EQUAL_CELLS * spacing)) ** PARTICLE_ORDER

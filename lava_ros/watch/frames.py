@@ -23,7 +23,9 @@ from lava_ros.layers.layer import IMAGE, Layer, ZERO_CELSIUS
 from lava_ros.layers.layer_files import load_layers
 from lava_ros.layers.recording import Recording
 from lava_ros.products.run_page import ENSEMBLE_MAPS, read_run
+from lava_ros.products.run_warnings import method_of
 from lava_ros.scene.onset import Onset, recorded_onset
+from lava_ros.simulation.carriers import METHODS
 
 #: Names of the layers in a live view, one of each source. The thickness is not rounded.
 LAYERS = (
@@ -75,6 +77,7 @@ class Frames:
             its clock since the first frame.
         is_simulated: False for times on the clock of the recording.
         onset: Date of simulated time 0; None if it is unknown.
+        method: Carriers of the lava (``Accuracy.method``) of the newest frame.
         version: Number that changes with the frames.
         places: Map positions [m] of named places, by name.
         answer: The last command, and the node's answer.
@@ -84,6 +87,7 @@ class Frames:
     heading: tuple[str, str] | None = None
     is_simulated = True
     onset: Onset | None = None
+    method = METHODS[0]
     _status = Status(Level.WARN, 'no maps yet')
     _facts: Mapping[str, str] = {}
 
@@ -182,6 +186,7 @@ class BagFrames(Frames):
             self._recording = Recording(self._path, node=self._node, more=forecasts)
             self._moments = self._recording.timeline.last_run
             self.times = [item.time for item in self._moments]
+            self.method = method_of(self._moments[-1]) if self._moments else METHODS[0]
             # without diagnostics, maps have times on the clock of the recording
             self._logged = [] if self._moments else self._recording.log_times()
             self.is_simulated = not self._logged

@@ -29,6 +29,7 @@ from lava_ros.products.plot import BARRIER, barriers_of, shaded_ground, titles
 from lava_ros.products.run_page import ENSEMBLE_MAPS
 from lava_ros.scene.on_terrain import PlacedPicture
 from lava_ros.scene.projection import DEGREES, transformed
+from lava_ros.simulation.carriers import COUNTED
 from lava_ros.watch.frames import COMMANDS, Frames, Level, Status, WatchedParticles
 from lava_ros.watch.surface import Ground, SIDE
 from lava_ros.watch.tone import tones
@@ -182,6 +183,8 @@ class Page:
     def _show(self, index: int) -> None:
         frame = self._frames.frame(index)
         particles = self._frames.particles(index) if self.particles.value else None
+        counted = COUNTED[self._frames.method]
+        self.particles.label = counted.capitalize()
         maps = {name: item.values for name, item in frame.layers.items()}
         if frame.arrived is not None:
             maps[ARRIVED] = frame.arrived
@@ -212,7 +215,7 @@ class Page:
         )
         before, self._lava = self._lava, {}
         if particles is not None:
-            self._draw_particles(ground, frame, particles)
+            self._draw_particles(ground, frame, particles, counted)
         elif source:
             near = {name: values[ground.part] for name, values in maps.items()}
             self._draw_lava(ground, near, source, before)
@@ -256,16 +259,18 @@ class Page:
             )
             mesh.vertices, mesh.faces, mesh.scale = points + LIFT, faces, self._scale
 
-    def _draw_particles(self, ground: Ground, frame: Frame, particles: WatchedParticles) -> None:
+    def _draw_particles(
+        self, ground: Ground, frame: Frame, particles: WatchedParticles, counted: str
+    ) -> None:
         points, time = particles
         if not len(points):
-            self.legend.content = _box('No particles at this time.')
+            self.legend.content = _box(f'No {counted} to show at this time.')
             return
         points = points[:: -(-len(points) // MAX_PARTICLES)]
         xy, celsius = points[:, :2], points[:, 2]
         scale = scale_of('temperature', celsius)
         # a bag has fewer checkpoints than maps
-        title = 'Particles' if time is None else f'Particles at {duration(time)}'
+        title = counted.capitalize() + ('' if time is None else f' at {duration(time)}')
         shades = scale.colours(np.linspace(0.0, 1.0, COLOURS), bytes=True)[:, :3]
         self.legend.content = _legend(title, scale, shades)
         z = ground.terrain.elevations_at(xy)

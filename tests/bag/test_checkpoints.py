@@ -67,7 +67,8 @@ def test_attachments_do_not_change_the_messages(directory: Path) -> None:
     assert len(attachments_of(directory)) == 5
     listed = checkpoints_of(directory)
     assert [tuple(item) for item in listed] == [
-        (5.0 * n, (99 + 5 * n) * SECOND, 5 * n, len(checkpoint(5.0 * n))) for n in range(1, 5)
+        (5.0 * n, (99 + 5 * n) * SECOND, 5 * n, len(checkpoint(5.0 * n)), 'particles')
+        for n in range(1, 5)
     ]
     assert checkpoints_of(directory / 'eruption_0.mcap') == listed[:2]
     found = [checkpoint_at(directory, time) for time in (4.0, 10.0, 19.0, 1e9)]

@@ -15,6 +15,8 @@ from command_line import done, lava, refused
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
 from lava_ros.cli.console import with_units
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import count_key, COUNTED, METHODS
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import MEDIA_TYPE
 import recording
@@ -78,17 +80,21 @@ def test_truncated_bag_is_described_and_recovered(bag, tmp_path):
     assert status == 1 and 'no message' in ''.join(map(str, texts))
 
 
-def test_info_lists_checkpoints(tmp_path):
+@pytest.mark.parametrize('method', METHODS)
+def test_info_lists_checkpoints(method, tmp_path):
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for count in range(7):
-            checkpoint = small_checkpoint(100.0 * count, count)
+            checkpoint = replace(
+                small_checkpoint(100.0 * count, count), accuracy=Accuracy(method=method)
+            )
             writer.attach(NAME, MEDIA_TYPE, checkpoint.to_bytes(), count * 10**9)
     lines, report = info(tmp_path / 'bag')
     start = next(index for index, line in enumerate(lines) if line.startswith('checkpoints  7, '))
     assert lines[start].endswith('; resume takes the newest')
-    assert lines[start + 1] == '  at 600.000 s simulated, 6.000 s, 6 particles'
+    assert lines[start + 1] == '  at 600.000 s simulated, 6.000 s, 6 ' + COUNTED[method]
     stored = report['checkpoints']
     assert [item['time_s'] for item in stored] == [100.0 * count for count in range(7)]
+    assert stored[6][count_key(method)] == 6
     assert stored[6]['size_bytes'] == len(checkpoint.to_bytes())
 
 

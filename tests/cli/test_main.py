@@ -28,7 +28,7 @@ from lava_ros.layers import layer
 from lava_ros.products import export, run_page
 from lava_ros.scene import effusion_rates, emplaced, materials, measurements, Scene
 from lava_ros.scene.materials import material_named
-from lava_ros.simulation import accuracy, carriers, presets, resolution
+from lava_ros.simulation import presets, resolution
 
 ROOT = Path(__file__).parents[2]
 
@@ -309,7 +309,6 @@ def test_help_imports_nothing_heavy():
 @pytest.mark.parametrize(('declared', 'known'), [
     (options.PRESETS, tuple(presets.PRESETS)),
     (options.DEFAULT_PRESET, presets.DEFAULT),
-    (carriers.METHODS, accuracy.METHODS),
     (options.seconds_of('', options.HORIZON), resolution.HORIZON),
     (options.MAPS, export.MAPS),
     (options.SOURCES, layer.SOURCES),

@@ -21,8 +21,12 @@ from rasterio.warp import transform
 
 from command_line import done, lava, refused
 from geodata import write_scene
+from lava_ros.bag import BagReader
+from lava_ros.bag.decoding import Decoder
+from lava_ros.bag.recorded_node import last_moments
 from lava_ros.layers.numbers import area_words, duration
 from lava_ros.layers.recording import Recording
+from lava_ros.simulation.carriers import across_key, count_key, COUNTED, max_count_key, METHODS
 from lava_ros.watch.frames import BagFrames
 
 ROOT = Path(__file__).parents[2]
@@ -217,7 +221,32 @@ def test_start_dates_a_run_with_a_constant_rate(tmp_path):
     assert json.loads((tmp_path / 'run/run.json').read_text())['onset'] == '2021-03-01T04:30:00Z'
 
 
-@pytest.mark.parametrize('method', ['particles', 'cells'])
+@pytest.mark.parametrize('method', METHODS)
+def test_outputs_name_the_carriers_of_the_method(method, tmp_path):
+    write_scene(tmp_path, SLOPE, 10.0, {
+        'vents': [{'position': [100.0, 100.0], 'discharge': 10.0}], 'lava': {'viscosity': 500.0},
+    })
+    run, counted = tmp_path / 'run', COUNTED[method]
+    lines = done(
+        'run', tmp_path / 'scene.yaml', '--until', '20s', *SETTINGS, '--method', method, '-o', run,
+    )
+    record = json.loads((run / 'run.json').read_text())
+    (status,) = last_moments(bag := BagReader(run / record['maps']), Decoder(bag))
+    for key in (count_key(method), max_count_key(method)):
+        assert record[key] > 0, key
+    assert str(record[count_key(method)]) == status.values[count_key(method)]
+    assert record['resolution'][across_key(method)] == pytest.approx(
+        status.number(across_key(method)), rel=0.01
+    )
+    others = {count_key(name) for name in METHODS} - {count_key(method)}
+    assert not others & {*record, *status.values}
+    assert f'\n{counted}  ' in lines
+    frames = BagFrames(run / record['maps'])
+    frames.poll()
+    assert frames.method == method
+
+
+@pytest.mark.parametrize('method', METHODS)
 def test_run_without_vents_has_no_flow(method, tmp_path):
     write_scene(tmp_path, SLOPE, 10.0, {'vents': []})
     run = tmp_path / 'run'
@@ -226,7 +255,7 @@ def test_run_without_vents_has_no_flow(method, tmp_path):
     )
     record = json.loads((run / 'run.json').read_text(), parse_constant=pytest.fail)
     assert record['inundated_area_m2'] == record['volume_emitted_m3'] == 0.0
-    assert record['resolution']['particles_across'] is None
+    assert record['resolution'][across_key(method)] is None
     assert (record['numerical_error'], record['numerical_error_text']) == (
         None, 'not yet measured'
     )

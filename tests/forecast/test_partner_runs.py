@@ -12,13 +12,13 @@ from lava_ros.effects import Effects
 from lava_ros.forecast.ensemble_error import measure_ensemble_error, MIN_MEMBERS
 from lava_ros.forecast.members import make_plan
 from lava_ros.forecast.partner_process import measure
-from lava_ros.forecast.partner_runs import measure_error
+from lava_ros.forecast.partner_runs import measure_error, partner_of
 from lava_ros.forecast.store import Store
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.numerical_error import Areas, COARSER, Pair, PARTICLE_ORDER, richardson
+from lava_ros.simulation.numerical_error import Areas, between_methods, Pair, richardson
 
 X, Y = np.meshgrid(np.arange(60) * 5.0, np.arange(40) * 5.0)
 
@@ -47,16 +47,40 @@ def options(device):
     return {'accuracy': ACCURACY, 'effects': PLAIN, 'horizon': END, 'device': device}
 
 
-def test_particles_part_is_that_of_a_coarser_run(device):
-    areas = run(SMOOTH, ACCURACY, device)
-    found = measure_error(SMOOTH, areas, END, **options(device))
-    coarser = run(SMOOTH, replace(ACCURACY, spacing=COARSER * 4.0), device)
-    expected = Pair(areas, coarser, richardson(COARSER, PARTICLE_ORDER)).errors()
+@pytest.mark.parametrize(('method', 'limit', 'other', 'reduction'), [
+    # the terrain has cells of 5 m
+    ('particles', None, {'method': 'cells', 'spacing': 5.0}, 1.0 + (5.0 / 8.0) ** 1.5),
+    ('particles', 1e9, {'spacing': 10.0}, 2.5**1.5 - 1.0),
+    ('cells', None, {'spacing': 8.0}, 2.0**1.25 - 1.0),
+])
+def test_particles_part_is_the_difference_from_its_partner(
+    method, limit, other, reduction, device
+):
+    accuracy = replace(ACCURACY, method=method, mobility_limit=limit)
+    areas = run(SMOOTH, accuracy, device)
+    found = measure_error(SMOOTH, areas, END, **{**options(device), 'accuracy': accuracy})
+    partner = run(SMOOTH, replace(accuracy, **other), device)
+    expected = Pair(areas, partner, reduction).errors()
     assert found.inundated.particles == expected.inundated > 0.0
     assert found.standing.particles == expected.standing > 0.0
     # the coarser ground of a plane is the same plane but for rounding
     assert found.inundated.ground < 0.01
     assert (found.spacing, found.cell, found.time) == (4.0, 5.0, END) and found.cost > 0.0
+
+
+@pytest.mark.parametrize(('spacing', 'effects', 'method', 'size'), [
+    (2.0, (), 'cells', 5.0), (6.0, (), 'cells', 10.0), (10.0, ('arrhenius',), 'cells', 10.0),
+    # the largest cells of which the terrain has two along each side
+    (1e3, (), 'cells', 80.0),
+    # cells lack inertia, and freezing lava ends elsewhere on them
+    (6.0, ('inertia',), 'particles', 15.0), (6.0, ('solidification',), 'particles', 15.0),
+])
+def test_partner_is_on_cells_where_both_methods_agree(spacing, effects, method, size):
+    accuracy, on = replace(ACCURACY, spacing=spacing), Effects(**dict.fromkeys(effects, True))
+    partner, reduction = partner_of(SMOOTH, accuracy, on)
+    assert partner == replace(accuracy, method=method, spacing=size)
+    expected = richardson(2.5, 1.5) if method == 'particles' else between_methods(size, spacing)
+    assert reduction == pytest.approx(expected)
 
 
 def test_ground_part_is_larger_on_bumps_and_independent_of_the_particles(device):

@@ -16,7 +16,8 @@ from command_line import lava, refused
 from geodata import write_scene
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast import pilot_runs, pilot_search, planning
+from lava_ros.forecast import pilot_runs, pilot_search
+from lava_ros.forecast.partner_runs import coarser_partner_of
 from lava_ros.forecast.pilot_runs import Pilot
 from lava_ros.forecast.pilot_search import FINEST, PLANNING_FRACTION
 from lava_ros.forecast.planning import plan_runs, PLANNED_TIME_FRACTION, USEFUL
@@ -65,8 +66,10 @@ def _machine(monkeypatch, base=2e-4, each=1e-7, ground=GROUND):
         evaluations = round(800 * refinement)
         return Pilot(refinement, spacing, time, 0.0, evaluations, 1000, Effects(), areas)
 
-    for module in (planning, pilot_search):
-        monkeypatch.setattr(module, 'run_at', run_at)
+    monkeypatch.setattr(pilot_search, 'run_at', run_at)
+    monkeypatch.setattr(
+        pilot_search, 'partner_of', lambda scene, accuracy, effects: coarser_partner_of(accuracy)
+    )
     return spent
 
 

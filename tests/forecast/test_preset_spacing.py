@@ -12,7 +12,8 @@ from command_line import lava
 from geodata import write_scene
 from lava_ros.effects import Effects
 from lava_ros.forecast import pilot_search
-from lava_ros.forecast.pilot_runs import Pilot
+from lava_ros.forecast.partner_runs import coarser_partner_of
+from lava_ros.forecast.pilot_runs import Pilot, WORK
 from lava_ros.forecast.pilot_search import PLANNING_FRACTION
 from lava_ros.forecast.preset_spacing import choose_spacing, MIN_ACROSS, MIN_PARTICLES
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -29,29 +30,44 @@ SCENE = Scene(
 HORIZON, NAMES = 3600.0, ('draft', 'standard', 'fine')
 
 
-def _runs(monkeypatch, particles, ground):
-    """Replace runs; the error -ln J is ``particles`` at 16 across. Return their spacings."""
+def _runs(monkeypatch, particles, ground, *, on_cells=False):
+    """Replace runs; the error -ln J is ``particles`` at 16 across. Return their accuracies.
+
+    With ``on_cells`` their partners are on cells, whose errors have the opposite sign.
+    """
     made = []
 
     def run_at(scene, refinement, horizon, *, accuracy, **_):
         across = resolution_of(SCENE, accuracy, horizon=HORIZON).across
-        made.append(accuracy.spacing)
-        error = particles * (across / 16.0) ** -PARTICLE_ORDER
+        made.append(accuracy)
+        if accuracy.method == 'cells':
+            # as particles half as far apart as the size of the cells
+            error = -particles * (2.0 * across / 16.0) ** -PARTICLE_ORDER
+        else:
+            error = particles * (across / 16.0) ** -PARTICLE_ORDER
         # on coarser ground the difference is three times the error
         error += 3.0 * ground * (scene.terrain is not SCENE.terrain)
         cells = np.log(np.maximum(np.arange(4e6).reshape(1, -1), 1.0) / 1e5)
         areas = Areas(cells < error, cells < error)
         evaluations, count = round(100 * across), round(across**2)
         return Pilot(
-            refinement, accuracy.spacing, 1.0, 0.0, evaluations, count, Effects(), areas
+            refinement, accuracy.spacing, 1.0, 0.0, evaluations, count, Effects(), areas,
+            accuracy.method,
         )
 
     monkeypatch.setattr(pilot_search, 'run_at', run_at)
+    if not on_cells:
+        monkeypatch.setattr(
+            pilot_search, 'partner_of', lambda scene, accuracy, effects:
+            coarser_partner_of(accuracy)
+        )
     return made
 
 
-def _work(across):
-    return 8e-3 + round(100 * across) * (18e-6 + 1e-7 * round(across**2))
+def _work(accuracy):
+    across = resolution_of(SCENE, accuracy, horizon=HORIZON).across
+    evaluation, carrier = WORK[accuracy.method]
+    return 8e-3 + round(100 * across) * (evaluation + carrier * round(across**2))
 
 
 def _choose(preset, runs=1000, effects=None):
@@ -62,9 +78,10 @@ def _choose(preset, runs=1000, effects=None):
     )
 
 
+@pytest.mark.parametrize('on_cells', [False, True])
 @pytest.mark.parametrize('ground', [0.0, 0.02, 0.2])
-def test_particles_make_the_wanted_part_of_the_error(monkeypatch, ground):
-    _runs(monkeypatch, 0.15, ground)
+def test_particles_make_the_wanted_part_of_the_error(monkeypatch, ground, on_cells):
+    _runs(monkeypatch, 0.15, ground, on_cells=on_cells)
     before = np.inf
     for preset in NAMES:
         _, found = _choose(preset)
@@ -93,16 +110,23 @@ def test_spacing_has_limits(monkeypatch):
     assert few.finest == pytest.approx((volume / 300.0 / few.thickness) ** 0.5)
 
 
-@pytest.mark.parametrize('runs', [8, 40, 1000])
-def test_pilots_take_a_small_part_of_the_work(monkeypatch, runs):
-    made = _runs(monkeypatch, 0.15, 0.02)
-    accuracy, found = _choose('fine', runs)
-    width = resolution_of(SCENE, accuracy, horizon=HORIZON).width
-    spent = sum(_work(width / spacing) for spacing in made)
+@pytest.mark.parametrize(('preset', 'error', 'runs', 'on_cells'), [
+    ('fine', 0.15, 8, False), ('fine', 0.15, 40, False), ('fine', 0.15, 1000, False),
+    ('fine', 0.15, 40, True), ('draft', 0.05, 1000, True),
+])
+def test_pilots_take_a_small_part_of_the_work(monkeypatch, preset, error, runs, on_cells):
+    made = _runs(monkeypatch, error, 0.02, on_cells=on_cells)
+    accuracy, found = _choose(preset, runs)
     assert found.pilots == len(made) > 2
-    assert spent <= PLANNING_FRACTION * runs * _work(width / found.spacing)
+    chosen = replace(accuracy, spacing=found.spacing)
+    assert sum(map(_work, made)) <= PLANNING_FRACTION * runs * _work(chosen)
     # none is finer than the runs
-    assert min(made) >= 0.999 * found.spacing
+    spacings = {
+        method: [item.spacing for item in made if item.method == method] for method in WORK
+    }
+    assert min(spacings['particles']) >= 0.999 * found.spacing
+    # cells as large as the terrain's measure the ground's part, if there is time
+    assert min(spacings['cells'], default=None) == (10.0 if on_cells else None)
 
 
 def test_first_guess_remains_without_pilots(monkeypatch):

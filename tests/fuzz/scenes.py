@@ -15,7 +15,8 @@ from hard.cells import without_missing
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import MAX_VENT_VISCOSITY, Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
-from lava_ros.simulation.accuracy import Accuracy, expected_thickness, METHODS
+from lava_ros.simulation.accuracy import Accuracy, expected_thickness
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.cells.grid import MAX_CELLS
 from lava_ros.simulation.presets import preset_accuracy
 

@@ -25,8 +25,8 @@ from hard.invariants import Violation
 from hard.play import KEPT, Outcome, play, PRESETS_OF
 from hard.scenes import FAMILIES, SCENES
 from lava_ros.cli.console import Progress, table_lines
-from lava_ros.simulation.accuracy import METHODS
 from lava_ros.simulation.backend.threads import use_threads
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.verification.measure import file_stem, machine_name
 from lava_ros.verification.rows import write_csv
 

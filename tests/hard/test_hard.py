@@ -21,7 +21,8 @@ from hard.scenes import FAMILIES, SCENES
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy, METHODS
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.cells import solver as cell_solver
 from lava_ros.simulation.step import stage
 

@@ -286,6 +286,11 @@ def test_shows_particles_in_place_of_the_lava(visitor, page, frames, monkeypatch
     visitor.press(page.slider, 0)
     visitor.wait(lambda: 'No particles' in page.legend.content)
     assert not drawn(page, '/lava/')
+    assert page.particles.label == 'Particles'
+    frames.method = 'cells'
+    frames.version += 1
+    visitor.wait(lambda: 'No cells with lava' in page.legend.content)
+    assert page.particles.label == 'Cells with lava'
 
 
 def test_the_camera_rises_with_the_ground(visitor, page):

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lava_ros.bag.status_values import count_key
 from lava_ros.files.yaml import dump_yaml
 from lava_ros.layers.layer import (
     DEPTHS,
@@ -25,7 +24,7 @@ from lava_ros.products.report.summary import RunSummary
 from lava_ros.products.run_warnings import method_of, warnings_of_moments
 from lava_ros.scene.erupting_lava import EruptingLava
 from lava_ros.scene.projection import system_name
-from lava_ros.simulation.carriers import COUNTED
+from lava_ros.simulation.carriers import across_key, count_key, COUNTED
 from lava_ros.simulation.numerical_error import NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.presets import PRESETS
@@ -171,7 +170,7 @@ def accuracy_table(recording: Recording, description: Mapping[str, Any]) -> Tabl
     for key, term, unit in (
         ('spacing_m', distance, ' m'),
         ('flow_width_m', 'width of the flow', ' m'),
-        (f'{method}_across', f'{method} across the flow', ''),
+        (across_key(method), f'{method} across the flow', ''),
     ):
         if key in run.values:
             rows.append((term, f'{run.values[key]}{unit}'))

@@ -25,7 +25,7 @@ import numpy as np
 import lava_ros
 from lava_ros import validation
 from lava_ros.effects import EFFECTS, Effects
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, refusing
 from lava_ros.files.yaml import parse_json
 from lava_ros.scene import ENVIRONMENT, Lava, Scene, scene_to_dict, Terrain, Vent
 from lava_ros.scene.emplaced import EmplacedFlow
@@ -34,6 +34,7 @@ from lava_ros.scene.reshaping import Barrier
 from lava_ros.scene.scene import onset_from
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
+from lava_ros.simulation.carriers import METHODS
 
 _LOG = logging.getLogger(__name__)
 
@@ -126,7 +127,7 @@ class Checkpoint:
 
     @property
     def particle_count(self) -> int:
-        """Number of particles."""
+        """Number of particles, or of cells with lava."""
         return len(self.arrays['state.particle'])
 
     def counting(self, threshold: float) -> 'Checkpoint':
@@ -197,7 +198,7 @@ class Summary(NamedTuple):
 
     Attributes:
         time: Simulated time [s].
-        particle_count: Number of particles.
+        particle_count: Number of particles, or of cells with lava.
         size: Size of the whole checkpoint [bytes].
     """
 
@@ -231,9 +232,8 @@ def from_bytes(data: bytes) -> Checkpoint:
     summary = summary_of(data)
     if len(data) != summary.size:
         raise LavaError('checkpoint', f'{len(data)} bytes', f'all of its {summary.size} bytes')
-    header_size = _PREFIX.unpack_from(data)[2]
-    header = data[PREFIX_SIZE : PREFIX_SIZE + header_size]
-    body = memoryview(data)[PREFIX_SIZE + header_size :]
+    header = _header_of(data)
+    body = memoryview(data)[PREFIX_SIZE + len(header) :]
     stored = data[_PREFIX.size : PREFIX_SIZE]
     found = _digest(data[: _PREFIX.size], header, body)
     if found != stored:
@@ -246,6 +246,23 @@ def from_bytes(data: bytes) -> Checkpoint:
             raise
         reason = f'{type(error).__name__}: {error}'
         raise LavaError('checkpoint.header', reason, 'a header written by lava_ros') from error
+
+def method_of(data: bytes) -> str:
+    """Return the carriers of the lava (``Accuracy.method``) by the header of a checkpoint.
+
+    Raises:
+        LavaError: If the header is not valid.
+    """
+    header = parse_json('checkpoint.header', _header_of(data))
+    expected = 'a header written by lava_ros'
+    with refusing('checkpoint.header', header, expected, KeyError, TypeError, AttributeError):
+        # absent before 0.2
+        method = header['accuracy'].get('method', METHODS[0])
+    return validation.choice('checkpoint.accuracy.method', method, METHODS)
+
+
+def _header_of(data: bytes) -> bytes:
+    return data[PREFIX_SIZE : PREFIX_SIZE + _PREFIX.unpack_from(data)[2]]
 
 
 def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkpoint:

@@ -13,7 +13,6 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure, read, Readback, zeros
 from lava_ros.simulation.particles import layout as at
@@ -59,10 +58,8 @@ class State(Arrays):
 
     capacity: int
 
-    def __init__(
-        self, capacity: int, effects: Effects, accuracy: Accuracy, device: Any
-    ) -> None:
-        """Allocate for ``capacity`` particles."""
+    def __init__(self, capacity: int, effects: Effects, accuracy: Any, device: Any) -> None:
+        """Allocate for ``capacity`` particles and an ``Accuracy``."""
         super().__init__()
         forget_failure(device)
         self.real = at.REAL[accuracy.precision]
