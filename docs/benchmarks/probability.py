@@ -4,7 +4,7 @@
 """Measure the quality of an ensemble's probabilities on mapped eruptions, from published ranges.
 
 python docs/benchmarks/probability.py OUT.csv --case DIR [--case DIR ...] --folder DIR
-    [--members N] [--preset P] [--spacing M] [--device D] [--machine NAME]
+    [--members N] [--preset P] [--spacing M] [--device D] [--machine NAME] [--ranges-only]
 
 The members are those of ``lava run DIR --members N``, scored against the map. Then each member is
 the truth once, and the other members forecast it, first with equal weights and then weighted by
@@ -13,8 +13,8 @@ resumes an interrupted run. OUT.png is the reliability diagram of the last rows.
 
 Of cases with dated outlines the table has a row for each date, and one for all dates: first of the
 members from published ranges, then, for the dates after the first outline, of these members, of
-these weighted by the first outline, and of new members near the weighted ones. OUT.png is the
-reliability over all dates.
+these weighted by the first outline, and of new members near the weighted ones. ``--ranges-only``
+leaves out the last two. OUT.png is the reliability over all dates.
 """
 
 import argparse
@@ -45,6 +45,7 @@ from lava_ros.hindcast.probabilistic_score import (
     probability_at,
     score_dates,
     score_probability,
+    start_on,
 )
 from lava_ros.hindcast.run import Settings
 from lava_ros.verification.rows import write_csv
@@ -143,20 +144,22 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
     store = Store(args.folder / case.name, plan)
     members = draw_members(plan.scene, args.members)
     weights = run_ensemble(members, store, runner=runner, outline=outlines[first]).weights
-    posterior = Posterior(members, weights.values)
-    # with the effects that sentinels have switched on
-    same_effects = replace(store.plan, switched_on=())
-    new = Store(args.folder / f'{case.name}_posterior', same_effects, posterior=posterior)
-    drawn = draw_members(plan.scene, args.members, posterior=posterior)
-    run_ensemble(drawn, new, runner=runner)
+    ensembles = [('published ranges, all dates', outlines, store, None)]
+    if not args.ranges_only:
+        posterior = Posterior(members, weights.values)
+        # with the effects that sentinels have switched on
+        same_effects = replace(store.plan, switched_on=())
+        new = Store(args.folder / f'{case.name}_posterior', same_effects, posterior=posterior)
+        drawn = draw_members(plan.scene, args.members, posterior=posterior)
+        run_ensemble(drawn, new, runner=runner)
+        ensembles += [
+            ('published ranges', later, store, None),
+            (f'weighted by {first}', later, store, weights.values),
+            (f'new members after {first}', later, new, None),
+        ]
     seconds = time.monotonic() - started
-    for name, dated, source, given in (
-        ('published ranges, all dates', outlines, store, None),
-        ('published ranges', later, store, None),
-        (f'weighted by {first}', later, store, weights.values),
-        (f'new members after {first}', later, new, None),
-    ):
-        before = outlines[first].lava if dated is later else None
+    for name, dated, source, given in ensembles:
+        before = outlines[first].lava if dated is later else start_on(case, plan)
         times = [item.time for item in dated.values()]
         likely = probability_at(times, source.finished(args.members), plan, given)
         found = score_dates(likely, dated, before)
@@ -315,12 +318,14 @@ def main() -> None:
     parser.add_argument('--members', type=int, default=64)
     parser.add_argument('--preset', default='draft')
     parser.add_argument('--spacing', type=float, metavar='M')
+    parser.add_argument('--ranges-only', action='store_true')
     parser.add_argument('--device', default='cuda:0')
     parser.add_argument('--machine', default=platform.processor() or platform.machine())
     args = parser.parse_args()
     command = f'python docs/benchmarks/probability.py --preset {args.preset}'
     command += f' --members {args.members}'
     command += '' if args.spacing is None else f' --spacing {args.spacing:g}'
+    command += ' --ranges-only' * args.ranges_only
     rows: list[dict[str, object]] = []
     if args.output.is_file():
         with args.output.open(newline='', encoding='utf-8') as file:

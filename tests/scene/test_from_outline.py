@@ -121,3 +121,15 @@ def test_case_file_and_option_start_alike(folder, tmp_path):
     assert [item['outline'] for item in data['outlines']] == ['6000 s']
     other = load_case(folder, from_outline=2000)
     assert other.start == 2000.0 and other.scene.terrain.elevation[20, 20] == 180.0
+
+
+def test_ensemble_that_starts_from_an_outline_is_compared_with_its_persistence(folder, tmp_path):
+    with (folder / 'case.yaml').open('a') as file:
+        file.write('from_outline: {time: 4000}\n')
+    done(
+        'run', folder, '--members', '2', '--preset', 'draft', '--spacing', '20', '--device', 'cpu',
+        '--workers', '1', '-o', tmp_path / 'out', '--json', tmp_path / 'report.json',
+    )
+    (date,) = json.loads((tmp_path / 'report.json').read_text())['dates']['dates']
+    assert date['date'] == '6000 s'
+    assert date['brier_skill_persistence'] is not None
