@@ -11,12 +11,16 @@ import numpy as np
 import pytest
 
 from command_line import done
+from lava_ros.cli.ensemble_report import score_against_case
 from lava_ros.errors import LavaError
+from lava_ros.forecast.probability import Footprint, NEVER
 from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.replicates import directions
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import refer, score_outlines
 from lava_ros.scene.emplaced import profile_of
+from lava_ros.simulation.output.inundation import TOUCHED
 
 CELL, ROWS, COLUMNS = 10.0, 40, 80
 
@@ -124,12 +128,14 @@ def test_case_file_and_option_start_alike(folder, tmp_path):
 
 
 def test_ensemble_that_starts_from_an_outline_is_compared_with_its_persistence(folder, tmp_path):
-    with (folder / 'case.yaml').open('a') as file:
-        file.write('from_outline: {time: 4000}\n')
-    done(
-        'run', folder, '--members', '2', '--preset', 'draft', '--spacing', '20', '--device', 'cpu',
-        '--workers', '1', '-o', tmp_path / 'out', '--json', tmp_path / 'report.json',
+    case = load_case(folder, from_outline=4000)
+    plan = plan_of(case, Settings('draft', spacing=10.0, device='cpu'))
+    lava = case.outlines[-1].footprint
+    member = Footprint(
+        0, (0, 0), *(np.where(lava, 0, NEVER).astype(np.uint16) for _ in range(2)),
+        np.where(lava, round(1.0 / TOUCHED), 0).astype(np.uint8), np.where(lava, 1000, 0).astype(np.uint32),
     )
-    (date,) = json.loads((tmp_path / 'report.json').read_text())['dates']['dates']
-    assert date['date'] == '6000 s'
-    assert date['brier_skill_persistence'] is not None
+    (date,) = score_against_case(case, plan, [member], tmp_path)['dates']['dates']
+    # the outline of 4000 s lacks 100 of the 420 cells of 6000 s
+    assert date['brier_persistence'] == pytest.approx(100.0 / 420.0)
+    assert date['brier_skill_persistence'] == 1.0
