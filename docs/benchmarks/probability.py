@@ -105,9 +105,13 @@ class Row:
 
 @dataclass(frozen=True)
 class DatedRow:
-    """An ensemble at the date of an outline, or over all dates: a row of the CSV."""
+    """An ensemble at the date of an outline, or over all dates: a row of the CSV.
+
+    ``terrain`` describes the errors of the ground.
+    """
 
     case: str
+    terrain: str
     ensemble: str
     date: str
     members: int
@@ -173,6 +177,7 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
             kept.pop('brier_skill_of_terrain')
             yield DatedRow(
                 case=case.name,
+                terrain=plan.scene.uncertainty.drawn['terrain'].text(),
                 ensemble=name,
                 members=args.members,
                 effective_members=args.members if given is None else weights.effective_members,
@@ -294,11 +299,13 @@ def draw(rows: list[dict[str, str]], path: Path) -> None:
 
     figure, axes = pyplot.subplots(figsize=(5.0, 4.4), layout='constrained')
     axes.plot([0, 100], [0, 100], color='0.7', linewidth=1)
-    last = {(row['case'], row.get('ensemble', '')): row for row in rows if row['reliability']}
-    for (case, ensemble), row in last.items():
+    keys = ('case', 'terrain', 'ensemble')
+    last = {tuple(row.get(key) for key in keys): row for row in rows if row['reliability']}
+    for (case, terrain, ensemble), row in last.items():
         points = [point.split(':') for point in row['reliability'].split()]
         forecast, observed, count = np.array(points, dtype=float).T
         label = f'{ensemble or case}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
+        label += f', ground {terrain}' if terrain else ''
         (line,) = axes.plot(100 * forecast, 100 * observed, label=label)
         size = np.minimum(count / 20.0, 150.0)
         axes.scatter(100 * forecast, 100 * observed, s=size, color=line.get_color(), alpha=0.6)
@@ -334,7 +341,7 @@ def main() -> None:
         for row in (dated_rows_of if case.outlines else rows_of)(case, args, command):
             shown = {name: vars(row)[name] for name in PRINTED if name in vars(row)}
             print(', '.join(f'{name} {value}' for name, value in shown.items()), flush=True)
-            keys = ('case', 'members', 'ensemble', 'date')
+            keys = ('case', 'terrain', 'members', 'ensemble', 'date')
             same = {name: str(vars(row)[name]) for name in keys if name in vars(row)}
             rows = [old for old in rows if {k: str(old[k]) for k in same} != same] + [vars(row)]
             write_csv(rows, args.output)

@@ -133,7 +133,8 @@ def test_ensemble_that_starts_from_an_outline_is_compared_with_its_persistence(f
     lava = case.outlines[-1].footprint
     member = Footprint(
         0, (0, 0), *(np.where(lava, 0, NEVER).astype(np.uint16) for _ in range(2)),
-        np.where(lava, round(1.0 / TOUCHED), 0).astype(np.uint8), np.where(lava, 1000, 0).astype(np.uint32),
+        np.where(lava, round(1.0 / TOUCHED), 0).astype(np.uint8),
+        np.where(lava, 1000, 0).astype(np.uint32),
     )
     (date,) = score_against_case(case, plan, [member], tmp_path)['dates']['dates']
     # the outline of 4000 s lacks 100 of the 420 cells of 6000 s
