@@ -18,7 +18,7 @@ leaves out the last two. OUT.png is the reliability over all dates.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 import csv
 from dataclasses import dataclass, replace
 from functools import partial
@@ -107,7 +107,8 @@ class Row:
 class DatedRow:
     """An ensemble at the date of an outline, or over all dates: a row of the CSV.
 
-    ``terrain`` describes the errors of the ground.
+    ``terrain`` describes the errors of the ground. The areas of single members are the 10 %
+    quantile, mean and 90 % quantile, without weights.
     """
 
     case: str
@@ -130,6 +131,9 @@ class DatedRow:
     area_p10_km2: float | None
     area_p50_km2: float | None
     area_p90_km2: float | None
+    member_low_km2: float | None
+    member_mean_km2: float | None
+    member_high_km2: float | None
     reliability: str
     seconds: float
     device: str
@@ -187,6 +191,7 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
                 half_jaccard=None if is_all else jaccard(np.nan_to_num(values) >= 50.0, outline),
                 persistence_jaccard=None if is_all or last is None else jaccard(last, outline),
                 **areas_of(values, outline, plan.scene.terrain.resolution),
+                **member_areas(source.finished(args.members), outline, plan),
                 reliability=bins_text(found['reliability']) if is_all else '',
                 seconds=seconds,
                 device=args.device,
@@ -209,6 +214,21 @@ def areas_of(
         name: 1e-6 * float(cells.sum()) * resolution**2
         for name, cells in zip(names, maps, strict=True)
     }
+
+
+def member_areas(
+    members: Iterable[Footprint], outline: Outline | None, plan: Plan
+) -> dict[str, float | None]:
+    """Return the 10 % quantile, mean and 90 % quantile of the areas of single members [km2]."""
+    names = ('member_low_km2', 'member_mean_km2', 'member_high_km2')
+    if outline is None:
+        return dict.fromkeys(names)
+    cell = plan.scene.terrain.resolution
+    areas = [
+        1e-6 * cell**2 * footprint_by(item, plan, outline.time).sum() for item in members
+    ]
+    low, high = np.quantile(areas, (0.1, 0.9))
+    return dict(zip(names, (float(low), float(np.mean(areas)), float(high)), strict=True))
 
 
 def bins_text(bins: list[dict[str, float]]) -> str:

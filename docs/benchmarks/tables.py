@@ -194,6 +194,7 @@ def chances() -> Iterator[Line]:
 #: Ensembles of La Palma by the name of their case, which has the default ranges unless it is here.
 WAYS = {
     'wide_viscosity': 'viscosity of 1 kPa s to 10 MPa s',
+    'wide_viscosity_contours': 'viscosity of 1 kPa s to 10 MPa s',
     'from_24_september': 'from the outline of 24 September, vents of 1 October',
     'from_8_october': 'from the outline of 8 October, vents of 1 October',
 }
@@ -206,7 +207,8 @@ def dates() -> Iterator[Line]:
         name for name in dict.fromkeys(row['ensemble'] for row in rows)
         if name != 'published ranges'
     )
-    yield ('ensemble', 'outline', 'mapped area', 'area of 90 to 10 %', 'largest gap',
+    yield ('ensemble', 'outline', 'mapped area', 'area of 90 to 10 %',
+           'areas of single members', 'largest gap',
            'Brier skill', 'skill against the outline before',
            *(f'Brier skill {name.replace("T12:00:00Z", "")}' for name in others))
 
@@ -220,11 +222,14 @@ def dates() -> Iterator[Line]:
             areas = [row[f'{name}_km2'] for name in ('mapped', 'area_p90', 'area_p10')]
             mapped, low, high = (f'{float(area):.2f}' if area else '' for area in areas)
             yield (
-                f'{WAYS.get(row["case"], "default ranges")}, ground {row["terrain"]} '
+                f'{WAYS.get(row["case"], "default ranges")}, ground '
+                f'{row["terrain"].split(",")[0]} '
                 f'({row["members"]} members, {float(row["spacing_m"]):.2g} m)',
                 date.removesuffix('T12:00:00Z'),
                 f'{mapped} km²' if mapped else '',
                 f'{low} to {high} km²' if low else '',
+                f'{float(row["member_low_km2"]):.2f} to {float(row["member_high_km2"]):.2f} km²'
+                if row['member_low_km2'] else '',
                 f'{100.0 * float(row["largest_gap"]):.0f} points',
                 f'**{skill(row)}**',
                 skill(row, 'brier_skill_persistence'),
