@@ -65,6 +65,9 @@ PRINTED = (
 #: Probabilities above which areas are given [%].
 AREAS = (10, 50, 90)
 
+#: Name of the ensemble of a case with dated outlines that the diagram shows.
+ALL_DATES = 'published ranges, all dates'
+
 #: Time of the observed outline, as a fraction of the horizon.
 OUTLINE_TIME = 1.0 / 3.0
 
@@ -152,7 +155,7 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
     store = Store(args.folder / case.name, plan)
     members = draw_members(plan.scene, args.members)
     weights = run_ensemble(members, store, runner=runner, outline=outlines[first]).weights
-    ensembles = [('published ranges, all dates', outlines, store, None)]
+    ensembles = [(ALL_DATES, outlines, store, None)]
     if not args.ranges_only:
         posterior = Posterior(members, weights.values)
         # with the effects that sentinels have switched on
@@ -319,13 +322,15 @@ def draw(rows: list[dict[str, str]], path: Path) -> None:
 
     figure, axes = pyplot.subplots(figsize=(5.0, 4.4), layout='constrained')
     axes.plot([0, 100], [0, 100], color='0.7', linewidth=1)
-    keys = ('case', 'terrain', 'ensemble')
-    last = {tuple(row.get(key) for key in keys): row for row in rows if row['reliability']}
-    for (case, terrain, ensemble), row in last.items():
+    last = {
+        (row['case'], row.get('terrain')): row for row in rows
+        if row['reliability'] and row.get('ensemble', ALL_DATES) == ALL_DATES
+    }
+    for (case, terrain), row in last.items():
         points = [point.split(':') for point in row['reliability'].split()]
         forecast, observed, count = np.array(points, dtype=float).T
-        label = f'{ensemble or case}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
-        label += f', ground {terrain}' if terrain else ''
+        label = f'{case}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
+        label += f', ground {terrain.split(",")[0]}' if terrain else ''
         (line,) = axes.plot(100 * forecast, 100 * observed, label=label)
         size = np.minimum(count / 20.0, 150.0)
         axes.scatter(100 * forecast, 100 * observed, s=size, color=line.get_color(), alpha=0.6)
