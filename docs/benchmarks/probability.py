@@ -4,7 +4,7 @@
 """Measure the quality of an ensemble's probabilities on mapped eruptions, from published ranges.
 
 python docs/benchmarks/probability.py OUT.csv --case DIR [--case DIR ...] --folder DIR
-    [--members N] [--preset P] [--spacing M] [--device D] [--machine NAME]
+    [--members N] [--preset P] [--spacing M] [--device D] [--machine NAME] [--ranges-only]
 
 The members are those of ``lava run DIR --members N``, scored against the map. Then each member is
 the truth once, and the other members forecast it, first with equal weights and then weighted by
@@ -13,12 +13,12 @@ resumes an interrupted run. OUT.png is the reliability diagram of the last rows.
 
 Of cases with dated outlines the table has a row for each date, and one for all dates: first of the
 members from published ranges, then, for the dates after the first outline, of these members, of
-these weighted by the first outline, and of new members near the weighted ones. OUT.png is the
-reliability over all dates.
+these weighted by the first outline, and of new members near the weighted ones. ``--ranges-only``
+leaves out the last two. OUT.png is the reliability over all dates.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 import csv
 from dataclasses import dataclass, replace
 from functools import partial
@@ -45,6 +45,7 @@ from lava_ros.hindcast.probabilistic_score import (
     probability_at,
     score_dates,
     score_probability,
+    start_on,
 )
 from lava_ros.hindcast.run import Settings
 from lava_ros.verification.rows import write_csv
@@ -63,6 +64,9 @@ PRINTED = (
 
 #: Probabilities above which areas are given [%].
 AREAS = (10, 50, 90)
+
+#: Name of the ensemble of a case with dated outlines that the diagram shows.
+ALL_DATES = 'published ranges, all dates'
 
 #: Time of the observed outline, as a fraction of the horizon.
 OUTLINE_TIME = 1.0 / 3.0
@@ -104,9 +108,14 @@ class Row:
 
 @dataclass(frozen=True)
 class DatedRow:
-    """An ensemble at the date of an outline, or over all dates: a row of the CSV."""
+    """An ensemble at the date of an outline, or over all dates: a row of the CSV.
+
+    ``terrain`` describes the errors of the ground. The areas of single members are the 10 %
+    quantile, mean and 90 % quantile, without weights.
+    """
 
     case: str
+    terrain: str
     ensemble: str
     date: str
     members: int
@@ -125,6 +134,9 @@ class DatedRow:
     area_p10_km2: float | None
     area_p50_km2: float | None
     area_p90_km2: float | None
+    member_low_km2: float | None
+    member_mean_km2: float | None
+    member_high_km2: float | None
     reliability: str
     seconds: float
     device: str
@@ -143,20 +155,22 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
     store = Store(args.folder / case.name, plan)
     members = draw_members(plan.scene, args.members)
     weights = run_ensemble(members, store, runner=runner, outline=outlines[first]).weights
-    posterior = Posterior(members, weights.values)
-    # with the effects that sentinels have switched on
-    same_effects = replace(store.plan, switched_on=())
-    new = Store(args.folder / f'{case.name}_posterior', same_effects, posterior=posterior)
-    drawn = draw_members(plan.scene, args.members, posterior=posterior)
-    run_ensemble(drawn, new, runner=runner)
+    ensembles = [(ALL_DATES, outlines, store, None)]
+    if not args.ranges_only:
+        posterior = Posterior(members, weights.values)
+        # with the effects that sentinels have switched on
+        same_effects = replace(store.plan, switched_on=())
+        new = Store(args.folder / f'{case.name}_posterior', same_effects, posterior=posterior)
+        drawn = draw_members(plan.scene, args.members, posterior=posterior)
+        run_ensemble(drawn, new, runner=runner)
+        ensembles += [
+            ('published ranges', later, store, None),
+            (f'weighted by {first}', later, store, weights.values),
+            (f'new members after {first}', later, new, None),
+        ]
     seconds = time.monotonic() - started
-    for name, dated, source, given in (
-        ('published ranges, all dates', outlines, store, None),
-        ('published ranges', later, store, None),
-        (f'weighted by {first}', later, store, weights.values),
-        (f'new members after {first}', later, new, None),
-    ):
-        before = outlines[first].lava if dated is later else None
+    for name, dated, source, given in ensembles:
+        before = outlines[first].lava if dated is later else start_on(case, plan)
         times = [item.time for item in dated.values()]
         likely = probability_at(times, source.finished(args.members), plan, given)
         found = score_dates(likely, dated, before)
@@ -170,6 +184,7 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
             kept.pop('brier_skill_of_terrain')
             yield DatedRow(
                 case=case.name,
+                terrain=plan.scene.uncertainty.drawn['terrain'].text(),
                 ensemble=name,
                 members=args.members,
                 effective_members=args.members if given is None else weights.effective_members,
@@ -179,6 +194,7 @@ def dated_rows_of(case: Case, args: argparse.Namespace, command: str) -> Iterato
                 half_jaccard=None if is_all else jaccard(np.nan_to_num(values) >= 50.0, outline),
                 persistence_jaccard=None if is_all or last is None else jaccard(last, outline),
                 **areas_of(values, outline, plan.scene.terrain.resolution),
+                **member_areas(source.finished(args.members), outline, plan),
                 reliability=bins_text(found['reliability']) if is_all else '',
                 seconds=seconds,
                 device=args.device,
@@ -201,6 +217,21 @@ def areas_of(
         name: 1e-6 * float(cells.sum()) * resolution**2
         for name, cells in zip(names, maps, strict=True)
     }
+
+
+def member_areas(
+    members: Iterable[Footprint], outline: Outline | None, plan: Plan
+) -> dict[str, float | None]:
+    """Return the 10 % quantile, mean and 90 % quantile of the areas of single members [km2]."""
+    names = ('member_low_km2', 'member_mean_km2', 'member_high_km2')
+    if outline is None:
+        return dict.fromkeys(names)
+    cell = plan.scene.terrain.resolution
+    areas = [
+        1e-6 * cell**2 * footprint_by(item, plan, outline.time).sum() for item in members
+    ]
+    low, high = np.quantile(areas, (0.1, 0.9))
+    return dict(zip(names, (float(low), float(np.mean(areas)), float(high)), strict=True))
 
 
 def bins_text(bins: list[dict[str, float]]) -> str:
@@ -291,11 +322,15 @@ def draw(rows: list[dict[str, str]], path: Path) -> None:
 
     figure, axes = pyplot.subplots(figsize=(5.0, 4.4), layout='constrained')
     axes.plot([0, 100], [0, 100], color='0.7', linewidth=1)
-    last = {(row['case'], row.get('ensemble', '')): row for row in rows if row['reliability']}
-    for (case, ensemble), row in last.items():
+    last = {
+        (row['case'], row.get('terrain')): row for row in rows
+        if row['reliability'] and row.get('ensemble', ALL_DATES) == ALL_DATES
+    }
+    for (case, terrain), row in last.items():
         points = [point.split(':') for point in row['reliability'].split()]
         forecast, observed, count = np.array(points, dtype=float).T
-        label = f'{ensemble or case}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
+        label = f'{case}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
+        label += f', ground {terrain.split(",")[0]}' if terrain else ''
         (line,) = axes.plot(100 * forecast, 100 * observed, label=label)
         size = np.minimum(count / 20.0, 150.0)
         axes.scatter(100 * forecast, 100 * observed, s=size, color=line.get_color(), alpha=0.6)
@@ -315,12 +350,14 @@ def main() -> None:
     parser.add_argument('--members', type=int, default=64)
     parser.add_argument('--preset', default='draft')
     parser.add_argument('--spacing', type=float, metavar='M')
+    parser.add_argument('--ranges-only', action='store_true')
     parser.add_argument('--device', default='cuda:0')
     parser.add_argument('--machine', default=platform.processor() or platform.machine())
     args = parser.parse_args()
     command = f'python docs/benchmarks/probability.py --preset {args.preset}'
     command += f' --members {args.members}'
     command += '' if args.spacing is None else f' --spacing {args.spacing:g}'
+    command += ' --ranges-only' * args.ranges_only
     rows: list[dict[str, object]] = []
     if args.output.is_file():
         with args.output.open(newline='', encoding='utf-8') as file:
@@ -329,7 +366,7 @@ def main() -> None:
         for row in (dated_rows_of if case.outlines else rows_of)(case, args, command):
             shown = {name: vars(row)[name] for name in PRINTED if name in vars(row)}
             print(', '.join(f'{name} {value}' for name, value in shown.items()), flush=True)
-            keys = ('case', 'members', 'ensemble', 'date')
+            keys = ('case', 'terrain', 'members', 'ensemble', 'date')
             same = {name: str(vars(row)[name]) for name in keys if name in vars(row)}
             rows = [old for old in rows if {k: str(old[k]) for k in same} != same] + [vars(row)]
             write_csv(rows, args.output)

@@ -191,25 +191,50 @@ def chances() -> Iterator[Line]:
     yield ('together', '', '', '', '', '', '', f'{gap:.0f} points', '', '', '')
 
 
+#: Ensembles of La Palma by the name of their case, which has the default ranges unless it is here.
+WAYS = {
+    'wide_viscosity': 'viscosity of 1 kPa s to 10 MPa s',
+    'wide_viscosity_contours': 'viscosity of 1 kPa s to 10 MPa s',
+    'from_24_september': 'from the outline of 24 September, vents of 1 October',
+    'from_8_october': 'from the outline of 8 October, vents of 1 October',
+}
+
+
 def dates() -> Iterator[Line]:
-    """Yield the areas and the skill of the ensembles of a case with dated outlines, by date."""
-    rows = [row for row in lines_of('probability_dates.csv') if row['date'] != 'all']
-    # the members of published ranges are the same at all dates
-    names = dict.fromkeys(row['ensemble'] for row in rows if row['ensemble'] != 'published ranges')
-    found = {(row['ensemble'], row['date']): row for row in rows}
-    yield ('outline', 'mapped area', 'area of 90 to 10 %', 'outline before',
-           *(name.replace('T12:00:00Z', '') for name in names))
-    for date in dict.fromkeys(row['date'] for row in rows):
-        first, *others = (found.get((name, date)) for name in names)
-        assert first is not None
-        former = first['persistence_jaccard']
-        yield (
-            date.removesuffix('T12:00:00Z'),
-            f'{float(first["mapped_km2"]):.2f} km²',
-            f'{float(first["area_p90_km2"]):.2f} to {float(first["area_p10_km2"]):.2f} km²',
-            f'{float(former):.2f}' if former else '',
-            *(f'{float(row["half_jaccard"]):.2f}' if row else '' for row in (first, *others)),
-        )
+    """Yield areas and skills of the ensembles of a case with dated outlines, by date."""
+    rows = lines_of('probability_dates.csv')
+    first, *others = (
+        name for name in dict.fromkeys(row['ensemble'] for row in rows)
+        if name != 'published ranges'
+    )
+    yield ('ensemble', 'outline', 'mapped area', 'area of 90 to 10 %',
+           'areas of single members', 'largest gap',
+           'Brier skill', 'skill against the outline before',
+           *(f'Brier skill {name.replace("T12:00:00Z", "")}' for name in others))
+
+    def skill(row: Mapping[str, str] | None, name: str = 'brier_skill') -> str:
+        return f'{float(row[name]):.2f}' if row and row[name] else ''
+
+    keys = ('case', 'terrain', 'members', 'ensemble', 'date')
+    found = {tuple(row[key] for key in keys): row for row in rows}
+    for (*drawn, ensemble, date), row in found.items():
+        if ensemble == first:
+            areas = [row[f'{name}_km2'] for name in ('mapped', 'area_p90', 'area_p10')]
+            mapped, low, high = (f'{float(area):.2f}' if area else '' for area in areas)
+            yield (
+                f'{WAYS.get(row["case"], "default ranges")}, ground '
+                f'{row["terrain"].split(",")[0]} '
+                f'({row["members"]} members, {float(row["spacing_m"]):.2g} m)',
+                date.removesuffix('T12:00:00Z'),
+                f'{mapped} km²' if mapped else '',
+                f'{low} to {high} km²' if low else '',
+                f'{float(row["member_low_km2"]):.2f} to {float(row["member_high_km2"]):.2f} km²'
+                if row['member_low_km2'] else '',
+                f'{100.0 * float(row["largest_gap"]):.0f} points',
+                f'**{skill(row)}**',
+                skill(row, 'brier_skill_persistence'),
+                *(skill(found.get((*drawn, name, date))) for name in others),
+            )
 
 
 #: Runs of La Palma by the outline of their start and the file of their vents.

@@ -24,6 +24,7 @@ from lava_ros.hindcast.probabilistic_score import (
     probability_at,
     score_dates,
     score_probability,
+    start_on,
 )
 from lava_ros.layers.forecast import HazardMaps
 from lava_ros.layers.numbers import percent
@@ -53,8 +54,9 @@ def score_against_case(
         members: The members.
         folder: Folder of the picture.
         weights: Weights of the members, equal by default.
-        outline: Observed lava, None for none. Only later outlines are then scored as
-            forecasts, and the reference forecast is that this lava stays as it is.
+        outline: Observed lava; None for that from which the case starts, if it does. Only later
+            outlines are then scored as forecasts, and the reference forecast is that this lava
+            stays as it is.
 
     Returns:
         The score at the end, and that at the dated outlines if there are any.
@@ -67,7 +69,7 @@ def score_against_case(
     probability = probability_at(times, members, plan, weights)
     report: dict[str, Any] = {'score': score_probability(probability[-1], mapped_on(case, plan))}
     if later:
-        before = None if outline is None else outline.lava
+        before = start_on(case, plan) if outline is None else outline.lava
         report['dates'] = score_dates(probability[:-1], later, before)
         came = [item.lava for item in later.values()]
         write_reliability(probability[:-1], came, folder / RELIABILITY)

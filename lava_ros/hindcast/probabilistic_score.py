@@ -60,6 +60,11 @@ def outlines_on(case: Case, plan: Plan) -> dict[str, Outline]:
     }
 
 
+def start_on(case: Case, plan: Plan) -> np.ndarray | None:
+    """Return the outline from which a case starts on the cells of a plan; None without one."""
+    return None if case.initial is None else _on_plan(case.initial, plan.horizon, case, plan).lava
+
+
 def _on_plan(footprint: np.ndarray, time: float, case: Case, plan: Plan) -> Outline:
     terrain = case.scene.terrain
     mask = Mask(footprint, terrain.has_data, terrain.resolution, terrain.origin)

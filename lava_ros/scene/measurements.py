@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+import re
 
 from lava_ros.scene.distributions import Distribution, Roughness
 
@@ -108,19 +109,55 @@ SURVEYS: Mapping[str, Survey] = {
 }
 
 
-def usual_survey(description: str, cell: float) -> tuple[str, str]:
-    """Return the likely survey of a terrain, and how it was found.
+#: Standard deviation of the ground that is interpolated from contours, and correlation length, in
+#: intervals of the contours.
+CONTOUR_DEVIATION, CONTOUR_CORRELATION = 0.095, 3.0
+
+_CONTOURS = re.compile(
+    r'(\d+(?:\.\d+)?)[ -]?m(?:etres?|eters?)?[ -]contours?\b'
+    r'|\bcontours?(?: lines?)?(?: intervals?)?(?: of| at| every)? (\d+(?:\.\d+)?) ?m\b',
+    re.IGNORECASE,
+)
+
+
+def contour_errors(interval: float) -> Roughness:
+    """Return the errors of a ground that is interpolated from contours.
+
+    They are those of a thin plate without every second and without three of four contours of La
+    Palma (docs/VALIDATION.md), on slopes of about 10 degrees. Relief between contours adds to
+    them: map standards allow 0.3 intervals.
+
+    Args:
+        interval: Difference in elevation of neighboring contours [m].
+    """
+    source = (
+        f'interpolated from contours every {interval:g} m: {CONTOUR_DEVIATION:g} intervals by '
+        'leaving out contours of La Palma (docs/benchmarks/contours.csv), below the 0.3 that the '
+        'United States National Map Accuracy Standards (1947) allow'
+    )
+    return Roughness(CONTOUR_DEVIATION * interval, CONTOUR_CORRELATION * interval, source)
+
+
+def contours_in(description: str) -> tuple[str, float] | None:
+    """Return the words of a description that name contours, and their interval [m]."""
+    found = _CONTOURS.search(description)
+    interval = 0.0 if found is None else float(found[1] or found[2])
+    return (found[0], interval) if found is not None and interval > 0.0 else None
+
+
+def usual_errors(description: str, cell: float) -> tuple[Roughness, str]:
+    """Return the likely errors of a terrain, and how its survey was found.
 
     Args:
         description: Description of the data, or the name of their file.
         cell: Side of a cell [m].
-
-    Returns:
-        A name of ``SURVEYS``, and the reason.
     """
+    by_name = f'by its name, {description}'
+    if (contours := contours_in(description)) is not None:
+        return contour_errors(contours[1]), by_name
     text = description.lower()
-    for name, survey in SURVEYS.items():
+    for survey in SURVEYS.values():
         if any(word in text for word in survey.words):
-            return name, f'by its name, {description}'
+            return survey.roughness, by_name
     name = 'lidar' if cell < FINE_CELL else 'tandem-x'
-    return name, f'not stated, as usual for cells of {cell:.3g} m'
+    return SURVEYS[name].roughness, f'not stated, as usual for cells of {cell:.3g} m'

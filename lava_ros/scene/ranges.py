@@ -20,7 +20,7 @@ from lava_ros.effects import EFFECTS, possible
 from lava_ros.scene.distributions import Displacement, Distribution, Roughness
 from lava_ros.scene.lava import constant_units, Lava
 from lava_ros.scene.materials import ANY_BASALT, Constant, Material, material_named
-from lava_ros.scene.measurements import RATE_ERRORS, SURVEYS, USUAL_RATE, usual_survey
+from lava_ros.scene.measurements import RATE_ERRORS, usual_errors, USUAL_RATE
 from lava_ros.scene.uncertainty import CONSTANTS, QUANTITIES
 
 if TYPE_CHECKING:
@@ -187,8 +187,7 @@ def _terrain(scene: Scene, _: Material) -> Found:
     terrain = scene.terrain
     if not terrain.has_system:
         return 'no coordinate system, so no survey with known errors'
-    name, reason = usual_survey(terrain.source, terrain.resolution)
-    found = SURVEYS[name].roughness
+    found, reason = usual_errors(terrain.source, terrain.resolution)
     return replace(found, source=f'survey {reason}: {found.source}')
 
 

@@ -39,6 +39,7 @@ from lava_ros.scene.from_outline import FROM_OUTLINE_KEYS, initial_flow, Initial
 from lava_ros.scene.given_vents import described, GivenVents, summit, usual_vent
 from lava_ros.scene.input_files import digests, files_in
 from lava_ros.scene.materials import Material
+from lava_ros.scene.measurements import contours_in
 from lava_ros.scene.plausibility import check_date
 from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.scene import date_text, ENVIRONMENT, onset_from, Scene, scene_and_material
@@ -288,7 +289,7 @@ class SceneSource:
         options = files.options
         known = {name: options[name] for name in (*CASE_TERRAIN, 'insist') if name in options}
         known |= self._terrain_options()
-        ground = self.load_terrain() or load_terrain(files.elevation, **known)
+        ground = self.load_terrain() or _ground_of(files, known)
         ground, flows = self._with_flows(ground, [])
         stated = RATE_KEYS.names('case.effusion_rate', options.get('effusion_rate', {}))
         choices = validation.build(Options, 'case.effusion_rate', {**stated, **given.choices})
@@ -425,6 +426,15 @@ class SceneSource:
             path = find_file(self.path, 'examples', field='scene', expected='a YAML file')
             yield str(self.path), path
             yield from files_in(read_yaml('scene', path), path.parent)
+
+
+def _ground_of(files: CaseFiles, options: Mapping[str, Any]) -> Terrain:
+    """Read the elevation of a case, with the contours that the source of the case names."""
+    ground = load_terrain(files.elevation, **options)
+    contours = contours_in(str(files.options.get('source', '')))
+    if contours is None:
+        return ground
+    return replace(ground, source=f'{ground.source}, {contours[0]}')
 
 
 def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scene:

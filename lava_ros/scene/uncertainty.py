@@ -30,7 +30,7 @@ from lava_ros.scene.distributions import (
 )
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import materials
-from lava_ros.scene.measurements import RATE_ERRORS, SURVEYS
+from lava_ros.scene.measurements import contour_errors, RATE_ERRORS, SURVEYS
 
 #: Quantities that are factors, above 0.
 FACTORS = ('discharge', 'viscosity', 'yield_strength')
@@ -200,6 +200,8 @@ def _rate(where: str, data: object) -> Distribution:
 def _terrain(where: str, data: object) -> Roughness:
     if isinstance(data, Mapping) and 'survey' in data:
         return SURVEYS[SURVEY_KEYS(where, data)['survey']].roughness
+    if isinstance(data, Mapping) and 'contours' in data:
+        return contour_errors(CONTOUR_KEYS(where, data)['contours'])
     return validation.build(Roughness, where, data)
 
 
@@ -224,7 +226,7 @@ def _eruption_classes(where: str, data: object) -> tuple[EruptionClass, ...]:
 #: Reference to the schema of a distribution.
 _ONE: Schema = {'$ref': '#/definitions/distribution'}
 
-#: Keys of a class of eruptions, of an error by method or by survey, and of constants, in a file.
+#: Keys of a class of eruptions, of errors by their origin, and of constants, in a file.
 CLASS_KEYS = Keys({
     'probability': Key(PROBABILITY_CHECK, 'Relative to those of the other classes', True),
     'duration': Key(_distribution, 'Duration [s]', True, {'allOf': [_ONE]}),
@@ -235,6 +237,12 @@ MEASURED_KEYS = Keys({
     'measured': Key(partial(validation.choice, allowed=RATE_ERRORS), is_required=True)
 })
 SURVEY_KEYS = Keys({'survey': Key(partial(validation.choice, allowed=SURVEYS), is_required=True)})
+CONTOUR_KEYS = Keys({
+    'contours': Key(
+        partial(validation.number, above=0.0, at_most=1000.0, unit='m'),
+        'Interval of the contours from which the terrain was interpolated [m]', True,
+    ),
+})
 CONSTANT_KEYS = Keys(same_keys(CONSTANTS, _distribution, schema=_ONE))
 
 _RATE_KEY = Key(
@@ -258,7 +266,9 @@ UNCERTAINTY_KEYS = Keys({
     ),
     'terrain': Key(
         _terrain, 'Errors of the terrain',
-        schema=any_of(ROUGHNESS_KEYS.as_schema(), SURVEY_KEYS.as_schema()),
+        schema=any_of(
+            ROUGHNESS_KEYS.as_schema(), SURVEY_KEYS.as_schema(), CONTOUR_KEYS.as_schema()
+        ),
     ),
     'constants': Key(CONSTANT_KEYS, 'Values of other constants of the lava'),
     'eruption': Key(

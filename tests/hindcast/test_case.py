@@ -29,6 +29,8 @@ from lava_ros.hindcast.case import load_case
 from lava_ros.scene import Lava, scene_from_yaml
 from lava_ros.scene.effusion_rates import Interval
 from lava_ros.scene.materials import material_named
+from lava_ros.scene.measurements import contour_errors
+from lava_ros.scene.ranges import with_ranges
 from lava_ros.scene.vent_files import series_of, VentRow
 
 
@@ -185,6 +187,14 @@ def test_reads_a_case_in_degrees(tmp_path):
     (folder / 'vent.csv').write_text(f'x,y\n{y},{x}\n')
     with pytest.raises(LavaError, match=rf'{y}.*longitude first'):
         load_case(folder)
+
+
+@pytest.mark.parametrize('source', ['100 m contours (ground)', 'Outlines by EMS'])
+def test_contours_in_the_source_of_a_case_state_the_errors_of_its_ground(tmp_path, source):
+    folder = write_case(tmp_path / 'case', yaml=f'epsg: 32633\nsource: {source}\n')
+    found = with_ranges(load_case(folder).scene).uncertainty.terrain
+    assert found is not None
+    assert (found.deviation == contour_errors(100.0).deviation) == ('contours' in source)
 
 
 def test_fills_holes_if_case_yaml_sets_fill_holes(tmp_path):

@@ -109,6 +109,7 @@ VALID = {
                 'exact': 'all',
             },
         },
+        {'terrain': {'file': 'ground.npz'}, 'uncertainty': {'terrain': {'contours': 20.0}}},
         {'terrain': {'file': 'ground.npz'}, 'material': 'etna_basalt'},
         {
             'terrain': {'file': 'ground.npz'},

@@ -11,12 +11,16 @@ import numpy as np
 import pytest
 
 from command_line import done
+from lava_ros.cli.ensemble_report import score_against_case
 from lava_ros.errors import LavaError
+from lava_ros.forecast.probability import Footprint, NEVER
 from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.probabilistic_score import plan_of
 from lava_ros.hindcast.replicates import directions
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import refer, score_outlines
 from lava_ros.scene.emplaced import profile_of
+from lava_ros.simulation.output.inundation import TOUCHED
 
 CELL, ROWS, COLUMNS = 10.0, 40, 80
 
@@ -121,3 +125,18 @@ def test_case_file_and_option_start_alike(folder, tmp_path):
     assert [item['outline'] for item in data['outlines']] == ['6000 s']
     other = load_case(folder, from_outline=2000)
     assert other.start == 2000.0 and other.scene.terrain.elevation[20, 20] == 180.0
+
+
+def test_ensemble_that_starts_from_an_outline_is_compared_with_its_persistence(folder, tmp_path):
+    case = load_case(folder, from_outline=4000)
+    plan = plan_of(case, Settings('draft', spacing=10.0, device='cpu'))
+    lava = case.outlines[-1].footprint
+    member = Footprint(
+        0, (0, 0), *(np.where(lava, 0, NEVER).astype(np.uint16) for _ in range(2)),
+        np.where(lava, round(1.0 / TOUCHED), 0).astype(np.uint8),
+        np.where(lava, 1000, 0).astype(np.uint32),
+    )
+    (date,) = score_against_case(case, plan, [member], tmp_path)['dates']['dates']
+    # the outline of 4000 s lacks 100 of the 420 cells of 6000 s
+    assert date['brier_persistence'] == pytest.approx(100.0 / 420.0)
+    assert date['brier_skill_persistence'] == 1.0

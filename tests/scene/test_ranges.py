@@ -15,7 +15,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, scene_from_yaml
 from lava_ros.scene.distributions import Distribution
 from lava_ros.scene.materials import materials
-from lava_ros.scene.measurements import RATE_ERRORS, SURVEYS, usual_survey
+from lava_ros.scene.measurements import contour_errors, RATE_ERRORS, SURVEYS, usual_errors
 from lava_ros.scene.ranges import describe_inputs, exact_quantities, span_of, with_ranges
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 
@@ -121,6 +121,7 @@ def test_viscosity_of_every_material_has_a_range(tmp_path, lava):
 @pytest.mark.parametrize(('own', 'expected'), [
     ({'effusion_rate': {'measured': 'field'}}, RATE_ERRORS['field']),
     ({'terrain': {'survey': 'srtm'}}, SURVEYS['srtm'].roughness),
+    ({'terrain': {'contours': 20.0}}, contour_errors(20.0)),
 ])
 def test_scene_names_how_an_input_was_measured(tmp_path, own, expected):
     (name,) = own
@@ -140,16 +141,20 @@ def test_table_states_its_error_or_its_method(tmp_path):
         assert found.kind == expected.kind
 
 
-@pytest.mark.parametrize(('description', 'cell', 'name'), [
-    ('etna_SRTM1.tif', 30.0, 'srtm'),
-    ('Copernicus_DSM_COG_10_N37.tif', 30.0, 'tandem-x'),
-    ('United States Geological Survey', 30.0, 'usgs'),
-    ('a survey by LiDAR in 2007', 30.0, 'lidar'),
-    ('dem.tif', 2.0, 'lidar'),
-    ('dem.tif', 10.0, 'tandem-x'),
+@pytest.mark.parametrize(('description', 'cell', 'expected'), [
+    ('etna_SRTM1.tif', 30.0, SURVEYS['srtm'].roughness),
+    ('Copernicus_DSM_COG_10_N37.tif', 30.0, SURVEYS['tandem-x'].roughness),
+    ('United States Geological Survey', 30.0, SURVEYS['usgs'].roughness),
+    ('a survey by LiDAR in 2007', 30.0, SURVEYS['lidar'].roughness),
+    ('dem.tif', 2.0, SURVEYS['lidar'].roughness),
+    ('dem.tif', 10.0, SURVEYS['tandem-x'].roughness),
+    ('100 m contours of Copernicus EMS', 25.0, contour_errors(100.0)),
+    ('map with contour lines every 12.5 m, SRTM', 25.0, contour_errors(12.5)),
+    ('contours of a lidar survey', 1.0, SURVEYS['lidar'].roughness),
+    ('0 m contours', 25.0, SURVEYS['tandem-x'].roughness),
 ])
-def test_survey_is_told_by_the_name_or_the_cells(description, cell, name):
-    assert usual_survey(description, cell)[0] == name
+def test_errors_of_terrain_follow_the_description_or_the_cells(description, cell, expected):
+    assert usual_errors(description, cell)[0] == expected
 
 
 @pytest.mark.parametrize(('data', 'field'), [
@@ -158,6 +163,8 @@ def test_survey_is_told_by_the_name_or_the_cells(description, cell, name):
     ({'exact': ['position'], 'position': {'radius': 5.0}}, r'uncertainty.exact\[0\]'),
     ({'effusion_rate': {'measured': 'guess'}}, 'uncertainty.effusion_rate.measured'),
     ({'terrain': {'survey': 'levelling'}}, 'uncertainty.terrain.survey'),
+    ({'terrain': {'contours': 0.0}}, 'uncertainty.terrain.contours'),
+    ({'terrain': {'contours': 20.0, 'deviation': 2.0}}, 'uncertainty.terrain'),
     ({'viscosity': {'distribution': 'uniform', 'low': 1, 'high': 2, 'follows': 'density'}},
      'uncertainty.viscosity.follows'),
     ({'viscosity': {'distribution': 'uniform', 'low': 1, 'high': 2, 'follows': 'viscosity'}},
