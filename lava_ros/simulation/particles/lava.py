@@ -191,7 +191,7 @@ class ParticleLava:
 
     def bin(self) -> None:
         """Assign the particles to cells in place of the previous motion, if it has not."""
-        if self.state.bins_in_motion and not self.neighbors.is_binned:
+        if not (self.state.form.has_empty or self.neighbors.is_binned):
             self.neighbors.bin(self.state, self.stage.arguments)
 
     def cover(self) -> None:

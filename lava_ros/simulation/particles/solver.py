@@ -73,7 +73,7 @@ class ParticleSolver(ParticleLava):
             assert self.accuracy.spacing is not None
             rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
             self.add_particles(rows)
-            if self.state.has_velocity:
+            if self.state.form.has_velocity:
                 self.state.velocity[: len(rows)].assign(particles.velocity)
             self.cover()
             self.volume_before = float(self.state.read_particles()[:, 2].sum())
@@ -106,7 +106,7 @@ class ParticleSolver(ParticleLava):
         volume = (np.minimum(steps, self.accuracy.longest_step) * rates).max()
         per_step = volume / self.accuracy.particle_volume
         # steps have at least two stages with RKL2
-        ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
+        ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.form.is_staged else 1))
         state.particles_ahead = math.ceil(min(ahead * per_step, _MAX_AHEAD))
         state.make_room(state.read_clock()[1])
 

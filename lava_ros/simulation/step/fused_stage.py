@@ -66,15 +66,12 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     With momentum the stage must be known before the forces of the motion are computed.
     """
     is_worth_it = state.is_short or (state.device.is_cuda and sums_up)
-    return is_worth_it and not state.has_velocity
+    return is_worth_it and not state.form.has_velocity
 
 
 def choice_within_motion(state: State, pace: Any, outlets: Any, emission: Any) -> StageChoice:
     """Let a motion choose its stage, and emit by an ``emission_function`` unless it is None."""
-    choose = choice_function(
-        state.real, state.order, state.is_staged, state.has_velocity,
-        state.effects.any('freezes'),
-    )
+    choose = choice_function(state.form, state.effects.any('freezes'))
     # one number for any vents: each different one would be another kernel
     threads = state.emitting_threads(DIRECTORS)
     function = _function(state.real, choose, emission, threads)

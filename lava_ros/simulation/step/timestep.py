@@ -17,6 +17,7 @@ import warp as wp
 
 from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import Form
 
 #: Limits of a step, indexed by ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
@@ -156,19 +157,17 @@ class StageChoice(NamedTuple):
 
 
 @lru_cache
-def choice_function(
-    real: Any, order: int, is_staged: bool, has_velocity: bool, freezes: bool
-) -> Any:
+def choice_function(form: Form, freezes: bool) -> Any:
     """Return the device function that begins a step or its next stage.
 
-    ``order`` is that of super-time-stepping. The last stage advances the clock. One thread calls
-    it, when all rates are known.
+    The last stage advances the clock. One thread calls it, when all rates are known.
 
     Only the first ``limit_time`` shortens steps, never the target: after the first end of a step
     at or after the target, stages idle. They also idle if the step would end after the second
     ``limit_time``; ``FULL_STEP`` is then the length of that step. Idle stages change nothing that
     a later step depends on, so the steps of a simulation do not depend on where it stops.
     """
+    real, order = form.real, form.order
 
     @wp.func
     def choose(pace: pace_type(real)):
@@ -201,7 +200,7 @@ def choice_function(
             explicit = step
             if diffusion * step > one:
                 explicit = one / diffusion
-            if wp.static(is_staged):
+            if wp.static(form.is_staged):
                 explicit_limit = _span(wp.float64(MAX_STAGES), order) * explicit
                 if explicit_limit < step:
                     step = explicit_limit
@@ -209,7 +208,7 @@ def choice_function(
             else:
                 if explicit < step:
                     step = explicit
-                    limit = wp.static(LIMITS.index('waves' if has_velocity else 'diffusion'))
+                    limit = wp.static(LIMITS.index('waves' if form.has_velocity else 'diffusion'))
             if advection * step > one:
                 step = one / advection
                 limit = 2
@@ -233,14 +232,14 @@ def choice_function(
                 pace.counts[at.CURRENT] = 0
                 pace.stage[at.VELOCITY] = real(0.0)
                 return
-            if wp.static(has_velocity):
+            if wp.static(form.has_velocity):
                 pace.clock[at.FORMER_STEP] = former
             pace.clock[at.FULL_STEP] = full
             pace.counts[at.LIMIT] = limit
             pace.counts[at.STEPS] = steps + 1
             pace.clock[at.STEP] = step
             s = 1
-            if wp.static(is_staged):
+            if wp.static(form.is_staged):
                 # the smallest s for which _span is at least this step
                 product = wp.float64(2.0) * step / explicit
                 if wp.static(order == 2):
