@@ -10,7 +10,7 @@ on a device and advances it for one scene and one set of effects. There are two:
 
 from collections.abc import Generator, Iterator
 import math
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import warp as wp
@@ -22,7 +22,21 @@ from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
 from lava_ros.simulation.output.peaks import PeakMaps, Peaks
 from lava_ros.simulation.output.snapshot import Particles, ParticleSample, PendingSnapshot
-from lava_ros.simulation.stop import Stop
+
+
+class Stop(NamedTuple):
+    """Where a solver has stopped.
+
+    Attributes:
+        time: Simulated time reached [s].
+        step: Length of the next step if ``is_step_pending``, otherwise of the latest step, as it
+            would be without stops and without particles that are due within it [s].
+        is_step_pending: True if the next step has not begun because it would end too late.
+    """
+
+    time: float
+    step: float
+    is_step_pending: bool
 
 
 class Solver(Protocol):

@@ -132,7 +132,7 @@ class CellLava:
         self.grid = grid_of(terrain, self.accuracy.spacing)
         self._fraction_with_data = fraction_with_data(terrain, self.grid)
         lava = self.scene.lava
-        self.state = CellState.on(
+        self.state = CellState(
             self.grid, self.device, lava=lava, weight=lava.density * self.scene.gravity,
             film=self._film,
         )
@@ -429,5 +429,4 @@ def _fill(array: Any, values: np.ndarray) -> None:
 
 def _inner(array: Any) -> np.ndarray:
     """Return a map without its ring, which shares the memory of the array."""
-    values: np.ndarray = array.numpy()
-    return values[1:-1, 1:-1]
+    return array.numpy()[1:-1, 1:-1]

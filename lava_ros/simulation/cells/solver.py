@@ -60,8 +60,8 @@ from lava_ros.simulation.particles.layout import (
     SEA,
 )
 from lava_ros.simulation.particles.terrain import averaged
+from lava_ros.simulation.solver import Stop
 from lava_ros.simulation.step.stage import longest_step
-from lava_ros.simulation.stop import Stop
 
 #: Wall time of a launch to aim at [s], and maximum number of steps.
 _LAUNCH_TIME, _MAX_STEPS = 0.02, 4096

@@ -31,7 +31,6 @@ volume is added to ``left``.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -143,7 +142,6 @@ def maps_of(
     }
 
 
-@dataclass(eq=False)
 class CellState:
     """Lava on the cells of a terrain, on a device.
 
@@ -185,83 +183,39 @@ class CellState:
             same that have lava (``spans.py``), int32, shape [4 rows], on a CPU.
     """
 
-    terrain: Terrain
-    cell: float
-    weight: float
-    film: float
-    law: Any
-    device: Any
-    thickness: Any
-    stage: Any
-    drop_x: Any
-    drop_y: Any
-    factor_x: Any
-    factor_y: Any
-    cross_x: Any
-    cross_y: Any
-    fluidity: Any
-    strength: Any
-    source: Any
-    flux_x: Any
-    flux_y: Any
-    former_x: Any
-    former_y: Any
-    mobility_x: Any
-    mobility_y: Any
-    held_x: Any
-    held_y: Any
-    first_x: Any
-    first_y: Any
-    kind: Any
-    box: Any
-    vent_box: Any
-    clock: Any
-    counts: Any
-    peaks: Any
-    left: Any
-    gone: Any
-    slots: Any
-    spans: Any
-
-    @classmethod
-    def on(
-        cls, terrain: Terrain, device: Any, *, lava: Lava, weight: float, film: float
-    ) -> 'CellState':
-        """Return the state of a terrain without lava, at time 0; the faces have no ground yet.
+    def __init__(
+        self, terrain: Terrain, device: Any, *, lava: Lava, weight: float, film: float
+    ) -> None:
+        """Allocate for a terrain without lava, at time 0; the faces have no ground yet.
 
         Args:
             terrain: The ground.
             device: The Warp device.
+            lava: The material.
             weight: Density times gravity [N/m3].
             film: Thickness below which lava does not flow [m].
-            lava: The material.
         """
-        rows, columns = terrain.shape
-        shape = rows + 2, columns + 2
-        sizes = {
+        self.terrain, self.cell, self.device = terrain, terrain.resolution, device
+        self.weight, self.film, self.law = weight, film, filled(FaceLaw(), law_values(lava))
+        rows, columns = np.add(terrain.shape, 2).tolist()
+        vars(self).update(maps_of(Cells, (rows, columns), device, {
             'box': 4, 'vent_box': 4, 'clock': 9, 'counts': 4, 'peaks': 2, 'left': 3,
-            'gone': 3 * shape[0], 'slots': 32, 'spans': 4 * shape[0],
-        }
-        arrays = maps_of(Cells, shape, device, sizes)
-        law = filled(FaceLaw(), law_values(lava))
-        state = cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
-        state.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0, 0.0])
-        state.kind.assign(_kinds(terrain))
-        return state
+            'gone': 3 * rows, 'slots': 32, 'spans': 4 * rows,
+        }))
+        self.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0, 0.0])
+        self.kind.assign(_kinds(terrain))
 
     def argument(self) -> Any:
         """Return the argument of kernels."""
         cells = Cells()
         cells.rows, cells.stride = self.thickness.shape
-        for item in fields(self):
-            if item.name in Cells.vars and item.name not in ('rows', 'stride'):
-                setattr(cells, item.name, getattr(self, item.name))
+        for name in Cells.vars.keys() - {'rows', 'stride'}:
+            setattr(cells, name, getattr(self, name))
         return cells
 
     def map_of(self, name: str) -> np.ndarray:
         """Copy a map without the ring to the host, shape [rows, columns]."""
-        values: np.ndarray = getattr(self, name).numpy()
-        return values[1:-1, 1:-1].copy()
+        return getattr(self, name).numpy()[1:-1, 1:-1].copy()
 
 
 def _kinds(terrain: Terrain) -> np.ndarray:

@@ -33,8 +33,8 @@ from lava_ros.simulation.particles.layout import centre_of, fitting
 from lava_ros.simulation.particles.solidified import volume_of
 from lava_ros.simulation.particles.state import room_for, State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
+from lava_ros.simulation.solver import Stop
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
-from lava_ros.simulation.stop import Stop
 
 #: Stages per launch, by whether the device is a GPU.
 _GRAPH_STAGES = {True: 16, False: 1}

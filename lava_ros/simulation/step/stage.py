@@ -112,7 +112,7 @@ class Stage:
             )
             pace.fixed = accuracy.fixed_step or 0.0
             pace.few = int(timestep.FEW * accuracy.refinement)
-            pace.due = vents.due
+            pace.due = vents.outlets.due
             pace.rates, pace.stage, pace.chosen = state.rates, state.stage, state.chosen
             pace.clock, pace.limit_time, pace.counts = state.clock, state.limit_time, state.counts
             if 'cold' in state.arrays:

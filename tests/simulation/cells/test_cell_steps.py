@@ -39,7 +39,7 @@ def lava_on(
 ):
     """Return the state of some lava, and a function that advances it to a time [s]."""
     terrain = Terrain(elevation, cell)
-    state = CellState.on(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
+    state = CellState(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
     scene = Scene(terrain, (), lava)
     lay_ground(state.argument(), HeatState.on(state, scene, effects, 1.0).argument(), effects)
     state.thickness.assign(np.pad(thickness, 1))
@@ -176,6 +176,6 @@ def test_lava_leaves_on_cells_without_data_and_in_the_sea(cells, place):
     ground = 20.0 - 0.2 * x
     ground[x > 50.0] = cells
     terrain = Terrain(ground, 5.0, sea_level=0.0)
-    state = CellState.on(terrain, 'cpu', lava=ISOTHERMAL, weight=WEIGHT, film=1e-6)
+    state = CellState(terrain, 'cpu', lava=ISOTHERMAL, weight=WEIGHT, film=1e-6)
     kinds = np.bincount(state.kind.numpy()[1:-1, 1:-1].ravel(), minlength=4)
     assert kinds[1 + place] == (x > 50.0).sum()
