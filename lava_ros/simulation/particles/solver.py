@@ -18,7 +18,7 @@ from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.batch import Batch, current_batch
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint, joined
 from lava_ros.simulation.output.checkpoint_contents import (
     capacity_for,
     check_conserved,
@@ -368,12 +368,10 @@ class ParticleSolver(ParticleLava):
         """
         self.order()
         self.state.launches.forget()
-        arrays = {f'state.{name}': array for name, array in self.state.save().items()}
-        arrays |= {f'vents.{name}': array for name, array in self.vents.save().items()}
-        arrays |= {f'arrived.{name}': item for name, item in self.covered.save().items()}
-        if self.raised is not None:
-            arrays |= {f'solidified.{name}': item for name, item in self.raised.save().items()}
-        return arrays
+        return joined({
+            'state': self.state.save(), 'vents': self.vents.save(), 'arrived': self.covered.save(),
+            'solidified': {} if self.raised is None else self.raised.save(),
+        })
 
     def load(self, checkpoint: Checkpoint) -> None:
         """Restore the arrays of a checkpoint of the same scene, effects and accuracy.
@@ -383,10 +381,7 @@ class ParticleSolver(ParticleLava):
                 numbers that no simulation has.
         """
         check_contents(checkpoint)
-        parts: dict[str, dict[str, np.ndarray]] = {}
-        for name, array in checkpoint.arrays.items():
-            owner, _, own_name = name.partition('.')
-            parts.setdefault(owner, {})[own_name] = array
+        parts = checkpoint.by_owner()
         # lava may have solidified before the effect was switched off
         if self.raised is not None or 'solidified' in parts:
             self.own_terrain().load(parts.pop('solidified', {}))
