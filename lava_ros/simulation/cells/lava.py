@@ -116,7 +116,7 @@ class CellLava:
 
     @staticmethod
     def bytes_for(scene: Scene, effects: Effects, accuracy: Accuracy, volume: float) -> int:
-        """Return the memory of a simulation and its peaks, as ``Solver.bytes_for``."""
+        """Return the memory of a simulation and its peaks, as ``ParticleLava.bytes_for``."""
         del effects, volume
         assert accuracy.spacing is not None
         terrain, scale = scene.terrain, 2.0 ** -doublings_of(scene.terrain, accuracy.spacing)

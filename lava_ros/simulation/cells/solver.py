@@ -60,8 +60,8 @@ from lava_ros.simulation.particles.layout import (
     SEA,
 )
 from lava_ros.simulation.particles.terrain import averaged
-from lava_ros.simulation.solver import Stop
 from lava_ros.simulation.step.stage import longest_step
+from lava_ros.simulation.stop import Stop
 
 #: Wall time of a launch to aim at [s], and maximum number of steps.
 _LAUNCH_TIME, _MAX_STEPS = 0.02, 4096
@@ -213,7 +213,7 @@ class CellSolver(CellLava):
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
-        """Advance to a time, as ``Solver.advancing_to``; no step is ever incomplete."""
+        """Advance to a time, as ``ParticleSolver.advancing_to``; no step is ever incomplete."""
         self._end = self._end if end is None else end
         clock = self.clock
         while clock[TIME] < until and wall_clock.monotonic() < deadline:

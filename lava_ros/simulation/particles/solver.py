@@ -33,8 +33,8 @@ from lava_ros.simulation.particles.layout import centre_of, fitting
 from lava_ros.simulation.particles.solidified import volume_of
 from lava_ros.simulation.particles.state import room_for, State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
-from lava_ros.simulation.solver import Stop
 from lava_ros.simulation.step.vents import check_rates, Emission, VentSet
+from lava_ros.simulation.stop import Stop
 
 #: Stages per launch, by whether the device is a GPU.
 _GRAPH_STAGES = {True: 16, False: 1}
@@ -274,7 +274,21 @@ class ParticleSolver(ParticleLava):
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
-        """Advance to a time, as ``Solver.advancing_to``."""
+        """Advance to a time, or to the step after which no lava is left; yield between launches.
+
+        After the deadline the last step may be incomplete. The next call continues it; with the
+        current time as ``until`` it only completes that step.
+
+        Args:
+            until: Simulated time to reach [s].
+            end: Simulated time that no step may pass [s]; None keeps the previous one.
+            deadline: Time of ``time.monotonic`` after which to stop early [s].
+            max_end: Simulated time after which no step may end [s]: a step that would end later
+                does not begin. Infinite for a member of a batch.
+
+        Returns:
+            Where it stopped; the time is the end of the last complete step.
+        """
         state = self.state
         if end is not None:
             # ground of the vents that open before it
