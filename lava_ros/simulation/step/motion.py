@@ -26,7 +26,7 @@ from lava_ros.simulation.particles.layout import age_at, arguments_type, Form
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
 from lava_ros.simulation.step.outlets import Outlets
-from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
+from lava_ros.simulation.step.timestep import DIRECTORS, Pace, StageChoice
 
 #: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
 _MAX_DISPLACEMENT_GROWTH = 2.0
@@ -226,7 +226,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
 
     @quick_kernel(bounds=bounds)
     def move(
-        i: int, flow: wp.array(dtype=vec3), pace: pace_type(real), outlets: Outlets,
+        i: int, flow: wp.array(dtype=vec3), pace: Pace, outlets: Outlets,
         m: arguments_type(real),
     ):
         if wp.static(choose_and_emit is not None):
@@ -238,7 +238,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
             return
         p, f = load(m.ordered, i), flow[i]
         if wp.static(choose_and_emit is not None):
-            compiled.wait_for(pace.chosen)
+            compiled.wait_for(m.chosen)
         motion(i, p, f, m)
 
     return move

@@ -101,22 +101,18 @@ class Stage:
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
         """Return the (cached) arguments for the choice of a stage."""
         if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
-            accuracy, state = self._accuracy, self._state
-            pace = timestep.pace_type(state.real)()
+            accuracy, device = self._accuracy, self._state.device
+            pace = timestep.Pace()
             pace.longest = longest_step(
                 scene, accuracy, self._effects, self.constants.reach
             )
             pace.ends, pace.limits = (
-                wp.array(column, dtype=wp.float64, device=state.device)
+                wp.array(column, dtype=wp.float64, device=device)
                 for column in vents.step_limits.T[:2]
             )
             pace.fixed = accuracy.fixed_step or 0.0
             pace.few = int(timestep.FEW * accuracy.refinement)
             pace.due = vents.outlets.due
-            pace.rates, pace.stage, pace.chosen = state.rates, state.stage, state.chosen
-            pace.clock, pace.limit_time, pace.counts = state.clock, state.limit_time, state.counts
-            if 'cold' in state.arrays:
-                pace.cold = state.arrays['cold']
             self._pace = scene, vents, pace
         return self._pace[2]
 
