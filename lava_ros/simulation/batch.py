@@ -12,6 +12,7 @@ its row for the next member in the queue.
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import chain, islice
 from threading import local
 from time import perf_counter
@@ -74,7 +75,7 @@ def _read_back(
 class _Group:
     """Members whose stages run the same kernels, one row each."""
 
-    def __init__(self, launches: Sequence[Launch], rows: int, state: State) -> None:
+    def __init__(self, launches: Sequence[Launch], state: State, rows: int) -> None:
         device = self._device = state.device
         self.rounds_at_once = _UNDER_WAY[device.is_cuda]
         self._stages = BatchedLaunches(launches, rows, device)
@@ -203,8 +204,7 @@ class Batch:
         self._at_once = at_once
         #: Groups (``_Group``, ``cells.worlds.CellGroup``), by whether they take steps, and kind.
         self._groups: dict[Any, Any] = {}
-        #: Group and row of each active route (True: for stages), and the state and its
-        #: ``launches.forgotten`` at recording.
+        #: Group and row of each active route (True: for steps), and their owner and its version.
         self._places: dict[tuple[Iterator[None], bool], tuple[Any, int, Any, int]] = {}
         self._route: Iterator[None] | None = None
         self._has_asked = False
@@ -222,8 +222,7 @@ class Batch:
             record: Function that records the launches of one of its stages.
             until: The time [s].
         """
-        group, row = self._place(state, record, True)
-        assert self._route is not None
+        group, row = self._place_launches(state, record, True)
         group.advance(row, until, self._route)
 
     def advance_world(
@@ -237,19 +236,7 @@ class Batch:
             world: Arrays and constants of the member.
             order: Its clock and window.
         """
-        assert self._route is not None
-        self._has_asked = True
-        key, group = (self._route, True), None
-        if key in self._places:
-            group, row, of, _ = self._places[key]
-        if group is None or of is not world:
-            self._leave(*key)
-            group = self._groups.get((True, kind))
-            if group is None:
-                group = self._groups[True, kind] = make(self._at_once)
-            row = group.free.pop()
-            group.put(row, world)
-            self._places[key] = group, row, world, 0
+        group, row = self._place(True, (world, 0), lambda: (kind, make, (world,)))
         group.advance(row, order, self._route)
 
     def launch(self, state: State, record: Callable[[], list[Launch]]) -> None:
@@ -259,29 +246,43 @@ class Batch:
             state: State of its simulation.
             record: Function that records the launches.
         """
-        group, row = self._place(state, record, False)
-        assert self._route is not None
+        group, row = self._place_launches(state, record, False)
         group.under_way[row] = self._route
 
-    def _place(
+    def _place_launches(
         self, state: State, record: Callable[[], list[Launch]], is_stage: bool
-    ) -> tuple[_Group, int]:
+    ) -> tuple[Any, int]:
         """Return the group and row for launches of the current route."""
+
+        def recorded() -> tuple[Any, Callable[[int], Any], tuple[Any, ...]]:
+            launches = record()
+            return kind_of(launches), partial(_Group, launches, state), (launches, state)
+
+        return self._place(is_stage, (state, state.launches.forgotten), recorded)
+
+    def _place(
+        self, is_stage: bool, owner: tuple[Any, int],
+        describe: Callable[[], tuple[Any, Callable[[int], Any], tuple[Any, ...]]],
+    ) -> tuple[Any, int]:
+        """Return the group and row of the current route.
+
+        Unless it has a row for this version of its ``owner``, ``describe`` returns the kind of the
+        group, the function that makes one, and what a row is given.
+        """
         assert self._route is not None
         self._has_asked = True
         state.launches.launched = None
         key = self._route, is_stage
-        group, row, of, forgotten = self._places.get(key, (None, 0, None, 0))
-        if group is None or of is not state or forgotten != state.launches.forgotten:
+        group, row, of, version = self._places.get(key, (None, 0, None, 0))
+        if of is not owner[0] or version != owner[1]:
             self._leave(*key)
-            launches = record()
-            kind = is_stage, kind_of(launches)
-            group = self._groups.get(kind)
-            if group is None:
-                group = self._groups[kind] = _Group(launches, self._at_once, state)
+            kind, make, contents = describe()
+            if (is_stage, kind) not in self._groups:
+                self._groups[is_stage, kind] = make(self._at_once)
+            group = self._groups[is_stage, kind]
             row = group.free.pop()
-            group.put(row, launches, state)
-            self._places[key] = group, row, state, state.launches.forgotten
+            group.put(row, *contents)
+            self._places[key] = group, row, *owner
         return group, row
 
     def run(self, routes: Iterable[Iterator[None]]) -> None:

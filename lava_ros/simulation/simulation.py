@@ -40,7 +40,9 @@ from lava_ros.simulation.resolution import (
 from lava_ros.simulation.selection import Decision, HORIZON
 from lava_ros.simulation.setup.defaults import device_of
 from lava_ros.simulation.setup.review import EffectChoice
-from lava_ros.simulation.solver import Solver
+
+#: A solver owns the lava on a device, and advances it for one scene and one set of effects.
+Solver = ParticleSolver | CellSolver
 
 #: Solvers by method (``Accuracy.method``).
 SOLVERS: dict[str, type[Solver]] = {'particles': ParticleSolver, 'cells': CellSolver}

@@ -189,7 +189,7 @@ def _account(moment: Moment) -> _Account:
         if inertia:
             square = (lava.velocity**2).sum(axis=1)
             energy += float((lava.volume * square).sum()) / (2.0 * gravity)
-            kick = simulation.solver.state.of_effects['kick'].numpy()
+            kick = simulation.solver.state.arrays['kick'].numpy()
             kick = kick[: len(lava.volume)].astype(float)
             half_kick = float((lava.volume * (kick**2).sum(axis=1)).sum()) / (8.0 * gravity)
     # highest energy of emitted lava, over its weight and from the lowest ground

@@ -99,13 +99,11 @@ def read(array: Any) -> np.ndarray:
     ``array.numpy()`` would wait for all streams and block them.
     """
     if not array.device.is_cuda:
-        copied: np.ndarray = array.numpy().copy()
-        return copied
+        return array.numpy().copy()
     host = wp.empty_like(array, device='cpu')
     wp.copy(host, array)
     wp.synchronize_stream(wp.get_stream(array.device))
-    values: np.ndarray = host.numpy()
-    return values
+    return host.numpy()
 
 
 class Readback:

@@ -76,8 +76,7 @@ def on_terrain(
     if np.array_equal(np.multiply(terrain.shape, ratio), grid.shape):
         rows, columns = (slice(ratio * one.start, ratio * one.stop) for one in part)
         shape = [number for one in part for number in (one.stop - one.start, ratio)]
-        means: np.ndarray = values[rows, columns].reshape(shape).mean(axis=(1, 3))
-        return means
+        return values[rows, columns].reshape(shape).mean(axis=(1, 3))
     # a larger cell of an odd side continues beyond the terrain
     ratio = round(grid.resolution / terrain.resolution)
     return values[np.ix_(*(np.arange(one.start, one.stop) // ratio for one in part))]

@@ -36,7 +36,7 @@ from lava_ros.simulation.cells.state import (
 )
 from lava_ros.simulation.cells.vents import CellVents
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.covered_maps import CoveredCells, show_covered_cells
+from lava_ros.simulation.output.covered_maps import box_of, CoveredCells, show_covered_cells
 from lava_ros.simulation.output.diagnostics import Moment, SHOWN, snapshot_of
 from lava_ros.simulation.output.peaks import PeakMaps, Peaks
 from lava_ros.simulation.output.snapshot import (
@@ -117,7 +117,7 @@ class CellLava:
 
     @staticmethod
     def bytes_for(scene: Scene, effects: Effects, accuracy: Accuracy, volume: float) -> int:
-        """Return the memory of a simulation and its peaks, as ``Solver.bytes_for``."""
+        """Return the memory of a simulation and its peaks, as ``ParticleLava.bytes_for``."""
         del effects, volume
         assert accuracy.spacing is not None
         terrain, scale = scene.terrain, 2.0 ** -doublings_of(scene.terrain, accuracy.spacing)
@@ -188,7 +188,9 @@ class CellLava:
         is_wet = lava.thickness > 0.0
         #: Temperatures of the lava [K], and the window in which it is.
         self._temperatures = set(np.unique(lava.temperature[is_wet]).tolist())
-        self._lava_box = box_of(lava.thickness > self._film)
+        rows, columns = box_of(lava.thickness > self._film)
+        ends = rows.start, rows.stop - 1, columns.start, columns.stop - 1
+        self._lava_box = np.array(ends, dtype=np.int32)
         if not is_first:
             _fill(heat.emission_time, lava.emission_time)
         self._is_bare = not (is_wet.any() or lava.solidified.any())
@@ -416,15 +418,6 @@ def mixed(columns: Columns, into: Any) -> Columns:
     return Columns(thickness, temperature, emission_time, into(columns.solidified))
 
 
-def box_of(cells: np.ndarray) -> np.ndarray:
-    """Return first and last row and column of marked cells; without any the last is before."""
-    ends = []
-    for axis in (1, 0):
-        found = np.flatnonzero(cells.any(axis=axis))
-        ends += [found[0], found[-1]] if found.size else [0, -1]
-    return np.array(ends, dtype=np.int32)
-
-
 def _fill(array: Any, values: np.ndarray) -> None:
     """Write a map without its ring, which continues it."""
     first = values.flat[0]
@@ -436,5 +429,4 @@ def _fill(array: Any, values: np.ndarray) -> None:
 
 def _inner(array: Any) -> np.ndarray:
     """Return a map without its ring, which shares the memory of the array."""
-    values: np.ndarray = array.numpy()
-    return values[1:-1, 1:-1]
+    return array.numpy()[1:-1, 1:-1]

@@ -44,13 +44,13 @@ from lava_ros.simulation.cells.worlds import (
     world_of,
     Worlds,
 )
-from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint, joined
 from lava_ros.simulation.output.checkpoint_contents import (
     check_conserved,
     check_contents,
     check_restored,
 )
-from lava_ros.simulation.output.snapshot import Particles, ParticleSample
+from lava_ros.simulation.output.snapshot import check_places, Particles, ParticleSample
 from lava_ros.simulation.particles.layout import (
     BORDER,
     CELL_MAPS,
@@ -118,9 +118,7 @@ class CellSolver(CellLava):
         """
         lava, is_bare = self.bare_columns(), True
         if particles is not None and len(particles.position):
-            for index in np.flatnonzero(~self.scene.terrain.covered(particles.position))[:1]:
-                where = tuple(particles.position[index].tolist())
-                raise LavaError(f'particles.position[{index}]', where, 'a place on the terrain')
+            check_places(particles, self.scene.terrain)
             volume, hot = np.asarray(particles.volume), np.asarray(particles.temperature)
             sides = np.sqrt(volume / self.accuracy.thickness)
             volumes, warmth = (
@@ -215,7 +213,7 @@ class CellSolver(CellLava):
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
-        """Advance to a time, as ``Solver.advancing_to``; no step is ever incomplete."""
+        """Advance to a time, as ``ParticleSolver.advancing_to``; no step is ever incomplete."""
         self._end = self._end if end is None else end
         clock = self.clock
         while clock[TIME] < until and wall_clock.monotonic() < deadline:
@@ -368,13 +366,14 @@ class CellSolver(CellLava):
         rows = np.column_stack([
             sample.position - centre_of(self.scene.terrain), sample.volume, sample.temperature
         ])
-        return {
-            'state.particle': rows,
-            'cells.clock': self.clock[_TIMES],
-            **{f'cells.{name}': getattr(self.state, name).numpy().copy() for name in _SAVED},
-            **{f'heat.{name}': getattr(self.heat, name).numpy().copy() for name in _SAVED_HEAT},
-            **{f'arrived.{name}': item for name, item in self.covered.save().items()},
-        }
+        flow, heat = (
+            {name: getattr(owner, name).numpy().copy() for name in names}
+            for owner, names in ((self.state, _SAVED), (self.heat, _SAVED_HEAT))
+        )
+        return joined({
+            'state': {'particle': rows}, 'cells': {'clock': self.clock[_TIMES], **flow},
+            'heat': heat, 'arrived': self.covered.save(),
+        })
 
     def load(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint of the same scene, effects and accuracy.
@@ -383,12 +382,13 @@ class CellSolver(CellLava):
             LavaError: If an array is missing, or does not belong to the scene and the accuracy.
         """
         check_contents(checkpoint)
-        arrays = dict(checkpoint.arrays)
-        del arrays['state.particle']
+        parts = checkpoint.by_owner()
+        del parts['state']['particle']
+        arrived = parts.pop('arrived', None)
 
         def take(owner: str, name: str, array: np.ndarray) -> np.ndarray:
-            key = f'{owner}.{name}'
-            return fitting(key, arrays.pop(key, None), array.shape, array.dtype)
+            found = parts.get(owner, {}).pop(name, None)
+            return fitting(f'{owner}.{name}', found, array.shape, array.dtype)
 
         state, heat = self.state, self.heat
         for owner, target, names in (('cells', state, _SAVED), ('heat', heat, _SAVED_HEAT)):
@@ -409,16 +409,12 @@ class CellSolver(CellLava):
         state.peaks.assign(peaks)
         self.clock[_TIMES], self.counts[:] = times, state.counts.numpy()
         self.thickest = float(peaks[0])
-        arrived = {
-            name.removeprefix('arrived.'): arrays.pop(name) for name in [*arrays]
-            if name.startswith('arrived.')
-        }
         self._cover()
-        if arrived:
+        if arrived is not None:
             self.covered.load(arrived)
-        check_restored(checkpoint, arrays, self.time)
+        check_restored(checkpoint, joined(parts), self.time)
         self.volume_before = checkpoint.emitted
         self.open_vents(checkpoint.since)
-        self._is_due = not arrived
+        self._is_due = arrived is None
         check_conserved(self.budget())
 

@@ -130,6 +130,14 @@ class Checkpoint:
         """Number of particles, or of cells with lava."""
         return len(self.arrays['state.particle'])
 
+    def by_owner(self) -> dict[str, dict[str, np.ndarray]]:
+        """Return the arrays by the two parts of their names, as ``joined`` has joined them."""
+        parts: dict[str, dict[str, np.ndarray]] = {}
+        for name, array in self.arrays.items():
+            owner, _, own_name = name.partition('.')
+            parts.setdefault(owner, {})[own_name] = array
+        return parts
+
     def counting(self, threshold: float) -> 'Checkpoint':
         """Return the checkpoint of a simulation that counts lava at or above a thickness [m].
 
@@ -182,6 +190,14 @@ class Checkpoint:
             _MAGIC, VERSION, len(header), len(body), self.particle_count, self.time, bytes(8)
         )
         return b''.join((prefix, _digest(prefix, header, body), header, body))
+
+
+def joined(owners: Mapping[str, Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return the arrays of all owners, each named by its owner and its own name."""
+    return {
+        f'{owner}.{name}': array for owner, arrays in owners.items()
+        for name, array in arrays.items()
+    }
 
 
 def warn_of_other_model(checkpoint: Checkpoint) -> None:

@@ -51,7 +51,7 @@ def check_restored(checkpoint: Checkpoint, unused: Iterable[str], time: float) -
 
     Args:
         checkpoint: The checkpoint.
-        unused: Names of arrays that the solver has not read.
+        unused: Names of arrays, or of their owners, that the solver has not read.
         time: Simulated time of the solver's clock [s].
 
     Raises:

@@ -146,7 +146,7 @@ class CoveredCells:
             read(one) for one in (self.maps.arrived, self.maps.half_inundated, self.maps.covered)
         )
         solid = np.zeros(terrain.shape) if solidified is None else solidified
-        before = _grid_of(former).part(_box_of(arrived >= 0.0))
+        before = _grid_of(former).part(box_of(arrived >= 0.0))
         after = before.cells_on(_grid_of(terrain))
         moved = np.full((2, *terrain.shape), -1.0)
         covered = np.zeros(terrain.shape, dtype=np.int32)
@@ -195,7 +195,7 @@ class CoveredCells:
             array.assign(fitting(f'arrived.{key}', arrays.get(key), array.shape, kind))
 
 
-def _box_of(cells: np.ndarray) -> _Box:
+def box_of(cells: np.ndarray) -> _Box:
     """Return the rows and columns of the rectangle of marked cells, bool, [rows, columns]."""
     rows, columns = (np.flatnonzero(cells.any(axis=axis)) for axis in (1, 0))
     if not rows.size:
@@ -205,7 +205,7 @@ def _box_of(cells: np.ndarray) -> _Box:
 
 def _bounds_of(cells: np.ndarray) -> np.ndarray:
     """Return the bounds (``State.bounds``) of cells with lava, bool, shape [rows, columns]."""
-    ends = zip(cells.shape, _box_of(cells), strict=True)
+    ends = zip(cells.shape, box_of(cells), strict=True)
     return np.array([
         value for count, part in ends
         for value in ((count - part.start, part.stop) if part.stop else (0, 0))

@@ -99,7 +99,7 @@ class FlowDiagnostics:
         Particles that have left must have been dropped. ``raised`` is the ground if lava can have
         solidified onto it.
         """
-        length = _SUMS + 3 + state.clock.size + state.counts.size + vents.released.size
+        length = _SUMS + 3 + state.clock.size + state.counts.size + vents.outlets.released.size
         placed, unit = None, 0.0
         if raised is not None:
             length += _SUMS
@@ -111,7 +111,7 @@ class FlowDiagnostics:
             dim=_SUMS,
             inputs=[
                 state.particle, state.clock, state.counts, state.left, placed, unit,
-                vents.released,
+                vents.outlets.released,
             ],
             outputs=[self._numbers],
             device=state.device,
@@ -124,7 +124,7 @@ def moment_of(numbers: np.ndarray, state: State, vents: VentSet, before: float) 
 
     Only the sizes of the state's arrays are read; ``before`` [m3] was emitted by earlier vents.
     """
-    sizes = [_SUMS, 3, state.clock.size, state.counts.size, vents.released.size]
+    sizes = [_SUMS, 3, state.clock.size, state.counts.size, vents.outlets.released.size]
     parts = np.split(numbers, np.cumsum(sizes))
     sums, (border, holes, sea), clock, places, released, frozen = parts
     counts, time = places.astype(np.int64), float(clock[at.TIME])

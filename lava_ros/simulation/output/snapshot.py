@@ -190,6 +190,13 @@ def particles_of(scene: Scene, spacing: float) -> Particles | None:
     return Particles(places, volumes, np.concatenate(temperatures))
 
 
+def check_places(particles: Particles, terrain: Terrain) -> None:
+    """Raise LavaError if a particle is not on the terrain."""
+    for index in np.flatnonzero(~terrain.covered(particles.position))[:1]:
+        where = tuple(particles.position[index].tolist())
+        raise LavaError(f'particles.position[{index}]', where, 'a place on the terrain')
+
+
 #: Distance over the spacing between particles given at the same place.
 _COINCIDENT_OFFSET = 1e-3
 
@@ -203,10 +210,8 @@ def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarra
     Raises:
         LavaError: If a particle is not on the terrain.
     """
+    check_places(particles, terrain)
     places = particles.position.copy()
-    for index in np.flatnonzero(~terrain.covered(places))[:1]:
-        where = f'particles.position[{index}]'
-        raise LavaError(where, tuple(places[index]), 'a place on the terrain')
     # complex numbers: sorting rows takes ten times as long
     _, which = np.unique(places[:, 0] + 1j * places[:, 1], return_inverse=True)
     if which.size == 0 or which.max() == which.size - 1:

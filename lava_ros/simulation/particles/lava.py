@@ -90,7 +90,16 @@ class ParticleLava:
 
     @staticmethod
     def bytes_for(scene: Scene, effects: Effects, accuracy: Accuracy, volume: float) -> int:
-        """Return the memory of a simulation and its peaks, as ``Solver.bytes_for``."""
+        """Return the memory of a simulation and its ``Peaks`` on a device [bytes].
+
+        It leaves out what simulations on the same terrain share, and the arrays of few items.
+
+        Args:
+            scene: Terrain, vents and lava.
+            effects: The effects that are on.
+            accuracy: The resolution, with all automatic values filled in.
+            volume: Expected volume of the lava [m3].
+        """
         freezes = effects.any('freezes')
         kinds = at.kinds_of(at.REAL[accuracy.precision])
         types = [kinds[one.dtype] for one in at.CELL_MAPS.values() if len(one.shape) == 2]
@@ -191,7 +200,7 @@ class ParticleLava:
 
     def bin(self) -> None:
         """Assign the particles to cells in place of the previous motion, if it has not."""
-        if self.state.bins_in_motion and not self.neighbors.is_binned:
+        if not (self.state.form.has_empty or self.neighbors.is_binned):
             self.neighbors.bin(self.state, self.stage.arguments)
 
     def cover(self) -> None:

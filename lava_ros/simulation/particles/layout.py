@@ -45,6 +45,44 @@ THICKEST = 2.0
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
+
+class Form(NamedTuple):
+    """Properties of particles and their steps for which kernels are compiled.
+
+    Attributes:
+        real: Warp scalar type.
+        order: Order of super-time-stepping.
+        is_staged: True if steps have several stages.
+        is_guarded: True if displacements are limited; a step of fixed length is not.
+        has_velocity: True if particles have momentum.
+        has_remainder: True if they carry rounding errors, with float32.
+        has_temperature_remainder: True if they carry that of the temperature.
+        has_mean: True if the mean temperature around a particle decides how it moves.
+        has_age: True if particles know their time of emission.
+        has_slope: True if the slope of the surface is kept for the heat balance.
+        has_surface: True if the gradient needs the surface at the particles. With momentum it is
+            always the pairwise energy gradient, which a bore needs.
+        has_empty: True if particles without volume, frozen or merged, are dropped. Otherwise no
+            pass follows the motion, and the motion itself assigns the particles to cells.
+        is_ranked_again: True if particles rank in their cells by number, not in the order of GPU
+            atomics.
+    """
+
+    real: Any
+    order: int
+    is_staged: bool
+    is_guarded: bool
+    has_velocity: bool
+    has_remainder: bool
+    has_temperature_remainder: bool
+    has_mean: bool
+    has_age: bool
+    has_slope: bool
+    has_surface: bool
+    has_empty: bool
+    is_ranked_again: bool
+
+
 class Declaration(NamedTuple):
     """An array on the device.
 
@@ -53,10 +91,10 @@ class Declaration(NamedTuple):
             ``float64``.
         shape: Dimensions: ``particle`` (the capacity), ``row`` and ``column`` of the terrain's
             cells, or a number of items.
-        only_if: Property of ``State`` without which the array is not allocated.
+        only_if: Property of ``Form`` without which the array is not allocated.
         is_carried: True if particles carry it from step to step, or with ``is_of_step`` from stage
-            to stage. Such an array has a twin in the order of the cells, named ``ordered_`` and
-            its name.
+            to stage. Such an array has a twin in the order of the cells (``ordered``), named
+            ``ordered_`` and its name.
         is_of_step: True if it is meaningless between two steps.
         is_saved: True if checkpoints contain it; they always contain carried arrays.
     """
@@ -128,21 +166,6 @@ class Arrays:
 
     # ordered particles: sorted by the cells of the neighbour grid
     ordered: wp.array = array('as particle', 'vec4', 'particle')
-    ordered_remainder: wp.array = array(
-        'as remainder', 'vec2', 'particle', only_if='has_remainder'
-    )
-    ordered_temperature_remainder: wp.array = array(
-        'as temperature_remainder', 'real', 'particle', only_if='has_temperature_remainder'
-    )
-    ordered_emission_time: wp.array = array(
-        'as emission_time', 'float64', 'particle', only_if='has_age'
-    )
-    ordered_velocity: wp.array = array('as velocity', 'vec2', 'particle', only_if='has_velocity')
-    ordered_base: wp.array = array('as base', 'vec4', 'particle', only_if='is_staged')
-    ordered_drift: wp.array = array('as drift', 'vec4', 'particle', only_if='is_staged')
-    ordered_mean_temperature: wp.array = array(
-        'as mean_temperature', 'real', 'particle', only_if='has_mean'
-    )
     members: wp.array = array(
         'numbers of the particles of each cell, unsorted', 'int32', 'particle',
         only_if='is_ranked_again',
@@ -223,8 +246,28 @@ class CellMaps:
     )
 
 
+def _with_twins(arrays: Mapping[str, Declaration]) -> dict[str, Declaration]:
+    """Return arrays and their twins in the order of the cells, by name."""
+    twins = {
+        f'ordered_{name}': one._replace(is_carried=False, is_of_step=False)
+        for name, one in arrays.items() if one.is_carried
+    }
+    return {**arrays, **twins}
+
+
+def _declared(arrays: Mapping[str, Array]) -> dict[str, Declaration]:
+    """Return the arrays that effects add, and their twins, by name."""
+    return _with_twins({
+        name: Declaration(
+            one.dtype, ('particle' if one.count is None else one.count,),
+            is_carried=one.is_carried, is_saved=one.is_saved,
+        )
+        for name, one in arrays.items()
+    })
+
+
 #: The arrays of the solver, by name, and those that kernels read of the terrain's cells.
-ARRAYS, CELL_MAPS = declarations(Arrays), declarations(CellMaps)
+ARRAYS, CELL_MAPS = _with_twins(declarations(Arrays)), declarations(CellMaps)
 
 #: Fields that kernels read in addition to arrays of ``State``.
 _OTHERS = (*CELL_MAPS, 'ground', 'cells', 'constants', 'law', 'heat')
@@ -233,21 +276,12 @@ _OTHERS = (*CELL_MAPS, 'ground', 'cells', 'constants', 'law', 'heat')
 _MORE_ARRAYS = join_names('arrays', EFFECTS, (*ARRAYS, *_OTHERS))
 
 
-def arrays_added_by(effects: Effects) -> dict[str, Declaration]:
-    """Return the arrays that the effects that are on add, and their twins, by name."""
-    return _with_twins(effects.arrays)
-
-
-def _with_twins(arrays: Mapping[str, Array]) -> dict[str, Declaration]:
-    found = {}
-    for name, one in arrays.items():
-        shape = ('particle' if one.count is None else one.count,)
-        found[name] = Declaration(
-            one.dtype, shape, is_carried=one.is_carried, is_saved=one.is_saved
-        )
-        if one.is_carried:
-            found[f'ordered_{name}'] = Declaration(one.dtype, shape)
-    return found
+def declared_arrays(form: Form, effects: Effects) -> dict[str, Declaration]:
+    """Return the arrays of particles with some effects, by name."""
+    own = {
+        name: one for name, one in ARRAYS.items() if not one.only_if or getattr(form, one.only_if)
+    }
+    return own | _declared(effects.arrays)
 
 
 def kinds_of(real: Any) -> dict[str, Any]:
@@ -344,7 +378,7 @@ def arguments_type(real: Any) -> Any:
     kinds = kinds_of(real)
     types = {
         name: wp.array(dtype=kinds[one.dtype], ndim=len(one.shape))
-        for name, one in (CELL_MAPS | ARRAYS | _with_twins(_MORE_ARRAYS)).items()
+        for name, one in (CELL_MAPS | ARRAYS | _declared(_MORE_ARRAYS)).items()
     }
     types |= {
         'ground': ground_type(real),

@@ -27,7 +27,7 @@ from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import bin_function, border_functions, cells_to_radius
-from lava_ros.simulation.particles.layout import arguments_type, cell_frame
+from lava_ros.simulation.particles.layout import arguments_type, cell_frame, Form
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
 
@@ -62,15 +62,13 @@ MAX_PARTICLES_PER_CELL = 2**15
 
 
 @lru_cache
-def _kernels(
-    real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_mean: bool,
-    has_empty: bool, is_ranked_again: bool, has_temperature_remainder: bool,
-) -> tuple[Any, ...]:
+def _kernels(form: Form) -> tuple[Any, ...]:
+    real = form.real
     vec4 = wp.types.vector(4, real)
     load, store = compiled.access(real, 4)
     load_pair, store_pair = compiled.access(real, 2)
 
-    place = bin_function(real, has_empty)
+    place = bin_function(real, form.has_empty)
     _, side_of, volume_lost = border_functions(real)
 
     @quick_kernel
@@ -86,7 +84,7 @@ def _kernels(
         c = compiled.load_int(m.cell, i)
         if c == m.cells.rows * m.cells.columns:
             p = m.particle[i]
-            if not (wp.static(has_empty) and p[2] == real(0.0)):
+            if not (wp.static(form.has_empty) and p[2] == real(0.0)):
                 m.left[side_of(m.ground, p[0], p[1])] += volume_lost(p)
         before = m.cells.sizes[c]
         m.rank[i] = before
@@ -124,7 +122,7 @@ def _kernels(
         p = load(m.particle, i)
         m.cells.sizes[c] = 0
         place = compiled.load_int(starts, c)
-        if wp.static(is_ranked_again):
+        if wp.static(form.is_ranked_again):
             place += rank_of(i, place, compiled.load_int(starts, c + 1), m.members)
         else:
             place += compiled.load_int(m.rank, i)
@@ -132,29 +130,22 @@ def _kernels(
             # it has left the terrain
             p = vec4()
         store(m.ordered, place, p)
-        if wp.static(real is wp.float32):
+        if wp.static(form.has_remainder):
             store_pair(m.ordered_remainder, place, load_pair(m.remainder, i))
-        if wp.static(has_velocity):
+        if wp.static(form.has_velocity):
             store_pair(m.ordered_velocity, place, load_pair(m.velocity, i))
-        if wp.static(has_age):
+        if wp.static(form.has_age):
             m.ordered_emission_time[place] = m.emission_time[i]
-        if wp.static(has_temperature_remainder):
+        if wp.static(form.has_temperature_remainder):
             m.ordered_temperature_remainder[place] = m.temperature_remainder[i]
-        if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
+        if wp.static(form.is_staged):  # noqa: SIM102, the static test decides what is compiled
             if m.counts[at.STAGE] > 0:
                 store(m.ordered_base, place, load(m.base, i))
                 store(m.ordered_drift, place, load(m.drift, i))
-                if wp.static(has_mean):
+                if wp.static(form.has_mean):
                     m.ordered_mean_temperature[place] = m.mean_temperature[i]
 
     return bin_particles, order_particles, rank_particles, list_members
-
-
-def _kernels_of(state: State) -> tuple[Any, ...]:
-    return _kernels(
-        state.real, state.is_staged, state.has_velocity, state.has_age, state.has_mean,
-        state.has_empty, state.is_ranked_again, state.has_temperature_remainder,
-    )
 
 
 class NeighborGrid:
@@ -278,7 +269,7 @@ class NeighborGrid:
 
     def bin(self, state: State, arguments: Any) -> None:
         """Assign each particle to its cell, as a motion that sets ``is_binned`` does."""
-        bins, *_ = _kernels_of(state)
+        bins, *_ = _kernels(state.form)
         launch_over(state, bins, [arguments], min_items=MIN_MOVES)
         self.is_binned = True
 
@@ -290,11 +281,11 @@ class NeighborGrid:
         if not self.is_binned:
             self.bin(state, arguments)
         self.is_binned = False
-        _, order, rank, members = _kernels_of(state)
+        _, order, rank, members = _kernels(state.form)
         if not state.device.is_cuda:
             state.launches(rank, [arguments], dim=state.extent)
         self._scan(state.launches, self.cells.sizes, self.cells.starts)
-        if state.is_ranked_again:
+        if state.form.is_ranked_again:
             launch_over(state, members, [arguments], min_items=MIN_MOVES)
         launch_over(state, order, [arguments], min_items=MIN_MOVES)
 

@@ -98,8 +98,7 @@ class RaisedTerrain(StaggeredTerrain):
 
     def thickness(self) -> np.ndarray:
         """Return the solidified thickness as maps show it [m], float64, shape [rows, columns]."""
-        parts: np.ndarray = read(self.placed)
-        return parts * THICKNESS_UNIT
+        return read(self.placed) * THICKNESS_UNIT
 
     def take_over(self, former: 'RaisedTerrain', left: Any) -> None:
         """Transfer the solidified lava of the previous terrain to this one, which has none.

@@ -18,7 +18,7 @@ from lava_ros.scene.vents import match_vents
 from lava_ros.simulation.backend.threads import is_alone
 from lava_ros.simulation.batch import Batch, current_batch
 from lava_ros.simulation.output.budget import VolumeBudget
-from lava_ros.simulation.output.checkpoint import Checkpoint
+from lava_ros.simulation.output.checkpoint import Checkpoint, joined
 from lava_ros.simulation.output.checkpoint_contents import (
     capacity_for,
     check_conserved,
@@ -73,7 +73,7 @@ class ParticleSolver(ParticleLava):
             assert self.accuracy.spacing is not None
             rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
             self.add_particles(rows)
-            if self.state.has_velocity:
+            if self.state.form.has_velocity:
                 self.state.velocity[: len(rows)].assign(particles.velocity)
             self.cover()
             self.volume_before = float(self.state.read_particles()[:, 2].sum())
@@ -106,7 +106,7 @@ class ParticleSolver(ParticleLava):
         volume = (np.minimum(steps, self.accuracy.longest_step) * rates).max()
         per_step = volume / self.accuracy.particle_volume
         # steps have at least two stages with RKL2
-        ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.is_staged else 1))
+        ahead = math.ceil(_STAGES_AHEAD[self.device.is_cuda] / (2 if state.form.is_staged else 1))
         state.particles_ahead = math.ceil(min(ahead * per_step, _MAX_AHEAD))
         state.make_room(state.read_clock()[1])
 
@@ -274,7 +274,21 @@ class ParticleSolver(ParticleLava):
     def advancing_to(
         self, until: float, end: float | None, deadline: float, max_end: float = math.inf
     ) -> Generator[None, None, Stop]:
-        """Advance to a time, as ``Solver.advancing_to``."""
+        """Advance to a time, or to the step after which no lava is left; yield between launches.
+
+        After the deadline the last step may be incomplete. The next call continues it; with the
+        current time as ``until`` it only completes that step.
+
+        Args:
+            until: Simulated time to reach [s].
+            end: Simulated time that no step may pass [s]; None keeps the previous one.
+            deadline: Time of ``time.monotonic`` after which to stop early [s].
+            max_end: Simulated time after which no step may end [s]: a step that would end later
+                does not begin. Infinite for a member of a batch.
+
+        Returns:
+            Where it stopped; the time is the end of the last complete step.
+        """
         state = self.state
         if end is not None:
             # ground of the vents that open before it
@@ -368,12 +382,10 @@ class ParticleSolver(ParticleLava):
         """
         self.order()
         self.state.launches.forget()
-        arrays = {f'state.{name}': array for name, array in self.state.save().items()}
-        arrays |= {f'vents.{name}': array for name, array in self.vents.save().items()}
-        arrays |= {f'arrived.{name}': item for name, item in self.covered.save().items()}
-        if self.raised is not None:
-            arrays |= {f'solidified.{name}': item for name, item in self.raised.save().items()}
-        return arrays
+        return joined({
+            'state': self.state.save(), 'vents': self.vents.save(), 'arrived': self.covered.save(),
+            'solidified': {} if self.raised is None else self.raised.save(),
+        })
 
     def load(self, checkpoint: Checkpoint) -> None:
         """Restore the arrays of a checkpoint of the same scene, effects and accuracy.
@@ -383,10 +395,7 @@ class ParticleSolver(ParticleLava):
                 numbers that no simulation has.
         """
         check_contents(checkpoint)
-        parts: dict[str, dict[str, np.ndarray]] = {}
-        for name, array in checkpoint.arrays.items():
-            owner, _, own_name = name.partition('.')
-            parts.setdefault(owner, {})[own_name] = array
+        parts = checkpoint.by_owner()
         # lava may have solidified before the effect was switched off
         if self.raised is not None or 'solidified' in parts:
             self.own_terrain().load(parts.pop('solidified', {}))

@@ -53,7 +53,7 @@ class State(Arrays):
     Attributes:
         capacity: Number of particles for which arrays are allocated.
         cell_maps: What lava has covered; kept by ``CoveredCells``.
-        of_effects: Arrays that effects declare (``Effect.arrays``), by name.
+        form: Properties for which kernels are compiled.
     """
 
     capacity: int
@@ -62,35 +62,31 @@ class State(Arrays):
         """Allocate for ``capacity`` particles and an ``Accuracy``."""
         super().__init__()
         forget_failure(device)
-        self.real = at.REAL[accuracy.precision]
-        self.effects = effects
-        self.has_velocity = effects.any('needs_velocity')
-        self.is_staged = accuracy.integrator != 'euler' and not self.has_velocity
-        self.order = 1 if accuracy.integrator == 'rkl1' else 2
-        self.has_remainder = accuracy.precision == 'float32'
-        self.has_temperature_remainder = self.has_remainder and bool(effects.having('terms'))
+        self.effects, self.device = effects, device
         self.is_deterministic = accuracy.deterministic
-        # a step of fixed length is not limited
-        self.is_guarded = accuracy.fixed_step is None
-        self.has_mean = effects.any('stiffens')
-        self.has_age = effects.any('needs_age')
-        self.has_slope = effects.any('needs_drop')
-        # particles that have frozen or merged into another have no volume and are dropped
-        self.has_empty = effects.any('removes_particles')
-        # without a pass after the motion, the motion itself assigns the particles to cells
-        self.bins_in_motion = not self.has_empty
-        # the pairwise energy gradient conserves momentum, which a bore needs
-        self.has_surface = accuracy.gradient != 'energy' and not self.has_velocity
-        self.device = device
+        has_velocity, is_single = effects.any('needs_velocity'), accuracy.precision == 'float32'
+        self.form = form = at.Form(
+            real=at.REAL[accuracy.precision],
+            order=1 if accuracy.integrator == 'rkl1' else 2,
+            is_staged=accuracy.integrator != 'euler' and not has_velocity,
+            is_guarded=accuracy.fixed_step is None,
+            has_velocity=has_velocity,
+            has_remainder=is_single,
+            has_temperature_remainder=is_single and bool(effects.having('terms')),
+            has_mean=effects.any('stiffens'),
+            has_age=effects.any('needs_age'),
+            has_slope=effects.any('needs_drop'),
+            has_surface=accuracy.gradient != 'energy' and not has_velocity,
+            has_empty=effects.any('removes_particles'),
+            is_ranked_again=accuracy.deterministic and device.is_cuda,
+        )
+        self.real = form.real
         self.launches = Launches(device)
         #: Maximum number of particles that vents emit before the host reads the counts again.
         self.particles_ahead = 0
-        own = at.ARRAYS.items()
-        self._declared = {
-            name: one for name, one in own if not one.only_if or getattr(self, one.only_if)
-        } | at.arrays_added_by(effects)
+        self._declared = at.declared_arrays(form, effects)
         self.cell_maps = CellMaps()
-        self.of_effects: dict[str, wp.array] = {}
+        self._arrays: dict[str, wp.array] = {}
         self._allocate(capacity)
         self.top.fill_(-at.FAR)
         if not device.is_cuda:
@@ -111,8 +107,7 @@ class State(Arrays):
     @property
     def arrays(self) -> dict[str, wp.array]:
         """All arrays, by the names that kernels use."""
-        own = {name: getattr(self, name) for name in at.ARRAYS if name in self._declared}
-        return own | vars(self.cell_maps) | self.of_effects
+        return self._arrays | vars(self.cell_maps)
 
     @property
     def bytes_per_particle(self) -> int:
@@ -123,20 +118,17 @@ class State(Arrays):
 
     def _allocate(self, capacity: int) -> None:
         """Allocate the arrays of some particles; keep those that do not depend on the number."""
-        kinds, items, others, own = at.kinds_of(self.real), {}, {}, self.arrays
+        kinds, items, others = at.kinds_of(self.real), {}, {}
         for name, one in self._declared.items():
             (length,) = one.shape
             if length == 'particle':
                 items[name] = kinds[one.dtype], capacity
-            elif own.get(name) is None:
+            elif name not in self._arrays:
                 others[name] = kinds[one.dtype], length
         arrays = zeros(items, self.device) | zeros(others, self.device)
         self.launches.forget()
-        for name, array in arrays.items():
-            if name in at.ARRAYS:
-                setattr(self, name, array)
-            else:
-                self.of_effects[name] = array
+        self._arrays |= arrays
+        vars(self).update(arrays)
         self.capacity = capacity
 
     @property
@@ -147,11 +139,6 @@ class State(Arrays):
         if self.launches.is_capturing:
             return self.launches.extent
         return int(self._seen_counts[at.PARTICLES] + self._seen_counts[at.NEWCOMERS])
-
-    @property
-    def is_ranked_again(self) -> bool:
-        """True if particles rank in their cells by number, not in the order of GPU atomics."""
-        return self.is_deterministic and self.device.is_cuda
 
     @property
     def parts(self) -> int:
@@ -309,9 +296,9 @@ class State(Arrays):
         count = min(self.count, len(values))
         arrays = self.arrays
         kept = {name: read(arrays[name][:count]) for name in self._carried if count}
-        if self.has_remainder:
+        if self.form.has_remainder:
             kept['remainder'] = values[:, :2] - values[:, :2].astype(np.float32)
-        if self.has_temperature_remainder:
+        if self.form.has_temperature_remainder:
             kept['temperature_remainder'] = values[:, 3] - values[:, 3].astype(np.float32)
         if len(values) > FULLEST * self.capacity:
             self._allocate(room_for(len(values)))
@@ -331,12 +318,12 @@ class State(Arrays):
         for name in ('particle', *carried, 'clock', 'counts', 'top', 'left'):
             wp.copy(self.arrays[name], former.arrays[name])
         self.cell_maps = former.cell_maps
-        if not former.has_age:
+        if not former.form.has_age:
             self._begin_ages()
 
     def _begin_ages(self) -> None:
         """Let all lava count as emitted now, if an effect needs its age."""
-        if self.has_age:
+        if self.form.has_age:
             self.emission_time.fill_(self.read_clock()[0][at.TIME])
 
     def save(self) -> dict[str, np.ndarray]:
@@ -379,9 +366,9 @@ class State(Arrays):
         if not count:
             return np.empty((0, 4))
         rows = read(self.particle[:count]).astype(np.float64)
-        if self.has_remainder:
+        if self.form.has_remainder:
             rows[:, :2] += read(self.remainder[:count])
-        if self.has_temperature_remainder:
+        if self.form.has_temperature_remainder:
             rows[:, 3] += read(self.temperature_remainder[:count])
         return rows
 

@@ -20,6 +20,7 @@ from lava_ros.simulation.particles.cells import bin_function
 from lava_ros.simulation.particles.layout import (
     arguments_type,
     CURRENT,
+    Form,
     FULL,
     IS_LAST,
     NEWCOMERS,
@@ -37,16 +38,13 @@ _ROUNDING = 1e-9
 
 
 @lru_cache
-def emission_function(
-    real: Any, order: int, is_staged: bool, has_velocity: bool, has_age: bool, has_mean: bool,
-    bins: bool, has_temperature_remainder: bool,
-) -> Any:
+def emission_function(form: Form) -> Any:
     """Return the device function that releases the particles that are due from every k-th vent.
 
-    ``order`` is that of super-time-stepping. The arguments of the function are the index of the
-    first vent, the stride k, the tables of the vents, and the arguments of the motion
-    (``arguments_type``).
+    The arguments of the function are the index of the first vent, the stride k, the tables of the
+    vents, and the arguments of the motion (``arguments_type``).
     """
+    real, order, bins = form.real, form.order, not form.has_empty
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
     put = bin_function(real, False)
@@ -74,23 +72,23 @@ def emission_function(
             return 0
         for n in range(due):
             i = slot + n
-            if wp.static(real is wp.float32):
+            if wp.static(form.has_remainder):
                 m.remainder[i] = vec2()
-            if wp.static(has_velocity):
+            if wp.static(form.has_velocity):
                 velocity = outlets.vents[v].velocity
                 m.velocity[i] = vec2(real(velocity[0]), real(velocity[1]))
-            if wp.static(has_age):
+            if wp.static(form.has_age):
                 m.emission_time[i] = time
-            if wp.static(has_temperature_remainder):
+            if wp.static(form.has_temperature_remainder):
                 m.temperature_remainder[i] = real(0.0)
             place = place_of(v, outlets.released[v] + n, outlets)
             volume, heat = real(outlets.particle_volume), real(outlets.vents[v].temperature)
             p = vec4(real(place[0]), real(place[1]), volume, heat)
             m.particle[i] = p
-            if wp.static(is_staged):
+            if wp.static(form.is_staged):
                 m.base[i] = vec4(p[0], p[1], real(0.0), real(0.0))
                 m.drift[i] = vec4()
-                if wp.static(has_mean):
+                if wp.static(form.has_mean):
                     m.mean_temperature[i] = heat
             note(p, real(0.0), end, m)
             if wp.static(bins):

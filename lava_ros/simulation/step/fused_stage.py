@@ -23,7 +23,7 @@ from lava_ros.simulation.step.outlets import Outlets
 from lava_ros.simulation.step.timestep import (
     choice_function,
     DIRECTORS,
-    pace_type,
+    Pace,
     StageChoice,
 )
 
@@ -37,11 +37,11 @@ BOUNDS = {True: FEW_THREADS, False: (DIRECTORS, 6)}
 def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
     @wp.func
     def choose_and_emit(
-        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
+        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
     ):
         if thread == 0:
-            choose(pace)
-        announce(pace.chosen)
+            choose(pace, m)
+        announce(m.chosen)
         if wp.static(emission is not None):  # noqa: SIM102, the static test decides
             if thread < wp.static(emitters):
                 emission(thread, wp.static(emitters), outlets, m)
@@ -53,7 +53,7 @@ def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
 def _kernel(real: Any, function: Any) -> Any:
     @quick_kernel
     def choose_stage(
-        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
+        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
     ):
         function(thread, pace, outlets, m)
 
@@ -66,15 +66,12 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     With momentum the stage must be known before the forces of the motion are computed.
     """
     is_worth_it = state.is_short or (state.device.is_cuda and sums_up)
-    return is_worth_it and not state.has_velocity
+    return is_worth_it and not state.form.has_velocity
 
 
 def choice_within_motion(state: State, pace: Any, outlets: Any, emission: Any) -> StageChoice:
     """Let a motion choose its stage, and emit by an ``emission_function`` unless it is None."""
-    choose = choice_function(
-        state.real, state.order, state.is_staged, state.has_velocity,
-        state.effects.any('freezes'),
-    )
+    choose = choice_function(state.form, state.effects.any('freezes'))
     # one number for any vents: each different one would be another kernel
     threads = state.emitting_threads(DIRECTORS)
     function = _function(state.real, choose, emission, threads)

@@ -22,11 +22,11 @@ from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.particles.cells import bin_function
-from lava_ros.simulation.particles.layout import age_at, arguments_type
+from lava_ros.simulation.particles.layout import age_at, arguments_type, Form
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import terrain_functions
 from lava_ros.simulation.step.outlets import Outlets
-from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
+from lava_ros.simulation.step.timestep import DIRECTORS, Pace, StageChoice
 
 #: Maximum displacement in a step over the one it was chosen for: speeds may rise within a step.
 _MAX_DISPLACEMENT_GROWTH = 2.0
@@ -78,17 +78,16 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
 
 @lru_cache
-def motion_function(
-    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool, has_surface: bool
-) -> Any:
+def motion_function(form: Form, effects: Effects) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
 
     Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m] and
     velocity [m/s], and arguments of the motion.
     """
+    real = form.real
     vec2 = wp.types.vector(2, real)
     # differences and lateral stress push lava up slopes that its own surface slope does not
-    guarded = _guard_function(real, has_surface or effects.any('is_lateral'))
+    guarded = _guard_function(real, form.has_surface or effects.any('is_lateral'))
     place = bin_function(real, False)
     load, store = compiled.access(real, 4)
     load_pair, store_pair = compiled.access(real, 2)
@@ -97,13 +96,10 @@ def motion_function(
     vec4 = wp.types.vector(4, real)
     warming, column_struct = warming_function(wp, real, effects), column_type(real)
     heats = warming is not None
-    has_temperature_remainder = heats and real is wp.float32
     cosine_squared = effects.function('cosine_squared', real)
     note = note_function(real, False)
-    has_age, has_mean = effects.any('needs_age'), effects.any('stiffens')
-    ages_in_place = effects.any('ages_in_place')
-    has_velocity, has_speed = effects.any('needs_velocity'), effects.any('needs_speed')
-    falls, freezes = effects.any('needs_drop'), effects.any('freezes')
+    ages_in_place, has_speed = effects.any('ages_in_place'), effects.any('needs_speed')
+    falls, freezes = form.has_slope, effects.any('freezes')
 
     @wp.func
     def begun_in_place(m: arguments_type(real), x: real, y: real, now: wp.float64) -> wp.float64:
@@ -123,7 +119,7 @@ def motion_function(
         dy = m.stage[at.VELOCITY] * f[2]
         before = vec2()
         start = vec2(f[1], f[2])
-        if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
+        if wp.static(form.is_staged):  # noqa: SIM102, the static test decides what is compiled
             # displacements, not positions, are combined: this keeps more digits in float32
             if m.counts[at.CURRENT] > 1:
                 b = load(m.ordered_base, i)
@@ -142,22 +138,22 @@ def motion_function(
                 y = b[1]
                 before = vec2(d[0], d[1])
                 start = vec2(d[2], d[3])
-        if wp.static(is_guarded):
+        if wp.static(form.is_guarded):
             head = real(0.0)
-            if wp.static(has_velocity):
+            if wp.static(form.has_velocity):
                 head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * m.constants.gravity)
             way = guarded(m, x, y, vec2(dx, dy), f[0], head)
             dx = way[0]
             dy = way[1]
-        if wp.static(is_staged):
+        if wp.static(form.is_staged):
             store(m.base, i, vec4(x, y, before[0], before[1]))
             store(m.drift, i, vec4(dx, dy, start[0], start[1]))
-            if wp.static(has_mean):
+            if wp.static(form.has_mean):
                 m.mean_temperature[i] = m.ordered_mean_temperature[i]
         temperature = p[3]
-        if wp.static(has_age):
+        if wp.static(form.has_age):
             m.emission_time[i] = m.ordered_emission_time[i]
-        if wp.static(has_temperature_remainder):
+        if wp.static(form.has_temperature_remainder):
             m.temperature_remainder[i] = m.ordered_temperature_remainder[i]
         if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
             if m.counts[at.IS_LAST] == 1:
@@ -166,12 +162,12 @@ def motion_function(
                 column.thickness = f[0]
                 column.normal_thickness = column.thickness
                 ground = vec2()
-                if wp.static(cosine_squared is not None or (falls and not has_velocity)):
+                if wp.static(cosine_squared is not None or (falls and not form.has_velocity)):
                     ground = gradient_at(m.ground, p[0], p[1])
                 if wp.static(cosine_squared is not None):
                     column.normal_thickness *= wp.sqrt(cosine_squared(ground))
                 age = real(0.0)
-                if wp.static(has_age):
+                if wp.static(form.has_age):
                     # the clock is at the end of the step
                     begun = m.clock[at.TIME] - m.clock[at.STEP]
                     if wp.static(ages_in_place):
@@ -181,7 +177,7 @@ def motion_function(
                 drop = real(0.0)
                 if wp.static(falls):
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
-                    if wp.static(not has_velocity):
+                    if wp.static(not form.has_velocity):
                         # the actual drop of the ground, however steep it is where the step begins
                         drop += wp.dot(ground, vec2(dx, dy))
                         drop += height_at(m.ground, x, y)
@@ -190,7 +186,7 @@ def motion_function(
                 if wp.static(has_speed):
                     column.speed = wp.sqrt(dx * dx + dy * dy) / step
                 change = warming(m.heat, column, temperature, age, step)
-                if wp.static(has_temperature_remainder):
+                if wp.static(form.has_temperature_remainder):
                     change += m.ordered_temperature_remainder[i]
                     former = temperature
                     temperature = former + change
@@ -200,7 +196,7 @@ def motion_function(
         if wp.static(freezes):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1
-        if wp.static(real is wp.float32):
+        if wp.static(form.has_remainder):
             rest = load_pair(m.ordered_remainder, i)
             new = vec2(x, y)
             # past the target nothing moves, not even by rounding
@@ -215,20 +211,12 @@ def motion_function(
         else:
             p = vec4(x + dx, y + dy, p[2], temperature)
         store(m.particle, i, p)
-        if wp.static(bins):
+        if wp.static(not form.has_empty):
             place(i, p, m)
         if m.counts[at.IS_LAST] == 1:
             note(p, f[0], m.clock[at.TIME], m)
 
     return move_on
-
-
-def motion_of(state: State) -> Any:
-    """Return the device function of ``motion_function`` for the particles of a state."""
-    return motion_function(
-        state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion,
-        state.has_surface,
-    )
 
 
 @lru_cache
@@ -238,7 +226,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
 
     @quick_kernel(bounds=bounds)
     def move(
-        i: int, flow: wp.array(dtype=vec3), pace: pace_type(real), outlets: Outlets,
+        i: int, flow: wp.array(dtype=vec3), pace: Pace, outlets: Outlets,
         m: arguments_type(real),
     ):
         if wp.static(choose_and_emit is not None):
@@ -250,7 +238,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
             return
         p, f = load(m.ordered, i), flow[i]
         if wp.static(choose_and_emit is not None):
-            compiled.wait_for(pace.chosen)
+            compiled.wait_for(m.chosen)
         motion(i, p, f, m)
 
     return move
@@ -259,7 +247,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
 def move_particles(state: State, arguments: Any, choice: StageChoice, motion: Any) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``.
 
-    ``motion`` is that of ``motion_of``.
+    ``motion`` is that of ``motion_function``.
     """
     launch_over(
         state,

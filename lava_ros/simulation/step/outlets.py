@@ -44,7 +44,8 @@ class Outlets:
             around which lava may not come out everywhere.
         particle_volume: Volume of a particle [m3].
         max_per_step: Maximum number of particles that a vent emits in a step.
-        released, due: As in ``VentSet``.
+        released: Number of emitted particles of each vent, shape [vents], at least one.
+        due: Times at which the next two particles of each vent are due [s], shape [vents].
     """
 
     vents: wp.array(dtype=Outlet)

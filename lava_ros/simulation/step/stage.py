@@ -61,7 +61,7 @@ class Stage:
         self._cells: Any = None
         self._arguments: Any = None
         self._flow_kernels = partial(
-            flow_kernels, state.real, accuracy.kernel, state.has_surface, state.effects
+            flow_kernels, state.real, accuracy.kernel, state.form.has_surface, state.effects
         )
         self._is_published = accuracy.formulation == 'as-published'
         self.parts = {
@@ -90,37 +90,29 @@ class Stage:
             # before the choice of the step, which depends on the speed
             self.finish_flow()
         pace, arguments, outlets = self._pace_of(scene, vents), self.arguments, vents.outlets
-        emission = emission_function(
-            state.real, state.order, state.is_staged, state.has_velocity, state.has_age,
-            state.has_mean, state.bins_in_motion, state.has_temperature_remainder,
-        )
-        emits_in_motion = emission if state.bins_in_motion else None
-        choice = choice_within_motion(state, pace, outlets, emits_in_motion)
+        emission, has_empty = emission_function(state.form), state.form.has_empty
+        choice = choice_within_motion(state, pace, outlets, None if has_empty else emission)
         if not is_within_the_motion(state, sums_up=self._mover is not None):
             choice = choose_before_motion(state, choice, arguments)
         self._move(arguments, choice)
-        if not state.bins_in_motion:
+        if has_empty:
             emit(state, emission, outlets, arguments)
 
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
         """Return the (cached) arguments for the choice of a stage."""
         if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
-            accuracy, state = self._accuracy, self._state
-            pace = timestep.pace_type(state.real)()
+            accuracy, device = self._accuracy, self._state.device
+            pace = timestep.Pace()
             pace.longest = longest_step(
                 scene, accuracy, self._effects, self.constants.reach
             )
             pace.ends, pace.limits = (
-                wp.array(column, dtype=wp.float64, device=state.device)
+                wp.array(column, dtype=wp.float64, device=device)
                 for column in vents.step_limits.T[:2]
             )
             pace.fixed = accuracy.fixed_step or 0.0
             pace.few = int(timestep.FEW * accuracy.refinement)
-            pace.due = vents.due
-            pace.rates, pace.stage, pace.chosen = state.rates, state.stage, state.chosen
-            pace.clock, pace.limit_time, pace.counts = state.clock, state.limit_time, state.counts
-            if 'cold' in state.of_effects:
-                pace.cold = state.of_effects['cold']
+            pace.due = vents.outlets.due
             self._pace = scene, vents, pace
         return self._pace[2]
 
@@ -135,7 +127,7 @@ class Stage:
             state.lanes, state.parts, state.is_short, state.is_wide,
             not self._is_published,
         )
-        if state.has_surface:
+        if state.form.has_surface:
             launch_over(state, elevate, [arguments], lanes=state.lanes)
         launch_over(state, flow, [arguments, fills_flow], lanes=state.lanes)
 
@@ -152,11 +144,12 @@ class Stage:
         state = self._state
         for part in self.parts.values():
             part.accelerate(arguments)
+        moved = motion.motion_function(state.form, state.effects)
         if self._mover is None:
-            motion.move_particles(state, arguments, choice, motion.motion_of(state))
+            motion.move_particles(state, arguments, choice, moved)
         else:
-            self._mover.move_particles(arguments, choice, motion.motion_of(state))
-        self._neighbors.is_binned = state.bins_in_motion
+            self._mover.move_particles(arguments, choice, moved)
+        self._neighbors.is_binned = not state.form.has_empty
         for part in self.parts.values():
             part.finish_step(arguments)
 

@@ -17,6 +17,7 @@ import warp as wp
 
 from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.particles import layout as at
+from lava_ros.simulation.particles.layout import arguments_type, Form
 
 #: Limits of a step, indexed by ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
@@ -111,27 +112,25 @@ def longest_from(
     return longest
 
 
-@lru_cache
-def pace_type(real: Any) -> Any:
-    """Return the struct for the choice of a stage: limits, arrays of ``State``, vents."""
+@wp.struct
+class Pace:
+    """Limits of a step.
 
-    @wp.struct
-    class Pace:
-        longest: wp.float64
-        ends: wp.array(dtype=wp.float64)
-        limits: wp.array(dtype=wp.float64)
-        fixed: wp.float64
-        few: wp.int32
-        rates: wp.array(dtype=real)
-        due: wp.array(dtype=wp.vec2d)
-        clock: wp.array(dtype=wp.float64)
-        limit_time: wp.array(dtype=wp.float64)
-        counts: wp.array(dtype=wp.int32)
-        stage: wp.array(dtype=real)
-        cold: wp.array(dtype=wp.int32)
-        chosen: wp.array(dtype=wp.int32)
+    Attributes:
+        longest: Longest step that the user and the effects allow [s].
+        ends: End of each span of constant discharge [s]; the last one is infinite.
+        limits: Longest step in each span [s].
+        fixed: Step that overrides all limits [s]; 0 without.
+        few: Number of particles below which steps end when particles are due.
+        due: Times at which the next particles are due [s] (``Outlets``).
+    """
 
-    return Pace
+    longest: wp.float64
+    ends: wp.array(dtype=wp.float64)
+    limits: wp.array(dtype=wp.float64)
+    fixed: wp.float64
+    few: wp.int32
+    due: wp.array(dtype=wp.vec2d)
 
 
 class StageChoice(NamedTuple):
@@ -156,43 +155,41 @@ class StageChoice(NamedTuple):
 
 
 @lru_cache
-def choice_function(
-    real: Any, order: int, is_staged: bool, has_velocity: bool, freezes: bool
-) -> Any:
+def choice_function(form: Form, freezes: bool) -> Any:
     """Return the device function that begins a step or its next stage.
 
-    ``order`` is that of super-time-stepping. The last stage advances the clock. One thread calls
-    it, when all rates are known.
+    The last stage advances the clock. One thread calls it, when all rates are known.
 
     Only the first ``limit_time`` shortens steps, never the target: after the first end of a step
     at or after the target, stages idle. They also idle if the step would end after the second
     ``limit_time``; ``FULL_STEP`` is then the length of that step. Idle stages change nothing that
     a later step depends on, so the steps of a simulation do not depend on where it stops.
     """
+    real, order = form.real, form.order
 
     @wp.func
-    def choose(pace: pace_type(real)):
+    def choose(pace: Pace, m: arguments_type(real)):
         one = wp.float64(1.0)
         # read everything before writing anything: reads after a write would be repeated one by one
-        time = pace.clock[at.TIME]
-        target = pace.clock[at.TARGET]
-        end = pace.limit_time[at.LIMIT_TIME]
-        max_end = pace.limit_time[at.MAX_END]
-        step = pace.clock[at.STEP]
-        j = pace.counts[at.STAGE] + 1
-        s = pace.counts[at.STAGES]
-        steps = pace.counts[at.STEPS]
-        evaluations = pace.counts[at.EVALUATIONS]
-        particles = pace.counts[at.PARTICLES]
-        diffusion = wp.float64(pace.rates[at.DIFFUSION])
-        advection = wp.float64(pace.rates[at.ADVECTION])
+        time = m.clock[at.TIME]
+        target = m.clock[at.TARGET]
+        end = m.limit_time[at.LIMIT_TIME]
+        max_end = m.limit_time[at.MAX_END]
+        step = m.clock[at.STEP]
+        j = m.counts[at.STAGE] + 1
+        s = m.counts[at.STAGES]
+        steps = m.counts[at.STEPS]
+        evaluations = m.counts[at.EVALUATIONS]
+        particles = m.counts[at.PARTICLES]
+        diffusion = wp.float64(m.rates[at.DIFFUSION])
+        advection = wp.float64(m.rates[at.ADVECTION])
         if wp.static(freezes):
-            pace.cold[0] = 0
+            m.cold[0] = 0
         if j == 1:
             if time >= target:
-                pace.counts[at.IS_LAST] = 0
-                pace.counts[at.CURRENT] = 0
-                pace.stage[at.VELOCITY] = real(0.0)
+                m.counts[at.IS_LAST] = 0
+                m.counts[at.CURRENT] = 0
+                m.stage[at.VELOCITY] = real(0.0)
                 return
             former = step
             remaining = end - time
@@ -201,7 +198,7 @@ def choice_function(
             explicit = step
             if diffusion * step > one:
                 explicit = one / diffusion
-            if wp.static(is_staged):
+            if wp.static(form.is_staged):
                 explicit_limit = _span(wp.float64(MAX_STAGES), order) * explicit
                 if explicit_limit < step:
                     step = explicit_limit
@@ -209,7 +206,7 @@ def choice_function(
             else:
                 if explicit < step:
                     step = explicit
-                    limit = wp.static(LIMITS.index('waves' if has_velocity else 'diffusion'))
+                    limit = wp.static(LIMITS.index('waves' if form.has_velocity else 'diffusion'))
             if advection * step > one:
                 step = one / advection
                 limit = 2
@@ -228,54 +225,54 @@ def choice_function(
             if wp.abs(end - ending) < wp.float64(1e-9) * step:
                 ending = end
             if ending > max_end:
-                pace.clock[at.FULL_STEP] = step
-                pace.counts[at.IS_LAST] = 0
-                pace.counts[at.CURRENT] = 0
-                pace.stage[at.VELOCITY] = real(0.0)
+                m.clock[at.FULL_STEP] = step
+                m.counts[at.IS_LAST] = 0
+                m.counts[at.CURRENT] = 0
+                m.stage[at.VELOCITY] = real(0.0)
                 return
-            if wp.static(has_velocity):
-                pace.clock[at.FORMER_STEP] = former
-            pace.clock[at.FULL_STEP] = full
-            pace.counts[at.LIMIT] = limit
-            pace.counts[at.STEPS] = steps + 1
-            pace.clock[at.STEP] = step
+            if wp.static(form.has_velocity):
+                m.clock[at.FORMER_STEP] = former
+            m.clock[at.FULL_STEP] = full
+            m.counts[at.LIMIT] = limit
+            m.counts[at.STEPS] = steps + 1
+            m.clock[at.STEP] = step
             s = 1
-            if wp.static(is_staged):
+            if wp.static(form.is_staged):
                 # the smallest s for which _span is at least this step
                 product = wp.float64(2.0) * step / explicit
                 if wp.static(order == 2):
                     product = wp.float64(2.0) * product + wp.float64(2.0)
                 root = wp.sqrt(one + wp.float64(4.0) * product)
                 s = wp.max(2, int(wp.ceil(wp.float64(0.5) * (root - one) - wp.float64(1e-9))))
-            pace.counts[at.STAGES] = s
-        pace.counts[at.CURRENT] = j
-        pace.counts[at.EVALUATIONS] = evaluations + 1
+            m.counts[at.STAGES] = s
+        m.counts[at.CURRENT] = j
+        m.counts[at.EVALUATIONS] = evaluations + 1
         if s == 1:
-            pace.stage[at.VELOCITY] = real(step)
+            m.stage[at.VELOCITY] = real(step)
         else:
             w = one / _span(wp.float64(s), order)
             if j == 1:
-                pace.stage[at.VELOCITY] = real(_b(1, order) * w * step)
+                m.stage[at.VELOCITY] = real(_b(1, order) * w * step)
             else:
                 n = wp.float64(j)
                 mu = (wp.float64(2.0) * n - one) / n * _b(j, order) / _b(j - 1, order)
-                pace.stage[at.FORMER] = real(mu)
-                pace.stage[at.BEFORE_FORMER] = real(
+                m.stage[at.FORMER] = real(mu)
+                m.stage[at.BEFORE_FORMER] = real(
                     -(n - one) / n * _b(j, order) / _b(j - 2, order)
                 )
-                pace.stage[at.VELOCITY] = real(mu * w * step)
-                pace.stage[at.FIRST_VELOCITY] = real(
+                m.stage[at.VELOCITY] = real(mu * w * step)
+                m.stage[at.FIRST_VELOCITY] = real(
                     -(one - _b(j - 1, order)) * mu * w * step
                 )
         if j == s:
-            pace.counts[at.IS_LAST] = 1
-            pace.counts[at.STAGE] = 0
+            m.counts[at.IS_LAST] = 1
+            m.counts[at.STAGE] = 0
             time += step
             if wp.abs(end - time) < wp.float64(1e-9) * step:
                 time = end
-            pace.clock[at.TIME] = time
+            m.clock[at.TIME] = time
         else:
-            pace.counts[at.IS_LAST] = 0
-            pace.counts[at.STAGE] = j
+            m.counts[at.IS_LAST] = 0
+            m.counts[at.STAGE] = j
 
     return choose

@@ -199,21 +199,12 @@ class VentSet:
             )
         return made
 
-    @property
-    def due(self) -> Any:
-        """Times at which the next two particles of each vent are due [s], float64, [vents, 2]."""
-        return self.outlets.due
-
-    @property
-    def released(self) -> Any:
-        """Number of emitted particles of each vent, int32, shape [vents], at least one."""
-        return self.outlets.released
-
     def _read_released(self) -> np.ndarray:
         """Return a copy of the number of emitted particles of each vent."""
         # without tables no particle has been emitted
-        has_tables = 'outlets' in vars(self)
-        return (read(self.released) if has_tables else self._before.released)[: len(self.vents)]
+        if 'outlets' not in vars(self):
+            return self._before.released
+        return read(self.outlets.released)[: len(self.vents)]
 
     def _with_places(self, before: Emission, terrain: Terrain, spacing: float) -> Emission:
         """Return an emission in which the missing phases and directions are chosen."""
@@ -250,11 +241,6 @@ class VentSet:
                 np.concatenate(places), dtype=wp.vec2d, device=self._device
             )
             outlets.first_place.assign(np.array(first, dtype=np.int32))
-
-    def _is_restricted(self, number: int) -> bool:
-        """Return True if lava may not come out everywhere around a vent."""
-        first, end = read(self.outlets.first_place)[number : number + 2]
-        return bool(end > first)
 
     def places(self, number: int, first: int, count: int) -> np.ndarray:
         """Return the places of consecutive particles of a vent, (x, y) [m], shape [count, 2]."""
@@ -302,7 +288,8 @@ class VentSet:
             count = group * math.ceil(count / group)
         if not count:
             return []
-        if group > 1 and count == 1 and not self._is_restricted(number):
+        is_restricted = np.diff(read(self.outlets.first_place))[number] > 0
+        if group > 1 and count == 1 and not is_restricted:
             places = 0.5 * np.add(vent.position, vent.end or vent.position)[None]
         else:
             places = self.places(number, int(self._read_released()[number]), count)
@@ -321,7 +308,7 @@ class VentSet:
 
     def releases_by(self, time: float) -> bool:
         """Return True if a vent releases a particle at or before a time [s]."""
-        due = read(self.due)
+        due = read(self.outlets.due)
         first = due[:, 0].min() if due.size else math.inf
         return bool(first < math.inf and first <= (1.0 + _ROUNDING) * time)
 

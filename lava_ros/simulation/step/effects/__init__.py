@@ -72,7 +72,7 @@ class DevicePart:
         Args:
             arguments: As above.
             choice: Choice of the stage, and emission, by the first block of threads.
-            motion: Device function that moves a particle (``motion.motion_of``).
+            motion: Device function that moves a particle (``motion.motion_function``).
         """
 
     def finish_step(self, arguments: Any) -> None:

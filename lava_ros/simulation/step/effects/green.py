@@ -48,7 +48,7 @@ from lava_ros.simulation.particles.layout import arguments_type, cell_frame, PAR
 from lava_ros.simulation.particles.terrain import fall_function
 from lava_ros.simulation.step.effects import DevicePart
 from lava_ros.simulation.step.outlets import Outlets
-from lava_ros.simulation.step.timestep import DIRECTORS, pace_type, StageChoice
+from lava_ros.simulation.step.timestep import DIRECTORS, Pace, StageChoice
 
 #: The squared distance within which K0 is constant, over the area of a particle's own disc: the
 #: value there is the mean of ln r over the disc. As K0 is convex in ln r, its mean is no less, and
@@ -208,7 +208,7 @@ def _motion_kernel(
 
     @quick_kernel(bounds=bounds)
     def green_motion(
-        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
+        thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
     ):
         if wp.static(choose_and_emit is not None):
             if thread < wp.static(DIRECTORS):
@@ -224,7 +224,7 @@ def _motion_kernel(
         if lane > 0:
             return
         if wp.static(choose_and_emit is not None):
-            wait_for(pace.chosen)
+            wait_for(m.chosen)
         # read again: keeping it would take registers from the sums
         p = load(m.ordered, i)
         u = fallen(vec2(f[1], f[2]), f[0], vec2(p[0], p[1]), m)

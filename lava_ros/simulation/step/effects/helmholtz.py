@@ -264,7 +264,7 @@ class Part(DevicePart):
             state.effects.function('factor', state.real),
         )
         launch_over(state, start, [arguments], min_items=MIN_MOVES)
-        current, following = (state.of_effects[name] for name in ('solution', 'next_solution'))
+        current, following = (state.arrays[name] for name in ('solution', 'next_solution'))
         for weights in self._weights:
             pair = [current, following]
             launch_over(state, sweep, [arguments, *weights, *pair], lanes=state.lanes)

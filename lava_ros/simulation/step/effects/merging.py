@@ -27,6 +27,7 @@ from lava_ros.simulation.particles.cells import cell_functions
 from lava_ros.simulation.particles.layout import (
     ADVECTION,
     arguments_type,
+    Form,
     FULL,
     IS_LAST,
     PARTICLES,
@@ -50,10 +51,8 @@ STRETCHED = 2.5
 
 
 @lru_cache
-def _kernels(
-    real: Any, has_velocity: bool, has_age: bool, has_temperature_remainder: bool,
-    is_ordered: bool, threads: int,
-) -> tuple[Any, ...]:
+def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
+    real = form.real
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
     vec2d = wp.types.vector(2, wp.float64)
@@ -135,19 +134,19 @@ def _kernels(
             a * wp.float64(p[0]) + b * wp.float64(o[0]),
             a * wp.float64(p[1]) + b * wp.float64(o[1]),
         )
-        if wp.static(real is wp.float32):
+        if wp.static(form.has_remainder):
             rest = a * vec2d(m.remainder[i]) + b * vec2d(m.remainder[j])
             place += rest
             m.remainder[i] = vec2(
                 real(place[0] - wp.float64(real(place[0]))),
                 real(place[1] - wp.float64(real(place[1]))),
             )
-        if wp.static(has_velocity):
+        if wp.static(form.has_velocity):
             m.velocity[i] = real(a) * m.velocity[i] + real(b) * m.velocity[j]
-        if wp.static(has_age):
+        if wp.static(form.has_age):
             m.emission_time[i] = a * m.emission_time[i] + b * m.emission_time[j]
         temperature = a * wp.float64(p[3]) + b * wp.float64(o[3])
-        if wp.static(has_temperature_remainder):
+        if wp.static(form.has_temperature_remainder):
             temperature += a * wp.float64(m.temperature_remainder[i])
             temperature += b * wp.float64(m.temperature_remainder[j])
             m.temperature_remainder[i] = real(temperature - wp.float64(real(temperature)))
@@ -188,13 +187,13 @@ def _kernels(
         half = real(0.5) * p[2]
         m.particle[i] = vec4(p[0] + d[0], p[1] + d[1], half, p[3])
         m.particle[slot] = vec4(p[0] - d[0], p[1] - d[1], half, p[3])
-        if wp.static(real is wp.float32):
+        if wp.static(form.has_remainder):
             m.remainder[slot] = m.remainder[i]
-        if wp.static(has_velocity):
+        if wp.static(form.has_velocity):
             m.velocity[slot] = m.velocity[i]
-        if wp.static(has_age):
+        if wp.static(form.has_age):
             m.emission_time[slot] = m.emission_time[i]
-        if wp.static(has_temperature_remainder):
+        if wp.static(form.has_temperature_remainder):
             m.temperature_remainder[slot] = m.temperature_remainder[i]
 
     @quick_kernel
@@ -236,10 +235,8 @@ class Part(DevicePart):
         """Merge particles that have converged and split those that have been stretched."""
         state = self.state
         threads = state.rare_threads
-        wait, choose, merge, split, count = _kernels(
-            state.real, state.has_velocity, state.has_age, state.has_temperature_remainder,
-            state.is_deterministic, threads,
-        )
+        kernels = _kernels(state.form, state.is_deterministic, threads)
+        wait, choose, merge, split, count = kernels
         state.launches(wait, [arguments, EVERY])
         state.launches(choose, [arguments, self._area, self._min_volume], dim=threads)
         state.launches(merge, [arguments], dim=threads)
@@ -247,6 +244,6 @@ class Part(DevicePart):
             # in the order of the particles, not of the threads
             if self._scan is None or self._scan.length != state.capacity:
                 self._scan = Scan(state.capacity, state.device)
-            self._scan(state.launches, state.of_effects['births'], state.of_effects['slots'])
+            self._scan(state.launches, state.arrays['births'], state.arrays['slots'])
         state.launches(split, [arguments], dim=threads)
         state.launches(count, [arguments])
