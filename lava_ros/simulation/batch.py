@@ -253,6 +253,7 @@ class Batch:
         self, state: State, record: Callable[[], list[Launch]], is_stage: bool
     ) -> tuple[Any, int]:
         """Return the group and row for launches of the current route."""
+        state.launches.launched = None
 
         def recorded() -> tuple[Any, Callable[[int], Any], tuple[Any, ...]]:
             launches = record()
@@ -271,7 +272,6 @@ class Batch:
         """
         assert self._route is not None
         self._has_asked = True
-        state.launches.launched = None
         key = self._route, is_stage
         group, row, of, version = self._places.get(key, (None, 0, None, 0))
         if of is not owner[0] or version != owner[1]:

@@ -128,7 +128,8 @@ class State(Arrays):
         arrays = zeros(items, self.device) | zeros(others, self.device)
         self.launches.forget()
         self._arrays |= arrays
-        vars(self).update(arrays)
+        for name, array in arrays.items():
+            setattr(self, name, array)
         self.capacity = capacity
 
     @property
