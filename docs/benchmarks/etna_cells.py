@@ -26,7 +26,7 @@ from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
 from lava_ros.simulation.cells import heated_step
-from lava_ros.simulation.cells.state import EDGE
+from lava_ros.simulation.cells.state import FRONT
 from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import write_csv
 
@@ -38,15 +38,15 @@ FINE = 5.0
 
 
 def run(job: tuple[str, str, float]) -> dict[str, Any]:
-    """Make a run of a folder; the kernels of a process have one ``EDGE``."""
+    """Make a run of a folder; the kernels of a process have one ``FRONT``."""
     folder, name, day = job
     spacing, edge, crust = (*name.split(':'), '', '')[:3]
-    cell, fraction = float(spacing), float(edge or EDGE)
-    vars(heated_step)['EDGE'] = fraction
+    cell, fraction = float(spacing), float(edge or FRONT)
+    vars(heated_step)['FRONT'] = fraction
     case = load_case(folder)
     if crust:
         case = case.with_lava(CRUST)
-    is_whole = cell != FINE and fraction == EDGE
+    is_whole = cell != FINE and fraction == FRONT
     if not is_whole:
         case = replace(case, end=case.start + 86400.0 * day)
     settings = Settings(
