@@ -31,7 +31,7 @@ from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import write_csv
 
 #: Size of cells [m], and fraction of the thickest neighbour.
-RUNS = ('0', '0::crust', '20', '10', '10::crust', '5', '20:0.6', '10:0.6', '20:1', '10:1')
+RUNS = ('0', '0::crust', '20', '10', '10::crust', '5', '20:0.25', '10:0.25', '20:1', '10:1')
 
 #: Size of cells on which only the first days are simulated [m].
 FINE = 5.0
