@@ -117,9 +117,7 @@ def warming_function(
     ) -> real:
         return relaxation(temperature, rate, source, step)
 
-    relaxed = effects.function(
-        'relaxed', wp, real, constants_type, relaxation, is_straight=is_straight
-    ) or plain
+    relaxed = effects.function('relaxed', wp, real, constants_type, relaxation) or plain
 
     @wp.func
     def straight(
