@@ -81,12 +81,13 @@ def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
         pace = source - rate * end
         time = real(_FOREVER)
         if pace * room > real(0.0):
-            x = rate * room / pace
+            time = room / pace
+            x = rate * time
             # ln(1 + x) / x to 1e-8, without a logarithm
             mean = real(1.0) - x * (real(1.0 / 2.0) - x * (real(1.0 / 3.0) - x * real(0.25)))
             if x > real(1.0e-2):
                 mean = wp.log(real(1.0) + x) / x
-            time = room / pace * mean
+            time *= mean
         if (source - rate * temperature) * room <= real(0.0):
             time = real(0.0)
         return time
