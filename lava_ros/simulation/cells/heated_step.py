@@ -192,6 +192,7 @@ _EXCHANGE = """
         while (is_serial && from <= to && thickness[from] == 0.0 && former[from] == 0.0f) ++from;
         while (is_serial && from <= to && thickness[to] == 0.0 && former[to] == 0.0f) --to;
         int cold = 0;
+        EACH
         VECTORISED
         for (long p = from; p <= to; p += lanes) {
             const float h = (float)thickness[p];
@@ -216,6 +217,7 @@ _EXCHANGE = """
             former[p] = h;
             COLD
         }
+        EACH
         MARK
     }
     together();
@@ -251,6 +253,15 @@ _PARTS = {
         if (lane == 0) m.cold.data[i] = cold;
     """,
 }
+
+#: A step longer than the age of a column needs a loop, which no compiler vectorises: on a CPU the
+#: rows that have such a column.
+_YOUNG = """
+        int young = 0;
+        for (long p = from; is_serial && p <= to; p += lanes)
+            young |= thickness[p] > 0.0 && begun - (emission_time[p] + renewal[p]) < step;
+        if (!is_serial || young) {ANY_STEP} else {EACH}
+"""
 
 #: Lava colder than the solidus becomes ground, in the rows that have any.
 _FREEZE = """
@@ -292,7 +303,10 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
     ``blocks`` is the number of blocks of a world on a GPU.
     """
     column_struct = column_type(_REAL)
-    warming = warming_function(VECTOR_MATH, _REAL, effects, is_straight=True)
+    warming = straight = warming_function(VECTOR_MATH, _REAL, effects, is_straight=True)
+    ages = any(EFFECTS[name].needs_age for name in effects.having('terms'))
+    if ages:
+        warming = warming_function(VECTOR_MATH, _REAL, effects)
     viscosity = viscosity_function(VECTOR_MATH, _REAL, effects)
     strength = strength_function(VECTOR_MATH, _REAL, effects)
     cosine_squared = effects.function('cosine_squared', _REAL)
@@ -308,16 +322,18 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
     exchanging = _EXCHANGE.replace('EDGE', f'{EDGE}f')
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
-        ('AGE', has_age), ('WARM', warming), ('VISCOSITY', viscosity), ('STRENGTH', strength),
+        ('AGE', has_age), ('WARM', straight), ('VISCOSITY', viscosity), ('STRENGTH', strength),
         ('COLD', effects.any('freezes')), ('MARK', effects.any('freezes')),
     ):
         part = _PARTS[name] if needed else ''
         if hasattr(needed, 'native_func'):
             part = part.replace('CALL', needed.native_func)
         exchanging = exchanging.replace(name, part)
-    if any(EFFECTS[name].needs_age for name in effects.having('terms')):
-        # a loop within the loop, which no compiler vectorises
-        exchanging = exchanging.replace('VECTORISED', '')
+    before, each, after = exchanging.split('EACH')
+    if ages:
+        any_step = each.replace('VECTORISED', '').replace(straight.native_func, warming.native_func)
+        each = _YOUNG.replace('ANY_STEP', any_step).replace('EACH', each)
+    exchanging = before + each + after
     if not has_age:
         exchanging = exchanging.replace('age + step', '0.0f').replace('age, step', '0.0f, step')
     moving, exchanging, freezing = (
@@ -340,6 +356,7 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
         if top < 0:
             if wp.static(warming is not None):
                 empty.drop += warming(m.constants, empty, 0.0, 0.0, 0.0)
+                empty.drop += straight(m.constants, empty, 0.0, 0.0, 0.0)
             if wp.static(strength is not None):
                 empty.drop += strength(m.law, empty)
             if wp.static(cosine_squared is not None):
