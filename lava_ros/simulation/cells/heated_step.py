@@ -331,7 +331,8 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
         exchanging = exchanging.replace(name, part)
     before, each, after = exchanging.split('EACH')
     if ages:
-        any_step = each.replace('VECTORISED', '').replace(straight.native_func, warming.native_func)
+        any_step = each.replace('VECTORISED', '')
+        any_step = any_step.replace(straight.native_func, warming.native_func)
         each = _YOUNG.replace('ANY_STEP', any_step).replace('EACH', each)
     exchanging = before + each + after
     if not has_age:

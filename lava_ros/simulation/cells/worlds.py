@@ -26,15 +26,8 @@ from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.highest import Highest, raise_function
 from lava_ros.simulation.cells.spans import spans_function
-from lava_ros.simulation.cells.state import (
-    Cells,
-    Heat,
-    POURED,
-    TARGET,
-    THICKEST as LARGEST,
-    TIME,
-    WAITING,
-)
+from lava_ros.simulation.cells.state import Cells, Heat, POURED, TARGET, TIME, WAITING
+from lava_ros.simulation.cells.state import THICKEST as LARGEST
 from lava_ros.simulation.cells.threads import shared, THREADS
 
 #: Wall time of a launch of a batch to aim at [s], as members that have arrived wait for its end,

@@ -239,7 +239,8 @@ def test_column_of_a_cell_cools_as_all_columns_do(name):
     # cells at the border have the slope of one face and the ring
     for i, j in rng.integers(1, len(x) - 1, (40, 2)):
         expected = after(
-            temperature=temperature[i, j], age=begun - emitted[i + 1, j + 1], step=step, thickness=thickness[i, j],
+            temperature=temperature[i, j], age=begun - emitted[i + 1, j + 1], step=step,
+            thickness=thickness[i, j],
             normal_thickness=thickness[i, j] * cosine, slope=0.0, speed=0.0, drop=0.0,
         ) - temperature[i, j]
         found = flow.temperature[i, j] - temperature[i, j]
