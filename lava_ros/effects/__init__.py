@@ -12,7 +12,7 @@ Warp, or its substitute on the host (``laws.HOST``), ``real`` the scalar type, `
     strength(wp, real, law, column)           tau_y of a column              laws.py
     speed(wp, real, law, column, viscosity, strength)   u of a column        laws.py
     terms(wp, real, constants, column)        heat gained and lost           heat.py
-    relaxed(wp, real, constants, relaxation, is_straight=)   change in a step  heat.py
+    relaxed(wp, real, constants, relaxation)  change in a step               heat.py
     warmed(wp, real, constants)               temperature after given heat   step/effects
     cosine(slope), cosine_squared(real), factor(real), along(real, climbs=)   a layer on a slope
 

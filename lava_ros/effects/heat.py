@@ -83,13 +83,13 @@ def warming_function(
 
     Its arguments: the constants, the column with its drop and speed during the step, its
     temperature [K] and age [s] at the start of the step, and the step [s]. If ``is_straight``, it
-    has no loop, unless a loss depends on age: a CPU then vectorises loops over columns.
+    has no loop, so that a CPU vectorises loops over columns; no step may be longer than the age if
+    a loss depends on it.
     """
     constants_type, column_struct = heat_type(real), column_type(real)
     modules = effects.having('terms')
     names = drop_superseded(modules)
     needs_age = any(EFFECTS[name].needs_age for name in names)
-    is_straight = is_straight and not needs_age
     if not names:
         return None
     balance, *others = (
@@ -117,29 +117,31 @@ def warming_function(
     ) -> real:
         return relaxation(temperature, rate, source, step)
 
-    relaxed = effects.function(
-        'relaxed', wp, real, constants_type, relaxation, is_straight=is_straight
-    ) or plain
-
-    @wp.func
-    def straight(
-        constants: constants_type, column: column_struct, temperature: real, age: real, step: real
-    ) -> real:
-        column.temperature = temperature
-        terms = balance(constants, column)
-        half = real(0.5) * step
-        column.temperature += relaxed(constants, temperature, terms[0], terms[1], half)
-        terms = balance(constants, column)
-        return relaxed(constants, temperature, terms[0], terms[1], step)
-
-    if is_straight:
-        return straight
+    relaxed = effects.function('relaxed', wp, real, constants_type, relaxation) or plain
 
     @wp.func
     def mean_age(age: real, span: real) -> real:
         """Age at which to evaluate a loss over a span; never 0."""
         root = wp.sqrt(age) + wp.sqrt(age + span)
         return wp.max(real(0.25) * root * root, real(1.0e-9))
+
+    @wp.func
+    def straight(
+        constants: constants_type, column: column_struct, temperature: real, age: real, step: real
+    ) -> real:
+        column.temperature = temperature
+        half = real(0.5) * step
+        if wp.static(needs_age):
+            column.age = mean_age(age, half)
+        terms = balance(constants, column)
+        column.temperature += relaxed(constants, temperature, terms[0], terms[1], half)
+        if wp.static(needs_age):
+            column.age = mean_age(age, step)
+        terms = balance(constants, column)
+        return relaxed(constants, temperature, terms[0], terms[1], step)
+
+    if is_straight:
+        return straight
 
     @wp.func
     def warming(

@@ -5,9 +5,9 @@
 
 Crystallisation is linear in temperature, so the heat content over rho c d is
 T + (L / c) F with the melt fraction F = (T - solidus) / (liquidus - solidus) between 0 and 1, and
-within the interval temperature changes 1 + L / (c (liquidus - solidus)) times more slowly. A step
-is solved piece by piece: up to the end of the interval, across it, and beyond. So the heat
-content changes by exactly the heat lost, for any step.
+within the interval temperature changes 1 + L / (c (liquidus - solidus)) times more slowly. The
+time that lava spends within it is that between both ends without latent heat, times this factor.
+So the heat content changes by exactly the heat lost, for any step.
 """
 
 from functools import lru_cache
@@ -61,87 +61,57 @@ EFFECT = Effect(
 )
 
 
-#: Pieces of the heat content: above the liquidus, between liquidus and solidus, below.
-_PIECES = 3
+#: A time longer than any other [s], in float32.
+_FOREVER = 1e30
 
 
 @lru_cache
-def relaxed(
-    wp: Any, real: Any, constants_type: Any, relaxation: Any, *, is_straight: bool = False
-) -> Any:
+def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
     """Return the device function for the change of temperature in a step at constant s and f.
 
-    ``relaxation`` is that of lava without latent heat. If ``is_straight``, all pieces are
-    computed, without a loop.
+    ``relaxation`` is that of lava without latent heat. No branch and no loop keeps a CPU from
+    vectorising a loop over columns.
     """
-    vec3 = wp.types.vector(3, real)
 
     @wp.func
-    def piece(
-        constants: constants_type, temperature: real, rate: real, source: real, so_far: vec3
-    ) -> vec3:
-        """Return the change so far, the temperature and the time that remains after a piece."""
-        total, result, remaining = so_far[0], so_far[1], so_far[2]
-        solidus = real(constants.solidus)
-        liquidus = real(constants.liquidus)
-        slower = real(1.0) + real(constants.latent) / (liquidus - solidus)
-        falls = source < rate * temperature
-        end = real(0.0)
-        factor = real(1.0)
-        if falls:
-            if result > liquidus:
-                end = liquidus
-            elif result > solidus:
-                end = solidus
-                factor = slower
-        else:
-            end = real(1.0e9)
-            if result < solidus:
-                end = solidus
-            elif result < liquidus:
-                end = liquidus
-                factor = slower
-        change = relaxation(result, rate / factor, source / factor, remaining)
-        room = end - result
-        passed = change > room
-        if falls:
-            passed = change < room
-        if passed:
-            # fraction of the time until the end of the piece
-            share = room / change
-            x = rate * remaining / factor
-            if x > real(1.0e-6):
-                equilibrium = source / rate
-                share = wp.log((result - equilibrium) / (end - equilibrium)) / x
-            remaining *= wp.clamp(real(1.0) - share, real(0.0), real(1.0))
-            result = end
-            total = end - temperature
-        else:
-            total += change
-            remaining = real(0.0)
-        return vec3(total, result, remaining)
-
-    @wp.func
-    def straight(
-        constants: constants_type, temperature: real, rate: real, source: real, step: real
-    ) -> real:
-        state = vec3(real(0.0), temperature, step)
-        for _ in range(_PIECES):
-            state = piece(constants, temperature, rate, source, state)
-        return state[0]
+    def time_to(end: real, temperature: real, rate: real, source: real) -> real:
+        """Return the time to another temperature without latent heat; 0 if T moves away [s]."""
+        room = end - temperature
+        # the pace falls towards equilibrium
+        pace = source - rate * end
+        time = real(_FOREVER)
+        if pace * room > real(0.0):
+            time = room / pace
+            x = rate * time
+            # ln(1 + x) / x to 1e-8, without a logarithm
+            mean = real(1.0) - x * (real(1.0 / 2.0) - x * (real(1.0 / 3.0) - x * real(0.25)))
+            if x > real(1.0e-2):
+                mean = wp.log(real(1.0) + x) / x
+            time *= mean
+        if (source - rate * temperature) * room <= real(0.0):
+            time = real(0.0)
+        return time
 
     @wp.func
     def relaxed(
         constants: constants_type, temperature: real, rate: real, source: real, step: real
     ) -> real:
-        state = vec3(real(0.0), temperature, step)
-        pieces = wp.int32(0)
-        while state[2] > real(0.0) and pieces < _PIECES:
-            pieces += 1
-            state = piece(constants, temperature, rate, source, state)
-        return state[0]
+        solidus = real(constants.solidus)
+        liquidus = real(constants.liquidus)
+        slower = real(1.0) + real(constants.latent) / (liquidus - solidus)
+        # ends of the interval in the order in which lava reaches them
+        first = solidus
+        last = liquidus
+        begun = wp.max(temperature, solidus)
+        if source < rate * temperature:
+            first = liquidus
+            last = solidus
+            begun = wp.min(temperature, liquidus)
+        before = wp.min(step, time_to(first, temperature, rate, source))
+        within = wp.min(step - before, slower * time_to(last, begun, rate, source))
+        return relaxation(temperature, rate, source, step - within + within / slower)
 
-    return straight if is_straight else relaxed
+    return relaxed
 
 
 @lru_cache

@@ -48,6 +48,9 @@ MIN_SLOPE = 1e-3
 #: Minimum slope for n <= 1, where nothing becomes infinite: it only avoids 0 / 0.
 _NO_SLOPE = 1e-12
 
+#: Minimum stress [Pa], for the same reason; float32 can represent its logarithm over a viscosity.
+_NO_STRESS = 1e-18
+
 
 @lru_cache
 def speed(
@@ -68,16 +71,16 @@ def speed(
         least = real(_NO_SLOPE)
         if n > one:
             least = real(MIN_SLOPE)
-        sheared = one
-        if wp.static(has_strength):
-            stress = weight * thickness * slope
-            resisted = strength(law, column)
-            if stress <= resisted:
-                return vec2()
-            sheared = (stress - resisted) / stress
         fall = wp.max(slope, least)
-        excess = weight * thickness * fall * sheared
+        sheared = one
+        # no branch, which would keep a CPU from vectorising a loop over columns
+        if wp.static(has_strength):
+            stress = wp.max(weight * thickness * slope, real(_NO_STRESS))
+            sheared = wp.max(stress - strength(law, column), real(0.0)) / stress
+        excess = wp.max(weight * thickness * fall * sheared, real(_NO_STRESS))
         rate = wp.pow(excess / viscosity(law, column.temperature), one / n) * thickness / fall
+        if sheared == real(0.0):
+            rate = real(0.0)
         across = n / (n + one) * sheared * (one - n / (n + n + one) * sheared)
         along = wp.max(one, one / n) * across
         if wp.static(has_strength):

@@ -66,7 +66,7 @@ def test_frozen_lava_takes_no_steps(device):
 
 
 def test_a_vent_that_opens_later_is_not_missed(device):
-    """The time is passed in steps if it opens before the limit, at once otherwise."""
+    """The time before is passed at once, and no stop in it changes what follows."""
     later = replace(VENT, discharge=((0.0, 0.0), (4000.0, 20.0)))
     simulation = begun(device, later)
     assert simulation.advance(3900.0) == 3900.0
@@ -79,7 +79,7 @@ def test_a_vent_that_opens_later_is_not_missed(device):
         for time in (*stops, 4200.0):
             simulation.advance(time, limit=4200.0)
         maps.append(simulation.snapshot())
-        assert simulation.steps > 60
+        assert simulation.steps < 60
     assert maps[0].thickness.tobytes() == maps[1].thickness.tobytes()
     assert np.nanmax(maps[0].thickness) > 0.5
 

@@ -173,6 +173,7 @@ STEP = """
             float* APART held = axis ? held_y : held_x;
             for (long p = from; p <= to; p += lanes) face_of(p, p + next, factor, mobility, held);
             int highest = 0;
+            WHOLE_ROWS
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(
                     p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
@@ -194,6 +195,7 @@ STEP = """
             const float* APART held = axis ? held_y : held_x;
             float* APART first = axis ? first_y : first_x;
             int highest = 0;
+            WHOLE_ROWS
             for (long p = from; p <= to; p += lanes) {
                 const Flux f = flux_of(
                     p, p + next, side, drop[p], factor, beside, mobility[p], HELD);
@@ -279,6 +281,7 @@ STEP = """
                     for (long p = from; p <= to; p += lanes) older[p] = t0 * first[p];
                     return;
                 }
+                WHOLE_ROWS
                 for (long p = from; p <= to; p += lanes) {
                     const Flux f = flux_of(
                         p, p + next, side, drop[p], factor, beside, mobility[p], HELD);

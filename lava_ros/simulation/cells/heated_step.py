@@ -40,7 +40,7 @@ from lava_ros.simulation.cells.threads import shared
 _REAL = wp.float32
 
 #: Instruction to the compiler; float64 in a loop would halve the number of its lanes.
-_VECTORISED = '_Pragma("clang loop vectorize_width(8)")'
+_VECTORISED = '_Pragma("clang loop vectorize_width(8) vectorize_predicate(enable)")'
 
 #: Changes of temperature and time of emission by transport.
 _TRANSPORT = """
@@ -193,6 +193,7 @@ _EXCHANGE = """
         while (is_serial && from <= to && thickness[from] == 0.0 && former[from] == 0.0f) ++from;
         while (is_serial && from <= to && thickness[to] == 0.0 && former[to] == 0.0f) --to;
         int cold = 0;
+        EACH
         VECTORISED
         for (long p = from; p <= to; p += lanes) {
             const float h = (float)thickness[p];
@@ -217,6 +218,7 @@ _EXCHANGE = """
             former[p] = h;
             COLD
         }
+        EACH
         MARK
     }
     together();
@@ -252,6 +254,15 @@ _PARTS = {
         if (lane == 0) m.cold.data[i] = cold;
     """,
 }
+
+#: A step longer than the age of a column needs a loop, which no compiler vectorises: on a CPU the
+#: rows that have such a column.
+_YOUNG = """
+        int young = 0;
+        for (long p = from; is_serial && p <= to; p += lanes)
+            young |= thickness[p] > 0.0 && begun - (emission_time[p] + renewal[p]) < step;
+        if (!is_serial || young) {ANY_STEP} else {EACH}
+"""
 
 #: Lava colder than the solidus becomes ground, in the rows that have any.
 _FREEZE = """
@@ -293,7 +304,10 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
     ``blocks`` is the number of blocks of a world on a GPU.
     """
     column_struct = column_type(_REAL)
-    warming = warming_function(VECTOR_MATH, _REAL, effects, is_straight=True)
+    warming = straight = warming_function(VECTOR_MATH, _REAL, effects, is_straight=True)
+    ages = any(EFFECTS[name].needs_age for name in effects.having('terms'))
+    if ages:
+        warming = warming_function(VECTOR_MATH, _REAL, effects)
     viscosity = viscosity_function(VECTOR_MATH, _REAL, effects)
     strength = strength_function(VECTOR_MATH, _REAL, effects)
     cosine_squared = effects.function('cosine_squared', _REAL)
@@ -309,16 +323,19 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
     exchanging = _EXCHANGE.replace('FRONT', f'{FRONT}f')
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
-        ('AGE', has_age), ('WARM', warming), ('VISCOSITY', viscosity), ('STRENGTH', strength),
+        ('AGE', has_age), ('WARM', straight), ('VISCOSITY', viscosity), ('STRENGTH', strength),
         ('COLD', effects.any('freezes')), ('MARK', effects.any('freezes')),
     ):
         part = _PARTS[name] if needed else ''
         if hasattr(needed, 'native_func'):
             part = part.replace('CALL', needed.native_func)
         exchanging = exchanging.replace(name, part)
-    if any(EFFECTS[name].needs_age for name in effects.having('terms')):
-        # a loop within the loop, which no compiler vectorises
-        exchanging = exchanging.replace('VECTORISED', '')
+    before, each, after = exchanging.split('EACH')
+    if ages:
+        any_step = each.replace('VECTORISED', '')
+        any_step = any_step.replace(straight.native_func, warming.native_func)
+        each = _YOUNG.replace('ANY_STEP', any_step).replace('EACH', each)
+    exchanging = before + each + after
     if not has_age:
         exchanging = exchanging.replace('age + step', '0.0f').replace('age, step', '0.0f, step')
     moving, exchanging, freezing = (
@@ -341,6 +358,7 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
         if top < 0:
             if wp.static(warming is not None):
                 empty.drop += warming(m.constants, empty, 0.0, 0.0, 0.0)
+                empty.drop += straight(m.constants, empty, 0.0, 0.0, 0.0)
             if wp.static(strength is not None):
                 empty.drop += strength(m.law, empty)
             if wp.static(cosine_squared is not None):

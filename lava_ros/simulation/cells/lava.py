@@ -242,11 +242,6 @@ class CellLava:
         return 0.25 * self.grid.resolution
 
     @property
-    def is_empty(self) -> bool:
-        """True if no cell has lava that flows."""
-        return self.thickest <= self._film
-
-    @property
     def grids(self) -> Any:
         """All lava, its temperature, the solidified part, and ``SHOWN`` on the terrain's cells."""
         if self._grids is None:

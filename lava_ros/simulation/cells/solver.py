@@ -224,15 +224,9 @@ class CellSolver(CellLava):
             stop = min(self._end, change)
             clock[LONGEST], clock[MAX_END] = self._longest_step, max_end
             clock[UNTIL], clock[TARGET] = stop, min(until, stop)
-            if self.is_empty and not self.vents.rates(time).any():
-                # nothing moves
-                self.record()
-                clock[TIME] = min(until, stop)
-                yield
-            else:
-                yield from self._taking_steps(deadline)
-                if clock[WAITING] > 0.0:
-                    break
+            yield from self._taking_steps(deadline)
+            if clock[WAITING] > 0.0:
+                break
             if clock[TIME] >= change:
                 self._is_set = False
         is_step_pending = bool(clock[WAITING] > 0.0)

@@ -26,7 +26,8 @@ from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.heated_step import heated_step_function
 from lava_ros.simulation.cells.highest import Highest, raise_function
 from lava_ros.simulation.cells.spans import spans_function
-from lava_ros.simulation.cells.state import Cells, Heat, TARGET, TIME, WAITING
+from lava_ros.simulation.cells.state import Cells, Heat, POURED, TARGET, TIME, WAITING
+from lava_ros.simulation.cells.state import THICKEST as LARGEST
 from lava_ros.simulation.cells.threads import shared, THREADS
 
 #: Wall time of a launch of a batch to aim at [s], as members that have arrived wait for its end,
@@ -148,6 +149,10 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
             find_spans(world.flow)
             note(world.flow, world.covered)
         for _ in range(most):
+            is_empty = world.flow.peaks[LARGEST] <= wp.float64(world.flow.film)
+            if is_empty and clock[POURED] == wp.float64(0.0) and wp.isfinite(clock[TARGET]):
+                # nothing moves
+                clock[TIME] = wp.max(clock[TIME], clock[TARGET])
             if clock[TIME] >= clock[TARGET] or clock[WAITING] > wp.float64(0.0):
                 break
             if wp.static(is_heated):

@@ -223,13 +223,19 @@ class ParticleSolver(ParticleLava):
         return self.is_empty and not was_empty
 
     def _skip_idle_time(self, until: float, end: float) -> None:
-        """Set the clock to ``until`` [s] if there is no lava, and none is emitted by ``end``."""
+        """Set the clock to the next opening of a vent if there is no lava before it.
+
+        If that is later than ``until`` [s], or no vent emits by ``end`` [s], it is ``until``.
+        """
         if not self.is_empty:
             return
         clock, counts = self.state.read_clock()
         is_idle = not at.count_in(counts) and not counts[at.STAGE]
-        if is_idle and not self.vents.releases_by(end) and clock[at.TIME] < until:
-            self.state.write_time(until)
+        time = float(clock[at.TIME])
+        if is_idle and time < until:
+            later = min(self.vents.idle_until(time, end), until)
+            if later > time:
+                self.state.write_time(later)
 
     def make_room(self, counts: np.ndarray) -> None:
         """Enlarge the arrays or the neighbour grid if a readback of the counts requires it."""

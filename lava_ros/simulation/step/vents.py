@@ -306,11 +306,17 @@ class VentSet:
             if number not in self.counted and (self._is_filled[number] or time < until)
         }
 
-    def releases_by(self, time: float) -> bool:
-        """Return True if a vent releases a particle at or before a time [s]."""
+    def idle_until(self, time: float, end: float) -> float:
+        """Return the time [s] before which no vent emits; infinite if none releases by ``end``.
+
+        A particle that is due already makes it ``time``.
+        """
         due = read(self.outlets.due)
         first = due[:, 0].min() if due.size else math.inf
-        return bool(first < math.inf and first <= (1.0 + _ROUNDING) * time)
+        if first == math.inf or first > (1.0 + _ROUNDING) * end:
+            return math.inf
+        opening = min(vent.next_opening(time) for vent in self.vents)
+        return opening if first >= (1.0 - _ROUNDING) * opening else time
 
     def emitted(self, time: float) -> float:
         """Return the volume [m3] that the vents have emitted from ``since`` to ``time``."""

@@ -255,3 +255,16 @@ def test_members_of_an_ensemble_run_on_cells_and_pairs_on_doubled_ones():
 def test_wall_limit_stops_between_steps():
     simulation = simulated(slope(), Vent((-60.0, 0.0), 10.0))
     assert simulation.advance(1e5, wall_limit=1e-3) < 1e5
+
+
+def test_frozen_lava_takes_no_steps():
+    vent = Vent((-60.0, 3.0), ((0.0, 1.0), (20.0, 0.0), (4e5, 1.0)), radius=7.0)
+    lava = replace(LAVA, convection=1e5, solidus=1200.0)
+    simulation = simulated(
+        slope(), vent, lava=lava, effects=only('cooling', 'solidification'), longest_step=10.0
+    )
+    # a launch could take them all
+    simulation.solver._steps_at_once = 10**6
+    simulation.advance(4e5)
+    assert simulation.budget().frozen == pytest.approx(20.0, rel=1e-12)
+    assert simulation.solver.steps < 500
