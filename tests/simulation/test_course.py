@@ -19,6 +19,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.resolution import resolution_of, resolved_accuracy
 from lava_ros.simulation.selection import effects_for
+from lava_ros.simulation.setup import descent as descent_module
 from lava_ros.simulation.setup.course import Course, course_of
 from lava_ros.simulation.setup.descent import descent
 from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
@@ -64,13 +65,15 @@ def test_mirrored_valley_has_the_same_course():
         assert one == pytest.approx(other, rel=1e-6), name
 
 
-def test_descent_ends_with_its_first_point_on_unknown_ground():
-    known = ground(10.0)
+def test_descent_ends_with_its_first_point_on_unknown_ground_or_its_last_allowed(monkeypatch):
+    known, start = ground(10.0), np.array([100.0, 300.0])
     elevation = known.elevation.copy()
-    elevation[:, 100:] = np.nan
-    points, heights = descent(replace(known, elevation=elevation), np.array([100.0, 300.0]))
+    elevation[:, 100:103] = np.nan
+    points, heights = descent(replace(known, elevation=elevation), start)
     assert points[-2, 0] < 1000.0 <= points[-1, 0]
     assert (np.diff(heights) < 0.0).all()
+    monkeypatch.setattr(descent_module, '_MAX_POINTS', 5)
+    assert len(descent(known, start)[0]) == 5
 
 
 def test_half_of_the_lava_is_as_cold_as_the_course_says():
