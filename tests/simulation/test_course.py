@@ -21,7 +21,7 @@ from lava_ros.simulation.resolution import resolution_of, resolved_accuracy
 from lava_ros.simulation.selection import effects_for
 from lava_ros.simulation.setup import descent as descent_module
 from lava_ros.simulation.setup.course import Course, course_of
-from lava_ros.simulation.setup.descent import descent
+from lava_ros.simulation.setup.descent import descent, slope_at
 from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
 
 
@@ -63,6 +63,13 @@ def test_mirrored_valley_has_the_same_course():
     for name in ('width', 'thickness', 'speed'):
         one, other = (getattr(course.columns, name) for course in courses)
         assert one == pytest.approx(other, rel=1e-6), name
+
+
+@pytest.mark.parametrize('across', [0.4, -0.4])
+def test_slope_is_that_of_the_steepest_way(across):
+    y, x = np.mgrid[0:9, 0:9] * 5.0
+    plane = Terrain(0.3 * x + across * y, 5.0)
+    assert slope_at(plane, np.array([20.0, 20.0])) == pytest.approx(0.5)
 
 
 def test_descent_ends_with_its_first_point_on_unknown_ground_or_its_last_allowed(monkeypatch):

@@ -147,6 +147,20 @@ def area_by(spacing):
     return snapshot.area(snapshot.inundated)
 
 
+def test_lava_covers_its_cells_from_where_it_comes():
+    """A flow to the north covers its cells as one to the south does."""
+    south, north = (
+        simulated(slope(turn), Vent((0.0, -60.0 * math.sin(turn)), 5.0), spacing=15.0)
+        for turn in (-0.5 * math.pi, 0.5 * math.pi)
+    )
+    maps = []
+    for simulation in (south, north):
+        simulation.advance(300.0)
+        maps.append(simulation.snapshot().inundated)
+    assert (maps[0] > 0.0).sum() > 10
+    np.testing.assert_array_equal(maps[0], maps[1][::-1])
+
+
 def test_covered_area_is_that_of_a_constant_flux():
     simulation = simulated(flat(80, 5.0), Vent((0.0, 0.0), 10.0), effects=only())
     simulation.advance(3600.0)
