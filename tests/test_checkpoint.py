@@ -47,7 +47,7 @@ def checkpoint(count=1000, **changes):
         'scene': scene,
         'effects': Effects(crust=True, yielding=True),
         'forced': {'crust': True, 'inertia': False},
-        'horizon': 1e4 / 3.0,
+        'horizon': 1.0 / 3.0,
         'accuracy': Accuracy(spacing=1.0 / 7.0, thickness=0.3),
         'emitted': 1e6 / 3.0,
         'since': 0.1,

@@ -117,7 +117,7 @@ def to_record(data: Mapping[str, Any]) -> dict[str, str]:
 def to_text(data: Mapping[str, Any]) -> str:
     """Convert metadata to YAML."""
     # lines are not folded, so that every YAML reader reads long values unchanged
-    return dump_yaml(data, allow_unicode=True, width=2**31)
+    return dump_yaml(data, allow_unicode=True, width=2**31 - 1)
 
 
 def is_whole(name: str, record: Mapping[str, str]) -> bool:

@@ -1,13 +1,17 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Copies of the package without the files of some effects, and programs that use them."""
+"""Copies of the package without the files of some effects, and what programs compute in them."""
 
+import hashlib
 import os
 from pathlib import Path
 import shutil
 import subprocess
 import sys
+
+from lava_ros.scene import Lava, Vent
+from solver import incline, only, simulated
 
 ROOT = Path(__file__).parents[2]
 
@@ -35,3 +39,15 @@ def output_of(code, names, root=ROOT):
     )
     assert run.returncode == 0, run.stderr
     return run.stdout.split()
+
+
+def digest_of(names):
+    """Return a digest of a flow with the named effects."""
+    ground = incline(-0.2, 20, 20, 5.0, origin=(-50.0, -50.0))
+    simulation = simulated(
+        ground, Lava.paper(), Vent((0.0, 0.0), 2.0), effects=only(*names), spacing=3.0,
+        thickness=1.0,
+    )
+    simulation.advance(120.0)
+    seen = simulation.snapshot()
+    return hashlib.sha256(seen.thickness.tobytes() + seen.temperature.tobytes()).hexdigest()

@@ -10,24 +10,15 @@ import sys
 
 import pytest
 
-from effects.copies import copy_package, delete_effects, output_of, ROOT
+from effects.copies import copy_package, delete_effects, digest_of, output_of, ROOT
 from lava_ros.effects import EFFECTS
 
-#: Computes a digest of a simulation with the named effects.
+#: Prints where the package is, and the digest of a simulation with the named effects.
 DIGEST = """
-import hashlib, sys
+import sys
 import lava_ros
-from lava_ros.scene import Lava, Vent
-from solver import incline, only, simulated
-ground = incline(-0.2, 20, 20, 5.0, origin=(-50.0, -50.0))
-simulation = simulated(
-    ground, Lava.paper(), Vent((0.0, 0.0), 2.0), effects=only(*sys.argv[1:]), spacing=3.0,
-    thickness=1.0
-)
-simulation.advance(120.0)
-seen = simulation.snapshot()
-digest = hashlib.sha256(seen.thickness.tobytes() + seen.temperature.tobytes()).hexdigest()
-print(lava_ros.__path__[0], digest)
+from effects.copies import digest_of
+print(lava_ros.__path__[0], digest_of(sys.argv[1:]))
 """
 
 #: Imports the rooms that use effects without each of the named ones in turn, and chooses effects
@@ -70,13 +61,13 @@ def test_flow_is_bitwise_identical_with_other_effects_deleted(tmp_path):
     deleted = [name for name in EFFECTS if name not in names]
     assert len(deleted) > 10
     copy_package(tmp_path, *deleted)
-    found, expected = output_of(DIGEST, names, tmp_path), output_of(DIGEST, names)
-    assert found[-2:] == [str(tmp_path / 'lava_ros'), expected[-1]]
+    found = output_of(DIGEST, names, tmp_path)
+    assert found[-2:] == [str(tmp_path / 'lava_ros'), digest_of(names)]
 
 
 @pytest.mark.parametrize('names', [
-    ('helmholtz', 'solidification'), pytest.param(EFFECTS, marks=pytest.mark.nightly),
-], ids=['some', 'each'])
+    ('solidification',), pytest.param(EFFECTS, marks=pytest.mark.nightly),
+], ids=['one', 'each'])
 def test_package_works_without_any_effect(names):
     output_of(WITHOUT, names)
 

@@ -14,12 +14,25 @@ from lava_ros.effects.laws import LATERAL_DRAG
 from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.step.effects.helmholtz import _schedule, LARGEST_EIGENVALUE, REDUCTION
 from lava_ros.verification import exact
 from lava_ros.verification.cases.confined import channel_velocity
 from lava_ros.verification.cases.sheets import response
 from solver import only, simulated
 
 LAVA = Lava.paper(viscosity=1e4, arrhenius=0.0)
+
+
+@pytest.mark.parametrize('thickness', [0.1, 2.0, 40.0])
+def test_sweeps_reduce_the_error_of_every_wavelength(thickness):
+    weights = _schedule(thickness, 3.0)
+    smallest = 1.0 / (1.0 + 28.0 * thickness**2 / (LATERAL_DRAG * 3.0**2))
+    eigenvalues = np.linspace(smallest, LARGEST_EIGENVALUE, 2000)
+    error, change = np.ones(2000), np.zeros(2000)
+    for momentum, relaxation in weights:
+        change = momentum * change - relaxation * eigenvalues * error
+        error += change
+    assert np.abs(error).max() <= REDUCTION
 
 
 @pytest.mark.parametrize('radius', [0.6, 1.0, 3.5, 10.0])

@@ -102,7 +102,16 @@ def test_particles_of_the_emitted_volume_do_not_split(device):
     assert len(rows_of(simulation)) == 100
 
 
-def test_merging_and_splitting_keep_momentum_and_emission_time(device):
+def test_halves_lie_across_the_way_to_the_nearest_particle(device):
+    places = np.array([[300.0, 300.0], [308.0, 300.0]])
+    simulation = simulation_of(device, Particles(places, np.array([100.0, 25.0]), 1400.0))
+    one_pass(simulation)
+    rows = rows_of(simulation)
+    halves = rows[rows[:, 2] == 50.0]
+    assert len(halves) == 2 and np.ptp(halves[:, 0]) < 1e-3 < 1.0 < np.ptp(halves[:, 1])
+
+
+def test_merging_and_splitting_keep_momentum_heat_and_emission_time(device):
     effects = only('cooling', 'inertia', 'ground', 'merging')
     for spacing, volume in ((2.5, 25.0), (10.0, 100.0)):
         simulation = simulation_of(device, lattice(spacing, 12, volume), effects)
@@ -115,11 +124,20 @@ def test_merging_and_splitting_keep_momentum_and_emission_time(device):
             volumes = state.read_particles()[:, 2]
             arrays = state.velocity, state.emission_time
             carried = [item.numpy()[: len(volumes)] for item in arrays]
+            temperature, rest = (
+                item.numpy()[: len(volumes)].astype(np.float64)
+                for item in (state.particle, state.temperature_remainder)
+            )
+            carried.append(temperature[:, 3] + rest)
             return [values.astype(np.float64).T @ volumes for values in carried]
 
-        for name, draw in (('velocity', random.normal), ('emission_time', random.uniform)):
+        for name, draw, size in (
+            ('velocity', random.normal, 1.0), ('emission_time', random.uniform, 1.0),
+            # less than float32 resolves
+            ('temperature_remainder', random.uniform, 5e-5),
+        ):
             values = state.arrays[name].numpy()
-            values[:] = draw(size=values.shape)
+            values[:] = size * draw(size=values.shape)
             state.arrays[name].assign(values)
             state.arrays[f'ordered_{name}'].assign(values)
         before = sums()
@@ -127,6 +145,7 @@ def test_merging_and_splitting_keep_momentum_and_emission_time(device):
         after = sums()
         assert after[0] == pytest.approx(before[0], rel=1e-5, abs=1e-2)
         assert after[1] == pytest.approx(before[1], rel=1e-5)
+        assert after[2] == pytest.approx(before[2], rel=1e-9)
 
 
 def test_splitting_is_limited_by_the_capacity(device):

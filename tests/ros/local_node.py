@@ -29,6 +29,10 @@ from ros.hearing import Hearing
 from ros_domain import own_domain
 from waiting import PATIENCE
 
+# modules live on; without them a collection, of which each node has three, takes no time
+gc.collect()
+gc.freeze()
+
 #: Period of diagnostics [s].
 HEARTBEAT = 0.02
 

@@ -54,6 +54,23 @@ def peaks_of(maps, device):
     return peaks, peaks.read(state, tuple(slice(0, count) for count in shape))
 
 
+def test_bounds_contain_all_covered_cells(device):
+    """Their sides are those of the square of some particle."""
+    level = Terrain(np.zeros((30, 30)), 5.0)
+    simulation = Simulation(
+        Scene(level, (Vent((70.0, 80.0), 20.0),), lava=Lava.paper()), device=device,
+        accuracy=Accuracy(spacing=3.0, thickness=1.0),
+    )
+    simulation.advance(60.0)
+    state = simulation.solver.state
+    reached = state.cell_maps.arrived.numpy() >= 0.0
+    rows, columns = (np.flatnonzero(reached.any(axis=axis)) for axis in (1, 0))
+    assert len(rows) > 3 < len(columns)
+    found = state.cell_maps.bounds.numpy()
+    ends = 30 - rows[0], rows[-1] + 1, 30 - columns[0], columns[-1] + 1
+    assert (found >= ends).all()
+
+
 def test_peaks_are_the_largest_values_of_all_observations(device):
     thickness = np.array([[3.0, 0.0, 1.0, np.nan]] * 2)
     temperature = np.array([[1300.0, np.nan, 1200.0, np.nan]] * 2)

@@ -129,6 +129,14 @@ def test_neighbour_grid_covers_wide_vents(monkeypatch):
     assert cells.rows / cells.rows_per_metre > 800.0
 
 
+@pytest.mark.parametrize('place', [(-2e3, -3e3), (2e3, 3e3), (0.0, -3e3)])
+def test_neighbour_grid_of_places_beyond_the_terrain_is_within_it(place, monkeypatch):
+    monkeypatch.setattr(neighbors, 'WHOLE', 64)
+    grid = begin(Scene(GROUND, (Vent((500.0, 500.0), 5.0),), STIFF)).solver.neighbors
+    first, ends = grid.window(np.array([place]))
+    assert (first >= 0).all() and (first < ends).all() and (ends <= grid._all).all()
+
+
 def test_vent_wider_than_the_terrain_emits_all_over_it():
     """A step raises the terrain, not the area of the vent, by half of the thickness."""
     ground = Terrain(np.zeros((2, 2)), 1.0)

@@ -19,7 +19,9 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.resolution import resolution_of, resolved_accuracy
 from lava_ros.simulation.selection import effects_for
+from lava_ros.simulation.setup import descent as descent_module
 from lava_ros.simulation.setup.course import Course, course_of
+from lava_ros.simulation.setup.descent import descent, slope_at
 from slope_scenes import ground, HOUR, LAVA, MOBILITY, scene, SLOPE
 
 
@@ -61,6 +63,37 @@ def test_mirrored_valley_has_the_same_course():
     for name in ('width', 'thickness', 'speed'):
         one, other = (getattr(course.columns, name) for course in courses)
         assert one == pytest.approx(other, rel=1e-6), name
+
+
+@pytest.mark.parametrize('across', [0.4, -0.4])
+def test_slope_is_that_of_the_steepest_way(across):
+    y, x = np.mgrid[0:9, 0:9] * 5.0
+    plane = Terrain(0.3 * x + across * y, 5.0)
+    assert slope_at(plane, np.array([20.0, 20.0])) == pytest.approx(0.5)
+
+
+def test_descent_ends_with_its_first_point_on_unknown_ground_or_its_last_allowed(monkeypatch):
+    known, start = ground(10.0), np.array([100.0, 300.0])
+    elevation = known.elevation.copy()
+    elevation[:, 100:110] = np.nan
+    points, heights = descent(replace(known, elevation=elevation), start)
+    assert points[-2, 0] < 1000.0 <= points[-1, 0]
+    assert (np.diff(heights) < 0.0).all()
+    # on the plane of the known ground, also from its border
+    points, heights = descent(replace(known, elevation=elevation), np.array([998.0, 300.0]))
+    assert points[:, 0] == pytest.approx([958.0, 998.0, 1038.0])
+    assert heights == pytest.approx(1000.0 - SLOPE * points[:, 0])
+    monkeypatch.setattr(descent_module, '_MAX_POINTS', 5)
+    assert len(descent(known, start)[0]) == 5
+
+
+def test_half_of_the_lava_is_as_cold_as_the_course_says():
+    cold = replace(LAVA, convection=50.0, solidus=1200.0)
+    course = course_of(replace(scene(ground(10.0)), lava=cold), horizon=6.0 * HOUR)
+    columns, hot = course.columns, course.temperature
+    limit = hot - course.cooled * (hot - cold.solidus)
+    share = columns.volume[columns.temperature <= limit + 1e-6].sum() / columns.volume.sum()
+    assert share == pytest.approx(0.5, abs=(columns.volume / columns.volume.sum()).max())
 
 
 @pytest.mark.parametrize('convection', [500.0, 5000.0])

@@ -250,9 +250,10 @@ def test_steps_stay_within_their_limits(device, integrator):
         speed = np.linalg.norm(before.velocity, axis=1).max()
         simulation.advance(time + 1e-3)
         steps = simulation.snapshot().steps
-        assert steps.limit in ('diffusion', 'advection')
         reach = simulation.accuracy.courant_number * min(simulation.accuracy.radius, 10.0)
         assert steps.length * speed <= 1.001 * reach
+        is_fast = steps.length * speed >= 0.999 * reach
+        assert steps.limit == ('advection' if is_fast else 'diffusion')
         if integrator == 'euler':
             assert steps.length <= 2.0 * simulation.accuracy.radius**2 / (10.18 * diffusivity)
 

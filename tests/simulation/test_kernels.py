@@ -3,7 +3,9 @@
 
 """Smoothing kernels and Bessel functions against numpy and scipy."""
 
+from dataclasses import fields
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from scipy import special
 import warp as wp
 
 from lava_ros.simulation.accuracy import KERNELS
+from lava_ros.simulation.particles import layout
 from lava_ros.simulation.particles.kernels import (
     bessel,
     k0_within,
@@ -66,6 +69,18 @@ def test_excess_corrects_the_sum_over_a_lattice(name, ratio):
         ((excess,),) = evaluate([1 / (total * ratio**2)], *parts)[2:]
         corrected = total * (1 - excess)
         assert abs(corrected - 1) < 0.2 * (total - 1) + 2e-6
+
+
+def test_arrays_have_an_item_for_each_of_their_indices():
+    """An index beyond an array would write to memory of others."""
+    last = {
+        item.name: (re.findall('[A-Z_]+', text.partition(':')[0])[-1], item)
+        for item in fields(layout.Arrays)
+        if (text := item.metadata.get('text', '').partition(' [')[0]).startswith('by ')
+    }
+    assert {'clock', 'counts', 'rates'} <= set(last)
+    for index, item in last.values():
+        assert item.metadata['declaration'].shape == (getattr(layout, index) + 1,), item.name
 
 
 def test_bessel_functions_match_scipy():

@@ -19,7 +19,12 @@ from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.measurement import current_resolution, measure_widths
 from lava_ros.simulation.selection import Decision, noted
 from lava_ros.simulation.setup import review as review_module
-from lava_ros.simulation.setup.review import EffectChoice, MAX_INTERVAL, next_review
+from lava_ros.simulation.setup.review import (
+    EffectChoice,
+    MAX_INTERVAL,
+    next_review,
+    watched_effects,
+)
 from slope_scenes import ground, HOUR, LAVA, scene
 from solver import only
 
@@ -244,6 +249,12 @@ def test_review_measures_an_excluded_effect(monkeypatch: pytest.MonkeyPatch):
     assert not choice.since
     assert review(0.3) == review(0.3, 'helmholtz') == {'helmholtz'}
     assert choice.since == {'helmholtz': 60.0}
+
+
+def test_reviews_evaluate_effects_that_are_off_and_have_a_threshold():
+    watched = set(watched_effects(scene(ground(10.0)), only('cooling'), {'inertia': False}))
+    assert {'helmholtz', 'steep'} <= watched
+    assert not {'cooling', 'green', 'inertia', 'merging'} & watched
 
 
 def test_decision_names_the_effect_that_excludes_it():

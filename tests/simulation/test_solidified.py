@@ -19,6 +19,7 @@ from lava_ros.simulation.output.checkpoint import from_bytes
 from lava_ros.simulation.output.inundation import reached_cells, standing_cells
 from lava_ros.simulation.particles.solidified import THICKNESS_UNIT
 from lava_ros.simulation.particles.terrain import StaggeredTerrain
+from lava_ros.simulation.step.effects import parts_of
 from simulation.test_stops import hill
 from solver import only
 
@@ -97,17 +98,26 @@ def switch(simulation, *names):
     simulation.set_effects(asdict(compatible(names)))
 
 
-def with_effect(name):
-    """Return a change that switches an effect on, and solidification off and on again."""
+def with_effects(*names):
+    """Return a change that switches effects on, and solidification off and on again."""
 
     def change(simulation):
-        before = state_of(simulation)
-        for names in ((name, *BASE), (name, 'cooling'), BASE, ('cooling',), (name, *BASE)):
-            switch(simulation, *names)
+        before, more = state_of(simulation), (*names, *BASE)
+        for on in (more, (*names, 'cooling'), BASE, ('cooling',), more):
+            switch(simulation, *on)
             assert is_kept(before, state_of(simulation))
-        switch(simulation, *(one for one in ('cooling', name) if one != 'solidification'))
+        switch(simulation, *(one for one in ('cooling', *names) if one != 'solidification'))
 
     return change
+
+
+def sets_of_columns():
+    """Yield sets of the effects without kernels of their own that can be on together."""
+    rest = [name for name in EFFECTS if not [*parts_of(only(name))]]
+    while rest:
+        on = compatible(rest)
+        yield tuple(name for name in rest if name in on)
+        rest = [name for name in rest if name not in on]
 
 
 def without(simulation):
@@ -196,8 +206,12 @@ CHANGES = {
     **{f'{name} terrain': on_terrain(ground) for name, ground in GROUNDS.items()},
     **{f'{name} terrain when off': on_terrain(ground, is_off=True)
        for name, ground in GROUNDS.items()},
-    **{name: with_effect(name) for name in EFFECTS},
+    **{name: with_effects(name) for name in EFFECTS},
+    **{' '.join(names): with_effects(*names) for names in sets_of_columns()},
 }
+
+#: Changes of which each compiles kernels, and that another one contains.
+CONTAINED = {name for names in sets_of_columns() for name in names if len(names) > 1}
 
 
 def test_scene_without_solidification_has_no_grids_for_it(device):
@@ -216,10 +230,10 @@ SAMPLE = ('off', 'resumed when off', 'holed terrain when off')
 
 
 def cases():
-    """Yield every change with the first kind, and the rest of all combinations as nightly."""
+    """Yield the changes with the first kind, and the rest of all combinations as nightly."""
     for kind in KINDS:
         for change in CHANGES:
-            is_nightly = kind != KINDS[0] and change not in SAMPLE
+            is_nightly = change in CONTAINED or (kind != KINDS[0] and change not in SAMPLE)
             yield pytest.param(change, *kind, marks=[pytest.mark.nightly] * is_nightly)
 
 

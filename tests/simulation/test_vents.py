@@ -24,6 +24,7 @@ from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.step.timestep import longest_from
 import lava_ros.simulation.step.vents as vents_module
 from lava_ros.simulation.step.vents import Emission, VentSet
+from solver import incline, only, simulated
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 
@@ -229,6 +230,20 @@ def test_a_step_emits_no_more_than_half_a_thickness() -> None:
         assert max(given) <= 0.5 * area * (1.0 + 1e-9)
     # the limit is reached by a vent where the discharge is constant
     assert found[1e3][[0, 3, 7]] == pytest.approx([half, 0.5 * math.pi * 100.0 / 60.0, half])
+    # a fissure is as wide as its ends
+    fissure = vent_set(Vent((20.0, 20.0), 1.0, radius=5.0, end=(20.0, 50.0)))
+    assert fissure.step_limits[0, 1] == pytest.approx(half + 0.5 * 30.0 * 10.0)
+
+
+def test_lava_comes_out_at_the_stages_of_a_step() -> None:
+    simulation = simulated(
+        incline(0.1, 20, 20, 5.0), Lava.paper(viscosity=1e3, ground_conductivity=2.0),
+        Vent((50.0, 50.0), 50.0, radius=10.0), effects=only('ground'), spacing=2.0,
+    )
+    simulation.advance(60.0)
+    state = simulation.solver.state
+    times = np.unique(state.emission_time.numpy()[: state.count])
+    assert simulation.snapshot().steps.stages > 2 and len(times) > simulation.steps
 
 
 def test_steps_are_longer_after_a_strong_discharge() -> None:

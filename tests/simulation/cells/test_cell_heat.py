@@ -45,6 +45,11 @@ LAVA = Lava.paper(
 
 TURNS = [0.0, math.radians(30.0)]
 
+#: Effects of several tests, which share their kernels. Without its constants an effect changes
+#: nothing.
+STIFFENING = ['arrhenius', 'cooling', 'solidification', 'steep', 'yielding']
+MOVING = ['conduction', 'crust_strength', 'viscous_heating']
+
 
 class Flow:
     """Lava on cells with its heat, without a simulation."""
@@ -139,7 +144,7 @@ def slide(lava, effects, turn, *, emits=False):
 
 @pytest.mark.parametrize('turn', TURNS)
 def test_heat_of_lava_that_loses_none_is_that_of_its_sources(turn):
-    flow = slide(LAVA, ['arrhenius', 'steep'], turn, emits=True)
+    flow = slide(LAVA, STIFFENING, turn, emits=True)
     before, volume = flow.content, flow.thickness.sum()
     flow.advance(900.0)
     emitted = float(flow.state.source.numpy().sum()) * 900.0
@@ -153,7 +158,7 @@ def test_heat_of_lava_that_loses_none_is_that_of_its_sources(turn):
 
 @pytest.mark.parametrize('turn', TURNS)
 def test_hot_and_warm_lava_stay_apart_as_they_flow(turn):
-    flow = slide(LAVA, ['arrhenius'], turn)
+    flow = slide(LAVA, STIFFENING, turn)
     flow.advance(900.0)
     x, y = centres(150.0)
     across = y * math.cos(turn) - x * math.sin(turn)
@@ -177,7 +182,7 @@ def covered(thickness):
 
 def test_heat_is_lost_by_the_surface_alone():
     lava = replace(LAVA, convection=500.0)
-    flow = slide(lava, ['arrhenius', 'cooling'], TURNS[1])
+    flow = slide(lava, STIFFENING, TURNS[1])
     contents, powers = [], []
     times = np.linspace(0.0, 900.0, 91)
     for time in times:
@@ -197,7 +202,7 @@ def test_heat_of_the_fall_is_the_potential_energy_lost(turn):
     x, y = centres(150.0)
     ground = -0.1 * (x * math.cos(turn) + y * math.sin(turn))
     thickness = 2.0 * (np.hypot(x, y) < 30.0)
-    flow = Flow(lava, ['viscous_heating'], ground, thickness, np.full(x.shape, HOT))
+    flow = Flow(lava, MOVING, ground, thickness, np.full(x.shape, HOT))
 
     def energy():
         h = flow.thickness
@@ -253,7 +258,7 @@ def test_column_of_a_cell_cools_as_all_columns_do(name):
 
 def test_lava_colder_than_its_solidus_becomes_ground():
     lava = replace(LAVA, convection=1000.0, solidus=1200.0)
-    flow = slide(lava, ['arrhenius', 'cooling', 'solidification', 'steep'], TURNS[1])
+    flow = slide(lava, STIFFENING, TURNS[1])
     ground = flow.heat.elevation.numpy().copy()
     volume = flow.thickness.sum()
     flow.advance(300.0)
@@ -273,9 +278,7 @@ def test_lava_colder_than_its_solidus_becomes_ground():
 
 
 def test_age_of_lava_is_that_of_its_emission():
-    flow = slide(
-        replace(LAVA, crust_strength=1.0), ['crust_strength'], 0.0, emits=True
-    )
+    flow = slide(replace(LAVA, crust_strength=1.0), MOVING, 0.0, emits=True)
     flow.advance(900.0)
     emitted = float(flow.state.source.numpy().sum()) * 900.0
     times = flow.heat.emission_time.numpy()[1:-1, 1:-1]
@@ -288,7 +291,7 @@ def test_conducted_heat_follows_the_error_function():
     lava = replace(LAVA, viscosity=1e15, specific_heat=100.0, conductivity=260.0)
     x, _ = centres(100.0)
     flow = Flow(
-        lava, ['conduction'], np.zeros(x.shape), np.full(x.shape, 2.0),
+        lava, MOVING, np.zeros(x.shape), np.full(x.shape, 2.0),
         np.where(x < 0.0, 1000.0, 1400.0),
     )
     flow.advance(2e5, longest=2000.0)
@@ -303,7 +306,7 @@ def test_cold_film_ahead_of_a_front_does_not_dam_it():
     x, _ = centres(50.0)
     thickness = np.where(x < 0.0, 10.0, 1e-5)
     flow = Flow(
-        lava, ['arrhenius', 'yielding'], -0.2 * x, thickness, np.where(x < 0.0, HOT, AIR)
+        lava, STIFFENING, -0.2 * x, thickness, np.where(x < 0.0, HOT, AIR)
     )
     law = Rheology(lava, flow.effects)
     strength = np.vectorize(law.strength_at)(flow.heat.temperature.numpy())

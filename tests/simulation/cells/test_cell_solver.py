@@ -5,6 +5,7 @@
 
 from dataclasses import replace
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.events import TerrainEvent
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.cells import solver as solver_module
+from lava_ros.simulation.cells.solver import CellSolver
 from lava_ros.simulation.selection import decide, effects_for, warnings_of
 from solver import flat, only
 
@@ -52,6 +55,25 @@ def test_vents_emit_the_integral_of_their_rates():
     snapshot = simulation.snapshot()
     volume = np.nansum(snapshot.thickness, dtype=float) * 25.0
     assert volume == pytest.approx(budget.held, rel=1e-6)
+
+
+def test_a_launch_has_as_many_steps_as_take_its_time(monkeypatch):
+    """On a clock by which a step takes a millisecond."""
+    now, launch = [0.0], CellSolver._launch
+    clock = SimpleNamespace(perf_counter=lambda: now[0], monotonic=lambda: now[0])
+    monkeypatch.setattr(solver_module, 'wall_clock', clock)
+
+    def slow(solver, *arguments):
+        before = solver.steps
+        launch(solver, *arguments)
+        now[0] += 1e-3 * (solver.steps - before) + 1e-9
+
+    monkeypatch.setattr(CellSolver, '_launch', slow)
+    simulation = simulated(slope(), Vent((-60.0, 3.0), 8.0, radius=7.0))
+    simulation.advance(100.0)
+    assert simulation.solver._steps_at_once == pytest.approx(
+        1e3 * solver_module._LAUNCH_TIME, abs=1.0
+    )
 
 
 def test_steps_keep_the_largest_thickness():
@@ -123,6 +145,20 @@ def area_by(spacing):
     snapshot = simulation.snapshot()
     assert np.nansum(snapshot.thickness, dtype=float) * 25.0 == pytest.approx(6000.0, rel=1e-5)
     return snapshot.area(snapshot.inundated)
+
+
+def test_lava_covers_its_cells_from_where_it_comes():
+    """A flow to the north covers its cells as one to the south does."""
+    south, north = (
+        simulated(slope(turn), Vent((0.0, -60.0 * math.sin(turn)), 5.0), spacing=15.0)
+        for turn in (-0.5 * math.pi, 0.5 * math.pi)
+    )
+    maps = []
+    for simulation in (south, north):
+        simulation.advance(300.0)
+        maps.append(simulation.snapshot().inundated)
+    assert (maps[0] > 0.0).sum() > 10
+    np.testing.assert_array_equal(maps[0], maps[1][::-1])
 
 
 def test_covered_area_is_that_of_a_constant_flux():

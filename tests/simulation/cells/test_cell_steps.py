@@ -94,7 +94,7 @@ def test_speed_of_a_sheet_on_a_steep_slope_is_exact(turn):
     x, y = centres(100.0, 5.0)
     along = (x * math.cos(turn) + y * math.sin(turn)) * math.tan(slope)
     state, advance = lava_on(
-        -along, 5.0, np.full(x.shape, thickness), effects=replace(NONE, steep=True)
+        -along, 5.0, np.full(x.shape, thickness), effects=replace(NONE, steep=True, yielding=True)
     )
     advance(1.0, steps=1)
     across = thickness * math.cos(slope)
