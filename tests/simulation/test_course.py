@@ -73,14 +73,14 @@ def test_slope_is_that_of_the_steepest_way(across):
 
 
 def test_descent_ends_with_its_first_point_on_unknown_ground_or_its_last_allowed(monkeypatch):
-    known, start = ground(10.0), np.array([100.0, 300.0])
+    known, start = ground(10.0), (100.0, 300.0)
     elevation = known.elevation.copy()
     elevation[:, 100:110] = np.nan
     points, heights = descent(replace(known, elevation=elevation), start)
     assert points[-2, 0] < 1000.0 <= points[-1, 0]
     assert (np.diff(heights) < 0.0).all()
     # on the plane of the known ground, also from its border
-    points, heights = descent(replace(known, elevation=elevation), np.array([998.0, 300.0]))
+    points, heights = descent(replace(known, elevation=elevation), (998.0, 300.0))
     assert points[:, 0] == pytest.approx([958.0, 998.0, 1038.0])
     assert heights == pytest.approx(1000.0 - SLOPE * points[:, 0])
     monkeypatch.setattr(descent_module, '_MAX_POINTS', 5)

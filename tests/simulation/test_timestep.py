@@ -11,7 +11,7 @@ import pytest
 import warp as wp
 
 from lava_ros.simulation.particles import layout as at
-from lava_ros.simulation.step.timestep import choice_function, LIMITS, MAX_STAGES, pace_type
+from lava_ros.simulation.step.timestep import choice_function, LIMITS, MAX_STAGES, Pace
 
 FAR, LONGEST = 1e9, 100.0
 
@@ -23,32 +23,34 @@ def span(stages, order):
 
 @lru_cache
 def kernel(order):
-    choose = choice_function(wp.float64, order, True, False, False)
+    form = at.Form(wp.float64, order, True, *(False for _ in at.Form._fields[3:]))
+    choose = choice_function(form, False)
 
     @wp.kernel(module='unique', enable_backward=False)
-    def once(pace: pace_type(wp.float64)):
-        choose(pace)
+    def once(pace: Pace, m: at.arguments_type(wp.float64)):
+        choose(pace, m)
 
     return once
 
 
 def chosen(order, *, diffusion=0.0, advection=0.0, end=FAR, fixed=0.0):
     """Return length [s], number of stages and limit of a step from 0 s."""
-    pace = pace_type(wp.float64)()
+    pace, m = Pace(), at.arguments_type(wp.float64)()
     pace.longest, pace.fixed, pace.few = LONGEST, fixed, 0
     given = {
-        'ends': [math.inf], 'limits': [math.inf], 'rates': [diffusion, advection],
-        'clock': np.zeros(5), 'limit_time': [end, FAR], 'stage': np.zeros(4),
+        'rates': [diffusion, advection], 'clock': np.zeros(5), 'limit_time': [end, FAR],
+        'stage': np.zeros(4),
     }
     given['clock'][at.TARGET] = FAR
     for name, values in given.items():
-        setattr(pace, name, wp.array(values, dtype=wp.float64, device='cpu'))
+        setattr(m, name, wp.array(values, dtype=wp.float64, device='cpu'))
+    for name in ('ends', 'limits'):
+        setattr(pace, name, wp.array([math.inf], dtype=wp.float64, device='cpu'))
     pace.due = wp.full(1, wp.vec2d(math.inf, math.inf), dtype=wp.vec2d, device='cpu')
-    for name, size in (('counts', 11), ('cold', 1), ('chosen', 1)):
-        setattr(pace, name, wp.zeros(size, dtype=wp.int32, device='cpu'))
-    wp.launch(kernel(order), dim=1, inputs=[pace], device='cpu')
-    counts = pace.counts.numpy()
-    return pace.clock.numpy()[at.STEP], counts[at.STAGES], LIMITS[counts[at.LIMIT]]
+    m.counts = wp.zeros(11, dtype=wp.int32, device='cpu')
+    wp.launch(kernel(order), dim=1, inputs=[pace, m], device='cpu')
+    counts = m.counts.numpy()
+    return m.clock.numpy()[at.STEP], counts[at.STAGES], LIMITS[counts[at.LIMIT]]
 
 
 @pytest.mark.parametrize('order', [1, 2])

@@ -3,7 +3,7 @@
 
 """Allocation of many arrays at once, recovery from a failed allocation, and readback."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from typing import Any
@@ -42,9 +42,13 @@ def within_memory() -> Iterator[None]:
 _size = lru_cache(wp.types.type_size_in_bytes)
 
 
-def bytes_per_cell(*kinds: Any) -> int:
-    """Return the memory that the two-dimensional arrays of structs take for each cell [bytes]."""
-    types = [item.type for kind in kinds for item in kind.vars.values()]
+def bytes_per_cell(*kinds: Any, without: Collection[str] = ()) -> int:
+    """Return the memory that the two-dimensional arrays of structs take for each cell [bytes].
+
+    ``without`` names arrays that do not count.
+    """
+    items = [item for kind in kinds for item in kind.vars.items()]
+    types = [item.type for name, item in items if name not in without]
     maps = [one for one in types if isinstance(one, wp.array) and one.ndim == 2]
     return sum(_size(one.dtype) for one in maps)
 

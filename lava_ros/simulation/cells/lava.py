@@ -51,6 +51,10 @@ from lava_ros.simulation.particles.layout import HOLES, SEA
 FILM = 1e-6
 
 
+#: Maps that simulations on the same terrain share.
+_SHARED = 'kind', 'elevation', 'known'
+
+
 class _Maps:
     """Arrays of the terrain's cells (``layout.CELL_MAPS``), and the launches over them."""
 
@@ -122,8 +126,9 @@ class CellLava:
         assert accuracy.spacing is not None
         terrain, scale = scene.terrain, 2.0 ** -doublings_of(scene.terrain, accuracy.spacing)
         own = math.prod(scale * side + 2.0 for side in terrain.shape)
-        per_cell = bytes_per_cell(Covered) + Peaks.COUNT * np.dtype(np.float32).itemsize
-        own *= bytes_per_cell(Cells, Heat, Highest)
+        per_cell = bytes_per_cell(Covered, without=_SHARED)
+        per_cell += Peaks.COUNT * np.dtype(np.float32).itemsize
+        own *= bytes_per_cell(Cells, Heat, Highest, without=_SHARED)
         return math.ceil(own) + terrain.elevation.size * per_cell
 
     def _place_terrain(self) -> None:
