@@ -3,7 +3,7 @@
 
 """Compare runs on cells with runs of particles: areas, stated numerical errors and CPU time.
 
-    python docs/benchmarks/methods.py methods.csv --workers 16 [--case CASE ...]
+    python docs/benchmarks/methods.py methods.csv --workers 16 [--case CASE ...] [--scene NAME ...]
 
 The scenes are those of numerical_error.py, each at the presets draft and standard, on one core. A
 row is a run. ``difference`` is one minus the Jaccard index of its inundated area and that of the
@@ -133,9 +133,10 @@ def main() -> None:
     parser.add_argument('output', type=Path)
     parser.add_argument('--workers', type=int, default=1)
     parser.add_argument('--case', action='append', default=[])
+    parser.add_argument('--scene', action='append', default=[], help='by default all')
     parser.add_argument('--machine', default=None)
     args = parser.parse_args()
-    names = [*args.case, *(item.name for item in error_scenes())]
+    names = [*args.case, *(args.scene or [item.name for item in error_scenes()])]
     jobs = [(name, preset, method) for preset in PRESETS[::-1] for name in names
             for method in METHODS]
     runs: dict[Job, tuple[np.ndarray, dict[str, Any]]] = {}
