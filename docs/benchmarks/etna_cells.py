@@ -26,27 +26,27 @@ from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
 from lava_ros.simulation.cells import heated_step
-from lava_ros.simulation.cells.state import FRONT
+from lava_ros.simulation.cells.state import EDGE
 from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import write_csv
 
 #: Size of cells [m], and fraction of the thickest neighbour.
-RUNS = ('0', '0::crust', '20', '10', '10::crust', '5', '20:0.25', '10:0.25', '20:1', '10:1')
+RUNS = ('0', '0::crust', '20', '10', '10::crust', '5', '20:0.6', '10:0.6', '20:1', '10:1')
 
 #: Size of cells on which only the first days are simulated [m].
 FINE = 5.0
 
 
 def run(job: tuple[str, str, float]) -> dict[str, Any]:
-    """Make a run of a folder; the kernels of a process have one ``FRONT``."""
+    """Make a run of a folder; the kernels of a process have one ``EDGE``."""
     folder, name, day = job
     spacing, edge, crust = (*name.split(':'), '', '')[:3]
-    cell, fraction = float(spacing), float(edge or FRONT)
-    vars(heated_step)['FRONT'] = fraction
+    cell, fraction = float(spacing), float(edge or EDGE)
+    vars(heated_step)['EDGE'] = fraction
     case = load_case(folder)
     if crust:
         case = case.with_lava(CRUST)
-    is_whole = cell != FINE and fraction == FRONT
+    is_whole = cell != FINE and fraction == EDGE
     if not is_whole:
         case = replace(case, end=case.start + 86400.0 * day)
     settings = Settings(

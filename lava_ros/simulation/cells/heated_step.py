@@ -10,9 +10,8 @@ the lava of the cell has the temperature
 
 h' the thickness after the step. So the heat of all cells changes only by what comes out of vents.
 T_f is the temperature of the cell that the lava leaves, plus its difference at the face: half of
-the limited slope (superbee, Roe 1986), times 1 - C with C the fraction of the cell that leaves.
-The limiter keeps the hot core and the cold margin of a flow apart. A cell next to dry ground has
-no slope. The time of emission moves in the same way.
+the limited slope of third order (Koren 1993), times 1 - C with C the fraction of the cell that
+leaves. A cell next to dry ground has no slope. The time of emission moves in the same way.
 
 Then every cell is a column of lava (effects/column.py), with the laws of all other columns. Lava
 colder than the solidus becomes ground.
@@ -34,7 +33,7 @@ from lava_ros.simulation.backend.vector_math import VECTOR_MATH
 from lava_ros.simulation.cells.flow import step_function
 from lava_ros.simulation.cells.ground import ground_function
 from lava_ros.simulation.cells.spans import WITHIN
-from lava_ros.simulation.cells.state import Cells, FRONT, Heat, WAITING
+from lava_ros.simulation.cells.state import Cells, EDGE, Heat, WAITING
 from lava_ros.simulation.cells.threads import shared
 
 _REAL = wp.float32
@@ -57,9 +56,9 @@ _TRANSPORT = """
     auto most = [](float a, float b) { return a > b ? a : b; };
     // 0 where the differences behind and ahead differ in sign
     auto limited = [&](float behind, float ahead) {
-        const float rise = most(least(2.0f * behind, ahead), least(behind, 2.0f * ahead));
-        const float fall = least(most(2.0f * behind, ahead), most(behind, 2.0f * ahead));
-        return most(0.0f, rise) + least(0.0f, fall);
+        const float third = (behind + 2.0f * ahead) * (1.0f / 3.0f);
+        return most(0.0f, least(third, 2.0f * least(behind, ahead)))
+            + least(0.0f, most(third, 2.0f * most(behind, ahead)));
     };
     struct Value { float lava, value; };
     // what g brings into a cell, from a neighbour or by leaving it: behind the neighbour is
@@ -198,11 +197,11 @@ _EXCHANGE = """
         for (long p = from; p <= to; p += lanes) {
             const float h = (float)thickness[p];
             auto column = empty;
-            // the edge of a front is thicker than its mean over the cell
+            // the edge of a front is thicker than its mean over the cell (covered.py)
             const float beside = larger(larger(y[p - 1], y[p + 1]), larger(y[p - w], y[p + w]));
             // and so is lava that comes out of a vent
             const float least = source[p] > 0.0 ? m.emerging : film;
-            column.thickness = larger(larger(h, least), FRONT * beside);
+            column.thickness = larger(larger(h, least), EDGE * beside);
             column.normal_thickness = column.thickness;
             column.slope = 0.0f, column.speed = 0.0f, column.drop = 0.0f, column.age = 0.0f;
             COSINE
@@ -320,7 +319,7 @@ def heat_functions(effects: Effects, blocks: int = 1) -> HeatFunctions:
         ('FALL', _FALL, falls), ('DESCENT', _DESCENT, falls),
     ):
         moving = moving.replace(name, part if is_on else '')
-    exchanging = _EXCHANGE.replace('FRONT', f'{FRONT}f')
+    exchanging = _EXCHANGE.replace('EDGE', f'{EDGE}f')
     for name, needed in (
         ('COSINE', cosine_squared), ('SPEED', effects.any('needs_speed')), ('DROP', falls),
         ('AGE', has_age), ('WARM', straight), ('VISCOSITY', viscosity), ('STRENGTH', strength),

@@ -61,11 +61,6 @@ THICKEST, RATE = range(2)
 #: Thickness of a cell that lava covers wholly, over that of its thickest neighbour (covered.py).
 EDGE = 0.25
 
-#: Thickness of the edge of a front, as which it loses heat, over that of its thickest neighbour:
-#: fronts anywhere in their cells then lose on average the heat of their covered part
-#: (docs/MODEL.md, "Heat on cells").
-FRONT = 0.5
-
 #: Constants of the laws of flow, with viscosity and yield strength of one face.
 FaceLaw = structure('FaceLaw', (*law_type(wp.float32).vars, 'strength'), wp.float32)
 
