@@ -268,7 +268,7 @@ class Batch:
         """Return the group and row of the current route.
 
         Unless it has a row for this version of its ``owner``, ``describe`` returns the kind of the
-        group, the function that makes one, and what a row is given.
+        group, the function that makes one, and the arguments of its ``put``.
         """
         assert self._route is not None
         self._has_asked = True

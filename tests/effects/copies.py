@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Copies of the package without the files of some effects, and what programs compute in them."""
+"""Copies of the package without the files of some effects, and the results of programs in them."""
 
 import hashlib
 import os

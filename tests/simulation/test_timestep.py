@@ -13,7 +13,7 @@ import warp as wp
 from lava_ros.simulation.particles import layout as at
 from lava_ros.simulation.step.timestep import choice_function, LIMITS, MAX_STAGES, Pace
 
-FAR, LONGEST = 1e9, 100.0
+FAR, MAX_STEP = 1e9, 100.0
 
 
 def span(stages, order):
@@ -36,7 +36,7 @@ def kernel(order):
 def chosen(order, *, diffusion=0.0, advection=0.0, end=FAR, fixed=0.0):
     """Return length [s], number of stages and limit of a step from 0 s."""
     pace, m = Pace(), at.arguments_type(wp.float64)()
-    pace.longest, pace.fixed, pace.few = LONGEST, fixed, 0
+    pace.longest, pace.fixed, pace.few = MAX_STEP, fixed, 0
     given = {
         'rates': [diffusion, advection], 'clock': np.zeros(5), 'limit_time': [end, FAR],
         'stage': np.zeros(4),
@@ -58,10 +58,10 @@ def test_step_has_the_fewest_stages_that_cover_it(order):
     most = span(MAX_STAGES, order)
     for ratio in (1.0, 2.4, 2.6, 3.9, 4.1, 27.0, 27.1, 300.0, 0.999 * most):
         fewest = next(s for s in range(2, MAX_STAGES + 1) if span(s, order) >= ratio - 1e-9)
-        assert chosen(order, diffusion=ratio / LONGEST) == (LONGEST, fewest, 'longest'), ratio
-    step, stages, limit = chosen(order, diffusion=2.0 * most / LONGEST)
-    assert (stages, limit) == (MAX_STAGES, 'diffusion') and step == pytest.approx(0.5 * LONGEST)
+        assert chosen(order, diffusion=ratio / MAX_STEP) == (MAX_STEP, fewest, 'longest'), ratio
+    step, stages, limit = chosen(order, diffusion=2.0 * most / MAX_STEP)
+    assert (stages, limit) == (MAX_STAGES, 'diffusion') and step == pytest.approx(0.5 * MAX_STEP)
     assert chosen(order, diffusion=0.2, advection=0.1)[::2] == (10.0, 'advection')
     assert chosen(order, fixed=7.0, advection=1.0)[::2] == (7.0, 'fixed')
     # up to an end in two equal steps rather than a sliver
-    assert [chosen(order, end=end)[0] for end in (80.0, 150.0, 250.0)] == [80.0, 75.0, LONGEST]
+    assert [chosen(order, end=end)[0] for end in (80.0, 150.0, 250.0)] == [80.0, 75.0, MAX_STEP]

@@ -65,8 +65,6 @@ class Launches:
         launched: Number of launches by this object; None once a batch launches what it recorded.
     """
 
-    launched: int | None = 0
-
     def __init__(self, device: Any) -> None:
         """Initialize without any recorded launch."""
         self._device = device
@@ -75,6 +73,7 @@ class Launches:
         self._recorded: list[Launch] | None = None
         self._captured: set[Any] = set()
         self.extent = self.forgotten = 0
+        self.launched: int | None = 0
 
     @property
     def is_capturing(self) -> bool:

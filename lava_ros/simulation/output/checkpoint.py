@@ -263,6 +263,7 @@ def from_bytes(data: bytes) -> Checkpoint:
         reason = f'{type(error).__name__}: {error}'
         raise LavaError('checkpoint.header', reason, 'a header written by lava_ros') from error
 
+
 def method_of(data: bytes) -> str:
     """Return the carriers of the lava (``Accuracy.method``) by the header of a checkpoint.
 

@@ -11,7 +11,7 @@ from lava_ros.simulation.cells.grid import deposit
 
 
 @pytest.mark.parametrize(('place', 'rows', 'columns'), [
-    # what would be outside is in the cell of the place
+    # lava outside of the terrain goes to the cell of its place
     ((2.4, 2.4), [0.3, 0.7, 0.0, 0.0], [0.3, 0.7, 0.0, 0.0, 0.0]),
     ((0.4, 0.4), [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]),
     ((9.6, 7.6), [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0, 1.0]),
