@@ -157,13 +157,14 @@ def _check_complete(done: set[int], members: Sequence[Member]) -> None:
 
 
 def run_here(
-    plan: Plan, members: Sequence[Member], *, device: str | None = None
+    plan: Plan, members: Sequence[Member], *, device: str | None = None, sharing: int = 1
 ) -> Generator[Footprint, None, None]:
     """Run members in this process, and yield their footprints in order of completion.
 
-    ``device`` is the Warp device; None for the first GPU, or the CPU without one.
+    ``device`` is the Warp device; None for the first GPU, or the CPU without one. ``sharing`` is
+    the number of processes that run members on it.
     """
-    for fields in running(plan, members, device=device):
+    for fields in running(plan, members, device=device, sharing=sharing):
         if fields is not None:
             yield footprint_of(fields, plan)
 
@@ -178,11 +179,12 @@ def run_in_processes(
     Raises:
         LavaError: If a member fails or repeatedly ends its process.
     """
-    # so that each process gets members
-    batch = min(batch_of(plan, device), max(-(-len(members) // workers), 1))
-    parts = _parts(members, batch)
     devices = (device,) if device else _gpus() or (None,)
-    work = partial(_run_in_process, plan, devices)
+    sharing = -(-workers // len(devices))
+    # so that each process gets members
+    batch = min(batch_of(plan, device, sharing), max(-(-len(members) // workers), 1))
+    parts = _parts(members, batch)
+    work = partial(_run_in_process, plan, devices, sharing)
     with closing(Pool(work, min(workers, len(parts)))) as pool:
         for _, footprints in pool(parts):
             yield from footprints
@@ -194,9 +196,10 @@ def default_workers() -> int:
 
 
 def _run_in_process(
-    plan: Plan, devices: Sequence[str | None], members: Sequence[Member]
+    plan: Plan, devices: Sequence[str | None], sharing: int, members: Sequence[Member]
 ) -> list[Footprint]:
-    return list(run_here(plan, members, device=devices[process_number() % len(devices)]))
+    device = devices[process_number() % len(devices)]
+    return list(run_here(plan, members, device=device, sharing=sharing))
 
 
 def _parts(members: Sequence[Member], batch: int) -> list[Sequence[Member]]:

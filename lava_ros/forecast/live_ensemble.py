@@ -11,7 +11,6 @@ weight.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 import time as wall_clock
 from typing import Any
 
@@ -19,12 +18,13 @@ import numpy as np
 
 from lava_ros.errors import LavaError, RefusalError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
-from lava_ros.forecast.members import plan_from, running
+from lava_ros.forecast.child_process import Answer
+from lava_ros.forecast.member_processes import count_processes, MemberProcesses, run_in_parts
+from lava_ros.forecast.members import plan_from
 from lava_ros.forecast.probability import (
     EnsembleAccumulator,
     Footprint,
     footprint_by,
-    footprint_of,
 )
 from lava_ros.forecast.sampling import draw_members, Posterior
 from lava_ros.layers.forecast import HazardMaps
@@ -34,8 +34,6 @@ from lava_ros.simulation.output.checkpoint import Checkpoint
 
 #: Number of members in the first maps of a scene; new maps follow at each doubling.
 FIRST_MAPS = 4
-
-Answer = Callable[..., None]
 
 
 @dataclass(eq=False)
@@ -85,6 +83,7 @@ class LiveEnsemble:
         stamp_ns: int = 0,
         population: Population | None = None,
         exact: Sequence[str] = (),
+        processes: MemberProcesses | None = None,
     ) -> None:
         """Draw the members; each runs from the checkpoint to ``horizon`` [s] after it.
 
@@ -92,7 +91,7 @@ class LiveEnsemble:
         ``begun`` is the start of the ensemble on the monotonic clock [s], by default now.
         The maps include arrival times at ``places``. ``exact`` names the quantities that are not
         drawn. ``number`` and ``stamp_ns``, a ROS time [ns], identify the ensemble in replies.
-        Other arguments are those of ``ForecastRun``.
+        The members run in ``processes``, if any. Other arguments are those of ``ForecastRun``.
 
         Raises:
             LavaError: If an argument is not valid, or no input of the scene is uncertain.
@@ -111,7 +110,8 @@ class LiveEnsemble:
         self.asked = len(self._members)
         self._begun = wall_clock.monotonic() if begun is None else begun
         self._shares: dict[int, float] = {}
-        self._running = running(
+        run_members = run_in_parts if processes is None else processes.running
+        self._running = run_members(
             self.plan,
             self._members,
             device=device,
@@ -148,9 +148,9 @@ class LiveEnsemble:
             LavaError: If a member has no valid scene, too many particles or no valid flow.
         """
         until, before = wall_clock.monotonic() + wall_limit, self.count
-        for fields in self._running:
-            if fields is not None:
-                self._ahead[fields.index] = footprint_of(fields, self.plan)
+        for footprint in self._running:
+            if footprint is not None:
+                self._ahead[footprint.index] = footprint
                 self.duration = wall_clock.monotonic() - self._begun
             while self.count in self._ahead:
                 self._footprints.append(self._ahead.pop(self.count))
@@ -198,6 +198,8 @@ class LiveEnsembles:
     def __init__(self, answer: Answer) -> None:
         """Initialize without an ensemble."""
         self._answer = answer
+        self._processes: MemberProcesses | None = None
+        self._share = 1.0
         self._changes: int | None = None
         self._ordered: Callable[[], LiveEnsemble] | None = None
         self.current: LiveEnsemble | None = None
@@ -212,6 +214,12 @@ class LiveEnsembles:
     def is_busy(self) -> bool:
         """True if an ensemble is in progress or requested."""
         return self.current is not None or self._ordered is not None
+
+    def share(self, share: float) -> None:
+        """Set the maximum fraction of the time in which processes of members may compute."""
+        self._share = share
+        if self._processes is not None:
+            self._processes.share(share)
 
     def order(
         self,
@@ -234,10 +242,19 @@ class LiveEnsembles:
             self._changes = changes
             self._shown, self._first = None, []
             self._population = Population(posterior, outlines)
-        self._ordered = partial(
-            LiveEnsemble, checkpoint, begun=wall_clock.monotonic(), population=self._population,
-            **how,
-        )
+        begun, population = wall_clock.monotonic(), self._population
+
+        def begin() -> LiveEnsemble:
+            if self._processes is None:
+                count = count_processes(how.get('device'), checkpoint.accuracy.method)
+                if count > 1:
+                    self._processes = MemberProcesses(count)
+                    self._processes.share(self._share)
+            return LiveEnsemble(
+                checkpoint, begun=begun, population=population, processes=self._processes, **how
+            )
+
+        self._ordered = begin
 
     def drop(self) -> None:
         """Cancel the ensemble in progress; finished ones remain."""

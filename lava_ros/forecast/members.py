@@ -215,8 +215,11 @@ def plan_from(
     return Plan(scene, horizon, start.accuracy, start.effects, samples, start)
 
 
-def batch_of(plan: Plan, device: str | None) -> int:
-    """Return the number of members that run as one batch on a Warp device."""
+def batch_of(plan: Plan, device: str | None, sharing: int = 1) -> int:
+    """Return the number of members that run as one batch on a Warp device.
+
+    ``sharing`` is the number of processes that run members on it.
+    """
     from lava_ros.simulation.batch import AT_ONCE
     from lava_ros.simulation.setup.defaults import device_of
     from lava_ros.simulation.simulation import SOLVERS
@@ -229,7 +232,7 @@ def batch_of(plan: Plan, device: str | None) -> int:
     volume += sum(vent.volume_between(begun, begun + plan.horizon) for vent in plan.scene.vents)
     needed = SOLVERS[accuracy.method].bytes_for(plan.scene, plan.effects, accuracy, volume)
     # half of the memory, for members with more lava than the median and for their neighbour grids
-    return min(max(used.free_memory // (2 * needed), 1), AT_ONCE)
+    return min(max(used.free_memory // (2 * sharing * needed), 1), AT_ONCE)
 
 
 def run_members(
@@ -264,6 +267,7 @@ def running(
     device: str | None = None,
     max_particles: int | None = None,
     progress: dict[int, float] | None = None,
+    sharing: int = 1,
 ) -> Iterator[MemberFields | None]:
     """Run members in parts, so that the caller can do other work after each part.
 
@@ -276,6 +280,7 @@ def running(
         device: Warp device; None for the first GPU, or the CPU without one.
         max_particles: Maximum number of particles of a member, None for no limit.
         progress: Receives the fraction of the samples that each member has taken, by its number.
+        sharing: Number of processes that run members on the device.
 
     Yields:
         The fields of a member that is finished, None after any other part.
@@ -326,7 +331,7 @@ def running(
             if plan.has_pair(member):
                 yield coarser_route(member)
 
-    routes, at_once = routes_of(members), batch_of(plan, device)
+    routes, at_once = routes_of(members), batch_of(plan, device, sharing)
     used = device_of(device, plan.accuracy.method)
     for _ in side_by_side(routes, str(used), at_once=at_once):
         yield from done

@@ -16,8 +16,8 @@ import threading
 import time
 from typing import Any
 
+from lava_ros.forecast.child_process import NICENESS, SLICE_WALL_TIME
 from lava_ros.forecast.partner_runs import measuring
-from lava_ros.forecast.process import NICENESS, SLICE_WALL_TIME
 from lava_ros.simulation.numerical_error import NumericalError
 
 

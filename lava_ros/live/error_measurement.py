@@ -11,7 +11,7 @@ import time
 from lava_ros.bag.description import is_on
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import Guard, RefusalError
-from lava_ros.live.forecaster import ForecastProcess
+from lava_ros.forecast.child_process import ChildProcess
 from lava_ros.live.worker import SimulationWorker
 from lava_ros.live.worker_status import WorkerState
 from lava_ros.simulation.numerical_error import Areas, error_text, NumericalError
@@ -27,9 +27,9 @@ LATER = 3.0
 _WATCH_TIME = 0.2
 
 
-def partner_process() -> ForecastProcess:
+def partner_process() -> ChildProcess:
     """Start a process for one measurement."""
-    return ForecastProcess('lava_ros.forecast.partner_process')
+    return ChildProcess('lava_ros.forecast.partner_process')
 
 
 @dataclass(eq=False)
@@ -46,7 +46,7 @@ class ErrorMeasurement:
 
     worker: SimulationWorker
     share: Callable[[], float]
-    make_process: Callable[[], ForecastProcess] = partner_process
+    make_process: Callable[[], ChildProcess] = partner_process
     first_wall_time: float = FIRST_WALL_TIME
 
     def __post_init__(self) -> None:
@@ -54,7 +54,7 @@ class ErrorMeasurement:
         self.latest: NumericalError | None = None
         self.failure = ''
         self._starts, self._begun = -1, 0.0
-        self._process: ForecastProcess | None = None
+        self._process: ChildProcess | None = None
         # simulated time of the measurement in progress, or of the last one that failed
         self._asked = 0.0
         self._stopping = threading.Event()

@@ -9,18 +9,12 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 from dataclasses import dataclass, replace
 import math
-import multiprocessing
-import os
-from pathlib import Path
-import subprocess
-import sys
 import threading
 import time
 from typing import Any
 
-import lava_ros
 from lava_ros.errors import Guard, LavaError, RefusalError
-from lava_ros.forecast.pool import interrupts_withheld
+from lava_ros.forecast.child_process import ChildProcess
 from lava_ros.layers.forecast import EnsembleForecast, Forecast
 from lava_ros.live.ensemble_forecasts import (
     EnsembleForecasts,
@@ -56,9 +50,6 @@ DUTY_CYCLE_RATE = 0.1
 #: First and maximum wall time before the retry after a failure [s]; each failure doubles it.
 _RETRY_TIMES = (2.0, 60.0)
 
-#: Maximum wait for the process to end before it is killed [s].
-_END_TIMEOUT = 2.0
-
 
 class DutyCycle:
     """The fraction of time for forecasts, which is minimal while the simulation falls behind."""
@@ -80,68 +71,9 @@ class DutyCycle:
         return min(max(round(self._share, 1), least), most)
 
 
-class ForecastProcess:
-    """A child process that runs a module and ends with its parent.
-
-    Messages are pickled, which is safe because no other process has an end of the connection.
-    """
-
-    def __init__(self, module: str = 'lava_ros.forecast.process') -> None:
-        """Start the process."""
-        package = str(Path(lava_ros.__file__).resolve().parents[1])
-        paths = [package, *filter(None, [os.environ.get('PYTHONPATH')])]
-        self._connection, other_end = multiprocessing.Pipe()
-        # the node handles Ctrl+C in a terminal and then closes the connection
-        with other_end, interrupts_withheld():
-            self._child = subprocess.Popen(
-                [sys.executable, '-m', module, str(other_end.fileno())],
-                stdin=subprocess.DEVNULL,
-                # compilers and drivers may write to stdout
-                stdout=sys.__stderr__,
-                env=os.environ | {'PYTHONPATH': os.pathsep.join(paths)},
-                pass_fds=[other_end.fileno()],
-            )
-
-    @property
-    def pid(self) -> int:
-        """Process ID."""
-        return self._child.pid
-
-    def request(self, name: str, **values: Any) -> None:
-        """Send a request; raise OSError if the process has ended."""
-        self._connection.send((name, values))
-
-    def reply(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
-        """Return the name and the values of the next reply, None if none arrives in time.
-
-        Raises:
-            ChildProcessError: If the process has ended.
-        """
-        try:
-            if not self._connection.poll(timeout):
-                return None
-            name, values = self._connection.recv()
-            return name, values
-        except (EOFError, OSError) as error:
-            status = self._exit_status()
-            reason = 'or no longer answers' if status is None else f'exit status {status}'
-            if status is not None and status < 0:
-                reason = f'killed by signal {-status}'
-            text = f'the process has ended ({reason})'
-            raise ChildProcessError(text) from error
-
-    def end(self, timeout: float = _END_TIMEOUT) -> None:
-        """End the process, after ``timeout`` [s] in the middle of a step."""
-        self._connection.close()
-        if self._exit_status(timeout) is None:
-            self._child.kill()
-            self._child.wait()
-
-    def _exit_status(self, timeout: float = _END_TIMEOUT) -> int | None:
-        """Wait for the end of the process; return None if it does not end in time."""
-        with suppress(subprocess.TimeoutExpired):
-            return self._child.wait(timeout)
-        return None
+def start_process() -> ChildProcess:
+    """Start a process that computes forecasts."""
+    return ChildProcess('lava_ros.forecast.process')
 
 
 @dataclass(eq=False)
@@ -160,12 +92,12 @@ class Forecaster:
     worker: SimulationWorker
     rules: Callable[[], ForecastRules]
     on_change: Callable[[], None] = lambda: None
-    make_process: Callable[[], ForecastProcess] = ForecastProcess
+    make_process: Callable[[], ChildProcess] = start_process
 
     def __post_init__(self) -> None:
         """Prepare the thread; ``start`` runs it."""
         self.ensembles = EnsembleForecasts()
-        self._process: ForecastProcess | None = None
+        self._process: ChildProcess | None = None
         self.latest: Forecast | None = None
         self.status = ForecastStatus()
         self._duty_cycle = DutyCycle()

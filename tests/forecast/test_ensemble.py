@@ -314,7 +314,8 @@ def test_local_processes_do_not_listen_and_survive_a_kill(small: Any, tmp_path: 
 
 def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
     gpus = ['cuda:0', 'cuda:1']
-    shared: list[str | None] = []
+    # device, and number of processes that divide its memory
+    shared: list[tuple[str | None, int]] = []
 
     class Processes:
         def __init__(self, work: Callable[[Sequence[Member]], object], count: int) -> None:
@@ -328,18 +329,22 @@ def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
         def close(self) -> None:
             pass
 
-    def run(plan: Plan, members: Sequence[Member], *, device: str | None) -> list[Footprint]:
-        shared.append(device)
+    def run(
+        plan: Plan, members: Sequence[Member], *, device: str | None, sharing: int
+    ) -> list[Footprint]:
+        shared.append((device, sharing))
         return []
 
     monkeypatch.setattr('warp.get_cuda_devices', lambda: gpus)
     monkeypatch.setattr(ensembles, 'Pool', Processes)
     monkeypatch.setattr(ensembles, 'run_here', run)
-    monkeypatch.setattr(ensembles, 'batch_of', lambda plan, device: 1)
+    monkeypatch.setattr(ensembles, 'batch_of', lambda plan, device, sharing: 1)
     for device, expected in (
-        (None, ['cuda:0', 'cuda:1', 'cuda:0']), ('cuda:1', ['cuda:1'] * 3), (None, [None] * 3)
+        (None, [('cuda:0', 1), ('cuda:1', 1), ('cuda:0', 1)]),
+        ('cuda:1', [('cuda:1', 2)] * 3),
+        (None, [(None, ensembles.usable_cores())] * 3),
     ):
-        if expected == [None] * 3:
+        if expected[0][0] is None:
             gpus.clear()
         shared.clear()
         workers = ensembles.default_workers()

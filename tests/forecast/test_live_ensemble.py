@@ -10,45 +10,21 @@ import numpy as np
 import pytest
 
 from disc_flow import same
-from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.live_ensemble import FIRST_MAPS, LiveEnsemble, LiveEnsembles
 from lava_ros.forecast.members import plan_from, run_members
 from lava_ros.forecast.probability import EnsembleAccumulator, footprint_by, footprint_of
 from lava_ros.forecast.sampling import draw_members, Posterior
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.scene.uncertainty import uncertainty_from_dict
-from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.checkpoint import Checkpoint
-from solver import only
-
-SCENE = Scene(
-    Terrain(np.tile(500.0 - 2.0 * np.arange(30), (20, 1)), 10.0),
-    (Vent((55.0, 100.0), 20.0, radius=15.0),),
-    Lava.paper(viscosity=1e4),
-    uncertainty=uncertainty_from_dict(
-        {'discharge': {'distribution': 'loguniform', 'low': 0.2, 'high': 5.0}}
-    ),
-)
-
-RULES: dict[str, Any] = {'horizon': 120.0, 'threshold': 0.01, 'device': 'cpu'}
-MEMBERS = 5
+from live_scene import checkpoints_at, MEMBERS, RULES, SCENE
 
 
 @pytest.fixture(scope='module', params=['particles'])
 def moments(request: pytest.FixtureRequest) -> list[Checkpoint]:
     """Return two checkpoints of one simulation, by default of particles."""
-    accuracy = Accuracy(request.param, spacing=10.0, thickness=1.0)
-    effects = Effects() if request.param == 'particles' else only('steep')
-    simulation = Simulation(SCENE, effects=effects, accuracy=accuracy, device='cpu')
-    found = []
-    for time in (30.0, 60.0):
-        simulation.advance(time)
-        found.append(simulation.checkpoint())
-    return found
+    return checkpoints_at((30.0, 60.0), request.param)
 
 
 def run(ensemble: LiveEnsemble) -> LiveEnsemble:

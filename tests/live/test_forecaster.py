@@ -19,8 +19,10 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
+from lava_ros.forecast import child_process
 from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.assimilation import Mask
+from lava_ros.forecast.child_process import ChildProcess, NICENESS
 from lava_ros.forecast.forecast_run import ForecastRun, N_FIRST_SAMPLES, N_SAMPLES
 from lava_ros.live import forecaster
 from lava_ros.live.ensemble_forecasts import ForecastRules
@@ -28,7 +30,6 @@ from lava_ros.live.forecaster import (
     DUTY_CYCLE_RATE,
     DutyCycle,
     Forecaster,
-    ForecastProcess,
     MIN_DUTY_CYCLES,
     MIN_PERIOD,
 )
@@ -78,7 +79,7 @@ class Bench:
         self.forecaster.want(True)
 
     def _process(self):
-        process = ForecastProcess()
+        process = ChildProcess('lava_ros.forecast.process')
         self.started.append(process.pid)
         request = process.request
 
@@ -220,7 +221,7 @@ def test_killed_process_of_low_priority_is_reported_and_replaced(bench):
     before = len(bench.started)
     bench.begin_a_long_one()
     niceness = os.getpriority(os.PRIO_PROCESS, bench.started[-1])
-    assert niceness == min(19, os.getpriority(os.PRIO_PROCESS, 0) + forecast_process.NICENESS)
+    assert niceness == min(19, os.getpriority(os.PRIO_PROCESS, 0) + NICENESS)
     old, bench.rules = bench.forecaster.latest, RULES
     os.kill(bench.started[-1], signal.SIGKILL)
     error = wait_until(lambda: bench.forecaster.status.error)
@@ -280,7 +281,7 @@ def test_process_computes_only_for_its_share_of_time(monkeypatch):
     slices = Slices()
     monkeypatch.setattr(forecast_process, 'ForecastRun', lambda *_, **__: slices)
     # the worker of earlier tests still runs: patch only this module
-    monkeypatch.setattr(forecast_process, 'time', slices)
+    monkeypatch.setattr(child_process, 'time', slices)
     forecasting = forecast_process.Forecasting(slices, lambda *_, **__: None)
     slices.put(('share', {'share': 0.1}))
     slices.put(('fork', FORK))
@@ -310,8 +311,9 @@ def test_first_forecast_of_a_scene_has_fewer_observations(monkeypatch):
 @pytest.mark.nightly
 def test_process_ignores_ctrl_c_and_ends_when_the_node_is_killed():
     code = (
-        'import time\nfrom lava_ros.live.forecaster import ForecastProcess\n'
-        'process = ForecastProcess()\nprint(process.pid, flush=True)\ntime.sleep(100.0)\n'
+        'import time\nfrom lava_ros.forecast.child_process import ChildProcess\n'
+        'process = ChildProcess("lava_ros.forecast.process")\n'
+        'print(process.pid, flush=True)\ntime.sleep(100.0)\n'
     )
     with subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True) as node:
         process = Path(f'/proc/{int(node.stdout.readline())}')

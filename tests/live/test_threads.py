@@ -12,8 +12,7 @@ import pytest
 
 from lava_ros import errors
 from lava_ros.errors import Guard, LavaError
-from lava_ros.forecast import pool
-from lava_ros.forecast import process as forecast_process
+from lava_ros.forecast import child_process, pool
 from lava_ros.live import forecaster, worker
 from lava_ros.live.ensemble_forecasts import ForecastRules
 from lava_ros.live.forecaster import Forecaster
@@ -155,7 +154,7 @@ def end_with(connection):
 
 
 def read_requests(connection):
-    forecast_process._read(connection, SimpleNamespace(put=lambda _: None))
+    child_process._read(connection, SimpleNamespace(put=lambda _: None))
 
 
 @pytest.mark.parametrize(
