@@ -123,7 +123,7 @@ _NOTE = """{
     }
     if (is_first_warp)
     for (long i = s.vent_box.data[0]; i <= s.vent_box.data[1]; ++i)
-        for (long j = s.vent_box.data[2] + lane; j <= s.vent_box.data[3]; j += lanes) {
+        for (long j = s.vent_box.data[2] + thread; j <= s.vent_box.data[3]; j += threads) {
             const long row = of(i), column = of(j);
             if (source[i * w + j] <= 0.0 || row < 0 || row >= rows || column < 0
                 || column >= columns) continue;

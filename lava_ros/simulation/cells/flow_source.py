@@ -351,32 +351,30 @@ STEP = """
     double* gone = s.gone.data;
     int highest = 0;
     long wet[4] = {top + 2, bottom - 2, left + 2, right - 2};
-    for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+    // lava that has left the ground, of each row in the same order for any number of threads
+    auto lose = [&](long i) {
+        const Span span = cells_of(i);
+        double sums[3] = {0.0, 0.0, 0.0};
+        for (long p = i * w + span.from + thread; p <= i * w + span.to; p += threads)
+            if (kind[p]) {
+                for (int n = 0; n < 3; ++n) sums[n] += kind[p] == n + 1 ? h[p] : 0.0;
+                h[p] = 0.0;
+            }
+        for (int n = 0; n < 3; ++n) {
+            sums[n] = summed(sums[n]);
+            if (thread == 0) gone[3 * i + n] = sums[n];
+        }
+    };
+    auto end_row = [&](long i) {
         const Span span = cells_of(i);
         const long from = i * w + span.from + lane, to = i * w + span.to;
-        for (long p = from; p <= to; p += lanes) h[p] = after(p);
-        if (i >= vents[0] && i <= vents[1])
-            for (long p = i * w + vents_from(span.from); p <= i * w + vents[3]; p += lanes)
-                h[p] += step * source[p];
-        if (!is_open) {
-            double sums[3] = {0.0, 0.0, 0.0};
-            for (long p = from; p <= to; p += lanes)
-                if (kind[p]) {
-                    for (int n = 0; n < 3; ++n) sums[n] += kind[p] == n + 1 ? h[p] : 0.0;
-                    h[p] = 0.0;
-                }
-            for (int n = 0; n < 3; ++n) {
-                sums[n] = summed(sums[n]);
-                if (lane == 0) gone[3 * i + n] = sums[n];
-            }
-        }
         int most_here = 0;
         for (long p = from; p <= to; p += lanes) {
             y[p] = (float)h[p];
             const int one = bits(y[p]);
             most_here = one > most_here ? one : most_here;
         }
-        if (most_here <= bits(film)) continue;
+        if (most_here <= bits(film)) return;
         highest = most_here > highest ? most_here : highest;
         long first = from, last = from + (to - from) / lanes * lanes;
         while (y[first] <= film) first += lanes;
@@ -385,6 +383,21 @@ STEP = """
         wet[1] = i > wet[1] ? i : wet[1];
         wet[2] = first - i * w < wet[2] ? first - i * w : wet[2];
         wet[3] = last - i * w > wet[3] ? last - i * w : wet[3];
+    };
+    for (long i = first_of(row_0); i <= last_of(row_1); i += lines) {
+        const Span span = cells_of(i);
+        for (long p = i * w + span.from + lane; p <= i * w + span.to; p += lanes) h[p] = after(p);
+        if (i >= vents[0] && i <= vents[1])
+            for (long p = i * w + vents_from(span.from); p <= i * w + vents[3]; p += lanes)
+                h[p] += step * source[p];
+        if (is_serial && !is_open) lose(i);
+        if (is_serial || is_open) end_row(i);
+    }
+    if (!is_serial && !is_open) {
+        together();
+        for (long i = first_for_warp(row_0); i <= last_of(row_1); i += warps) lose(i);
+        together();
+        for (long i = first_of(row_0); i <= last_of(row_1); i += lines) end_row(i);
     }
     raise(slots + HIGHEST, highest);
     raise(slots + SOUTH, (int)(top + 2 - wet[0]));
@@ -419,21 +432,21 @@ LOST = """
         double out = 0.0, sums[3] = {0.0, 0.0, 0.0};
         const Span south = cells_of(row_0), north = cells_of(row_1);
         if (top == 0)
-            for (long j = south.from + lane; j <= south.to; j += lanes) out -= gy[j];
+            for (long j = south.from + thread; j <= south.to; j += threads) out -= gy[j];
         if (bottom > last_row)
-            for (long j = north.from + lane; j <= north.to; j += lanes)
+            for (long j = north.from + thread; j <= north.to; j += threads)
                 out += gy[last_row * w + j];
-        for (long i = row_0 + lane; i <= row_1; i += lanes) {
+        for (long i = row_0 + thread; i <= row_1; i += threads) {
             if (begin_of(i) == 0) out -= gx[i * w];
             if (end_of(i) > last_column) out += gx[i * w + last_column];
         }
         if (!is_open)
-            for (long i = row_0 + lane; i <= row_1; i += lanes)
+            for (long i = row_0 + thread; i <= row_1; i += threads)
                 for (int n = 0; n < 3; ++n) sums[n] += gone[3 * i + n];
         sums[0] += out;
         for (int n = 0; n < 3; ++n) {
             sums[n] = summed(sums[n]);
-            if (lane == 0) s.left.data[n] += sums[n];
+            if (thread == 0) s.left.data[n] += sums[n];
         }
     }
 """

@@ -121,6 +121,7 @@ _TRANSPORT = """
             i, from, to, m.temperature.data, [&](long p) { return given[p]; }, m.warming.data);
         RENEWAL
         DESCENT
+        if (lane == 0) m.cold.data[i] = 0;
     }
     together();
 """
@@ -246,12 +247,7 @@ _PARTS = {
     'VISCOSITY': 'fluidity[p] = 1.0f / CALL(m.law, column.temperature);',
     'STRENGTH': 'column.age = age + step; strength[p] = CALL(m.law, column);',
     'COLD': 'cold |= h > 0.0f && column.temperature < m.constants.solidus;',
-    'MARK': """
-#if defined(__CUDA_ARCH__)
-        cold = __any_sync(~0u, cold);
-#endif
-        if (lane == 0) m.cold.data[i] = cold;
-    """,
+    'MARK': 'mark(m.cold.data + i, cold);',
 }
 
 #: A step longer than the age of a column needs a loop, which no compiler vectorises: on a CPU the

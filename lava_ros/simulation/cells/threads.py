@@ -5,37 +5,47 @@
 
 The C++ of a step has loops over the rows and columns of a window. On a CPU one thread takes all of
 them, in loops that the compiler vectorises. On a GPU a world has a block or a cluster of blocks:
-each block has a band of rows, each warp every n-th row of it, and each thread every 32nd cell.
+each block has a band of rows, and each row of it a warp, or more if there are more warps than
+rows.
 """
 
 #: Number of threads of a block.
 THREADS = 512
 
 #: Names in C++: numbers of this thread's cells along a row (``lane``, ``lanes``) and of its rows
-#: (``first_of``, ``last_of``, ``lines``), of those from ``top`` to ``bottom``. ``together`` waits
-#: for all threads of the world and makes their results readable. ``raise`` and, after that,
-#: ``raised`` find a maximum of positive integers, and ``summed`` adds numbers of a warp.
+#: (``first_of``, ``last_of``, ``lines``), of those from ``top`` to ``bottom``; the same if each row
+#: has one warp (``thread``, ``threads``, ``first_for_warp``, ``warps``). ``together`` waits for all
+#: threads of the world and makes their results readable. ``raise`` and, after that, ``raised`` find
+#: a maximum of positive integers, ``mark`` sets a cleared number to 1 if any thread does, and
+#: ``summed`` adds numbers of a warp.
 SHARED = """
 #if defined(__CUDA_ARCH__)
 #define APART
     constexpr bool is_serial = false;
-    const long lanes = 32, lane = threadIdx.x & 31;
-    const long lines = blockDim.x >> 5;
+    const long threads = 32, thread = threadIdx.x & 31, warps = blockDim.x >> 5;
     const long rank = blockIdx.x % BLOCKS, band = (bottom - top + BLOCKS) / BLOCKS;
     const bool is_first_warp = rank == 0 && threadIdx.x < 32;
-    const bool is_first = is_first_warp && lane == 0;
+    const bool is_first = is_first_warp && thread == 0;
+    int shift = 5;
+    while (band << (shift + 1) <= blockDim.x) ++shift;
+    const long lanes = 1 << shift, lane = threadIdx.x & (lanes - 1);
+    const long lines = blockDim.x >> shift, line = threadIdx.x >> shift;
     const long band_0 = top + rank * band, band_1 = band_0 + band - 1;
-    auto first_of = [&](long i) { return (i > band_0 ? i : band_0) + (threadIdx.x >> 5); };
+    auto first_of = [&](long i) { return (i > band_0 ? i : band_0) + line; };
+    auto first_for_warp = [&](long i) { return (i > band_0 ? i : band_0) + (threadIdx.x >> 5); };
     auto last_of = [&](long i) { return i < band_1 ? i : band_1; };
     auto together = [&] { TOGETHER };
-    auto raise = [&](int* place, int value) {
+    auto raise = [&](int* slot, int value) {
         for (int apart = 16; apart > 0; apart /= 2) {
             const int other = __shfl_xor_sync(~0u, value, apart);
             value = other > value ? other : value;
         }
-        if (lane == 0 && value > 0) atomicMax(place, value);
+        if (thread == 0 && value > 0) atomicMax(slot, value);
     };
-    auto raised = [](int* place) { return *(volatile int*)place; };
+    auto mark = [&](int* slot, int value) {
+        if (__any_sync(~0u, value) && thread == 0) *slot = 1;
+    };
+    auto raised = [](int* slot) { return *(volatile int*)slot; };
     auto counted = [](int value) { return __popc(value); };
     auto summed = [](double value) {
         for (int apart = 16; apart > 0; apart /= 2)
@@ -45,12 +55,14 @@ SHARED = """
 #else
 #define APART __restrict
     constexpr bool is_serial = true, is_first = true, is_first_warp = true;
-    constexpr long lanes = 1, lane = 0, lines = 1;
+    constexpr long lanes = 1, lane = 0, lines = 1, threads = 1, thread = 0, warps = 1;
     auto first_of = [](long i) { return i; };
+    auto first_for_warp = [](long i) { return i; };
     auto last_of = [](long i) { return i; };
     auto together = [] {};
-    auto raise = [](int* place, int value) { *place = value > *place ? value : *place; };
-    auto raised = [](int* place) { return *place; };
+    auto raise = [](int* slot, int value) { *slot = value > *slot ? value : *slot; };
+    auto raised = [](int* slot) { return *slot; };
+    auto mark = [](int* slot, int value) { *slot |= value; };
     auto counted = [](int value) { return __builtin_popcount(value); };
     auto summed = [](double value) { return value; };
 #endif
