@@ -61,6 +61,9 @@ THRESHOLD = 0.1
 #: The first run counts only if it takes longer, because it may compile kernels [s].
 LONG = 10.0
 
+#: Refinement of the run that compiles the kernels, over that of the preset.
+COARSE = 0.25
+
 #: Runs that take less are repeated [s].
 REPEATED_BELOW, REPETITIONS = 0.5, 3
 
@@ -121,6 +124,10 @@ def run(name: str, output: Path, settings: list[Setting]) -> None:
         simulation.advance(until)
         return simulation, simulation.snapshot()
 
+    # compiles the kernels, which may take longer than ``LONG``
+    first = preset_accuracy(settings[0][0])
+    advanced(replace(first, refinement=COARSE * first.refinement), item.duration)
+    advanced(first, 1e-3)
     for number, (preset, spacing) in enumerate(settings):
         if preset == 'cells':
             accuracy = replace(preset_accuracy('standard', spacing=spacing), method='cells')
@@ -150,7 +157,9 @@ def made(root: Path, name: str, settings: list[Setting]) -> list[dict[str, Any]]
     """Return the maps of runs, from a process that imports the package from ``root``."""
     with tempfile.TemporaryDirectory() as folder:
         words = [f'{preset}:{spacing or 0.0}' for preset, spacing in settings]
-        one = {'PYTHONPATH': str(root), 'LAVA_THREADS': '1', 'OMP_NUM_THREADS': '1'}
+        # other packages may be on the path, too
+        path = os.pathsep.join([str(root), os.environ.get('PYTHONPATH', '')]).rstrip(os.pathsep)
+        one = {'PYTHONPATH': path, 'LAVA_THREADS': '1', 'OMP_NUM_THREADS': '1'}
         done = subprocess.run(
             [sys.executable, __file__, folder, '--run', name, *words],
             env={**os.environ, **one}, capture_output=True, text=True, check=False,

@@ -4,19 +4,25 @@
 """Find out why a mapped flow covers less on cells than with particles.
 
 python docs/benchmarks/etna_cells.py OUT.csv --case etna2006 --day 5
-    [--only CELL[:EDGE[:crust]] ...]
+    [--limiters | --only CELL[:EDGE[:crust[:LIMITER[:STEPS]]]] ...]
 
 A row is a run on cells of a size [m] (0: particles at `draft`): the areas that are covered at
 least half after some days and at the end, and the scores of the end. ``EDGE`` is the fraction of
 its thickest neighbour that a cell loses heat as at least, the solver's without. Runs with another
 fraction and on cells of 5 m end after these days. Those with `crust` have a crust that loses less
 heat, within the published ranges.
+
+Runs that name a limiter of the temperature's slope (`LIMITERS`; `third` is the solver's), or the
+length of steps over that of others, end after these days, too. They have the volume that is solid
+then, and the mean temperature of the lava that flows. `--limiters` makes those of
+etna_limiters.csv.
 """
 
 import argparse
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
+import re
 from typing import Any
 
 from eruptions import CRUST
@@ -25,7 +31,7 @@ import numpy as np
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import score_snapshot
-from lava_ros.simulation.cells import heated_step
+from lava_ros.simulation.cells import flow, heated_step
 from lava_ros.simulation.cells.state import EDGE
 from lava_ros.verification.measure import machine_name
 from lava_ros.verification.rows import write_csv
@@ -33,20 +39,46 @@ from lava_ros.verification.rows import write_csv
 #: Size of cells [m], and fraction of the thickest neighbour.
 RUNS = ('0', '0::crust', '20', '10', '10::crust', '5', '20:0.6', '10:0.6', '20:1', '10:1')
 
+#: Limited slope of the temperature by the differences behind and ahead, in C++ with ``least`` and
+#: ``most``; None is that of the solver.
+LIMITERS: dict[str, str | None] = {
+    'third': None,
+    'first order': 'return 0.0f;',
+    'none': 'return (behind + 2.0f * ahead) * (1.0f / 3.0f);',
+    'twice the smaller': """
+        return 2.0f * (most(0.0f, least(behind, ahead)) + least(0.0f, most(behind, ahead)));
+    """,
+    'superbee': """
+        const float rise = most(least(2.0f * behind, ahead), least(behind, 2.0f * ahead));
+        const float fall = least(most(2.0f * behind, ahead), most(behind, 2.0f * ahead));
+        return most(0.0f, rise) + least(0.0f, fall);
+    """,
+}
+
+#: Runs with limiters, as in ``RUNS``.
+LIMITED = (
+    '2.5:::third', '2.5:::twice the smaller', '2.5:0.6::superbee',
+    '5:::third', '5:::first order', '5:::twice the smaller', '5:0.5::superbee',
+    '10:::third', '10:::first order', '10:::none', '10:::twice the smaller', '10:0.5::superbee',
+    '10:::third:0.125', '20:::third', '20:0.5::superbee', '20:::third:0.125',
+)
+
 #: Size of cells on which only the first days are simulated [m].
 FINE = 5.0
 
 
 def run(job: tuple[str, str, float]) -> dict[str, Any]:
-    """Make a run of a folder; the kernels of a process have one ``EDGE``."""
+    """Make a run of a folder; the kernels of a process have one set of constants."""
     folder, name, day = job
-    spacing, edge, crust = (*name.split(':'), '', '')[:3]
+    spacing, edge, crust, limiter, steps = (*name.split(':'), '', '', '', '')[:5]
     cell, fraction = float(spacing), float(edge or EDGE)
     vars(heated_step)['EDGE'] = fraction
+    vars(flow)['HEATED_DISPLACEMENT'] *= float(steps or 1.0)
+    limit_slopes(LIMITERS[limiter or 'third'])
     case = load_case(folder)
     if crust:
         case = case.with_lava(CRUST)
-    is_whole = cell != FINE and fraction == EDGE
+    is_whole = cell != FINE and fraction == EDGE and not limiter
     if not is_whole:
         case = replace(case, end=case.start + 86400.0 * day)
     settings = Settings(
@@ -70,7 +102,27 @@ def run(job: tuple[str, str, float]) -> dict[str, Any]:
             'area_ratio': f'{score.area / case.area:.3f}',
             'length_ratio': f'{1.0 + score.length_error:.3f}',
         }
+    if limiter:
+        assert snapshot.frozen is not None
+        flowing = np.nan_to_num(snapshot.thickness - snapshot.frozen)
+        hot = flowing > 0.0
+        row |= {
+            'limiter': limiter, 'steps': steps, 'evaluations': snapshot.steps.evaluations,
+            'solid_m3': int(area * np.nansum(snapshot.frozen)),
+            'temperature_k': f'{np.average(snapshot.temperature[hot], weights=flowing[hot]):.1f}',
+        }
     return row
+
+
+def limit_slopes(law: str | None) -> None:
+    """Replace the limiter of the temperature's slope in the solver."""
+    if law:
+        source, count = re.subn(
+            r'(auto limited = .*?{\n).*?(\n    };)', lambda match: match[1] + law + match[2],
+            vars(heated_step)['_TRANSPORT'], flags=re.DOTALL,
+        )
+        assert count == 1
+        vars(heated_step)['_TRANSPORT'] = source
 
 
 def main() -> None:
@@ -80,6 +132,7 @@ def main() -> None:
     parser.add_argument('--case', required=True, metavar='DIR')
     parser.add_argument('--day', type=float, default=5.0)
     parser.add_argument('--only', nargs='*', default=RUNS)
+    parser.add_argument('--limiters', action='store_const', const=LIMITED, dest='only')
     args = parser.parse_args()
     jobs = [(args.case, name, args.day) for name in args.only]
     rows = []

@@ -20,6 +20,7 @@ from concurrent.futures import as_completed, ProcessPoolExecutor
 from dataclasses import replace
 import functools
 import multiprocessing
+import os
 from pathlib import Path
 import time
 from typing import Any, NamedTuple
@@ -250,10 +251,13 @@ class Runs:
         areas = Areas.of(snapshot)
         if terrain.resolution < cell:
             areas = Areas(*(cells >= 0.5 for cells in areas))
+        # another process may read the file, or make the same run
+        part = path.with_suffix(f'.{os.getpid()}.npz')
         np.savez_compressed(
-            path, cpu=min(times), n=snapshot.particle_count, d=job.spacing,
+            part, cpu=min(times), n=snapshot.particle_count, d=job.spacing,
             **{name: cells.astype(np.float16) for name, cells in areas._asdict().items()},
         )
+        part.replace(path)
 
     @property
     def effects(self) -> Effects:
