@@ -81,7 +81,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
             small = rest * rest / (real(8.0) * wide * narrow)
         return wp.where(middle > real(0.0), real(1.0) - small, small)
 
-    @quick_kernel(fast_math=False)
+    @quick_kernel(writes='thickness temperature', fast_math=False)
     def weigh(
         thread: int,
         m: arguments_type(real),
@@ -147,7 +147,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         if cover > real(0.0) and (part == real(0.0) or is_dry):
             thickness[i, j] = _BESIDE
 
-    @quick_kernel(fast_math=False)
+    @quick_kernel(writes='contribution home', fast_math=False)
     def share_out(
         k: int,
         m: arguments_type(real),
@@ -196,7 +196,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         elif m.home[k] >= 0:
             m.contribution[k] = p[2] / area
 
-    @quick_kernel(fast_math=False)
+    @quick_kernel(writes='thickness temperature arrived', fast_math=False)
     def gather(
         thread: int,
         m: arguments_type(real),
@@ -255,7 +255,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
     return weigh, share_out, gather
 
 
-@quick_kernel
+@quick_kernel(writes='grids')
 def _clear(
     thread: int,
     known: wp.array2d(dtype=wp.uint8),

@@ -161,7 +161,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
                         m.arrived[row, column] = wp.float32(m.clock[TIME])
         m.particle[i] = vec4(p[0], p[1], -p[2], p[3])
 
-    @quick_kernel
+    @quick_kernel(writes='particle arrived deposit placed')
     def freeze(
         thread: int,
         m: arguments_type(real),
@@ -180,7 +180,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
             if wp.float64(p[3]) < solidus and is_known(m.ground, p[0], p[1]):
                 lay_down(i, p, m, widest, frame, deposit, placed)
 
-    @quick_kernel
+    @quick_kernel(writes='particle ground.elevation')
     def raise_ground(
         thread: int,
         m: arguments_type(real),
