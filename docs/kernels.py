@@ -32,7 +32,7 @@ PAGE = Path(__file__).with_name('kernels.md')
 #: C++ that changes the items of an array.
 CHANGE = (
     r'reinterpret_cast<(?!const )[^<>]*>\(\s*(reinterpret_cast<[^<>]*>\()?{0}\.data|'
-    r'{0}\.data\[[^]]*\] [+|]?= |atomic(?!_load)\w*\(\s*{0}\.data|"st\.[^;]*;" :: "l"\({0}\.data'
+    r'\b{0}\.data\[[^]]*\] [+|]?= |atomic(?!_load)\w*\(\s*{0}\.data|"st\.[^;]*;" :: "l"\({0}\.data'
 )
 
 #: Settings that compile different kernels.
@@ -68,17 +68,20 @@ class Accesses(ast.NodeVisitor):
                 self.visit(statement)
 
     def _search(self, code: str) -> None:
-        changed = set()
+        """Find the accesses of a C++ function."""
+        arrays = {}
         for argument, (name, kind) in self._known.items():
-            parts = {argument: name}
-            if not isinstance(kind, wp.array):
-                parts = {f'{argument}.{part}': f'{name}.{part}' for part in kind.vars}
-            for part, array in parts.items():
-                if re.search(CHANGE.format(re.escape(part)), code):
-                    changed.add(part)
-                    self.writes.add(array)
-                elif f'{part}.data' in code:
-                    self.reads.add(array)
+            if isinstance(kind, wp.array):
+                arrays[argument] = name
+            else:
+                members = (key for key, one in kind.vars.items() if isinstance(one.type, wp.array))
+                arrays |= {f'{argument}.{member}': f'{name}.{member}' for member in members}
+        changed = {item for item in arrays if re.search(CHANGE.format(re.escape(item)), code)}
+        for item, name in arrays.items():
+            used = set(re.findall(rf'\b{re.escape(item)}\b(\.data|\.shape|\.strides|)', code))
+            assert '' not in used, f'{self.function.key}: cannot follow {item}'
+            if '.data' in used:
+                (self.writes if item in changed else self.reads).add(name)
         declared = getattr(self.function, 'writes', frozenset())
         assert changed == declared, f'{self.function.key} changes {changed}, declares {declared}'
 
@@ -93,9 +96,7 @@ class Accesses(ast.NodeVisitor):
         return None
 
     def visit_Name(self, node: ast.Name) -> None:
-        """Forget a variable with a new value."""
-        if isinstance(node.ctx, ast.Store):
-            self._known.pop(node.id, None)
+        """Refuse uses of arrays and structs that are not followed below."""
         assert node.id not in self._known, f'{self.function.key}: cannot follow {node.id}'
 
     def visit_Subscript(self, node: ast.Subscript | ast.Attribute) -> None:
@@ -149,6 +150,8 @@ class Accesses(ast.NodeVisitor):
         for value, found in zip(node.args, values, strict=True):
             if not found:
                 self.visit(value)
+        for keyword in node.keywords:
+            self.visit(keyword.value)
         if not any(values):
             return
         function = eval(ast.unparse(node.func), self._scope)
@@ -287,10 +290,11 @@ def page() -> str:
     stages, others = forms()
     return f"""# Arrays of the kernels
 
-`python docs/kernels.py` writes this page from the syntax trees of the kernels and of the functions
-that they call. `Arrays` in `simulation/particles/layout.py` states what most arrays contain; other
-names are those of a kernel's own arguments. Names in parentheses: only with some effects, settings
-or devices. An array that is only added to, or raised, counts as written.
+`python docs/kernels.py` writes this page from the syntax trees of the kernels of particles (those
+of `quick_kernel`) and of the functions that they call. `Arrays` in
+`simulation/particles/layout.py` states what most arrays contain; other names are those of a
+kernel's own arguments. Names in parentheses: only with some effects, settings or devices. An array
+that is only added to, or raised, counts as written.
 
 ## In the order of a stage
 

@@ -173,11 +173,14 @@ on_new_kernel: list[Callable[[Any], None]] = []
 
 
 def writing(*parts: Any) -> Any:
-    """Declare the arrays that a device function writes; a decorator, but not in C++ functions.
+    """Declare the arrays that a device function writes; a decorator.
 
-    ``parts`` are strings of names, and device functions with a declaration, or None. A name is
-    that of a member of ``m`` (``layout.arguments_type``), such as ``flow`` or ``cells.sizes``, or
-    of another argument.
+    Warp allows C++ functions no second decorator: they are declared after their definition.
+
+    Args:
+        parts: Strings of names, device functions with a declaration, or None. A name is that of a
+            member of ``m`` (``layout.arguments_type``), such as ``flow`` or ``cells.sizes``, or of
+            another argument, such as ``outlets.due``.
     """
     names = (part.split() if isinstance(part, str) else part.writes for part in parts if part)
     writes = frozenset[str]().union(*names)
@@ -190,11 +193,7 @@ def writing(*parts: Any) -> Any:
 
 
 def quick_kernel(
-    function: Callable[..., None] | None = None,
-    *,
-    writes: Any,
-    bounds: tuple[int, int] | None = None,
-    fast_math: bool = True,
+    *, writes: Any, bounds: tuple[int, int] | None = None, fast_math: bool = True
 ) -> Any:
     """Make a kernel of a function of the thread's number and further arguments; a decorator.
 
@@ -203,24 +202,26 @@ def quick_kernel(
     threads per block, and the blocks per GPU processor for which registers must suffice;
     ``fast_math`` makes CUDA use the hardware's float32 functions.
     """
-    if function is None:
-        return partial(quick_kernel, writes=writes, bounds=bounds, fast_math=fast_math)
-    _, *names = signature(function).parameters
-    types = {name: function.__annotations__[name] for name in names}
-    parts = writes if isinstance(writes, tuple) else (writes,)
-    body = wp.func(writing(*parts)(function))
-    write = partial(_kernel_of, body, function, bounds, fast_math)
-    kernel = write(
-        types | {'first': int},
-        'thread = counted_from(first, wp.tid())',
-        'after_the_former()',
-        f'body(thread, {", ".join(names)})',
-    )
-    kernel.for_many = lru_cache(partial(_for_many, write, function, types))
-    kernel.body = body
-    for react in on_new_kernel:
-        react(kernel)
-    return kernel
+    declared = writing(*writes) if isinstance(writes, tuple) else writing(writes)
+
+    def make(function: Callable[..., None]) -> Any:
+        _, *names = signature(function).parameters
+        types = {name: function.__annotations__[name] for name in names}
+        body = wp.func(declared(function))
+        write = partial(_kernel_of, body, function, bounds, fast_math)
+        kernel = write(
+            types | {'first': int},
+            'thread = counted_from(first, wp.tid())',
+            'after_the_former()',
+            f'body(thread, {", ".join(names)})',
+        )
+        kernel.for_many = lru_cache(partial(_for_many, write, function, types))
+        kernel.body = body
+        for react in on_new_kernel:
+            react(kernel)
+        return kernel
+
+    return make
 
 
 def _for_many(

@@ -34,9 +34,9 @@ _COLUMN = sum(1 << PARTS * row for row in range(PARTS))
 def note_function(real: Any, is_new: bool) -> Any:
     """Return the device function that records the ground covered by a particle.
 
-    Its arguments: the particle, its thickness [m], the end of the step [s], and arguments of the
-    motion. A particle that ``is_new`` has no thickness yet, and only touches its cell. Threads
-    with a common cell write the same time.
+    Its arguments: the particle, its thickness [m], the end of the step [s], and the argument of
+    all kernels of a stage. A particle that ``is_new`` has no thickness yet, and only touches its
+    cell. Threads with a common cell write the same time.
     """
     vec4: Any = wp.types.vector(4, real)
     vec4i: Any = wp.vec4i

@@ -42,7 +42,7 @@ def emission_function(form: Form) -> Any:
     """Return the device function that releases the particles that are due from every k-th vent.
 
     The arguments of the function are the index of the first vent, the stride k, the tables of the
-    vents, and the arguments of the motion (``arguments_type``).
+    vents, and the argument of all kernels of a stage (``arguments_type``).
     """
     real, order, bins = form.real, form.order, not form.has_empty
     vec2 = wp.types.vector(2, real)

@@ -82,7 +82,7 @@ def motion_function(form: Form, effects: Effects) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
 
     Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m] and
-    velocity [m/s], and arguments of the motion.
+    velocity [m/s], and the argument of all kernels of a stage.
     """
     real = form.real
     vec2 = wp.types.vector(2, real)
