@@ -21,6 +21,7 @@ import pytest
 from deleted_effects import is_left_out
 from recording import GRIDS, record
 from ros_domain import leave_network, own_domain
+from scripts import load_script
 from volume import DOUBLE, SINGLE, volume_errors
 
 #: Context of one trial of a kind, by its name; gives the figures of the kind.
@@ -59,6 +60,15 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run a test that uses ``device`` on every device."""
     if 'device' in metafunc.fixturenames:
         metafunc.parametrize('device', _devices())
+
+
+@pytest.fixture(scope='session', autouse=True)
+def declared_writes() -> None:
+    """Check that kernels write only what they declare, whenever a test builds one."""
+    compiled = sys.modules.get('lava_ros.simulation.backend.compiled')
+    if compiled is not None:
+        script = load_script(Path(__file__).parents[1] / 'docs/kernels.py')
+        compiled.on_new_kernel.append(script.check)
 
 
 @pytest.fixture(autouse=True)

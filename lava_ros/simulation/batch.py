@@ -57,7 +57,7 @@ def current_batch() -> 'Batch | None':
     return getattr(_here, 'batch', None)
 
 
-@quick_kernel
+@quick_kernel(writes='clocks all_counts')
 def _read_back(
     thread: int,
     row: int,

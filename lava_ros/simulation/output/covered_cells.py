@@ -16,7 +16,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.scene.terrain import HALF, PARTS
-from lava_ros.simulation.backend.compiled import load_square, mark_bits, raise_to
+from lava_ros.simulation.backend.compiled import load_square, mark_bits, raise_to, writing
 from lava_ros.simulation.particles.layout import arguments_type
 
 #: Side of a particle's square over the root of its area V / h. Squares of exactly that area
@@ -34,9 +34,9 @@ _COLUMN = sum(1 << PARTS * row for row in range(PARTS))
 def note_function(real: Any, is_new: bool) -> Any:
     """Return the device function that records the ground covered by a particle.
 
-    Its arguments: the particle, its thickness [m], the end of the step [s], and arguments of the
-    motion. A particle that ``is_new`` has no thickness yet, and only touches its cell. Threads
-    with a common cell write the same time.
+    Its arguments: the particle, its thickness [m], the end of the step [s], and the argument of
+    all kernels of a stage. A particle that ``is_new`` has no thickness yet, and only touches its
+    cell. Threads with a common cell write the same time.
     """
     vec4: Any = wp.types.vector(4, real)
     vec4i: Any = wp.vec4i
@@ -60,6 +60,7 @@ def note_function(real: Any, is_new: bool) -> Any:
         return (wp.max(above - below, 0) & wp.static(_COLUMN)) * wp.max(right - left, 0)
 
     @wp.func
+    @writing('arrived half_inundated covered bounds')
     def note(p: vec4, thickness: real, end: wp.float64, m: arguments_type(real)):
         inverse = real(1.0) / m.ground.resolution
         x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse

@@ -48,7 +48,7 @@ def _kernel(real: Any) -> Any:
     load, _ = access(real, 4)
     note = note_function(real, False)
 
-    @quick_kernel
+    @quick_kernel(writes=note)
     def note_all(i: int, m: arguments_type(real)):
         if i < m.counts[at.PARTICLES]:
             note(load(m.ordered, i), m.flow[i][0], m.clock[at.TIME], m)
@@ -56,7 +56,8 @@ def _kernel(real: Any) -> Any:
     return note_all
 
 
-@quick_kernel
+# without new bits covered stays as it is: they are only counted
+@quick_kernel(writes='maps covered')
 def _show(
     thread: int,
     arrived: wp.array2d(dtype=wp.float32),

@@ -81,11 +81,11 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
             small = rest * rest / (real(8.0) * wide * narrow)
         return wp.where(middle > real(0.0), real(1.0) - small, small)
 
-    @quick_kernel(fast_math=False)
+    @quick_kernel(writes='thickness temperature', fast_math=False)
     def weigh(
         thread: int,
         m: arguments_type(real),
-        terrain: ground_type(wp.float64),
+        exact: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
@@ -97,11 +97,11 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         if i < 0:
             return
         temperature[i, j] = wp.float32(wp.nan)
-        if terrain.known[i, j] == wp.uint8(0):
+        if exact.known[i, j] == wp.uint8(0):
             thickness[i, j] = wp.float32(wp.nan)
             return
-        x = middle(terrain.x0, j, terrain.resolution)
-        y = middle(terrain.y0, i, terrain.resolution)
+        x = middle(exact.x0, j, exact.resolution)
+        y = middle(exact.y0, i, exact.resolution)
         reach = real(radius)
         inverse = real(1.0) / reach
         height = real(0.0)
@@ -131,7 +131,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         mean = height / cover
         scale = real(wp.static(norm)) * inverse * inverse
         cover *= scale
-        scale *= real(terrain.resolution) * inverse
+        scale *= real(exact.resolution) * inverse
         rise_x *= scale
         rise_y *= scale
         above = cover - real(wp.static(COVER_THRESHOLD))
@@ -147,11 +147,11 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         if cover > real(0.0) and (part == real(0.0) or is_dry):
             thickness[i, j] = _BESIDE
 
-    @quick_kernel(fast_math=False)
+    @quick_kernel(writes='contribution home', fast_math=False)
     def share_out(
         k: int,
         m: arguments_type(real),
-        terrain: ground_type(wp.float64),
+        exact: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
     ):
@@ -161,19 +161,19 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         p = load(m.ordered, k)
         reach = real(radius)
         inverse = real(1.0) / reach
-        south = wp.max(cell_at(p[1] - reach, terrain.y0, terrain.resolution), 0)
-        north = wp.min(cell_at(p[1] + reach, terrain.y0, terrain.resolution) + 1, terrain.rows)
-        west = wp.max(cell_at(p[0] - reach, terrain.x0, terrain.resolution), 0)
-        east = wp.min(cell_at(p[0] + reach, terrain.x0, terrain.resolution) + 1, terrain.columns)
+        south = wp.max(cell_at(p[1] - reach, exact.y0, exact.resolution), 0)
+        north = wp.min(cell_at(p[1] + reach, exact.y0, exact.resolution) + 1, exact.rows)
+        west = wp.max(cell_at(p[0] - reach, exact.x0, exact.resolution), 0)
+        east = wp.min(cell_at(p[0] + reach, exact.x0, exact.resolution) + 1, exact.columns)
         total = real(0.0)
         for i in range(south, north):
-            dy = (middle(terrain.y0, i, terrain.resolution) - p[1]) * inverse
+            dy = (middle(exact.y0, i, exact.resolution) - p[1]) * inverse
             for j in range(west, east):
-                dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
+                dx = (middle(exact.x0, j, exact.resolution) - p[0]) * inverse
                 square = dx * dx + dy * dy
                 if square < real(1.0) and thickness[i, j] > wp.float32(0.0):
                     total += real(thickness[i, j]) * shape(wp.sqrt(square))
-        area = real(terrain.resolution * terrain.resolution)
+        area = real(exact.resolution * exact.resolution)
         m.contribution[k] = p[2] / (area * total)
         m.home[k] = -1
         total *= area * real(wp.static(norm)) * inverse * inverse
@@ -183,24 +183,24 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         nearest = real(1.0)
         is_covered = wp.bool(False)
         for i in range(south, north):
-            dy = (middle(terrain.y0, i, terrain.resolution) - p[1]) * inverse
+            dy = (middle(exact.y0, i, exact.resolution) - p[1]) * inverse
             for j in range(west, east):
-                dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
+                dx = (middle(exact.x0, j, exact.resolution) - p[0]) * inverse
                 square = dx * dx + dy * dy
-                if square < nearest and terrain.known[i, j] != wp.uint8(0):
+                if square < nearest and exact.known[i, j] != wp.uint8(0):
                     nearest = square
-                    m.home[k] = i * terrain.columns + j
+                    m.home[k] = i * exact.columns + j
                     is_covered = thickness[i, j] > wp.float32(0.0)
         if is_covered:
             m.home[k] = -1
         elif m.home[k] >= 0:
             m.contribution[k] = p[2] / area
 
-    @quick_kernel(fast_math=False)
+    @quick_kernel(writes='thickness temperature arrived', fast_math=False)
     def gather(
         thread: int,
         m: arguments_type(real),
-        terrain: ground_type(wp.float64),
+        exact: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
@@ -215,9 +215,9 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         if own_weight == wp.float32(0.0) or wp.isnan(own_weight):
             return
         is_covered = own_weight > wp.float32(0.0)
-        own = i * terrain.columns + j
-        x = middle(terrain.x0, j, terrain.resolution)
-        y = middle(terrain.y0, i, terrain.resolution)
+        own = i * exact.columns + j
+        x = middle(exact.x0, j, exact.resolution)
+        y = middle(exact.y0, i, exact.resolution)
         reach = real(radius)
         inverse = real(1.0) / reach
         # thickness and its product with the temperature, and the rounding error of both sums:
@@ -255,7 +255,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
     return weigh, share_out, gather
 
 
-@quick_kernel
+@quick_kernel(writes='grids')
 def _clear(
     thread: int,
     known: wp.array2d(dtype=wp.uint8),
@@ -317,16 +317,16 @@ class Raster:
         inputs = [terrain.known, self.grids, 0]
         wp.launch(_clear, dim=self.thickness.size, inputs=inputs, device=device)
 
-    def fill(self, state: State, way: Any) -> None:
+    def fill(self, state: State, arguments: Any) -> None:
         """Fill thickness and temperature from the flow of the ordered particles.
 
-        ``way`` is the argument of the kernels of a stage.
+        ``arguments`` is the argument of the kernels of a stage.
 
         Between the passes ``thickness`` holds the cells' weights.
         """
         weigh, share_out, gather = _kernels(state.real, self._kernel)
         maps = [self.thickness, self.temperature]
-        inputs = [way, self._terrain.exact_ground, self._radius]
+        inputs = [arguments, self._terrain.exact_ground, self._radius]
         self.window.launch(state, weigh, [*inputs, *maps])
         launch_over(state, share_out, [*inputs, self.thickness])
         self.window.launch(state, gather, [*inputs, *maps])

@@ -18,6 +18,7 @@ from lava_ros.simulation.backend.compiled import (
     can_count,
     load_int,
     write_function,
+    writing,
 )
 from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.particles import layout as at
@@ -134,6 +135,7 @@ def bin_function(real: Any, has_empty: bool) -> Any:
         return sides + 4 * int(column >= cells.east) + 8 * int(row >= cells.north)
 
     @wp.func
+    @writing('cell rank cells.sizes counts left')
     def place(i: int, p: vec4, m: arguments_type(real)):
         """Find a particle's cell and its rank there; particles off the terrain go last.
 

@@ -374,7 +374,11 @@ def flow_constants_of(real: Any) -> Any:
 
 @lru_cache
 def arguments_type(real: Any) -> Any:
-    """Return the struct that kernels take: arrays of ``State``, ground, cells and constants."""
+    """Return the struct that kernels take: arrays of ``State``, ground, cells and constants.
+
+    It is ``m`` in kernels, whose declarations name the members that they write
+    (``compiled.writing``), and ``arguments`` on the host.
+    """
     kinds = kinds_of(real)
     types = {
         name: wp.array(dtype=kinds[one.dtype], ndim=len(one.shape))
@@ -388,7 +392,7 @@ def arguments_type(real: Any) -> Any:
         'heat': heat_type(real),
     }
     members = {'__annotations__': types, '__module__': __name__}
-    return wp.struct(type('MotionArguments', (), members))
+    return wp.struct(type('StageArguments', (), members))
 
 
 @wp.func

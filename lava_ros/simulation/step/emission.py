@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.compiled import quick_kernel, writing
 from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.particles.cells import bin_function
 from lava_ros.simulation.particles.layout import (
@@ -42,7 +42,7 @@ def emission_function(form: Form) -> Any:
     """Return the device function that releases the particles that are due from every k-th vent.
 
     The arguments of the function are the index of the first vent, the stride k, the tables of the
-    vents, and the arguments of the motion (``arguments_type``).
+    vents, and the argument of all kernels of a stage (``arguments_type``).
     """
     real, order, bins = form.real, form.order, not form.has_empty
     vec2 = wp.types.vector(2, real)
@@ -96,6 +96,10 @@ def emission_function(form: Form) -> Any:
         return due
 
     @wp.func
+    @writing(
+        'counts particle remainder velocity emission_time temperature_remainder base drift '
+        'mean_temperature outlets.released outlets.due', put, note,
+    )
     def emission(first: int, apart: int, outlets: Outlets, m: arguments_type(real)):
         if m.counts[CURRENT] == 0:
             return
@@ -129,7 +133,7 @@ def emission_function(form: Form) -> Any:
 
 @lru_cache
 def _kernel(real: Any, emission: Any) -> Any:
-    @quick_kernel
+    @quick_kernel(writes=emission)
     def emit(thread: int, apart: int, outlets: Outlets, m: arguments_type(real)):
         """Release all whole particles that are due at the current time."""
         emission(thread, apart, outlets, m)

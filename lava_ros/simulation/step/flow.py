@@ -254,7 +254,10 @@ def flow_kernels(
         beside = wp.length(rise) * radius / (real(_EDGE) * height)
         return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
 
-    @quick_kernel(bounds=FEW_THREADS if is_short else None)
+    @quick_kernel(
+        writes='flow slope rates source area ordered_mean_temperature',
+        bounds=FEW_THREADS if is_short else None,
+    )
     def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
@@ -296,7 +299,7 @@ def flow_kernels(
                 mean = m.ordered_mean_temperature[i]
         balance(i, p, mean, height, rise + ground, ground, m, fills_flow)
 
-    @quick_kernel
+    @quick_kernel(writes='surface flow')
     def elevate(thread: int, m: arguments_type(real)):
         """Compute thickness, surface elevation and area V / h of each particle."""
         i = thread // lanes
@@ -315,7 +318,7 @@ def flow_kernels(
         m.surface[i] = vec2(height + height_at(m.ground, p[0], p[1]), p[2] / height)
         m.flow[i] = vec3(height, real(0.0), real(0.0))
 
-    @quick_kernel
+    @quick_kernel(writes='flow slope rates source area')
     def balanced_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
@@ -377,7 +380,7 @@ def _published_kernel(real: Any) -> Any:
         log = wp.log(real(2.0) / r) - real(0.577216)
         return log + real(0.25) * r * r * (log + real(1.0))
 
-    @quick_kernel
+    @quick_kernel(writes='flow')
     def published_velocity(i: int, m: arguments_type(real), viscosity: real):
         if i >= m.counts[PARTICLES]:
             return

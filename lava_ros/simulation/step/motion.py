@@ -17,7 +17,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects.column import column_type
 from lava_ros.effects.heat import warming_function
 from lava_ros.simulation.backend import compiled
-from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.compiled import quick_kernel, writing
 from lava_ros.simulation.backend.threads import launch_over, MIN_MOVES
 from lava_ros.simulation.output.covered_cells import note_function
 from lava_ros.simulation.particles import layout as at
@@ -82,7 +82,7 @@ def motion_function(form: Form, effects: Effects) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
 
     Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m] and
-    velocity [m/s], and arguments of the motion.
+    velocity [m/s], and the argument of all kernels of a stage.
     """
     real = form.real
     vec2 = wp.types.vector(2, real)
@@ -112,6 +112,10 @@ def motion_function(form: Form, effects: Effects) -> Any:
         return now if reached < wp.float32(0.0) else wp.float64(reached)
 
     @wp.func
+    @writing(
+        'particle remainder temperature_remainder emission_time base drift mean_temperature cold',
+        place, note,
+    )
     def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
         x = p[0]
         y = p[1]
@@ -224,7 +228,7 @@ def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int
     vec3 = wp.types.vector(3, real)
     load, _ = compiled.access(real, 4)
 
-    @quick_kernel(bounds=bounds)
+    @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
     def move(
         i: int, flow: wp.array(dtype=vec3), pace: Pace, outlets: Outlets,
         m: arguments_type(real),

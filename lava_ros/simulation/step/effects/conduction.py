@@ -62,7 +62,7 @@ def _kernels(
     load, _ = access(real, 4)
     warmed = effects.function('warmed', wp, real, heat_type(real))
 
-    @quick_kernel
+    @quick_kernel(writes='waited')
     def wait(thread: int, m: arguments_type(real), rate: wp.float64):
         """Accumulate time; when it suffices, it becomes the duration of an exchange."""
         m.waited[1] = wp.float64(0.0)
@@ -72,7 +72,7 @@ def _kernels(
                 m.waited[1] = m.waited[0]
                 m.waited[0] = wp.float64(0.0)
 
-    @quick_kernel
+    @quick_kernel(writes='exchange warmth')
     def add_rates(thread: int, m: arguments_type(real), factor: real):
         """Sum a particle's exchange rates with its neighbours [1/s]."""
         if m.waited[1] == wp.float64(0.0):
@@ -95,7 +95,7 @@ def _kernels(
             m.exchange[i] = factor * total
             m.warmth[i] = m.particle[i][3]
 
-    @quick_kernel
+    @quick_kernel(writes='particle')
     def exchange_heat(thread: int, m: arguments_type(real), factor: real, share: wp.float64):
         """Exchange heat over a fraction of the duration."""
         if m.waited[1] == wp.float64(0.0):
@@ -127,7 +127,7 @@ def _kernels(
             else:
                 m.particle[i] = vec4(now[0], now[1], now[2], own + rise)
 
-    @quick_kernel
+    @quick_kernel(writes='warmth')
     def keep(thread: int, m: arguments_type(real)):
         if m.waited[1] > wp.float64(0.0):
             for i in range(thread, m.counts[PARTICLES], threads):

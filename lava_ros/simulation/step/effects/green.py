@@ -176,7 +176,7 @@ def _velocity_kernel(real: Any, lanes: int, parts: int, is_wide: bool) -> Any:
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
     fallen = fall_function(real)
 
-    @quick_kernel
+    @quick_kernel(writes='flow')
     def green_velocity(thread: int, m: arguments_type(real)):
         i = thread // lanes
         lane = thread % lanes
@@ -206,7 +206,7 @@ def _motion_kernel(
     velocity_of = _velocity_function(real, lanes, parts, is_wide)
     fallen = fall_function(real)
 
-    @quick_kernel(bounds=bounds)
+    @quick_kernel(writes=(motion, choose_and_emit), bounds=bounds)
     def green_motion(
         thread: int, pace: Pace, outlets: Outlets, m: arguments_type(real)
     ):

@@ -179,7 +179,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
             return real(1.0) / (real(1.0) + wp.dot(ground, ground))
         return real(1.0)
 
-    @quick_kernel
+    @quick_kernel(writes='flow kick rates')
     def synchronize(i: int, m: arguments_type(real), number: real):
         """Compute the acceleration, the velocity half a step after the stored one, and limits."""
         if i >= m.counts[PARTICLES]:
@@ -208,7 +208,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
         raised(m.rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
         raised(m.rates, ADVECTION, advection)
 
-    @quick_kernel
+    @quick_kernel(writes='velocity slope')
     def accelerate(i: int, m: arguments_type(real)):
         if i >= m.counts[PARTICLES]:
             return
@@ -271,7 +271,7 @@ def _kernels(real: Any, kernel_name: str, effects: Effects) -> tuple[Any, ...]:
                 if work > given:
                     m.slope[i] = m.slope[i] * (given / work)
 
-    @quick_kernel
+    @quick_kernel(writes='flow')
     def adopt(i: int, m: arguments_type(real)):
         if i < m.counts[PARTICLES]:
             m.flow[i] = vec3(m.flow[i][0], m.velocity[i][0], m.velocity[i][1])

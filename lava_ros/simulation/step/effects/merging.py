@@ -59,7 +59,7 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
     _, _, cells_around, range_in = cell_functions(real)
     load, _ = access(real, 4)
 
-    @quick_kernel
+    @quick_kernel(writes='moved slots')
     def wait(thread: int, m: arguments_type(real), every: wp.float64):
         """Add up the displacement of the fastest particle; ``moved[1]`` is 1 if it suffices."""
         m.moved[1] = wp.float64(0.0)
@@ -116,7 +116,7 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
         else:
             m.partner[i] = nearest
 
-    @quick_kernel
+    @quick_kernel(writes='births partner')
     def choose(thread: int, m: arguments_type(real), area: real, min_volume: real):
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.births.shape[0], threads):
@@ -153,7 +153,7 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
         m.particle[i] = vec4(real(place[0]), real(place[1]), both, real(temperature))
         m.particle[j] = vec4(o[0], o[1], real(0.0), o[3])
 
-    @quick_kernel
+    @quick_kernel(writes='particle remainder velocity emission_time temperature_remainder')
     def merge(thread: int, m: arguments_type(real)):
         """Merge particles that chose each other."""
         if m.moved[1] > wp.float64(0.0):
@@ -196,14 +196,16 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
         if wp.static(form.has_temperature_remainder):
             m.temperature_remainder[slot] = m.temperature_remainder[i]
 
-    @quick_kernel
+    @quick_kernel(
+        writes='particle remainder velocity emission_time temperature_remainder slots counts'
+    )
     def split(thread: int, m: arguments_type(real)):
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.births.shape[0], threads):
                 if m.births[i] > 0:
                     halve(i, m)
 
-    @quick_kernel
+    @quick_kernel(writes='counts')
     def count(thread: int, m: arguments_type(real)):
         if m.moved[1] == wp.float64(0.0):
             return

@@ -56,10 +56,10 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @wp.func
     def width_of(
-        volume: real, thickness: real, frame: ground_type(wp.float64), widest: wp.float64
+        volume: real, thickness: real, exact: ground_type(wp.float64), widest: wp.float64
     ):
         side = wp.sqrt(wp.float64(volume) / wp.float64(thickness))
-        least = wp.max(wp.float64(_MIN_WIDTH_RATIO) * widest, frame.resolution)
+        least = wp.max(wp.float64(_MIN_WIDTH_RATIO) * widest, exact.resolution)
         return wp.max(wp.min(side, widest), least)
 
     @wp.func
@@ -72,30 +72,30 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @wp.func
     def weight_of(
-        frame: ground_type(wp.float64), x: real, y: real, width: wp.float64, i: int, j: int
+        exact: ground_type(wp.float64), x: real, y: real, width: wp.float64, i: int, j: int
     ):
         """Return the weight of cell [i, j]; the ring is at -1 and past the last."""
         half = wp.float64(0.5)
-        cell_x = frame.x0 + (wp.float64(j) + half) * frame.resolution
-        cell_y = frame.y0 + (wp.float64(i) + half) * frame.resolution
+        cell_x = exact.x0 + (wp.float64(j) + half) * exact.resolution
+        cell_y = exact.y0 + (wp.float64(i) + half) * exact.resolution
         return spline((cell_x - wp.float64(x)) / width) * spline((cell_y - wp.float64(y)) / width)
 
     @wp.func
     def patch_of(
-        frame: ground_type(wp.float64), x: real, y: real, width: wp.float64
+        exact: ground_type(wp.float64), x: real, y: real, width: wp.float64
     ) -> wp.vec4i:
         """Return the first column and the one after the last, then the same for rows."""
         reach = wp.float64(1.5) * width
         one = wp.float64(1.0)
-        west = (wp.float64(x) - reach - frame.x0) / frame.resolution
-        east = (wp.float64(x) + reach - frame.x0) / frame.resolution
-        south = (wp.float64(y) - reach - frame.y0) / frame.resolution
-        north = (wp.float64(y) + reach - frame.y0) / frame.resolution
+        west = (wp.float64(x) - reach - exact.x0) / exact.resolution
+        east = (wp.float64(x) + reach - exact.x0) / exact.resolution
+        south = (wp.float64(y) - reach - exact.y0) / exact.resolution
+        north = (wp.float64(y) + reach - exact.y0) / exact.resolution
         return wp.vec4i(
             wp.max(int(wp.floor(west)), -1),
-            wp.min(int(wp.floor(east + one)), frame.columns + 1),
+            wp.min(int(wp.floor(east + one)), exact.columns + 1),
             wp.max(int(wp.floor(south)), -1),
-            wp.min(int(wp.floor(north + one)), frame.rows + 1),
+            wp.min(int(wp.floor(north + one)), exact.rows + 1),
         )
 
     @wp.func
@@ -109,16 +109,16 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @wp.func
     def total_of(
-        p: vec4, m: arguments_type(real), frame: ground_type(wp.float64), width: wp.float64,
+        p: vec4, m: arguments_type(real), exact: ground_type(wp.float64), width: wp.float64,
         level: int,
     ) -> wp.float64:
         """Sum the weights of the cells on a level (``is_shown``)."""
-        patch = patch_of(frame, p[0], p[1], width)
+        patch = patch_of(exact, p[0], p[1], width)
         total = wp.float64(0.0)
-        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
-            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
+        for row in range(wp.max(patch[2], 0), wp.min(patch[3], exact.rows)):
+            for column in range(wp.max(patch[0], 0), wp.min(patch[1], exact.columns)):
                 if is_shown(m, row, column, level):
-                    total += weight_of(frame, p[0], p[1], width, row, column)
+                    total += weight_of(exact, p[0], p[1], width, row, column)
         return total
 
     @wp.func
@@ -127,32 +127,32 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         p: vec4,
         m: arguments_type(real),
         widest: wp.float64,
-        frame: ground_type(wp.float64),
+        exact: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
         placed: wp.array2d(dtype=wp.int64),
     ):
-        width = width_of(p[2], m.flow[i][0], frame, widest)
-        patch = patch_of(frame, p[0], p[1], width)
-        volume = wp.float64(p[2]) / (frame.resolution * frame.resolution)
+        width = width_of(p[2], m.flow[i][0], exact, widest)
+        patch = patch_of(exact, p[0], p[1], width)
+        volume = wp.float64(p[2]) / (exact.resolution * exact.resolution)
         volume /= wp.float64(wp.static(THICKNESS_UNIT))
-        total = total_of(p, m, frame, width, 0)
+        total = total_of(p, m, exact, width, 0)
         parts = volume / total
         # cells without data and the ring are raised too, so that the deposit has no cliff there
         for row in range(patch[2], patch[3]):
             for column in range(patch[0], patch[1]):
-                share = parts * weight_of(frame, p[0], p[1], width, row, column)
+                share = parts * weight_of(exact, p[0], p[1], width, row, column)
                 wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
         # lava too thin to reach any of the cells is placed in all of them
         level = wp.int32(2)
-        shown = total_of(p, m, frame, width, level)
+        shown = total_of(p, m, exact, width, level)
         while level > 0 and shown == wp.float64(0.0):
             level -= 1
-            shown = total_of(p, m, frame, width, level)
+            shown = total_of(p, m, exact, width, level)
         parts = volume / shown
-        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
-            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
+        for row in range(wp.max(patch[2], 0), wp.min(patch[3], exact.rows)):
+            for column in range(wp.max(patch[0], 0), wp.min(patch[1], exact.columns)):
                 if is_shown(m, row, column, level):
-                    share = wp.round(parts * weight_of(frame, p[0], p[1], width, row, column))
+                    share = wp.round(parts * weight_of(exact, p[0], p[1], width, row, column))
                     before = wp.atomic_add(placed, row, column, wp.int64(share))
                     # films too thin to count may add up
                     top = (wp.float64(before) + share) * wp.float64(wp.static(THICKNESS_UNIT))
@@ -161,13 +161,13 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
                         m.arrived[row, column] = wp.float32(m.clock[TIME])
         m.particle[i] = vec4(p[0], p[1], -p[2], p[3])
 
-    @quick_kernel
+    @quick_kernel(writes='particle arrived deposit placed')
     def freeze(
         thread: int,
         m: arguments_type(real),
         solidus: wp.float64,
         widest: wp.float64,
-        frame: ground_type(wp.float64),
+        exact: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
         placed: wp.array2d(dtype=wp.int64),
     ):
@@ -178,14 +178,14 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
             p = m.particle[i]
             # lava off the terrain has left
             if wp.float64(p[3]) < solidus and is_known(m.ground, p[0], p[1]):
-                lay_down(i, p, m, widest, frame, deposit, placed)
+                lay_down(i, p, m, widest, exact, deposit, placed)
 
-    @quick_kernel
+    @quick_kernel(writes='particle ground.elevation')
     def raise_ground(
         thread: int,
         m: arguments_type(real),
         widest: wp.float64,
-        frame: ground_type(wp.float64),
+        exact: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
         bare: wp.array2d(dtype=real),
     ):
@@ -195,8 +195,8 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         for i in range(thread, m.counts[PARTICLES], threads):
             p = m.particle[i]
             if p[2] < real(0.0):
-                width = width_of(-p[2], m.flow[i][0], frame, widest)
-                patch = patch_of(frame, p[0], p[1], width)
+                width = width_of(-p[2], m.flow[i][0], exact, widest)
+                patch = patch_of(exact, p[0], p[1], width)
                 for row in range(patch[2] + 1, patch[3] + 1):
                     for column in range(patch[0] + 1, patch[1] + 1):
                         top = wp.float64(deposit[row, column])
