@@ -157,8 +157,8 @@ def with_spacing(options: RunOptions, plan: Plan, folder: Path) -> tuple[Plan, s
     return replace(plan, accuracy=replace(plan.accuracy, spacing=spacing)), text
 
 
-def runner_of(options: RunOptions) -> tuple[Any, dict[str, Any]]:
-    """Return the function that runs the members, and its description for the report.
+def runner_of(options: RunOptions, plan: Plan) -> tuple[Any, dict[str, Any]]:
+    """Return the function that runs the members of a plan, and its description for the report.
 
     Raises:
         LavaError: If an argument is not valid, or a package is missing.
@@ -174,10 +174,10 @@ def runner_of(options: RunOptions) -> tuple[Any, dict[str, Any]]:
         return partial(
             run_on_cluster, scheduler=options.scheduler, device=options.device
         ), there
+    device = device_named(options.device, plan.accuracy.method)
     if workers is None:
-        # one process for a named GPU
-        workers = 1 if options.device not in (None, 'cpu') else default_workers()
-    where = {'workers': workers, 'device': device_named(options.device)}
+        workers = default_workers(plan, options.members, options.device)
+    where = {'workers': workers, 'device': device}
     if workers == 1:
         return partial(run_here, device=options.device), where
     return partial(run_in_processes, workers=workers, device=options.device), where

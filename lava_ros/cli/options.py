@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.simulation.carriers import METHOD_CHOICES, METHOD_MEANING
+from lava_ros.simulation.carriers import METHOD_CHOICES, METHOD_MEANING, METHODS
 
 #: Presets and the default one, as in ``simulation.presets``, which is slow to import.
 PRESETS = ('draft', 'standard', 'fine', 'reference', 'as-published')
@@ -244,17 +244,17 @@ def forced_effects(args: argparse.Namespace) -> dict[str, bool]:
     return {**dict.fromkeys(args.on, True), **dict.fromkeys(args.off, False)}
 
 
-def device_named(name: str | None) -> str:
-    """Return the Warp device ``name``; for None the first GPU, or the CPU without one.
+def device_named(name: str | None, method: str = METHODS[0]) -> str:
+    """Return the Warp device ``name``; for None the default of the method (``device_of``).
 
     Raises:
         LavaError: If there is no such device.
     """
     import warp as wp
 
-    import lava_ros.simulation  # noqa: F401  (quietens Warp)
+    from lava_ros.simulation.setup.defaults import device_of
 
-    device = name or str(wp.get_preferred_device())
+    device = str(device_of(None, method)) if name is None else name
     return validation.choice('--device', device, [str(known) for known in wp.get_devices()])
 
 

@@ -45,8 +45,8 @@ _ENSEMBLE = in_group(
         'observed lava, with their maps in the folder posterior_<time> (default: none)', int,
     ),
     argument(
-        '--workers', 'N', 'number of processes (default: one for each GPU, else one for each '
-        'core)', int,
+        '--workers', 'N', 'number of processes (default: one for each GPU, several if it has 512 '
+        'members or more; without a GPU one for each core)', int,
     ),
     argument(
         '--scheduler', 'ADDRESS', 'address of a Dask scheduler that runs the members: '

@@ -98,7 +98,7 @@ def _requested(options: RunOptions) -> tuple[Case, Request]:
     require('rasterio', 'GeoTIFF')
     case = load_case(source)
     options = with_method(options, case.scene, case.duration)
-    device = device_named(options.device)
+    device = device_named(options.device, options.method)
     settings = Settings(
         options.preset, options.spacing, device, options.forced, options.maps,
         mobility_limit=options.mobility_limit, method=options.method,

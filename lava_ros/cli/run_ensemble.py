@@ -178,7 +178,8 @@ def run_members(options: RunOptions) -> int:
     kept: dict[str, Any] = {'seed': options.seed, 'susceptibility': susceptibility}
     members = draw_members(plan.scene, options.members, **kept)
     check_members(plan.scene, members)
-    runs = _Runs(options, wanted.case, output, {**kept, **described}, *runner_of(options), outline)
+    described = {**kept, **described}
+    runs = _Runs(options, wanted.case, output, described, *runner_of(options, plan), outline)
     plan, found = with_spacing(options, plan, output)
     store = Store(output, plan, **runs.kept)
     if found:

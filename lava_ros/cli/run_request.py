@@ -32,7 +32,7 @@ def request_of(options: RunOptions) -> Request:
     sourced = sourced_scene(options.source)
     scene = sourced.scene
     options = with_method(options, scene, until)
-    device = device_named(options.device)
+    device = device_named(options.device, options.method)
 
     def accuracy() -> tuple[str, Accuracy]:
         preset, spacing = options.preset, options.spacing

@@ -19,6 +19,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
+from lava_ros.forecast.member_processes import count_processes
 from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import DEATHS, Pool, process_number
 from lava_ros.forecast.probability import (
@@ -35,6 +36,10 @@ from lava_ros.simulation.backend.threads import usable_cores
 
 #: Minimum number of members for maps while other members still run.
 FIRST_MAPS = 16
+
+#: Minimum number of members on a GPU for several processes, which take about 3 s to start, and
+#: maximum number of those that such a process runs as one part.
+_MANY, _PART = 512, 128
 
 #: Maximum wait for a reply from a scheduler [s].
 PATIENCE = 30.0
@@ -179,10 +184,13 @@ def run_in_processes(
     Raises:
         LavaError: If a member fails or repeatedly ends its process.
     """
-    devices = (device,) if device else _gpus() or (None,)
+    devices = _gpus(device, plan.accuracy.method) or (device,)
     sharing = -(-workers // len(devices))
     # so that each process gets members
     batch = min(batch_of(plan, device, sharing), max(-(-len(members) // workers), 1))
+    if sharing > 1:
+        # a process sends its members at the end of a part
+        batch = min(batch, _PART)
     parts = _parts(members, batch)
     work = partial(_run_in_process, plan, devices, sharing)
     with closing(Pool(work, min(workers, len(parts)))) as pool:
@@ -190,9 +198,17 @@ def run_in_processes(
             yield from footprints
 
 
-def default_workers() -> int:
-    """Return the number of GPUs or, without a GPU, of usable cores."""
-    return len(_gpus()) or usable_cores()
+def default_workers(plan: Plan, members: int, device: str | None = None) -> int:
+    """Return the number of processes for some members of a plan on a device.
+
+    On a CPU it is that of usable cores. On a GPU it is one; many members have several, because
+    each process makes its members one by one while the GPU waits.
+    """
+    gpus = _gpus(device, plan.accuracy.method)
+    if not gpus:
+        return usable_cores()
+    are_many = members >= _MANY * len(gpus)
+    return len(gpus) * (count_processes(gpus[0], plan.accuracy.method) if are_many else 1)
 
 
 def _run_in_process(
@@ -206,11 +222,15 @@ def _parts(members: Sequence[Member], batch: int) -> list[Sequence[Member]]:
     return [members[start : start + batch] for start in range(0, len(members), batch)]
 
 
-def _gpus() -> tuple[str, ...]:
+def _gpus(device: str | None, method: str) -> tuple[str, ...]:
+    """Return the GPUs for members: all unless one is named, none if they run on a CPU."""
     # importing the solver keeps Warp from printing its devices
-    import warp as wp
+    from lava_ros.simulation.setup.defaults import device_of
 
-    import lava_ros.simulation  # noqa: F401
+    used = device_of(device, method)
+    if device is not None or not used.is_cuda:
+        return (str(used),) if used.is_cuda else ()
+    import warp as wp
 
     return tuple(map(str, wp.get_cuda_devices()))
 

@@ -24,6 +24,7 @@ from geodata import write_scene
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder
 from lava_ros.bag.recorded_node import last_moments
+from lava_ros.cli.options import device_named
 from lava_ros.layers.numbers import area_words, duration
 from lava_ros.layers.recording import Recording
 from lava_ros.simulation.carriers import across_key, count_key, COUNTED, max_count_key, METHODS
@@ -326,3 +327,17 @@ def test_observatory_tutorial_runs_as_written(tmp_path, monkeypatch):
     (fissure,) = found['features']
     assert fissure['properties']['name'] == 'upper fissure'
     assert fissure['properties']['peak_effusion_rate'] == pytest.approx(12.0)
+
+
+@pytest.mark.parametrize(('given', 'method', 'expected'), [
+    (None, 'particles', 'cuda:0'), (None, 'cells', 'cpu'), ('cpu', 'particles', 'cpu'),
+    ('cuda:0', 'cells', 'cuda:0'),
+])
+def test_device_without_an_option_is_that_of_the_method(
+    monkeypatch: pytest.MonkeyPatch, given: str | None, method: str, expected: str
+) -> None:
+    import warp as wp
+
+    monkeypatch.setattr(wp, 'get_preferred_device', lambda: 'cuda:0')
+    monkeypatch.setattr(wp, 'get_devices', lambda: ['cpu', 'cuda:0'])
+    assert device_named(given, method) == expected

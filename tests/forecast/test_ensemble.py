@@ -335,22 +335,44 @@ def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
         shared.append((device, sharing))
         return []
 
+    def device_of(name: str | None, method: str) -> Device:
+        return Device(name or (gpus[0] if gpus and method == 'particles' else 'cpu'))
+
     monkeypatch.setattr('warp.get_cuda_devices', lambda: gpus)
+    monkeypatch.setattr('lava_ros.simulation.setup.defaults.device_of', device_of)
+    monkeypatch.setattr(ensembles, 'count_processes', lambda gpu, method: 4)
     monkeypatch.setattr(ensembles, 'Pool', Processes)
     monkeypatch.setattr(ensembles, 'run_here', run)
     monkeypatch.setattr(ensembles, 'batch_of', lambda plan, device, sharing: 1)
-    for device, expected in (
-        (None, [('cuda:0', 1), ('cuda:1', 1), ('cuda:0', 1)]),
-        ('cuda:1', [('cuda:1', 2)] * 3),
-        (None, [(None, ensembles.usable_cores())] * 3),
+    many, cores = 512 * len(gpus), ensembles.usable_cores()
+    on_cells = replace(PLAN, accuracy=replace(PLAN.accuracy, method='cells'))
+    for plan, count, device, workers in (
+        (PLAN, 3, None, 2), (PLAN, 3, 'cuda:1', 1), (PLAN, many, None, 8),
+        (PLAN, many, 'cuda:1', 4), (PLAN, many, 'cpu', cores), (on_cells, many, None, cores),
+        (on_cells, 3, 'cuda:0', 1),
     ):
-        if expected[0][0] is None:
-            gpus.clear()
+        assert ensembles.default_workers(plan, count, device) == workers
+    for plan, device, workers, expected in (
+        (PLAN, None, 2, [('cuda:0', 1), ('cuda:1', 1), ('cuda:0', 1)]),
+        (PLAN, 'cuda:1', 2, [('cuda:1', 2)] * 3),
+        (PLAN, 'cpu', 2, [('cpu', 2)] * 3),
+        (on_cells, None, 2, [(None, 2)] * 3),
+    ):
         shared.clear()
-        workers = ensembles.default_workers()
-        assert workers == 2 if gpus else workers >= 1
-        list(run_in_processes(PLAN, MEMBERS[:3], workers=workers, device=device))
+        list(run_in_processes(plan, MEMBERS[:3], workers=workers, device=device))
         assert shared == expected
+    gpus.clear()
+    assert ensembles.default_workers(PLAN, 3) == cores
+
+
+class Device(str):
+    """The name of a device."""
+
+    __slots__ = ()
+
+    @property
+    def is_cuda(self) -> bool:
+        return self.startswith('cuda')
 
 
 def test_a_cluster_needs_a_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:

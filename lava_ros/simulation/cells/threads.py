@@ -13,11 +13,11 @@ rows.
 THREADS = 512
 
 #: Names in C++: numbers of this thread's cells along a row (``lane``, ``lanes``) and of its rows
-#: (``first_of``, ``last_of``, ``lines``), of those from ``top`` to ``bottom``; the same if each row
-#: has one warp (``thread``, ``threads``, ``first_for_warp``, ``warps``). ``together`` waits for all
-#: threads of the world and makes their results readable. ``raise`` and, after that, ``raised`` find
-#: a maximum of positive integers, ``mark`` sets a cleared number to 1 if any thread does, and
-#: ``summed`` adds numbers of a warp.
+#: (``first_of``, ``last_of``, ``lines``), of those from ``top`` to ``bottom``; the same if each
+#: row has one warp (``thread``, ``threads``, ``first_for_warp``, ``warps``). ``together`` waits
+#: for all threads of the world and makes their results readable. ``raise`` and, after that,
+#: ``raised`` find a maximum of positive integers, ``mark`` sets a cleared number to 1 if any
+#: thread does, and ``summed`` adds numbers of a warp.
 SHARED = """
 #if defined(__CUDA_ARCH__)
 #define APART
