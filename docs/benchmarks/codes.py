@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 import finite_volumes
 import numpy as np
-from tables import lines_of
+from table_text import lines_of
 
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation

@@ -204,7 +204,7 @@ def main() -> None:
 def compare(output: Path, before: Path, names: list[str], processes: int) -> None:
     """Compare the versions on scenes, and write the rows so far after each one."""
     # not in the version before
-    from tables import lines_of
+    from table_text import lines_of
 
     from lava_ros.verification.rows import write_csv
 

@@ -12,7 +12,7 @@ from itertools import takewhile
 import math
 from statistics import median
 
-from tables import HERE, Line, lines_of, written
+from table_text import HERE, Line, lines_of, written
 
 PAGE = HERE / 'README.md'
 

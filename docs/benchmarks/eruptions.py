@@ -23,7 +23,7 @@ import subprocess
 import time
 
 import numpy as np
-from tables import lines_of
+from table_text import lines_of
 
 import lava_ros
 from lava_ros.hindcast.calibration import leave_one_out, near_optimal, read_samples

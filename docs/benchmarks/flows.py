@@ -19,7 +19,7 @@ import time
 from typing import Any
 
 from eruptions import fitted, version
-from tables import lines_of
+from table_text import lines_of
 
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.free_parameters import changed

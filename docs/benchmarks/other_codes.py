@@ -12,7 +12,7 @@ import math
 from statistics import median
 
 import numpy as np
-from tables import HERE, Line, lines_of, written
+from table_text import HERE, Line, lines_of, two_digits, written
 
 PAGE = HERE.parent / 'accuracy/other_codes.md'
 
@@ -34,11 +34,6 @@ def signed(error: float) -> str:
 def seconds(time: float) -> str:
     """Format a time in seconds, with two digits below 10 s."""
     return f'{time:.0f} s' if time >= 9.95 else f'{time:.2g} s'
-
-
-def two_digits(number: float) -> str:
-    """Format a number with two digits, without an exponent."""
-    return f'{float(f"{number:.2g}"):g}'
 
 
 def grid_table(first: str, quantity: str, title: str) -> Iterator[Line]:

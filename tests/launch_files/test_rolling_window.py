@@ -21,7 +21,7 @@ FILTERS = yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding=
 #: Radius of the robot, and side of a cell of the costmap [m]; updates of the costmap [Hz].
 RADIUS, CELL, UPDATES = 0.3, 0.05, 5.0
 
-allowed_delay = load_script(ROOT / 'docs/benchmarks/tables.py').allowed_delay
+allowed_delay = load_script(ROOT / 'docs/benchmarks/nav2_tables.py').allowed_delay
 
 
 class Window:

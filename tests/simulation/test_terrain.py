@@ -3,16 +3,22 @@
 
 """The staggered terrain grid."""
 
+from dataclasses import replace
+import gc
 import itertools
+import weakref
 
 import numpy as np
 import pytest
 import warp as wp
 
-from lava_ros.scene import Terrain
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy, METHODS
 from lava_ros.simulation.particles.layout import ground_type
 from lava_ros.simulation.particles.solidified import RaisedTerrain
 from lava_ros.simulation.particles.terrain import StaggeredTerrain, terrain_functions
+from solver import only
 
 
 def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
@@ -111,9 +117,51 @@ def test_curvature_is_the_largest_eigenvalue_or_zero(device):
     assert (bends == 0.0).any() and (bends > 0.0).any()
 
 
-def test_members_share_one_copy_of_the_ground(device):
+def ground_of(simulation):
+    """Return the arrays of a simulation's ground that others may share."""
+    solver = simulation.solver
+    if simulation.accuracy.method == 'cells':
+        return solver.state.kind, solver.heat.elevation, solver._known
+    return solver.terrain.bare, solver.terrain.known, solver.terrain.sea
+
+
+@pytest.mark.parametrize('effects', [(), ('cooling', 'solidification')])
+@pytest.mark.parametrize('method', METHODS)
+def test_simulations_share_their_ground_until_one_replaces_it(method, effects, device):
+    ground = replace(plane(rows=12, columns=12), sea_level=0.0)
+    scene = Scene(ground, (Vent((30.0, 20.0), 1.0),), Lava.paper())
+    accuracy = Accuracy(spacing=4.0, thickness=0.5, method=method)
+    one, other = (
+        Simulation(scene, effects=only(*effects), accuracy=accuracy, device=device)
+        for _ in range(2)
+    )
+    shared = ground_of(one)
+    assert all(mine is theirs for mine, theirs in zip(shared, ground_of(other), strict=True))
+    before = [array.numpy().copy() for array in shared]
+    one.set_terrain(replace(ground, elevation=ground.elevation + 5.0))
+    one.advance(1.0)
+    assert not any(mine is old for mine, old in zip(ground_of(one), shared, strict=True))
+    for array, old, values in zip(ground_of(other), shared, before, strict=True):
+        assert array is old
+        assert np.array_equal(array.numpy(), values)
+
+
+def test_solidified_lava_does_not_raise_the_ground_of_others(device):
     terrain = plane()
     one, other = (RaisedTerrain(terrain, 'float32', device) for _ in range(2))
     assert one.bare is other.bare
-    assert one.known is other.known
-    assert one.height.ptr != other.height.ptr
+    one.height.fill_(1e3)
+    assert other.height.numpy().max() < 1e3
+    assert other.bare.numpy().max() < 1e3
+    assert one.ground.elevation is one.height
+
+
+def test_shared_ground_is_freed_after_its_last_user(device):
+    terrain = plane()
+    one, other = (StaggeredTerrain(terrain, 'float32', device) for _ in range(2))
+    bare = weakref.ref(one.bare)
+    del one
+    assert bare() is other.bare
+    del other
+    gc.collect()
+    assert bare() is None

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: 2026 lava_ros contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Allocation of many arrays at once, recovery from a failed allocation, and readback."""
+"""Arrays that simulations share, allocation of many, a failed allocation, and readback."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 import warp as wp
@@ -79,6 +80,30 @@ def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
         array.block = block
         found[name] = array
     return found
+
+
+#: Arrays of ``shared_array`` that are in use.
+_shared: WeakValueDictionary[tuple[Hashable, ...], Any] = WeakValueDictionary()
+
+
+def shared_array(
+    values: Callable[[Any], np.ndarray], source: Hashable, dtype: Any, device: Any
+) -> Any:
+    """Return the array of values of a source, which must not be written to.
+
+    All callers share it, and it lives as long as one of them uses it.
+
+    Args:
+        values: Function of the source.
+        source: What the values belong to, such as a terrain.
+        dtype: Warp type of the array.
+        device: The Warp device.
+    """
+    key = values, source, dtype, str(device)
+    array = _shared.get(key)
+    if array is None:
+        array = _shared[key] = wp.array(values(source), dtype=dtype, device=device)
+    return array
 
 
 def forget_failure(device: Any) -> None:

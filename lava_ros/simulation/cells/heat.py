@@ -4,7 +4,6 @@
 """Temperature and age of the lava on cells, and the ground that it has become."""
 
 from dataclasses import dataclass, fields
-from functools import lru_cache
 import math
 from typing import Any
 
@@ -13,7 +12,8 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects.heat import heat_of, warming_function
 from lava_ros.effects.laws import law_of
-from lava_ros.scene import Scene, Terrain
+from lava_ros.scene import Scene
+from lava_ros.simulation.backend.memory import shared_array
 from lava_ros.simulation.cells.state import CellState, EDGE, Heat, maps_of
 from lava_ros.simulation.particles.terrain import ringed_heights
 
@@ -69,9 +69,9 @@ class HeatState:
             thickness: Expected thickness of the flow [m].
         """
         shape, lava = cells.thickness.shape, scene.lava
+        elevation = shared_array(ringed_heights, cells.terrain, wp.float64, cells.device)
         arrays = maps_of(
-            Heat, shape, cells.device, {'cold': shape[0]},
-            {'elevation': _heights_on(cells.terrain, str(cells.device))},
+            Heat, shape, cells.device, {'cold': shape[0]}, {'elevation': elevation}
         )
         diffusivity = 0.0
         if 'conduction' in effects:
@@ -95,12 +95,6 @@ class HeatState:
         for item in fields(self):
             setattr(heat, item.name, getattr(self, item.name))
         return heat
-
-
-@lru_cache(maxsize=2)
-def _heights_on(terrain: Terrain, device: str) -> Any:
-    """Return the elevations of a terrain, which simulations share."""
-    return wp.array(ringed_heights(terrain), dtype=wp.float64, device=device)
 
 
 def hottest_of(scene: Scene) -> float:

@@ -5,7 +5,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 import math
 from typing import Any
 
@@ -14,7 +13,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects.laws import Rheology
-from lava_ros.scene import Scene, Terrain
+from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import bytes_per_cell
@@ -46,6 +45,7 @@ from lava_ros.simulation.output.snapshot import (
 )
 from lava_ros.simulation.output.window import Window
 from lava_ros.simulation.particles.layout import HOLES, SEA
+from lava_ros.simulation.particles.terrain import known_on
 
 #: Thickness below which lava does not flow, over the expected thickness of the flow up to 1 m.
 FILM = 1e-6
@@ -146,7 +146,7 @@ class CellLava:
         self.peaks = CellPeaks(self.state.thickness.shape, self.device)
         self._grids: Any = None
         self.window = Window(terrain.shape, 2)
-        self._known = _known_on(terrain, str(self.device))
+        self._known = known_on(terrain, self.device)
 
     def new_heat(self) -> HeatState:
         """Return the heat of the grid, without lava, for the current scene and effects."""
@@ -393,12 +393,6 @@ class CellLava:
             thickness=own,
             velocity=0.5 * passed * grid.resolution / own[:, None],
         )
-
-
-@lru_cache(maxsize=2)
-def _known_on(terrain: Terrain, device: str) -> Any:
-    """Return 1 for the cells of a terrain with data, 0 for others; simulations share it."""
-    return wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
 
 
 def mixed(columns: Columns, into: Any) -> Columns:

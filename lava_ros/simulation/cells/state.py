@@ -32,7 +32,6 @@ volume is added to ``left``.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -42,7 +41,7 @@ from lava_ros.effects.column import structure
 from lava_ros.effects.heat import heat_type
 from lava_ros.effects.laws import filled, law_type, law_values
 from lava_ros.scene import Lava, Terrain
-from lava_ros.simulation.backend.memory import zeros
+from lava_ros.simulation.backend.memory import shared_array, zeros
 from lava_ros.simulation.particles.layout import BORDER, HOLES, SEA
 
 #: Items of ``clock``, in s: time, and length of the latest step; time that no step may pass,
@@ -249,9 +248,8 @@ class CellState:
             'box': 4, 'vent_box': 4, 'clock': 9, 'counts': 4, 'peaks': 2, 'left': 3,
             'gone': 3 * shape[0], 'slots': 32, 'spans': 4 * shape[0],
         }
-        arrays = maps_of(
-            Cells, shape, device, sizes, {'kind': _kinds_on(terrain, str(device))}
-        )
+        kind = shared_array(_kinds, terrain, wp.uint8, device)
+        arrays = maps_of(Cells, shape, device, sizes, {'kind': kind})
         law = filled(FaceLaw(), law_values(lava))
         state = cls(terrain, terrain.resolution, weight, film, law, device, **arrays)
         state.clock.assign([0.0, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 0.0, 0.0])
@@ -272,10 +270,9 @@ class CellState:
         return values[1:-1, 1:-1].copy()
 
 
-@lru_cache(maxsize=2)
-def _kinds_on(terrain: Terrain, device: str) -> Any:
-    """Return ``CellState.kind`` of a terrain, which simulations share."""
+def _kinds(terrain: Terrain) -> np.ndarray:
+    """Return ``CellState.kind`` of a terrain."""
     kind = np.full(np.add(terrain.shape, 2), 1 + BORDER, dtype=np.uint8)
     inner = np.where(np.isnan(terrain.elevation), 1 + HOLES, 0)
     kind[1:-1, 1:-1] = np.where(terrain.is_sea, 1 + SEA, inner)
-    return wp.array(kind, dtype=wp.uint8, device=device)
+    return kind

@@ -151,7 +151,7 @@ def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) 
         for _ in range(most):
             is_empty = world.flow.peaks[LARGEST] <= wp.float64(world.flow.film)
             if is_empty and clock[POURED] == wp.float64(0.0) and wp.isfinite(clock[TARGET]):
-                # nothing moves
+                # nothing moves; the host skips idle time of particles, whose launches are stages
                 clock[TIME] = wp.max(clock[TIME], clock[TARGET])
             if clock[TIME] >= clock[TARGET] or clock[WAITING] > wp.float64(0.0):
                 break

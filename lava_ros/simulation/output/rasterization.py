@@ -52,20 +52,21 @@ _BESIDE = wp.constant(wp.float32(-1.0))
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
-    vec2 = wp.types.vector(2, real)
-    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real)
-    _, _, cells_around, range_in = cell_functions(real)
-    load, _ = access(real, 4)
-
+def _middle_function(real: Any) -> Any:
     @wp.func
     def middle(first: wp.float64, n: int, resolution: wp.float64) -> real:
         """Coordinate of the middle of the n-th cell; bitwise identical in all passes."""
         return real(first + (wp.float64(n) + wp.float64(0.5)) * resolution)
 
-    @wp.func
-    def cell_at(place: real, first: wp.float64, resolution: wp.float64) -> int:
-        return int(wp.floor((wp.float64(place) - first) / resolution))
+    return middle
+
+
+@lru_cache
+def _weigh_kernel(real: Any, kernel_name: str) -> Any:
+    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real)
+    _, _, cells_around, range_in = cell_functions(real)
+    load, _ = access(real, 4)
+    middle = _middle_function(real)
 
     @wp.func
     def part_above(middle: real, rise_x: real, rise_y: real) -> real:
@@ -147,6 +148,19 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         if cover > real(0.0) and (part == real(0.0) or is_dry):
             thickness[i, j] = _BESIDE
 
+    return weigh
+
+
+@lru_cache
+def _share_out_kernel(real: Any, kernel_name: str) -> Any:
+    norm, shape, *_ = smoothing_kernel(kernel_name, real)
+    load, _ = access(real, 4)
+    middle = _middle_function(real)
+
+    @wp.func
+    def cell_at(place: real, first: wp.float64, resolution: wp.float64) -> int:
+        return int(wp.floor((wp.float64(place) - first) / resolution))
+
     @quick_kernel(writes='contribution home', fast_math=False)
     def share_out(
         k: int,
@@ -195,6 +209,17 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
             m.home[k] = -1
         elif m.home[k] >= 0:
             m.contribution[k] = p[2] / area
+
+    return share_out
+
+
+@lru_cache
+def _gather_kernel(real: Any, kernel_name: str) -> Any:
+    vec2 = wp.types.vector(2, real)
+    shape = smoothing_kernel(kernel_name, real).shape
+    _, _, cells_around, range_in = cell_functions(real)
+    load, _ = access(real, 4)
+    middle = _middle_function(real)
 
     @quick_kernel(writes='thickness temperature arrived', fast_math=False)
     def gather(
@@ -252,7 +277,7 @@ def _kernels(real: Any, kernel_name: str) -> tuple[Any, Any, Any]:
         if total[0] != real(0.0):
             temperature[i, j] = wp.float32(total[1] / total[0])
 
-    return weigh, share_out, gather
+    return gather
 
 
 @quick_kernel(writes='grids')
@@ -324,7 +349,10 @@ class Raster:
 
         Between the passes ``thickness`` holds the cells' weights.
         """
-        weigh, share_out, gather = _kernels(state.real, self._kernel)
+        weigh, share_out, gather = (
+            kernel(state.real, self._kernel)
+            for kernel in (_weigh_kernel, _share_out_kernel, _gather_kernel)
+        )
         maps = [self.thickness, self.temperature]
         inputs = [arguments, self._terrain.exact_ground, self._radius]
         self.window.launch(state, weigh, [*inputs, *maps])

@@ -279,13 +279,7 @@ def _powers_of() -> str:
         for n in range(degree)
         for m in range(1, degree + 1 - n)
     ]
-    # the highest power, by Chebyshev polynomials, in terms of the lower ones
-    far = _OCTAVES / 2.0
-    highest, *_ = _K0
-    lines += [
-        f'p{n} += {highest * value!r}f;'
-        for n, value in ((2, 1.5 * far**2), (4, -0.5625 * far**4), (6, far**6 / 32.0))
-    ]
+    # without the sixth power, which changes K0 by 2e-5 at most
     scale = -math.log2(math.e) / math.sqrt(SQUARED_SUPPORT)
     powers = [
         f'powers.c[{n}] = p{n + 1} + {scale * root!r}f * support;' for n, root in enumerate(_ROOT)
@@ -305,8 +299,9 @@ def _powers_of() -> str:
 def k0_within(real: Any) -> K0Within:
     """Return K0 for sums over neighbours.
 
-    In float64 it is that of ``bessel``. In float32 it is accurate to 4e-4 for k times the support
-    up to 5, and to 2e-3 up to 30, where only a particle's own weight counts.
+    In float64 it is that of ``bessel``. In float32 it is accurate to 2e-4 for k times the support
+    from 0.05 to 1, to 4e-4 up to 5, and to 2e-3 up to 30, where only a particle's own weight
+    counts.
     """
     if real is wp.float64:
         k0, _ = bessel(real)

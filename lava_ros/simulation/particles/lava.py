@@ -120,9 +120,7 @@ class ParticleLava:
             self.raised = RaisedTerrain(terrain, accuracy.precision, self.device)
         if self.raised is not None and former is not None:
             self.raised.take_over(former, self.state.left)
-        self.terrain = self.raised or StaggeredTerrain.shared(
-            terrain, accuracy.precision, self.device
-        )
+        self.terrain = self.raised or StaggeredTerrain(terrain, accuracy.precision, self.device)
         self.neighbors = self.grid_over(self.terrain)
         output_radius = max(accuracy.raster_ratio * accuracy.radius, 1.5 * terrain.resolution)
         # grids for solidified lava, and for what lava has covered

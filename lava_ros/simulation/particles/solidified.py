@@ -26,7 +26,7 @@ from lava_ros.scene.terrain import has_same_cells
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.memory import read
 from lava_ros.simulation.output.window import cell_in, CellWindow, Window
-from lava_ros.simulation.particles.layout import BORDER, fitting, ground_type, HOLES, SEA
+from lava_ros.simulation.particles.layout import BORDER, fitting, HOLES, SEA
 from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import averaged, StaggeredTerrain
 
@@ -76,14 +76,10 @@ class RaisedTerrain(StaggeredTerrain):
 
     def __init__(self, terrain: Terrain, precision: str, device: Any) -> None:
         """Copy the heights of a terrain, on which no lava has solidified yet."""
-        # keeps the instance alive, so that other simulations can share it
-        self._shared = StaggeredTerrain.shared(terrain, precision, device)
-        vars(self).update(vars(self._shared))
+        super().__init__(terrain, precision, device)
         self._terrain = terrain
-        self.height = wp.clone(self.bare)
-        self.ground = ground_type(self.height.dtype)()
-        self.ground.assign(self._shared.ground)
-        self.ground.elevation = self.height
+        # not that of the bare ground, which other simulations share
+        self.ground.elevation = self.height = wp.clone(self.bare)
         self.deposit = wp.zeros(self.height.shape, dtype=wp.int64, device=device)
         self.placed = wp.zeros(self.known.shape, dtype=wp.int64, device=device)
 

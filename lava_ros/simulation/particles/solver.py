@@ -165,7 +165,7 @@ class ParticleSolver(ParticleLava):
         self.settle()
         rows = self.state.read_particles()
         rows[:, :2] += centre_of(self.scene.terrain) - centre_of(scene.terrain)
-        ground = StaggeredTerrain.shared(scene.terrain, self.accuracy.precision, self.device)
+        ground = StaggeredTerrain(scene.terrain, self.accuracy.precision, self.device)
         self.grid_over(ground).window(np.concatenate([rows[:, :2], corners_of(scene)]))
         now = self.state.time
         before = self.vents.emission(now)

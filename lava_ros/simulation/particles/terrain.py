@@ -12,18 +12,31 @@ direction, quadratic across, the same at the corners, and curl-free.
 from functools import lru_cache
 import math
 from typing import Any, NamedTuple
-from weakref import WeakValueDictionary
 
 import numpy as np
 import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.backend.compiled import load9
+from lava_ros.simulation.backend.memory import shared_array
 from lava_ros.simulation.particles.layout import arguments_type, centre_of, ground_type, REAL
 
 
+def known_on(terrain: Terrain, device: Any) -> Any:
+    """Return ``StaggeredTerrain.known``, which must not be written to."""
+    return shared_array(_has_data, terrain, wp.uint8, device)
+
+
+def _has_data(terrain: Terrain) -> np.ndarray:
+    return terrain.has_data
+
+
+def _is_sea(terrain: Terrain) -> np.ndarray:
+    return terrain.is_sea
+
+
 class StaggeredTerrain:
-    """A terrain on a device.
+    """A terrain on a device; simulations on the same one share its arrays.
 
     Attributes:
         height: Elevation of the cells and of a ring around them, above a level [m], shape
@@ -38,12 +51,10 @@ class StaggeredTerrain:
     def __init__(self, terrain: Terrain, precision: str, device: Any) -> None:
         """Copy the heights to the device."""
         rows, columns = terrain.shape
-        self.bare = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
-        self.height = self.bare
-        self.known = wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
-        self.sea = None
+        self.bare = shared_array(ringed_heights, terrain, REAL[precision], device)
+        self.height, self.known, self.sea = self.bare, known_on(terrain, device), None
         if terrain.sea_level is not None:
-            self.sea = wp.array(terrain.is_sea.astype(np.uint8), dtype=wp.uint8, device=device)
+            self.sea = shared_array(_is_sea, terrain, wp.uint8, device)
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
         self.ground, self.exact_ground = ground_type(REAL[precision])(), ground_type(wp.float64)()
         for ground in (self.ground, self.exact_ground):
@@ -55,15 +66,6 @@ class StaggeredTerrain:
                 ground.sea = self.sea
         self.ground.elevation = self.height
 
-    @classmethod
-    def shared(cls, terrain: Terrain, precision: str, device: Any) -> 'StaggeredTerrain':
-        """Return a cached or new instance for these heights; it must not be written to."""
-        key = terrain, precision, str(device)
-        staggered = _shared.get(key)
-        if staggered is None:
-            staggered = _shared[key] = cls(terrain, precision, device)
-        return staggered
-
     def raise_to(self, places: np.ndarray, top: Any) -> None:
         """Raise a height [m], shape [1] on the device, to that of the highest of some places.
 
@@ -72,9 +74,6 @@ class StaggeredTerrain:
         real, device = self.height.dtype, self.height.device
         where = wp.array(places, dtype=wp.types.vector(2, real), device=device)
         wp.launch(_raise(real), len(places), [where, self.ground], [top], device=device)
-
-
-_shared: WeakValueDictionary[tuple[Terrain, str, str], StaggeredTerrain] = WeakValueDictionary()
 
 
 @lru_cache

@@ -48,7 +48,6 @@ from lava_ros.simulation.backend.compiled import (
     raise_to,
     sum_over,
 )
-from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.particles.cells import (
     cell_functions,
     sum_neighbors,
@@ -65,7 +64,6 @@ from lava_ros.simulation.particles.layout import (
     STAGE,
     TIME,
 )
-from lava_ros.simulation.particles.state import State
 from lava_ros.simulation.particles.terrain import fall_function, terrain_functions
 
 #: Slope of an even layer at its edge, over the thickness there and times the kernel's radius.
@@ -187,14 +185,36 @@ def flow_kernels(
     ``is_wide``: a CPU processes several neighbours at a time (simd.py).
     Without ``has_means`` each particle moves by its own temperature.
     """
+    has_heat = has_means and effects.any('stiffens')
+    if is_balanced:
+        elevate = _elevation_kernel(real, kernel_name, lanes, parts)
+        return elevate, _balanced_kernel(real, kernel_name, effects, lanes, parts, has_heat)
+    return None, _energy_kernel(
+        real, kernel_name, effects, lanes, parts, is_short, is_wide, has_heat
+    )
+
+
+@lru_cache
+def _mean_temperature_function(real: Any) -> Any:
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
+        beside = wp.length(rise) * radius / (real(_EDGE) * height)
+        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
+
+    return mean_temperature
+
+
+@lru_cache
+def _energy_kernel(
+    real: Any, kernel_name: str, effects: Effects, lanes: int, parts: int, is_short: bool,
+    is_wide: bool, has_heat: bool,
+) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
-    vec10 = wp.types.vector(10, real)
-    has_heat = has_means and effects.any('stiffens')
-    mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real)
-    norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
+    norm, excess = kernel.norm, kernel.excess
     shape_factor, slope_factor = kernel.factors
     sums_around, sums_with_heat = (
         wide_sums_function(kernel.wide_terms, heat)
@@ -202,57 +222,12 @@ def flow_kernels(
         else sums_function(real, kernel, parts, heat, lanes)
         for heat in (False, True)
     )
-    gradient_at, _, height_at, *_ = terrain_functions(real)
+    gradient_at = terrain_functions(real).gradient_at
     cells_around = cell_functions(real).cells_around
-    (load, _), (load_pair, _) = access(real, 4), access(real, 2)
+    load, _ = access(real, 4)
     balance = _balance_function(real, kernel.stiffness, effects)
+    mean_temperature = _mean_temperature_function(real)
     total = sum_over(real, lanes)
-
-    @wp.func
-    def add_height(
-        height: real, j: int, ordered: wp.array(dtype=vec4), p: vec4, inverse: real
-    ) -> real:
-        other = load(ordered, j)
-        dx = p[0] - other[0]
-        dy = p[1] - other[1]
-        return height + other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
-
-    height_around = sum_neighbors(real, add_height, lanes, parts)
-
-    @wp.func
-    def add_differences(
-        sums: vec10, j: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
-        p: vec4, own: real, inverse: real,
-    ) -> vec10:
-        """Add differences, their second moments, and V grad W of a neighbour.
-
-        The last two values are the sums of the thickness, and of the thickness times the excess
-        temperature.
-        """
-        other = load(ordered, j)
-        d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
-        there = load_pair(surface, j)
-        pull = slope(wp.length(d)) * d
-        rise = there[1] * (there[0] - own) * pull
-        moment = there[1] * wp.outer(d, pull)
-        push = vec2(sums[6], sums[7]) + other[2] * pull
-        weight = sums[8]
-        warmth = sums[9]
-        if wp.static(has_heat):
-            held = other[2] * shape(wp.length(d))
-            weight += held
-            warmth += held * (other[3] - p[3])
-        return vec10(
-            sums[0] + rise.x, sums[1] + rise.y, sums[2] - moment[0, 0], sums[3] - moment[0, 1],
-            sums[4] - moment[1, 0], sums[5] - moment[1, 1], push.x, push.y, weight, warmth,
-        )
-
-    differences_around = sum_neighbors(real, add_differences, lanes, parts)
-
-    @wp.func
-    def mean_temperature(own: real, warmer: real, rise: vec2, height: real, radius: real) -> real:
-        beside = wp.length(rise) * radius / (real(_EDGE) * height)
-        return own + wp.max(real(1.0) - beside, real(0.0)) * warmer
 
     @quick_kernel(
         writes='flow slope rates source area ordered_mean_temperature',
@@ -299,6 +274,32 @@ def flow_kernels(
                 mean = m.ordered_mean_temperature[i]
         balance(i, p, mean, height, rise + ground, ground, m, fills_flow)
 
+    return thickness_and_velocity
+
+
+@lru_cache
+def _elevation_kernel(real: Any, kernel_name: str, lanes: int, parts: int) -> Any:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    kernel = smoothing_kernel(kernel_name, real)
+    norm, shape, excess = kernel.norm, kernel.shape, kernel.excess
+    height_at = terrain_functions(real).height_at
+    cells_around = cell_functions(real).cells_around
+    load, _ = access(real, 4)
+    total = sum_over(real, lanes)
+
+    @wp.func
+    def add_height(
+        height: real, j: int, ordered: wp.array(dtype=vec4), p: vec4, inverse: real
+    ) -> real:
+        other = load(ordered, j)
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        return height + other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
+
+    height_around = sum_neighbors(real, add_height, lanes, parts)
+
     @quick_kernel(writes='surface flow')
     def elevate(thread: int, m: arguments_type(real)):
         """Compute thickness, surface elevation and area V / h of each particle."""
@@ -317,6 +318,56 @@ def flow_kernels(
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
         m.surface[i] = vec2(height + height_at(m.ground, p[0], p[1]), p[2] / height)
         m.flow[i] = vec3(height, real(0.0), real(0.0))
+
+    return elevate
+
+
+@lru_cache
+def _balanced_kernel(
+    real: Any, kernel_name: str, effects: Effects, lanes: int, parts: int, has_heat: bool
+) -> Any:
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
+    vec10 = wp.types.vector(10, real)
+    mat22 = wp.types.matrix((2, 2), real)
+    kernel = smoothing_kernel(kernel_name, real)
+    norm, shape, slope = kernel.norm, kernel.shape, kernel.slope
+    gradient_at = terrain_functions(real).gradient_at
+    cells_around = cell_functions(real).cells_around
+    (load, _), (load_pair, _) = access(real, 4), access(real, 2)
+    balance = _balance_function(real, kernel.stiffness, effects)
+    mean_temperature = _mean_temperature_function(real)
+    total = sum_over(real, lanes)
+
+    @wp.func
+    def add_differences(
+        sums: vec10, j: int, ordered: wp.array(dtype=vec4), surface: wp.array(dtype=vec2),
+        p: vec4, own: real, inverse: real,
+    ) -> vec10:
+        """Add differences, their second moments, and V grad W of a neighbour.
+
+        The last two values are the sums of the thickness, and of the thickness times the excess
+        temperature.
+        """
+        other = load(ordered, j)
+        d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+        there = load_pair(surface, j)
+        pull = slope(wp.length(d)) * d
+        rise = there[1] * (there[0] - own) * pull
+        moment = there[1] * wp.outer(d, pull)
+        push = vec2(sums[6], sums[7]) + other[2] * pull
+        weight = sums[8]
+        warmth = sums[9]
+        if wp.static(has_heat):
+            held = other[2] * shape(wp.length(d))
+            weight += held
+            warmth += held * (other[3] - p[3])
+        return vec10(
+            sums[0] + rise.x, sums[1] + rise.y, sums[2] - moment[0, 0], sums[3] - moment[0, 1],
+            sums[4] - moment[1, 0], sums[5] - moment[1, 1], push.x, push.y, weight, warmth,
+        )
+
+    differences_around = sum_neighbors(real, add_differences, lanes, parts)
 
     @quick_kernel(writes='flow slope rates source area')
     def balanced_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
@@ -356,64 +407,4 @@ def flow_kernels(
             mean = mean_temperature(p[3], warmer, push * (scale * inverse), height, radius)
         balance(i, p, mean, height, rise, ground, m, fills_flow)
 
-    if is_balanced:
-        return elevate, balanced_velocity
-    return None, thickness_and_velocity
-
-
-@lru_cache
-def _published_kernel(real: Any) -> Any:
-    """Return the kernel of the velocity as the paper prints it (3.36 to 3.44), for comparison.
-
-    u_i = h_i^3 sum_j K0(r) b_j / sum_j K0(r) over neighbours within l, with
-    b = -h^3 rho g grad S / (f(theta) mu). Printed in it: the velocity is multiplied by h^3 instead
-    of divided by k^2 h^3; the viscosity counts twice, as f(theta) and as mu; K0 is its two-term
-    series of the bare distance r in metres, without k; and K0(0) is K0(0.001). The paper writes
-    |u| for the distance; the distance of two particles is used here.
-    """
-    vec3 = wp.types.vector(3, real)
-    _, _, cells_around, range_in = cell_functions(real)
-    load, _ = access(real, 4)
-
-    @wp.func
-    def series(r: real) -> real:
-        log = wp.log(real(2.0) / r) - real(0.577216)
-        return log + real(0.25) * r * r * (log + real(1.0))
-
-    @quick_kernel(writes='flow')
-    def published_velocity(i: int, m: arguments_type(real), viscosity: real):
-        if i >= m.counts[PARTICLES]:
-            return
-        p = load(m.ordered, i)
-        height = m.flow[i][0]
-        support = m.constants.radius
-        total = real(0.0)
-        x = real(0.0)
-        y = real(0.0)
-        box = cells_around(m.cells, p[0], p[1], support)
-        for r in range(box[0], box[1]):
-            near = range_in(m.cells, r, box)
-            for j in range(near[0], near[1]):
-                other = load(m.ordered, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                square = dx * dx + dy * dy
-                if square < support * support:
-                    weight = series(wp.max(wp.sqrt(square), real(1.0e-3)))
-                    total += weight
-                    there = load(m.source, j)
-                    x += weight * there[2] / m.area[j]
-                    y += weight * there[3] / m.area[j]
-        # source over area is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
-        scale = real(3.0) / viscosity * height * height * height / total
-        m.flow[i] = vec3(height, scale * x, scale * y)
-
-    return published_velocity
-
-
-def publish_velocity(state: State, arguments: Any, viscosity: float) -> None:
-    """Replace the local velocity in ``state.flow`` by that of the printed formulas.
-
-    ``source`` and ``area`` of the state must be filled; ``viscosity`` is the constant mu [Pa s].
-    """
-    launch_over(state, _published_kernel(state.real), [arguments, viscosity])
+    return balanced_velocity

@@ -78,6 +78,77 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
 
 @lru_cache
+def _heating_function(form: Form, effects: Effects) -> Any:
+    """Return the device function of a particle's temperature [K] at the end of a step, or None.
+
+    Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m], its
+    place at the start of the step, its way in the step, and arguments of the motion.
+    """
+    real = form.real
+    warming, column_struct = warming_function(wp, real, effects), column_type(real)
+    if warming is None:
+        return None
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
+    gradient_at, _, height_at, *_ = terrain_functions(real)
+    cosine_squared = effects.function('cosine_squared', real)
+    ages_in_place, has_speed = effects.any('ages_in_place'), effects.any('needs_speed')
+    falls = form.has_slope
+
+    @wp.func
+    def begun_in_place(m: arguments_type(real), x: real, y: real, now: wp.float64) -> wp.float64:
+        """Return the time [s] at which lava reached the cell of a place, now if it has not."""
+        column = int(wp.floor((x - m.ground.x0) / m.ground.resolution))
+        row = int(wp.floor((y - m.ground.y0) / m.ground.resolution))
+        if row < 0 or row >= m.ground.rows or column < 0 or column >= m.ground.columns:
+            return now
+        reached = m.arrived[row, column]
+        return now if reached < wp.float32(0.0) else wp.float64(reached)
+
+    @wp.func
+    def heated(
+        i: int, p: vec4, thickness: real, start: vec2, way: vec2, m: arguments_type(real)
+    ) -> real:
+        step = real(m.clock[at.STEP])
+        column = column_struct()
+        column.thickness = thickness
+        column.normal_thickness = column.thickness
+        ground = vec2()
+        if wp.static(cosine_squared is not None or (falls and not form.has_velocity)):
+            ground = gradient_at(m.ground, p[0], p[1])
+        if wp.static(cosine_squared is not None):
+            column.normal_thickness *= wp.sqrt(cosine_squared(ground))
+        age = real(0.0)
+        if wp.static(form.has_age):
+            # the clock is at the end of the step
+            begun = m.clock[at.TIME] - m.clock[at.STEP]
+            if wp.static(ages_in_place):
+                age = real(age_at(begun, begun_in_place(m, p[0], p[1], begun)))
+            else:
+                age = real(age_at(begun, m.ordered_emission_time[i]))
+        drop = real(0.0)
+        if wp.static(falls):
+            drop = -wp.dot(m.slope[i], way)
+            if wp.static(not form.has_velocity):
+                # the actual drop of the ground, however steep it is where the step begins
+                drop += wp.dot(ground, way)
+                drop += height_at(m.ground, start.x, start.y)
+                drop -= height_at(m.ground, start.x + way.x, start.y + way.y)
+        column.drop = drop / step
+        if wp.static(has_speed):
+            column.speed = wp.sqrt(way.x * way.x + way.y * way.y) / step
+        change = warming(m.heat, column, p[3], age, step)
+        if wp.static(form.has_temperature_remainder):
+            change += m.ordered_temperature_remainder[i]
+            temperature = p[3] + change
+            m.temperature_remainder[i] = change - (temperature - p[3])
+            return temperature
+        return p[3] + change
+
+    return heated
+
+
+@lru_cache
 def motion_function(form: Form, effects: Effects) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
 
@@ -91,25 +162,10 @@ def motion_function(form: Form, effects: Effects) -> Any:
     place = bin_function(real, False)
     load, store = compiled.access(real, 4)
     load_pair, store_pair = compiled.access(real, 2)
-    gradient_at, _, height_at, *_ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    warming, column_struct = warming_function(wp, real, effects), column_type(real)
-    heats = warming is not None
-    cosine_squared = effects.function('cosine_squared', real)
-    note = note_function(real, False)
-    ages_in_place, has_speed = effects.any('ages_in_place'), effects.any('needs_speed')
-    falls, freezes = form.has_slope, effects.any('freezes')
-
-    @wp.func
-    def begun_in_place(m: arguments_type(real), x: real, y: real, now: wp.float64) -> wp.float64:
-        """Return the time [s] at which lava reached the cell of a place, now if it has not."""
-        column = int(wp.floor((x - m.ground.x0) / m.ground.resolution))
-        row = int(wp.floor((y - m.ground.y0) / m.ground.resolution))
-        if row < 0 or row >= m.ground.rows or column < 0 or column >= m.ground.columns:
-            return now
-        reached = m.arrived[row, column]
-        return now if reached < wp.float32(0.0) else wp.float64(reached)
+    heated = _heating_function(form, effects)
+    note, freezes = note_function(real, False), effects.any('freezes')
 
     @wp.func
     @writing(
@@ -159,44 +215,9 @@ def motion_function(form: Form, effects: Effects) -> Any:
             m.emission_time[i] = m.ordered_emission_time[i]
         if wp.static(form.has_temperature_remainder):
             m.temperature_remainder[i] = m.ordered_temperature_remainder[i]
-        if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
+        if wp.static(heated is not None):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1:
-                step = real(m.clock[at.STEP])
-                column = column_struct()
-                column.thickness = f[0]
-                column.normal_thickness = column.thickness
-                ground = vec2()
-                if wp.static(cosine_squared is not None or (falls and not form.has_velocity)):
-                    ground = gradient_at(m.ground, p[0], p[1])
-                if wp.static(cosine_squared is not None):
-                    column.normal_thickness *= wp.sqrt(cosine_squared(ground))
-                age = real(0.0)
-                if wp.static(form.has_age):
-                    # the clock is at the end of the step
-                    begun = m.clock[at.TIME] - m.clock[at.STEP]
-                    if wp.static(ages_in_place):
-                        age = real(age_at(begun, begun_in_place(m, p[0], p[1], begun)))
-                    else:
-                        age = real(age_at(begun, m.ordered_emission_time[i]))
-                drop = real(0.0)
-                if wp.static(falls):
-                    drop = -wp.dot(m.slope[i], vec2(dx, dy))
-                    if wp.static(not form.has_velocity):
-                        # the actual drop of the ground, however steep it is where the step begins
-                        drop += wp.dot(ground, vec2(dx, dy))
-                        drop += height_at(m.ground, x, y)
-                        drop -= height_at(m.ground, x + dx, y + dy)
-                column.drop = drop / step
-                if wp.static(has_speed):
-                    column.speed = wp.sqrt(dx * dx + dy * dy) / step
-                change = warming(m.heat, column, temperature, age, step)
-                if wp.static(form.has_temperature_remainder):
-                    change += m.ordered_temperature_remainder[i]
-                    former = temperature
-                    temperature = former + change
-                    m.temperature_remainder[i] = change - (temperature - former)
-                else:
-                    temperature += change
+                temperature = heated(i, p, f[0], vec2(x, y), vec2(dx, dy), m)
         if wp.static(freezes):  # noqa: SIM102, the static test decides
             if m.counts[at.IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1

@@ -24,12 +24,13 @@ from lava_ros.simulation.particles.terrain import StaggeredTerrain
 from lava_ros.simulation.step import motion, timestep
 from lava_ros.simulation.step.effects import parts_of
 from lava_ros.simulation.step.emission import emission_function, emit
-from lava_ros.simulation.step.flow import flow_kernels, publish_velocity
+from lava_ros.simulation.step.flow import flow_kernels
 from lava_ros.simulation.step.fused_stage import (
     choice_within_motion,
     choose_before_motion,
     is_within_the_motion,
 )
+from lava_ros.simulation.step.published_flow import publish_velocity
 from lava_ros.simulation.step.timestep import StageChoice
 from lava_ros.simulation.step.vents import VentSet
 

@@ -309,7 +309,8 @@ class VentSet:
     def idle_until(self, time: float, end: float) -> float:
         """Return the time [s] before which no vent emits; infinite if none releases by ``end``.
 
-        A particle that is due already makes it ``time``.
+        A particle that is due already makes it ``time``. On cells the kernel skips idle time, as
+        lava may leave in any of the many steps of a launch (``cells/worlds.py``).
         """
         due = read(self.outlets.due)
         first = due[:, 0].min() if due.size else math.inf

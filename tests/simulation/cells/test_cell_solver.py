@@ -293,7 +293,7 @@ def test_wall_limit_stops_between_steps():
     assert simulation.advance(1e5, wall_limit=1e-3) < 1e5
 
 
-def test_frozen_lava_takes_no_steps():
+def test_launch_takes_no_more_steps_after_its_lava_has_frozen():
     vent = Vent((-60.0, 3.0), ((0.0, 1.0), (20.0, 0.0), (4e5, 1.0)), radius=7.0)
     lava = replace(LAVA, convection=1e5, solidus=1200.0)
     simulation = simulated(

@@ -53,11 +53,6 @@ STRETCHED = 2.5
 @lru_cache
 def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
     real = form.real
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
-    vec2d = wp.types.vector(2, wp.float64)
-    _, _, cells_around, range_in = cell_functions(real)
-    load, _ = access(real, 4)
 
     @quick_kernel(writes='moved slots')
     def wait(thread: int, m: arguments_type(real), every: wp.float64):
@@ -69,6 +64,25 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
             if m.moved[0] >= every:
                 m.moved[0] = wp.float64(0.0)
                 m.moved[1] = wp.float64(1.0)
+
+    @quick_kernel(writes='counts')
+    def count(thread: int, m: arguments_type(real)):
+        if m.moved[1] == wp.float64(0.0):
+            return
+        last = m.births.shape[0] - 1
+        new = m.slots[0]
+        if wp.static(is_ordered):
+            new = m.slots[last] + m.births[last]
+        m.counts[PARTICLES] = wp.min(m.counts[PARTICLES] + new, last + 1)
+
+    choose, merge = _choice_kernel(real, threads), _merge_kernel(form, threads)
+    return wait, choose, merge, _split_kernel(form, is_ordered, threads), count
+
+
+@lru_cache
+def _choice_kernel(real: Any, threads: int) -> Any:
+    _, _, cells_around, range_in = cell_functions(real)
+    load, _ = access(real, 4)
 
     @wp.func
     def seek(i: int, m: arguments_type(real), area: real, min_volume: real):
@@ -122,6 +136,16 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
             for i in range(thread, m.births.shape[0], threads):
                 seek(i, m, area, min_volume)
 
+    return choose
+
+
+@lru_cache
+def _merge_kernel(form: Form, threads: int) -> Any:
+    real = form.real
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
+    vec2d = wp.types.vector(2, wp.float64)
+
     @wp.func
     def unite(i: int, j: int, m: arguments_type(real)):
         """Merge two particles; the second is left without volume."""
@@ -162,6 +186,15 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
                 # never read an index below 0
                 if j > i and m.partner[wp.max(j, 0)] == i:
                     unite(i, j, m)
+
+    return merge
+
+
+@lru_cache
+def _split_kernel(form: Form, is_ordered: bool, threads: int) -> Any:
+    real = form.real
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
 
     @wp.func
     def halve(i: int, m: arguments_type(real)):
@@ -205,17 +238,7 @@ def _kernels(form: Form, is_ordered: bool, threads: int) -> tuple[Any, ...]:
                 if m.births[i] > 0:
                     halve(i, m)
 
-    @quick_kernel(writes='counts')
-    def count(thread: int, m: arguments_type(real)):
-        if m.moved[1] == wp.float64(0.0):
-            return
-        last = m.births.shape[0] - 1
-        new = m.slots[0]
-        if wp.static(is_ordered):
-            new = m.slots[last] + m.births[last]
-        m.counts[PARTICLES] = wp.min(m.counts[PARTICLES] + new, last + 1)
-
-    return wait, choose, merge, split, count
+    return split
 
 
 class Part(DevicePart):

@@ -50,9 +50,8 @@ _MIN_ABOVE_SOLIDUS = 10.0
 
 
 @lru_cache
-def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
-    vec4 = wp.types.vector(4, real)
-    is_known, *_ = border_functions(real)
+def _patch_functions(real: Any) -> tuple[Any, Any, Any]:
+    """Return the functions of the width, the weights and the cells of a column's deposit."""
 
     @wp.func
     def width_of(
@@ -97,6 +96,15 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
             wp.max(int(wp.floor(south)), -1),
             wp.min(int(wp.floor(north + one)), exact.rows + 1),
         )
+
+    return width_of, weight_of, patch_of
+
+
+@lru_cache
+def _deposit_function(real: Any) -> Any:
+    """Return the function that turns a column into ground."""
+    vec4 = wp.types.vector(4, real)
+    width_of, weight_of, patch_of = _patch_functions(real)
 
     @wp.func
     def is_shown(m: arguments_type(real), row: int, column: int, level: int) -> bool:
@@ -160,6 +168,16 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
                     if is_thick and m.arrived[row, column] < wp.float32(0.0):
                         m.arrived[row, column] = wp.float32(m.clock[TIME])
         m.particle[i] = vec4(p[0], p[1], -p[2], p[3])
+
+    return lay_down
+
+
+@lru_cache
+def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
+    vec4 = wp.types.vector(4, real)
+    is_known, *_ = border_functions(real)
+    width_of, _, patch_of = _patch_functions(real)
+    lay_down = _deposit_function(real)
 
     @quick_kernel(writes='particle arrived deposit placed')
     def freeze(
