@@ -13,8 +13,9 @@ VOLUME_TOLERANCE = 1e-5
 #: Fraction of the emitted volume above which lava that has left the map causes a warning.
 GONE = 1e-3
 
-#: Fraction of the emitted volume above which lava too thin to inundate causes a warning.
-THIN = 0.1
+#: Fraction of the emitted volume above which lava too thin to inundate causes a warning, and
+#: above which lava that waits in the vents at the end of a run does.
+THIN = WAITING = 0.1
 
 #: Labels of the parts of a budget, in the order of their rows.
 _PARTS = {
@@ -134,6 +135,17 @@ class VolumeBudget:
             if gone > most * self.emitted:
                 percent = 100.0 * gone / self.emitted if self.emitted > 0.0 else math.nan
                 texts.append(f'{percent:.3g} % of the lava {fate}')
+        return texts
+
+    def warnings_at_end(self) -> list[str]:
+        """Return ``warnings`` of a run that has ended: no more lava completes a particle."""
+        texts = self.warnings()
+        if self.pending > WAITING * self.emitted:
+            percent = 100.0 * self.pending / self.emitted
+            texts.append(
+                f'{percent:.3g} % of the lava waits in the vents and is on no map: '
+                'a smaller spacing needs less of it for a particle'
+            )
         return texts
 
 
