@@ -60,7 +60,7 @@ REFUSED = [
     ('events: [{time: 9, terrain: other.npz}]', f'{FIRST}.terrain',
      'the grid of the previous ground: 30 x 24 ... -tr'),
     ('events: [{time: 9, terrain: north.npz}]', f'{FIRST}.terrain',
-     'EPSG:32634 ... EPSG:32633 ... -tr 20 20 -te 500000'),
+     'EPSG:32634 ... EPSG:32633 (gdalwarp -t_srs EPSG:32633 -tr 20 20 -te 5'),
     ('events: [{time: 9, terrain: hole.npz}]', 'vents[0].position', 'on the terrain'),
     ('events: [{time: 9, barriers: 4}]', f'{FIRST}.barriers', 'the name of a file'),
     *((f'uncertainty: {text}', f'uncertainty{field}', words) for text, field, words in (
