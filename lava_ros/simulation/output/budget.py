@@ -99,12 +99,16 @@ class VolumeBudget:
         needed = {'emitted', 'held', 'left'} <= set(known)
         return cls(**{'pending': 0.0, **known}) if needed else None
 
+    def parts(self) -> dict[str, float]:
+        """Return the volumes [m3] by their labels for people."""
+        return {label: getattr(self, part) for part, label in _PARTS.items()}
+
     def rows(self) -> list[tuple[str, str]]:
         """Return labels and values for people, ending with the unaccounted volume."""
         rows = [
-            (name, f'{_shown(getattr(self, part))} m3') for part, name in _PARTS.items()
+            (label, f'{_shown(volume)} m3') for label, volume in self.parts().items()
             # scenes usually have no sea
-            if part != 'in_sea' or self.in_sea > 0.0
+            if label != _PARTS['in_sea'] or volume > 0.0
         ]
         error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e} of the emitted volume'
         return [*rows, ('unaccounted for', error)]

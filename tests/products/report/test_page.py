@@ -25,6 +25,7 @@ from lava_ros.products.report.sections import depth_table, facts, warnings
 from lava_ros.products.report.summary import summarize
 from lava_ros.products.run_page import read_run
 from lava_ros.scene.onset import Onset
+from lava_ros.simulation.output.budget import VolumeBudget
 from products.report.conftest import HOSTILE
 import recording
 from recording import GRIDS, growing, record, TERRAIN
@@ -136,6 +137,10 @@ def test_curves_have_the_values_of_the_frames(run, read):
     volumes = [round(float(growing(time).sum()) * 25.0, 1) for time in area.times]
     for curve in charts['volume'].curves[:2]:
         assert curve.values == pytest.approx(volumes, rel=1e-4)
+    budget = VolumeBudget.from_texts(Recording(run).timeline.last_run[-1].values)
+    assert budget is not None
+    for curve in charts['volume'].curves:
+        assert curve.values[-1] == budget.parts()[curve.label]
     # from the vent in the centre of the first column to the corner of the last column
     tip = np.hypot(5.0 * (columns[-1] - 1), 22.5)
     assert front.values[-1] == pytest.approx(tip, rel=1e-4)
