@@ -115,6 +115,19 @@ def test_run_whose_lava_waits_in_the_vents_warns_and_has_no_error(spacing, is_wa
     assert any('waits in the vents' in text for text in warnings_of_moments(moments)) is is_waiting
 
 
+@pytest.mark.parametrize(('vents', 'has_none'), [
+    ((), True), ((Vent((50.0, 100.0), 0.0),), True),
+    ((Vent((50.0, 100.0), ((0.0, 0.0), (900.0, 5.0))),), True),
+    ((Vent((50.0, 100.0), ((0.0, 0.0), (30.0, 5.0))),), False),
+])
+def test_run_without_lava_warns(vents, has_none, tmp_path):
+    scene = replace(SCENE, vents=vents, events=())
+    run = SceneRun(request(tmp_path / 'run', scene=scene))
+    run.run()
+    found = [text for text in run.warnings() if text.startswith('there is no lava')]
+    assert len(found) == has_none
+
+
 def test_bag_of_the_run_has_its_maps(whole):
     recording = Recording(whole.folder.path)
     frames = list(recording.frames())

@@ -142,8 +142,10 @@ class VolumeBudget:
         return texts
 
     def warnings_at_end(self) -> list[str]:
-        """Return ``warnings`` of a run that has ended: no more lava completes a particle."""
+        """Return ``warnings`` of a run that has ended: no more lava comes out."""
         texts = self.warnings()
+        if self.emitted == 0.0:
+            texts.append('there is no lava: no vent has emitted any by the end')
         if self.pending > WAITING * self.emitted:
             percent = 100.0 * self.pending / self.emitted
             texts.append(
