@@ -143,6 +143,11 @@ class _Shown(reprlib.Repr):
         self.maxlist = self.maxtuple = self.maxset = self.maxfrozenset = self.maxdict = 10
         self.maxstring = self.maxlong = self.maxother = MAX_VALUE_LENGTH
 
+    def repr1(self, x: Any, level: int) -> str:
+        # the repr of a scalar of numpy names its type
+        is_scalar = type(x).__module__ == 'numpy' and getattr(x, 'ndim', None) == 0
+        return super().repr1(x.item() if is_scalar else x, level)
+
     def repr_int(self, x: int, level: int) -> str:
         if x.bit_length() > MAX_INTEGER_BITS:
             return f'<integer of {x.bit_length()} bits>'

@@ -25,6 +25,15 @@ def test_error_names_field_value_and_expectation():
     assert str(error) == 'vents[0].discharge is -1.0, expected at least 0 m3/s'
 
 
+@pytest.mark.parametrize(('value', 'shown'), [
+    (np.float64(-1.5), '-1.5'), (np.float32(0.5), '0.5'), (np.int64(7), '7'), (np.uint8(7), '7'),
+    (np.bool_(True), 'True'), (np.str_('a'), "'a'"), (np.array(2.0), '2.0'),
+    ((np.float64(1.0), np.float64(2.0)), '(1.0, 2.0)'), ([np.int32(3)], '[3]'),
+])
+def test_error_shows_numbers_of_numpy_as_a_user_types_them(value, shown):
+    assert str(LavaError('x', value, 'less')) == f'x is {shown}, expected less'
+
+
 def test_long_values_are_shortened():
     text = str(LavaError('terrain', 'a' + 300 * '/x' + 'z', 'a file'))
     assert "'a/x" in text and "/xz'" in text and '...' in text

@@ -193,7 +193,7 @@ def _result(values: Mapping[str, str], max_speed: float) -> dict[str, Any]:
         'inundated_area_m2': float(values['inundated_area_m2']),
         'standing_area_m2': float(values['standing_area_m2']),
         **{name: float(text) for name, text in budget.texts().items()},
-        'warnings': budget.warnings(),
+        'warnings': budget.warnings_at_end(),
         'steps': int(values['steps']),
         'speed': round(speed, 1),
         'speed_is_limited': speed > 0.85 * max_speed,

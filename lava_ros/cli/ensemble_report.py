@@ -27,7 +27,7 @@ from lava_ros.hindcast.probabilistic_score import (
     start_on,
 )
 from lava_ros.layers.forecast import HazardMaps
-from lava_ros.layers.numbers import percent
+from lava_ros.layers.numbers import area_words, percent
 from lava_ros.layers.spacing_error import SpacingError
 from lava_ros.products.reliability import write_reliability
 from lava_ros.scene.erupting_lava import EruptingLava
@@ -152,10 +152,10 @@ def print_report(
         f'these, and before the earliest arrival in up to {report["unseen_percent"]:.2g} %'
     )
     if report['spacing_error'] is None:
-        print(f'error of the particle spacing: {NOT_MEASURED}, and in no probability')
+        print(f'error of the spacing: {NOT_MEASURED}, and in no probability')
     else:
         spacing = SpacingError.from_dict(report['spacing_error'])
-        print(f'error of the particle spacing: {spacing.text()}')
+        print(f'error of the spacing: {spacing.text()}')
     print(f'numerical error of a member: {error_text(error)}')
     print(
         'uncertain inputs: two members differ by '
@@ -174,7 +174,7 @@ def print_report(
             'shows what comes later'
         )
     for name, area in report['area_m2'].items():
-        print(f'{name:>13}: {1e-6 * area:8.3f} km2')
+        print(f'{name:>13}: {area_words(area)}')
     if 'score' in report:
         score, gap = report['score'], report['score']['largest_gap']
         print(

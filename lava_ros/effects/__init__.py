@@ -148,10 +148,26 @@ def possible(lava: Lava) -> tuple[str, ...]:
 def existing(scene: Scene) -> tuple[str, ...]:
     """Return the names of the effects that a scene has and that no other effect replaces."""
     return drop_superseded(
-        name
-        for name in possible(scene.lava)
-        if not (around := EFFECTS[name].environment) or any(getattr(scene, key) for key in around)
+        name for name in possible(scene.lava) if not _missing_around(name, scene)
     )
+
+
+def reason_without(name: str, scene: Scene) -> str:
+    """Return why a scene does not have an effect, or why another one replaces it; else empty."""
+    effect, others = EFFECTS[name], existing(scene)
+    if name in others:
+        return ''
+    if not effect.exists(scene.lava):
+        return 'the material has none'
+    if missing := _missing_around(name, scene):
+        return ' and '.join(f'{key} is 0' for key in missing)
+    return f'{next(other for other in others if name in EFFECTS[other].replaces)} replaces it'
+
+
+def _missing_around(name: str, scene: Scene) -> tuple[str, ...]:
+    """Return the conditions around the lava of which an effect needs one, if all are 0."""
+    around = tuple(EFFECTS[name].environment)
+    return () if any(getattr(scene, key) for key in around) else around
 
 
 def considered(scene: Scene, forced: Mapping[str, bool] = MappingProxyType({})) -> Effects:

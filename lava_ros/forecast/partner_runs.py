@@ -128,17 +128,18 @@ def measure_run(made: SceneRun) -> NumericalError | None:
     """Measure the error of a completed run.
 
     Returns:
-        The error; None without lava, or if it cannot be measured, which is logged.
+        The error; None without an inundated area, or if it cannot be measured, which is logged.
     """
     simulation, snapshot, request = made.simulation, made.snapshot, made.request
     assert snapshot is not None
-    if not snapshot.budget.emitted:
+    run = Areas.of(snapshot)
+    if not run.inundated.any():
         return None
     accuracy, simulated = simulation.accuracy, request.simulated
     try:
         return measure_error(
             request.scene if simulated is None else simulated(accuracy),
-            Areas.of(snapshot), snapshot.time, accuracy=accuracy, effects=simulation.effects,
+            run, snapshot.time, accuracy=accuracy, effects=simulation.effects,
             horizon=request.until, device=request.device,
             areas=lambda partner: Areas.of(request.shown(partner)),
         )

@@ -38,8 +38,10 @@ def seconds(value: float) -> str:
 
 
 def area_words(value: float) -> str:
-    """Format an area [m2] in m² or km²."""
-    return f'{value / 1e6:.2f} km²' if value >= 1e5 else f'{value:.0f} m²'
+    """Format an area [m2] in m² or km²; below 10 m² with two digits."""
+    if value >= 1e5:
+        return f'{value / 1e6:.2f} km²'
+    return f'{value:.0f} m²' if value >= 9.5 else f'{value:.2g} m²'
 
 
 def duration(seconds: float) -> str:

@@ -23,7 +23,7 @@ from lava_ros.bag.decoding import (
 from lava_ros.bag.georeference import georeferenced, MESSAGE, recorded_georeference, TOPIC
 from lava_ros.bag.reader import BagMessage
 from lava_ros.bag.recorded_node import find_node
-from lava_ros.errors import LavaError
+from lava_ros.errors import LavaError, RefusalError
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml
 from lava_ros.layers.frame import Frame, grid_frame, image_frame, LayerFrame, threshold_at
@@ -95,6 +95,9 @@ class Recording:
                 self.layers[name] = layer
             elif kind and layer in maps:
                 self._leave_out(name, f'the bag has {kind}, the layer is a {layer.message}')
+        if not self.layers and 'scene' in bag.custom_data:
+            remedy = 'The command of a run that was interrupted before its first map continues it'
+            raise RefusalError('bag', f'{path} has no map', remedy)
         if not self.layers:
             raise LavaError('bag', str(path), 'a bag with the layers of a simulation')
         self.terrain = self._required('terrain', IMAGE)

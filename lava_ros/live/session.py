@@ -312,7 +312,7 @@ class SimulationSession:
         if self.simulation is None:
             self._note_change(scene=scene, schedule=vents)
         elif vents and not self.scene.vents and self._is_without_lava():
-            self.start(scene)
+            self.start(replace(scene, **self.constants))
         else:
             self.simulation.set_vents(vents)
             self._note_change(
@@ -351,10 +351,11 @@ class SimulationSession:
         return {}
 
     def set_constants(self, constants: Mapping[str, Any]) -> None:
-        """Replace lava and surroundings at the next start."""
-        self.constants = constants
+        """Replace lava and surroundings at the next start; the current scene keeps its own."""
         if self.scene is not None:
-            self._put(scene=replace(self.scene, **constants))
+            # raises the error about constants that its vents cannot have
+            replace(self.scene, **constants)
+        self.constants = constants
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
         """Choose the effects again for ``horizon`` [s], with some forced on or off."""
@@ -372,11 +373,10 @@ class SimulationSession:
         if self.scene is None:
             problem = 'There is no simulation to reset'
             raise RefusalError('reset', problem, 'Publish a terrain first')
-        scene = self.scene
+        before: dict[str, Any] = {}
         if self._before_events is not None:
-            terrain, events = self._before_events
-            scene = replace(scene, terrain=terrain, events=events)
-        self.start(scene)
+            before['terrain'], before['events'] = self._before_events
+        self.start(replace(self.scene, **before, **self.constants))
 
     def fail(self) -> None:
         """Drop the simulation after a failure; the scene and the last snapshot remain."""

@@ -29,8 +29,8 @@ _VALUES = {
         for percent in (10, 50, 90)
     },
     'inundated_area_worst_m2': 'area inundated in any run',
-    'spacing_error': 'error of the particle spacing',
-    'is_usable': 'whether the error of the particle spacing is small enough',
+    'spacing_error': 'error of the spacing',
+    'is_usable': 'whether the error of the spacing is small enough',
     'quantities': 'uncertain quantities with their sources',
     'switched_on': 'effects that the runs have switched on',
     'forced': 'effects that were forced',

@@ -402,7 +402,7 @@ def _ensemble(folder: Path) -> Run:
         **describe_influence(tags),
         'model': f'lava_ros {version}, {carriers}{preset}, '
         f'numerical error {tags.get("numerical_error", NOT_MEASURED)}',
-        'warning' if is_unusable else 'particle spacing': spacing_error,
+        'warning' if is_unusable else 'error of the spacing': spacing_error,
         **_processes(on),
         **({'switched on': '; '.join(reasons)} if reasons else {}),
         **_ground(frame),

@@ -32,7 +32,7 @@ def warnings_of_moments(run: Sequence[Moment]) -> list[str]:
             f'Volume was not conserved: {part} of it is unaccounted for. Do not trust these maps.'
         )
     elif budgets:
-        found += _sentences(*budgets[-1].warnings())
+        found += _sentences(*budgets[-1].warnings_at_end())
     last, method = run[-1], method_of(run[-1])
     names = ('spacing_m', 'flow_width_m', across_key(method))
     spacing, width, across = (last.number(name) for name in names)

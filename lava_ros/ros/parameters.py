@@ -412,6 +412,13 @@ def constant_values(constants: Mapping[str, Any]) -> dict[str, Any]:
     return {spec.name: spec.default for spec in constant_parameters(constants)}
 
 
+def start_values(settings: Settings) -> dict[str, Any]:
+    """Return the values of the parameters that take effect at a start or reset, by name."""
+    names = ('method', 'preset', 'spacing')
+    given = {name: getattr(settings, name) for name in names}
+    return given | constant_values(settings.constants)
+
+
 #: Names of the types of parameters in ROS.
 TYPES = {bool: 'bool', int: 'integer', float: 'double', str: 'string', list: 'string_array'}
 

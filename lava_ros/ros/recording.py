@@ -15,6 +15,7 @@ from lava_ros.files.yaml import dump_yaml
 from lava_ros.live.session import Origin, SessionView
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.georeference import StaticTransform
+from lava_ros.ros.parameters import Settings, start_values
 from lava_ros.ros.publishers import NodeGraph
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.output.snapshot import Snapshot
@@ -25,6 +26,9 @@ REPEAT_PERIOD_NS = 60 * 10**9
 
 #: Parameters that the description also contains by their names, unless they are empty.
 _NAMED = ('onset', 'restart_token')
+
+#: Parameters that take effect at a start: the description has their values at that of its run.
+_OF_START = frozenset(start_values(Settings()))
 
 
 @dataclass(eq=False)
@@ -52,12 +56,17 @@ class SceneRecording:
         self._origin: Origin | None = None
         self._messages = outputs.SceneMessages(self.transform)
         self._written_ns = self._written_size = 0
+        self._starts, self._at_start = -1, dict[str, Any]()
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
 
     def write(self, view: SessionView, snapshot: Snapshot, stamp_ns: int) -> None:
         """Record what has changed since the last call; ``stamp_ns`` is the ROS time [ns]."""
         scene, recorder = view.scene, self.graph.recorder
+        if view.starts != self._starts:
+            values = self.parameters()
+            self._at_start = {name: values[name] for name in _OF_START if name in values}
+            self._starts = view.starts
         is_new = recorder.is_armed
         if scene is None or not (is_new or recorder.is_recording):
             return
@@ -103,7 +112,7 @@ class SceneRecording:
     def _description(self, scene: Scene, view: SessionView) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
         whole = scene_to_dict(replace(scene, vents=view.schedule))
-        parameters, node = dict(self.parameters()), self.graph.node
+        parameters, node = {**self.parameters(), **self._at_start}, self.graph.node
         recorded = RecordedNode(
             node.get_fully_qualified_name(), node.get_namespace(), self.graph.topics
         )

@@ -27,7 +27,7 @@ from lava_ros.ros.executor import now_ns
 from lava_ros.ros.forecast_topics import ForecastTopics, load_places, PlaceTopic
 from lava_ros.ros.georeference import recorded_transform
 from lava_ros.ros.input_log import Allowance
-from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
+from lava_ros.ros.parameters import CHECKPOINT_PERIOD, Settings, start_values
 from lava_ros.ros.publishers import (
     LayerPublishers,
     NodeGraph,
@@ -228,13 +228,7 @@ class NodeRuntime:
             command('effects', self.worker.set_effects(new.forced, horizon=new.horizon))
         if new.constants != old.constants:
             command('lava', self.worker.set_constants(new.constants))
-        before, after = (
-            {
-                'method': item.method, 'preset': item.preset, 'spacing': item.spacing,
-                **constant_values(item.constants),
-            }
-            for item in (old, new)
-        )
+        before, after = start_values(old), start_values(new)
         if later := [name for name in after if after[name] != before[name]]:
             self._node.get_logger().info(
                 f'{", ".join(later)}: the new value is used from the next start or reset'

@@ -236,7 +236,8 @@ class SceneRun:
         """Return what a reader of the maps must know, in phrases."""
         assert self.snapshot is not None
         return [
-            *self.request.remarks, *self.snapshot.budget.warnings(), *self.resolution.warnings(),
+            *self.request.remarks, *self.snapshot.budget.warnings_at_end(),
+            *self.resolution.warnings(),
             *warnings_of(self.simulation.decisions()),
         ]
 

@@ -179,7 +179,8 @@ def read_effusion_rates(
         if math.isnan(rate) and options.gaps == 'interpolate' and times == ['time']:
             _LOG.warning(f'{where}: no {columns[amount].header}, interpolated in time')
         else:
-            read.append(_Row(where, when[0], when[-1], rate, error))
+            typed = tuple(row[columns[name].header] for name in times)
+            read.append(_Row(where, when[0], when[-1], rate, error, typed))
     result = []
     for item in _mean_rates(str(path), read, columns, amount, options.gaps):
         rate, error = item.value * factor, item.error * factor
@@ -191,11 +192,13 @@ def read_effusion_rates(
         problem = f'{path} contains no effusion rate above 0'
         raise RefusalError(str(path), problem, 'Check its columns')
     kind = 'cumulative volumes' if amount == 'cumulative_volume' else (
-        'rates of instants, linear between them' if times == ['time'] else 'mean rates'
+        'means between rates of instants' if times == ['time'] else 'mean rates'
     )
     origin = f', time 0 is {clock.origin.isoformat()}' if clock.origin else ''
+    plural = 's' * (len(result) > 1)
     _LOG.info(
-        f'{path}: {len(result)} intervals of {kind}, {result[0].start:g} to {result[-1].end:g} s, '
+        f'{path}: {len(result)} interval{plural} of {kind}, '
+        f'{result[0].start:g} to {result[-1].end:g} s, '
         f'{sum(interval.volume for interval in result):.3g} m3 in all{origin}'
     )
     return RateTable(tuple(result), clock.origin)
@@ -257,13 +260,32 @@ def instants_to_series(
 
 
 class _Row(NamedTuple):
-    """A row: label in errors, times [s], and rate [m3/s] or volume [m3], NaN if missing."""
+    """A row: label in errors, times [s], and rate [m3/s] or volume [m3], NaN if missing.
+
+    ``typed`` are the texts of its times in the table, if any.
+    """
 
     where: str
     start: float
     end: float
     value: float
     error: float = math.nan
+    typed: tuple[str, ...] = ()
+
+    def time(self, number: int) -> str | float:
+        """Return its first (0) or last (-1) time as in the table, or in seconds if that is it."""
+        seconds = self.start if number == 0 else self.end
+        if not self.typed:
+            return seconds
+        try:
+            return seconds if float(self.typed[number]) == seconds else self.typed[number]
+        except ValueError:
+            return self.typed[number]
+
+    def words(self, number: int) -> str:
+        """Return a time as ``time``, with its unit if it is in seconds."""
+        time = self.time(number)
+        return f'{time:g} s' if isinstance(time, float) else time
 
 
 class _Clock:
@@ -334,13 +356,13 @@ def _mean_rates(
         span = row.end - row.start
         if span <= 0.0:
             name = 'the row before' if is_instant else 'its start'
-            expected = f'a time after {name}, {row.start:g} s'
-            columns['time' if is_instant else 'end'].refuse(row.where, row.end, expected)
+            expected = f'a time after {name}, {row.words(0)}'
+            columns['time' if is_instant else 'end'].refuse(row.where, row.time(-1), expected)
         before = filled[-1].end if filled else row.start
         # rounded times may overlap
         if row.start < before - 1e-6 * span:
-            expected = f'at least {before:g} s, where the row before ends'
-            columns['start'].refuse(row.where, row.start, expected)
+            expected = f'at least {filled[-1].words(-1)}, where the row before ends'
+            columns['start'].refuse(row.where, row.time(0), expected)
         if filled and row.start > before * (1.0 + 1e-12) + 1e-9:
             filled.append(_Row(row.where, before, row.start, math.nan))
         unit = span if 'volume' in amount else 1.0
@@ -371,4 +393,5 @@ def _between(first: _Row, last: _Row, volume: Column | None) -> _Row:
             volume.refuse(last.where, last.value, expected)
     elif errors:
         error = sum(errors) / len(errors)
-    return _Row(last.where, first.start, last.start, value, error)
+    typed = (*first.typed[:1], *last.typed[:1])
+    return _Row(last.where, first.start, last.start, value, error, typed)

@@ -139,9 +139,11 @@ def check_same_grid(field: str, terrain: Terrain, ground: Terrain) -> None:
     x, y = ground.offset
     west, south, east, north = ground.extent
     cell = ground.resolution
-    command = f'gdalwarp -tr {cell:g} {cell:g} -te {west + x:.10g} {south + y:.10g} '
-    command += f'{east + x:.10g} {north + y:.10g}'
+    options = f'-tr {cell:g} {cell:g} -te {west + x:.10g} {south + y:.10g} '
+    options += f'{east + x:.10g} {north + y:.10g}'
     if terrain.epsg != ground.epsg:
+        options = f'-t_srs EPSG:{ground.epsg} {options}' if ground.epsg else options
         shown += f', {system_name(terrain.epsg, terrain.wkt)}'
         expected += f', {system_name(ground.epsg, ground.wkt)}'
-    raise LavaError(field, shown, f'the grid of the previous ground: {expected} ({command})')
+    expected = f'the grid of the previous ground: {expected} (gdalwarp {options})'
+    raise LavaError(field, shown, expected)

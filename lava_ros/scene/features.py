@@ -17,6 +17,7 @@ from lava_ros.files.columns import understood
 from lava_ros.files.csv import read_table
 from lava_ros.scene.projection import DEGREES, in_degrees, on_terrain
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
+from lava_ros.scene.typed_places import likely_place
 
 _LOG = logging.getLogger(__name__)
 
@@ -54,8 +55,13 @@ class Feature:
         places = np.concatenate(self.rings)
         if self.system is None and not in_degrees(terrain, *places):
             return self
-        system = self.system or DEGREES
-        places = on_terrain(terrain, places, system, self.where, f'places of {system}')
+        system, given = self.system or DEGREES, places
+        try:
+            places = on_terrain(terrain, given, system, self.where, f'places of {system}')
+        except LavaError as error:
+            x, y = given[0].tolist()
+            expected = f'{error.expected}{likely_place(terrain, x, y, self.system)}'
+            raise LavaError(self.where, error.value, expected) from None
         if self.system is None and not terrain.covered(places - terrain.offset).any():
             return self
         ends = np.cumsum([len(ring) for ring in self.rings])[:-1]

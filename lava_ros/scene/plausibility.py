@@ -45,6 +45,7 @@ class Range(NamedTuple):
         possible: Minimum and maximum that can be.
         known: Known extremes, for people.
         slips: Units in which the quantity is given by mistake.
+        is_largest: True if ``known`` explains only why a value is too large.
     """
 
     unit: str
@@ -52,6 +53,7 @@ class Range(NamedTuple):
     possible: tuple[float, float]
     known: str
     slips: tuple[Slip, ...]
+    is_largest: bool = False
 
 
 #: 0 Celsius [K].
@@ -67,6 +69,9 @@ _RATES = (
     Slip('km3 a day', 1e9 / _DAY),
 )
 
+#: Elevation below that of all land, the shore of the Dead Sea [m].
+LOWEST_LAND = -450.0
+
 #: Minimum and maximum fraction of cells at 0 m in an elevation with a sea.
 MIN_SEA, MAX_SEA = 0.01, 0.95
 
@@ -78,14 +83,16 @@ RANGES: Mapping[str, Range] = {
     'effusion rate': Range(
         'm3/s', (1e-3, 2e4), (0.0, 1e6),
         'the largest known are about 9,000 m3/s, in Laki 1783 (Thordarson and Self 1993)', _RATES,
+        is_largest=True,
     ),
     'effusion rate of silicic lava': Range(
         'm3/s', (1e-4, 500.0), (0.0, 1e5),
         'the largest known are below 100 m3/s, in Chaiten 2008 and Cordon Caulle 2011', _RATES,
+        is_largest=True,
     ),
     'vent radius': Range(
         'm', (0.02, 1000.0), (0.0, 1e5), 'lava lakes have radii of up to some 100 m',
-        (Slip('cm', 0.01), Slip('mm', 1e-3), Slip('km', 1000.0)),
+        (Slip('cm', 0.01), Slip('mm', 1e-3), Slip('km', 1000.0)), is_largest=True,
     ),
     'temperature above the usual': Range(
         'K', (-300.0, 300.0), _ANY, 'lava of this material erupts near the usual',
@@ -128,7 +135,7 @@ RANGES: Mapping[str, Range] = {
     ),
     'cell size': Range(
         'm', (0.02, 500.0), _ANY, 'elevation models for lava have cells of up to 90 m',
-        (Slip('centimetres', 0.01), Slip('millimetres', 1e-3)),
+        (Slip('centimetres', 0.01), Slip('millimetres', 1e-3)), is_largest=True,
     ),
 }
 
@@ -166,9 +173,10 @@ def doubt_about(field: str, value: float, quantity: str, *, usual: float = 0.0) 
         f'{value:g} {slip.unit} would be {slip.convert(value):.3g} {item.unit}'
         for slip in item.slips if low <= slip.convert(value) <= high
     ]
-    reasons = '; '.join([item.known, *meant])
+    reasons = '; '.join(meant if item.is_largest and value < low else [item.known, *meant])
     limit = f'above {high:g}' if value > high else f'below {low:g}'
-    text = f'{field} is {value:g} {item.unit}, {limit} {item.unit}: {reasons}'
+    text = f'{field} is {value:g} {item.unit}, {limit} {item.unit}'
+    text += f': {reasons}' if reasons else ''
     least, most = (usual + end for end in item.possible)
     if least <= value <= most:
         return [Doubt(text)]
@@ -242,15 +250,20 @@ def doubts_of_terrain(terrain: Terrain, name: str) -> Iterator[Doubt]:
         yield Doubt(f'{text}: {"; ".join(meant)}')
 
 
-def doubts_of_sea(elevation: np.ndarray, name: str) -> Iterator[Doubt]:
-    """Yield a doubt about cells at exactly 0 m, which are probably the sea."""
+def doubts_of_sea(
+    elevation: np.ndarray, name: str, *, is_on_earth: bool = True
+) -> Iterator[Doubt]:
+    """Yield a doubt about cells that are probably the sea: at exactly 0 m, or below all land."""
     known = elevation[np.isfinite(elevation)]
-    if not known.size or known.min() != 0.0:
+    if not known.size:
         return
-    part = float((known == 0.0).mean())
-    if MIN_SEA <= part <= MAX_SEA and known.max() > 10.0:
+    is_deep = is_on_earth and known.min() < LOWEST_LAND
+    part = float((known <= 0.0 if is_deep else known == 0.0).mean())
+    is_level = known.min() == 0.0 and MIN_SEA <= part <= MAX_SEA and known.max() > 10.0
+    if is_deep or is_level:
+        where = f'below 0 m, down to {known.min():.6g} m' if is_deep else 'at 0 m'
         yield Doubt(
-            f'{name}: {100.0 * part:.2g} % of the cells are at 0 m, and lava flows over them as '
+            f'{name}: {100.0 * part:.2g} % of the cells are {where}, and lava flows over them as '
             'over ground: if they are the sea, --sea-level 0 or terrain.sea_level: 0 in a scene '
             'file ends the flow at the coast; --nodata none keeps them without this warning'
         )

@@ -63,6 +63,11 @@ class Raster:
         """True if the file names its coordinate system."""
         return self.epsg is not None or self.wkt is not None
 
+    @property
+    def is_square(self) -> bool:
+        """True if its cells are squares."""
+        return math.isclose(self.dx, self.dy, rel_tol=1e-6)
+
 
 def system_name(epsg: int | None, wkt: str | None) -> str:
     """Return the EPSG code of a coordinate system, or its name if it has no code."""
@@ -198,8 +203,7 @@ def to_square_metric_cells(raster: Raster, resolution: float | None) -> Raster:
         target = raster.epsg
     else:
         target = _target_epsg(raster)
-    square = math.isclose(raster.dx, raster.dy, rel_tol=1e-6)
-    if target == raster.epsg and square and resolution in (None, raster.dx):
+    if target == raster.epsg and raster.is_square and resolution in (None, raster.dx):
         return raster
     expected = 'a place that GDAL can map to square cells of metres'
     with refusing('terrain file corner', raster.corner, expected):

@@ -59,7 +59,11 @@ def read_scene(
     name, path = path, find_file(path, 'examples', field='scene', expected='a readable YAML file')
     if path != Path(name):
         _LOG.info(f'{name}: no such file here, so that of the package, {path}')
-    data = with_material_in_lava('scene', SCENE_KEYS.names('scene', read_yaml('scene', path)))
+    content = read_yaml('scene', path)
+    if content is None:
+        expected = f'a mapping with keys {", ".join(SCENE_KEYS.keys)}; the file is empty'
+        raise LavaError('scene', str(path), expected)
+    data = with_material_in_lava('scene', SCENE_KEYS.names('scene', content))
     ground = data.pop('terrain', None)
     insist = validation.flag('scene.insist', data.get('insist', False))
     if terrain is None:

@@ -157,24 +157,29 @@ def load_terrain(
         raster = crop(raster, window)
     if offset is None:
         offset = raster.corner if raster.offset is None else raster.offset
-    terrain = Terrain(
-        elevation=raster.elevation,
-        resolution=raster.dx,
-        origin=(raster.corner[0] - offset[0], raster.corner[1] - offset[1]),
-        epsg=raster.epsg,
-        offset=offset,
-        source=raster.source or path.name,
-        barriers=raster.barriers,
-        wkt=raster.wkt,
-        sea_level=raster.sea_level if sea_level is None else sea_level,
-    )
+    try:
+        terrain = Terrain(
+            elevation=raster.elevation,
+            resolution=raster.dx,
+            origin=(raster.corner[0] - offset[0], raster.corner[1] - offset[1]),
+            epsg=raster.epsg,
+            offset=offset,
+            source=raster.source or path.name,
+            barriers=raster.barriers,
+            wkt=raster.wkt,
+            sea_level=raster.sea_level if sea_level is None else sea_level,
+        )
+    except LavaError as error:
+        if error.field != 'terrain.elevation':
+            raise
+        raise error.named(f'elevation of {path.name}') from None
     wrong = _holes_and_pits(terrain)
     if fill_holes and wrong.any():
         terrain = replace(terrain, elevation=_interpolate(terrain, wrong))
-    _log_summary(path, terrain, source.system, wrong, fill_holes)
+    _log_summary(path, terrain, source, wrong, fill_holes)
     report(doubts_of_terrain(terrain, path.name), insist=insist)
     if nodata is None and terrain.sea_level is None:
-        report(doubts_of_sea(source.elevation, path.name))
+        report(doubts_of_sea(source.elevation, path.name, is_on_earth=source.is_placed))
     return terrain
 
 
@@ -296,16 +301,19 @@ def _check_heights(raster: Raster, path: Path) -> None:
 
 
 def _log_summary(
-    path: Path, terrain: Terrain, system: str, wrong: np.ndarray, is_filled: bool
+    path: Path, terrain: Terrain, source: Raster, wrong: np.ndarray, is_filled: bool
 ) -> None:
     """Log the properties of a file, and warn of holes and pits (``wrong``) and other suspects."""
+    system, sides = source.system, ''
+    if source.epsg == terrain.epsg and not source.is_square:
+        sides = f' (in the file {source.dx:g} by {source.dy:g})'
     if terrain.epsg and system != f'EPSG:{terrain.epsg}':
         system = f'{system} taken to EPSG:{terrain.epsg}'
     low, high = float(np.nanmin(terrain.elevation)), float(np.nanmax(terrain.elevation))
     rows, columns = terrain.shape
     holes = int(np.isnan(terrain.elevation).sum())
     _LOG.info(
-        f'{path.name}: {system}, {columns} x {rows} cells of {terrain.resolution:g} m, '
+        f'{path.name}: {system}, {columns} x {rows} cells of {terrain.resolution:g} m{sides}, '
         f'{holes or "none"} without data, elevations {low:.6g} to {high:.6g} m'
         + ('' if terrain.sea_level is None else
            f', {int(terrain.is_sea.sum())} in the sea up to {terrain.sea_level:g} m')

@@ -11,7 +11,14 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.files.columns import angle
-from lava_ros.scene.projection import DEGREES, in_degrees, is_degrees, on_terrain, projected
+from lava_ros.scene.projection import (
+    DEGREES,
+    in_degrees,
+    is_degrees,
+    on_terrain,
+    projected,
+    system_name,
+)
 from lava_ros.scene.terrain import Terrain
 
 #: Distances from a terrain at which a place is near it, or of another place, in its extents.
@@ -57,17 +64,23 @@ def _coordinates(option: str, text: str) -> tuple[float, float]:
     raise LavaError(option, text.strip(), expected)
 
 
-def likely_place(terrain: Terrain, x: float, y: float) -> str:
+def likely_place(terrain: Terrain, x: float, y: float, system: str | None = None) -> str:
     """Describe the slips after which a place that is not on a terrain would be on it.
 
     Args:
         terrain: The terrain.
         x: Longitude [degrees] or easting [m].
         y: Latitude [degrees] or northing [m].
+        system: Coordinate system of the place in a file that states it, if any.
 
     Returns:
         A phrase that follows an error; empty without an explanation.
     """
+    if system is not None and terrain.covers(*terrain.to_map(x, y)):
+        own = system_name(terrain.epsg, terrain.wkt)
+        return f': in {own}, not in {system}, that of the file, it would be on the terrain'
+    if system not in (None, DEGREES):
+        return ''
     found = [(_distance(terrain, place), words) for words, place in _slips(terrain, x, y)]
     distance, words = min(found, default=(math.inf, ''))
     if distance == 0.0:

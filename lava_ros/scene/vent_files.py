@@ -46,6 +46,8 @@ class VentRow:
         radius: Radius, or half the width of a fissure [m]; None: the default.
         temperature: Temperature of the lava [K]; None: the default.
         part: Fraction of a multipart feature; ``share`` and ``discharge`` include it.
+        typed: Coordinates of ``places`` in the file.
+        system: Coordinate system of these that the file states, None without.
     """
 
     name: str
@@ -58,6 +60,8 @@ class VentRow:
     radius: float | None = None
     temperature: float | None = None
     part: float = 1.0
+    typed: tuple[tuple[float, float], ...] = ()
+    system: str | None = None
 
     @property
     def places(self) -> tuple[tuple[float, float], ...]:
@@ -86,7 +90,8 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
         return columns[name].number(where, properties[columns[name].header], **limits)
 
     for index, (where, group) in enumerate(groupby(features, key=lambda item: item.where)):
-        parts = [part.on(terrain) for part in group]
+        given = list(group)
+        parts = [part.on(terrain) for part in given]
         properties = parts[0].properties
         columns, others = understood(str(path), properties, COLUMNS)
         unknown += others
@@ -111,8 +116,9 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
             discharge=rate,
             radius=number('radius', above=0.0) if width is None else 0.5 * width,
             temperature=number('temperature', above=0.0),
+            system=given[0].system,
         )
-        segments = _segments(parts)
+        segments = _segments(parts, given)
         if time is None:
             rows += _divide(whole, segments)
         elif len(segments) != 1 or rate is None:
@@ -128,42 +134,52 @@ def read_vents(field: str, path: str | Path, terrain: Terrain) -> tuple[VentRow,
     ]
     for vent, count in Counter(replace(vent, name='') for vent in rows).items():
         if count > 1:
-            _LOG.warning(f'{path}: {count} vents at {vent.places} are alike, and each emits lava')
+            place = ' to '.join('{:.10g}, {:.10g}'.format(*one) for one in vent.places)
+            _LOG.warning(f'{path}: {count} vents at {place} are alike, and each emits lava')
     return tuple(rows)
 
 
-def _segments(parts: Sequence[Feature]) -> list[tuple[Any, Any, float]]:
-    """Return start, end (None: a point) and weight of each segment of a feature."""
+def _segments(
+    parts: Sequence[Feature], given: Sequence[Feature]
+) -> list[tuple[Any, Any, float, Any]]:
+    """Return start, end (None: a point), weight and places in the file of each segment.
+
+    Args:
+        parts: Parts of a feature, in the system of the terrain.
+        given: The same parts as in the file.
+    """
     if any(part.kind == 'Polygon' for part in parts):
         raise LavaError(parts[0].where, 'an area', 'a point or a line')
     if len({part.kind for part in parts}) > 1:
         raise LavaError(parts[0].where, 'points and lines', 'either points or lines')
-    found: list[tuple[Any, Any, float]] = []
-    for part in parts:
-        places = [(float(x), float(y)) for x, y in part.rings[0]]
+    found: list[tuple[Any, Any, float, Any]] = []
+    for part, source in zip(parts, given, strict=True):
+        both = (part.rings[0], source.rings[0])
+        places, typed = ([(float(x), float(y)) for x, y in ring] for ring in both)
         if part.kind == 'Point':
-            found.append((places[0], None, 1.0))
+            found.append((places[0], None, 1.0, (typed[0],)))
             continue
-        for start, end in pairwise(places):
+        for (start, end), ends in zip(pairwise(places), pairwise(typed), strict=True):
             if start == end:
                 raise LavaError(part.where, 'a line of length 0', 'a point or a longer line')
-            found.append((start, end, math.dist(start, end)))
+            found.append((start, end, math.dist(start, end), ends))
     return found
 
 
-def _divide(vent: VentRow, segments: Sequence[tuple[Any, Any, float]]) -> list[VentRow]:
+def _divide(vent: VentRow, segments: Sequence[tuple[Any, Any, float, Any]]) -> list[VentRow]:
     """Return a vent for each segment; the weights divide the effusion rate."""
-    whole = sum(weight for *_, weight in segments)
+    whole = sum(weight for *_, weight, _ in segments)
     return [
         replace(
             vent,
             place=start,
             other_end=end,
+            typed=typed,
             share=vent.share * weight / whole,
             part=weight / whole,
             discharge=None if vent.discharge is None else vent.discharge * weight / whole,  # type: ignore[operator]
         )
-        for start, end, weight in segments
+        for start, end, weight, typed in segments
     ]
 
 
@@ -211,12 +227,18 @@ def series_of(vents: Sequence[VentRow], rates: Sequence[Interval]) -> list[Serie
 
 def check_places(vents: Sequence[VentRow], terrain: Terrain, source: str) -> None:
     """Raise LavaError, which names the file ``source``, for a vent that is not on the ground."""
-    for name, place in ((vent.name, place) for vent in vents for place in vent.places):
+    for vent, place, typed in (
+        (row, place, typed) for row in vents
+        for place, typed in zip(row.places, row.typed or row.places, strict=True)
+    ):
         there = terrain.to_map(*place)
         if terrain.covers(*there):
             continue
-        expected = f'a place {terrain.bounds(projected=True)}{likely_place(terrain, *place)}'
+        expected = f'a place {terrain.bounds(projected=True)}'
+        if typed != place:
+            expected += '; this is easting {:.0f}, northing {:.0f}'.format(*place)
+        expected += likely_place(terrain, *typed, vent.system)
         cell = terrain.cell_at(*there)
         if cell is not None and math.isnan(terrain.elevation[cell]):
             expected = 'a place where the elevation has data: this cell has none'
-        raise LavaError(f'{name!r} of {source}', place, expected)
+        raise LavaError(f'{vent.name!r} of {source}', typed, expected)

@@ -115,10 +115,15 @@ def check_vents(
     for index, vent in enumerate(result):
         if not isinstance(vent, Vent):
             raise LavaError(f'vents[{index}]', vent, 'a Vent')
-        for name in ('position', 'end'):
+        for name, key in (('position', 'projected'), ('end', 'projected_end')):
             point = getattr(vent, name)
-            if point is not None and not terrain.covers(*point):
-                raise LavaError(f'vents[{index}].{name}', point, f'a place {terrain.bounds()}')
+            if point is None or terrain.covers(*point):
+                continue
+            expected = f'a place {terrain.bounds()}'
+            if terrain.covers(*terrain.to_map(*point)):
+                as_projected = f'as easting and northing (the key {key})'
+                expected += f': {as_projected}, it would be on the terrain'
+            raise LavaError(f'vents[{index}].{name}', point, expected)
     if lava is None:
         return result
     return tuple(

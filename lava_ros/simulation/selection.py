@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import compatible, EFFECTS, Effects, excluded_by, existing
+from lava_ros.effects import compatible, EFFECTS, Effects, excluded_by, reason_without
 from lava_ros.effects.column import normal_thickness
 from lava_ros.effects.effect import Effect
 from lava_ros.effects.heat import heat_loss
@@ -62,6 +62,7 @@ class Decision:
         measured: Largest number that the reviews of a run have measured; NaN before the first.
         since: Simulated time at which a run has switched it on [s]; NaN unless it was off at
             first.
+        missing: Reason why the scene has no such effect, or empty; ``value`` is then NaN.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Decision:
     is_lacking: bool = False
     measured: float = math.nan
     since: float = math.nan
+    missing: str = ''
 
     @property
     def largest(self) -> float:
@@ -116,8 +118,8 @@ class Decision:
             return f'the formulation {self.formulation} {_relation(self.name, self.is_on)}'
         if self.is_forced:
             return 'forced'
-        if math.isnan(self.value):
-            return 'the material has none'
+        if self.missing:
+            return self.missing
         if math.isinf(self.effect.threshold):
             return 'only when asked for'
         is_switched_on = not math.isnan(self.since)
@@ -349,15 +351,15 @@ def decide_by(
     """
     implied = implied_effects(accuracy, forced)
     decisions: dict[str, Decision] = {}
-    there, names = existing(scales.scene), set(names)
+    names = set(names)
     for name, effect in EFFECTS.items():
         if effect.number is not None and name in names:
-            value = math.nan
+            missing, value = reason_without(name, scales.scene), math.nan
             is_early = scales.emitted < MIN_EMITTED and effect.fraction < 1.0
-            if name in there and (is_early or (effect.needs_extent and not scales.is_extended)):
+            if not missing and (is_early or (effect.needs_extent and not scales.is_extended)):
                 # the number would be that of another flow
                 value = 0.0
-            elif name in there:
+            elif not missing:
                 own = effect.number(_including(scales, name))
                 value = scales.columns.quantile(own, effect.fraction)
             is_on = implied.get(name, bool(forced.get(name, value > effect.threshold)))
@@ -366,7 +368,7 @@ def decide_by(
             lacks = is_free and accuracy.method == 'cells' and effect.needs_particles
             decisions[name] = Decision(
                 name, effect, value, is_on and not lacks, name in forced,
-                formulation=formulation, is_lacking=lacks,
+                formulation=formulation, is_lacking=lacks, missing=missing,
             )
     _settle(decisions)
     return tuple(decisions.values())

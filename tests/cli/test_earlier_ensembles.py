@@ -28,8 +28,8 @@ TAGS = {
     'arrives_before_p90_percent': 'probability that lava comes before the mapped times',
     'inundated_area_p10_m2': 'inundated area at 10, 50 and 90 % or more',
     'inundated_area_worst_m2': 'area inundated in any run',
-    'spacing_error': 'error of the particle spacing',
-    'is_usable': 'whether the error of the particle spacing is small enough',
+    'spacing_error': 'error of the spacing',
+    'is_usable': 'whether the error of the spacing is small enough',
 }
 KEYS = {
     'quantities': 'uncertain quantities with their sources',

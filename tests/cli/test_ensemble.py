@@ -21,6 +21,7 @@ from lava_ros.cli.options import seconds_of
 from lava_ros.effects import EFFECTS
 from lava_ros.errors import LavaError
 from lava_ros.layers.forecast import occupancy
+from lava_ros.layers.numbers import area_words
 from lava_ros.products.run_page import read_run
 from lava_ros.scene.features import load_features
 
@@ -159,7 +160,9 @@ def test_maps_bag_and_report_of_an_ensemble_agree(scene, tmp_path, undrawn):
     assert probability.max() >= 75.0 and probability.min() == 0.0
     assert second['unseen_percent'] == 20.0 and 'a probability below 20 %' in output
     assert second['arrives_before_percent']['p10'] == 20.0
-    assert 'error of the particle spacing: ' in output
+    assert 'error of the spacing: ' in output
+    for name, area in second['area_m2'].items():
+        assert f'{name:>13}: {area_words(area)}' in output
     assert second['area_m2']['in any member'] >= second['area_m2']['at least 10 %'] > 0.0
     earliest = read(out / 'arrival_time_earliest.tif')
     np.testing.assert_array_equal(earliest >= 0.0, counts > 0)

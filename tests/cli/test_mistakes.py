@@ -201,7 +201,8 @@ EDITS = {
     'number for a switch': (
         'scene.yaml', 'ground.npz', 'ground.npz, fill_holes: 1', 'terrain.fill_holes is 1',
         'true or false'),
-    'empty scene': ('scene.yaml', '', '', 'scene is missing', 'with keys terrain, vents'),
+    'empty scene': (
+        'scene.yaml', '', '', "scene is 'scene.yaml'", 'with keys terrain, vents', 'is empty'),
     'table without names of columns': (
         'vents.csv', 'x,y,q\n', '', 'number of lines in vents.csv is 1', 'names of columns'),
     'negative rate in a table': (

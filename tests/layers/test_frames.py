@@ -120,11 +120,19 @@ def test_image_replaces_a_grid_of_the_same_time(tmp_path):
         np.testing.assert_allclose(frame.layers['thickness'].values[12, 1], 3.21)
 
 
-def test_rejects_bags_without_layers_or_with_invalid_yaml(tmp_path):
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        writer.write('/chatter', 'std_msgs/msg/Empty', bytes(5), 0, qos=LATCHED)
-    with pytest.raises(LavaError, match='the layers of a simulation'):
-        Recording(tmp_path / 'bag')
+@pytest.mark.parametrize(('custom_data', 'words'), [
+    ({'scene': '{}'}, 'run has no map. The command of a run that was interrupted before'),
+    ({}, 'expected a bag with the layers of a simulation'),
+])
+def test_error_tells_a_run_before_its_first_map_from_other_bags(custom_data, words, tmp_path):
+    with BagWriter(tmp_path / 'run', custom_data=custom_data) as writer:
+        writer.write('/noise', 'std_msgs/msg/Empty', bytes(5), 0, qos=LATCHED)
+    with pytest.raises(LavaError) as caught:
+        Recording(tmp_path / 'run')
+    assert words in str(caught.value)
+
+
+def test_rejects_bags_with_invalid_yaml(tmp_path):
     for name in ('scene', 'msg_config'):
         with pytest.raises(LavaError, match=f'custom_data {name} of '):
             Recording(record(tmp_path / name, custom_data={name: '{not: [yaml'}))

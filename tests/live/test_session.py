@@ -10,7 +10,7 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.live.session import SimulationSession
-from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene import constants_of, Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.method import settled_method
@@ -72,3 +72,40 @@ def test_change_that_needs_an_effect_of_particles_is_warned_about() -> None:
     assert session.view.missed == ()
     session.reset()
     assert (method_of(session), session.view.missed) == ('particles', ())
+
+
+SLOPE = Terrain(100.0 - 0.1 * np.arange(40)[None, :] * 20.0 + np.zeros((20, 1)), 20.0)
+
+
+@pytest.mark.parametrize('constants', [
+    {'lava': replace(LAVA, viscosity=7.0)}, {'ambient_temperature': 250.0}, {'gravity': 3.7},
+    {'wind_speed': 5.0},
+])
+@pytest.mark.parametrize('restart', ['reset', 'first vents'])
+def test_constants_are_those_of_the_scene_only_after_the_next_start(constants, restart):
+    session = SimulationSession(settled)
+    vents = (SLOW,) if restart == 'reset' else ()
+    session.start(Scene(SLOPE, vents, lava=LAVA))
+    session.set_constants(constants_of(None) | {'lava': LAVA} | constants)
+    for scene in (session.view.scene, session.view.repeatable):
+        assert scene is not None and session.simulation is not None
+        assert constants_of(scene) == constants_of(session.simulation.scene)
+        assert all(getattr(scene, name) != value for name, value in constants.items())
+    if restart == 'reset':
+        session.reset()
+    else:
+        session.set_vents((SLOW,))
+    for scene in (session.view.scene, session.simulation.scene):
+        assert scene is not None
+        assert all(getattr(scene, name) == value for name, value in constants.items())
+
+
+def test_refused_constants_leave_those_of_the_next_start():
+    session = SimulationSession(settled)
+    session.start(Scene(SLOPE, (SLOW,), lava=LAVA))
+    before = session.constants
+    with pytest.raises(LavaError, match='temperature'):
+        session.set_constants({'lava': replace(LAVA, solidus=1450.0)})
+    assert session.constants is before
+    session.reset()
+    assert session.view.scene is not None and session.view.scene.lava == LAVA

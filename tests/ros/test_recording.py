@@ -41,16 +41,21 @@ class FrameRecording:
         )
         graph = NodeGraph(node, 'map')
         self.recorder = graph.recorder
-        self.recording = SceneRecording(graph, configs={}, parameters=dict)
+        self.parameters, self.starts = dict[str, object](), 1
+        self.recording = SceneRecording(graph, configs={}, parameters=lambda: self.parameters)
 
     def write(self, time, effects):
         terrain = self.scene.terrain
         snapshot = snapshot_at(time, np.zeros(terrain.shape, np.float32), terrain)
         session = SimpleNamespace(
             scene=self.scene, effects=effects, schedule=self.schedule, origin=None, device='cpu',
+            starts=self.starts,
         )
         self.recording.write(session, snapshot, int(time * 1e9))
         self.recorder.flush()
+
+    def description(self, name):
+        return yaml.safe_load(BagReader(self.directory / name).custom_data['parameters'])
 
     def effects(self, name):
         return json.loads(BagReader(self.directory / name).custom_data['effects'])
@@ -62,6 +67,27 @@ def frames(tmp_path):
     result.recorder.arm(tmp_path / 'one')
     result.write(1.0, STEEP)
     return result
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('preset', 'fine'), ('method', 'cells'), ('spacing', 3.0), ('lava.viscosity', 7.0),
+    ('ambient_temperature', 250.0),
+])
+def test_description_has_parameters_of_its_run_until_the_next_start(name, value, tmp_path):
+    frames = FrameRecording(tmp_path)
+    frames.parameters = {name: 'before', 'time_scale': 1.0}
+    frames.recorder.arm(tmp_path / 'one')
+    frames.write(1.0, STEEP)
+    frames.parameters = {name: value, 'time_scale': 2.0}
+    frames.write(2.0, FAST)
+    for bag, starts in (('two', 1), ('three', 2)):
+        frames.recorder.stop()
+        frames.starts = starts
+        frames.recorder.arm(tmp_path / bag)
+        frames.write(3.0, STEEP)
+    assert frames.description('one') == {name: 'before', 'time_scale': 2.0}
+    assert frames.description('two') == {name: 'before', 'time_scale': 2.0}
+    assert frames.description('three') == {name: value, 'time_scale': 2.0}
 
 
 def test_bag_has_each_change_of_effects(frames):

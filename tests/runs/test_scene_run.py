@@ -17,7 +17,9 @@ import pytest
 from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
+from lava_ros.forecast.partner_runs import measure_run
 from lava_ros.layers.recording import Recording
+from lava_ros.products.run_warnings import warnings_of_moments
 from lava_ros.runs import store
 from lava_ros.runs.drive import Sink
 from lava_ros.runs.provenance import identity_of
@@ -96,6 +98,34 @@ def test_folder_describes_the_run(whole):
     assert record['onset'] == '2031-03-01T04:30:00Z'
     assert record['effects'][0]['time'] == 0.0
     assert record['program']['model'] == MODEL
+
+
+@pytest.mark.parametrize(('spacing', 'is_waiting'), [(8.0, False), (100.0, True), (1e6, True)])
+def test_run_whose_lava_waits_in_the_vents_warns_and_has_no_error(spacing, is_waiting, tmp_path):
+    run = SceneRun(request(
+        tmp_path / 'run', accuracy=lambda: ('draft', Accuracy(spacing=spacing)),
+    ))
+    run.run()
+    error = measure_run(run)
+    assert (error is None) is is_waiting
+    waiting = [text for text in run.warnings() if 'waits in the vents' in text]
+    assert [text[:5] for text in waiting] == ['100 %'] * is_waiting
+    run.finish()
+    moments = Recording(run.folder.path).timeline.last_run
+    assert any('waits in the vents' in text for text in warnings_of_moments(moments)) is is_waiting
+
+
+@pytest.mark.parametrize(('vents', 'has_none'), [
+    ((), True), ((Vent((50.0, 100.0), 0.0),), True),
+    ((Vent((50.0, 100.0), ((0.0, 0.0), (900.0, 5.0))),), True),
+    ((Vent((50.0, 100.0), ((0.0, 0.0), (30.0, 5.0))),), False),
+])
+def test_run_without_lava_warns(vents, has_none, tmp_path):
+    scene = replace(SCENE, vents=vents, events=())
+    run = SceneRun(request(tmp_path / 'run', scene=scene))
+    run.run()
+    found = [text for text in run.warnings() if text.startswith('there is no lava')]
+    assert len(found) == has_none
 
 
 def test_bag_of_the_run_has_its_maps(whole):

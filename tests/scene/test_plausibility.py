@@ -158,6 +158,9 @@ SLIPS = {
         {'elevation': np.maximum(SLOPE - 300.0, 0.0)}, {'elevation': np.maximum(SLOPE, 1.0)},
         '--sea-level 0',
     ),
+    'sea floor': Slip(
+        {'elevation': SLOPE - 700.0}, {'elevation': SLOPE - 400.0}, 'of the cells are below 0 m',
+    ),
     'latitude first': Slip(
         place('-39.385,-71.3'), place('-71.3,-39.385'), 'longitude and latitude are swapped'
     ),
@@ -249,6 +252,17 @@ def test_unusual_scenes_are_right(tmp_path, name):
     assert status == 0, messages
     doubts = (' would be ', 'unusually', 'above', 'below')
     assert not [words for words in doubts if words in messages]
+
+
+@pytest.mark.parametrize(('scene', 'words'), [
+    (rate(1e-6), 'effusion_rate is 1e-06 m3/s, below 0.001 m3/s'),
+    (rate(1e-6, **RHYOLITE), 'effusion_rate is 1e-06 m3/s, below 0.0001 m3/s'),
+    (vent(radius=0.001), 'radius is 0.001 m, below 0.02 m'),
+])
+def test_small_numbers_are_not_explained_by_the_largest_ones(tmp_path, scene, words):
+    status, messages = said(tmp_path, scene)
+    assert status == 0 and words in messages
+    assert 'largest' not in messages and 'up to some' not in messages
 
 
 @pytest.mark.parametrize(('elevation', 'cell'), [

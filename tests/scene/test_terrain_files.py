@@ -72,6 +72,41 @@ def test_reads_esri_grid(tmp_path, hole, nodata):
         assert terrain.epsg == epsg
 
 
+@pytest.mark.parametrize(('elevation', 'words'), [
+    (np.full((4, 3), np.nan), 'is nan, expected at least one cell with data'),
+    (np.where(FLOATS > 8.5, np.inf, FLOATS), 'is inf, expected at most 100000 m'),
+    (FLOATS[:1], r"is 'array of shape \(1, 3\)', expected a 2-D array of 2"),
+    (FLOATS[:1, :1], r"is 'array of shape \(1, 1\)', expected a 2-D array of 2"),
+])
+@pytest.mark.parametrize('suffix', ['tif', 'npz'])
+def test_error_about_elevations_names_their_file(elevation, words, suffix, tmp_path):
+    path = tmp_path / f'ground.{suffix}'
+    if suffix == 'npz':
+        np.savez(path, elevation=np.float32(elevation), resolution=10.0)
+    else:
+        write_raster(path, np.float32(elevation), cell=10.0)
+    with pytest.raises(LavaError, match=rf'^elevation of ground\.{suffix} {words}'):
+        load_terrain(path)
+
+
+@pytest.mark.parametrize(('height', 'words'), [
+    (10.0, '60 x 60 cells of 10 m, none'),
+    (12.0, '60 x 60 cells of 10 m (in the file 10 by 12), none'),
+    (30.0, '60 x 60 cells of 10 m (in the file 10 by 30), none'),
+])
+def test_log_names_cells_that_are_not_square(height, words, tmp_path, caplog):
+    caplog.set_level('INFO')
+    place = from_origin(500_000.0, 4_180_000.0, 10.0, height)
+    rows = plane_rows(height)
+    with rasterio.open(
+        tmp_path / 'm.tif', 'w', driver='GTiff', height=len(rows), width=60, count=1,
+        dtype='float32', crs='EPSG:32633', transform=place,
+    ) as file:
+        file.write(rows, 1)
+    load_terrain(tmp_path / 'm.tif')
+    assert f'm.tif: EPSG:32633, {words}' in caplog.text
+
+
 def test_esri_grid_has_only_numbers_with_a_decimal_point(tmp_path):
     """GDAL reads text as 0 or in part, and as 0 for NODATA. A comma may separate thousands."""
     for number in ('-1', '+1.5', '.5', '2.', '1e2', '1.5E-3', '-9999.0'):

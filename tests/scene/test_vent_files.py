@@ -23,7 +23,7 @@ from lava_ros.scene import Terrain
 from lava_ros.scene.features import read_features
 from lava_ros.scene.given_vents import GivenVents
 from lava_ros.scene.reshaping import read_barriers
-from lava_ros.scene.vent_files import read_vents
+from lava_ros.scene.vent_files import check_places, read_vents
 
 TERRAIN = Terrain(np.zeros((50, 50)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))
 
@@ -323,3 +323,32 @@ def test_places_are_degrees_if_they_are_then_on_the_terrain(ending, tmp_path):
     assert point.rings[0].tolist() == [[15.0, 37.7]]
     (vent,) = GivenVents(['15.0,37.7'], None, 1.0, {}, str).rows(local)
     assert vent.place == (15.0, 37.7)
+
+
+IN_ZONE_34 = {'crs': {'type': 'name', 'properties': {'name': 'EPSG:32634'}}}
+SWAPPED = 'longitude and latitude are swapped'
+EAST, NORTH = POINTS[0]
+
+
+@pytest.mark.parametrize(('content', 'shown', 'words'), [
+    ('lon,lat\n37.7687,15.0023\n', '(37.7687, 15.0023)', SWAPPED),
+    ('lon,lat,lon_end,lat_end\n15.0023,37.7687,37.7690,15.0030\n', '(37.769, 15.003)', SWAPPED),
+    (f'x,y\n{NORTH},{EAST}\n', f'({NORTH}, {EAST})', 'easting and northing are swapped'),
+    (feature('Point', [37.7687, 15.0023]), '(37.7687, 15.0023)', SWAPPED),
+    (feature('LineString', [[15.0023, 37.7687], [37.769, 15.003]]), '(37.769, 15.003)', SWAPPED),
+    (feature('Point', [EAST, NORTH]), '', 'in EPSG:32633, not in EPSG:4326, that of the file'),
+    (feature('Point', [EAST, NORTH]) | IN_ZONE_34, f'({EAST}, {NORTH})',
+     'in EPSG:32633, not in EPSG:32634, that of the file'),
+])
+def test_error_shows_a_place_as_in_the_file_and_its_slip(content, shown, words, tmp_path):
+    path = tmp_path / ('a.csv' if isinstance(content, str) else 'a.geojson')
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    with pytest.raises(LavaError) as caught:
+        check_places(read_vents('--vents', path, TERRAIN), TERRAIN, path.name)
+    assert shown in str(caught.value) and words in str(caught.value)
+
+
+def test_warning_about_like_vents_names_their_place(tmp_path, caplog):
+    (tmp_path / 'a.csv').write_text(f'x,y\n{EAST},{NORTH}\n{EAST},{NORTH}\n')
+    read_vents('--vents', tmp_path / 'a.csv', TERRAIN)
+    assert '2 vents at 500100, 4180100 are alike' in caplog.text

@@ -15,6 +15,8 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.carriers import METHODS
 from lava_ros.simulation.output.checkpoint import Checkpoint, from_bytes
 from lava_ros.simulation.output.checkpoint_contents import check_contents, FEW
 
@@ -27,13 +29,22 @@ _checkpoints: dict[str, Checkpoint] = {}
 @pytest.fixture
 def checkpoint(device: str) -> Checkpoint:
     """Return a checkpoint of lava that solidifies."""
-    if device not in _checkpoints:
+    return checkpoint_of('particles', device)
+
+
+def checkpoint_of(method: str, device: str) -> Checkpoint:
+    """Return a checkpoint of a method for lava that solidifies."""
+    key = f'{method} on {device}'
+    if key not in _checkpoints:
         lava = Lava.paper(viscosity=1e4, solidus=1300.0)
         scene = Scene(SLOPE, (Vent((100.0, 200.0), 5.0, temperature=1360.0),), lava)
-        simulation = Simulation(scene, effects={'solidification': True}, device=device)
+        simulation = Simulation(
+            scene, effects={'solidification': True}, accuracy=Accuracy(method=method),
+            device=device,
+        )
         simulation.advance(600.0)
-        _checkpoints[device] = simulation.checkpoint()
-    return _checkpoints[device]
+        _checkpoints[key] = simulation.checkpoint()
+    return _checkpoints[key]
 
 
 def column(number: int, edit: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -78,6 +89,36 @@ def test_refuses_numbers_that_no_simulation_has(name, edit, checkpoint, device):
     with pytest.raises(LavaError, match='checkpoint[.]') as caught:
         Simulation.resume(changed, device=device)
     assert re.search(f'{name}|checkpoint.volume', str(caught.value))
+
+
+@pytest.mark.parametrize(('name', 'edit'), [
+    ('arrived.half_inundated', lambda values: values + 1e6),
+    ('arrived.half_inundated', lambda values: values - 1e6),
+    ('arrived.squares', lambda values: values + 2**30),
+    ('arrived.squares', lambda values: -values),
+    ('arrived.bounds', lambda values: values + 1000),
+    ('arrived.bounds', lambda values: -values),
+])
+@pytest.mark.parametrize('method', METHODS)
+def test_refuses_covered_cells_that_no_simulation_has(name, edit, method, device):
+    changed = with_array(checkpoint_of(method, device), name, edit)
+    with pytest.raises(LavaError, match=name):
+        Simulation.resume(changed, device=device)
+
+
+@pytest.mark.parametrize(('name', 'edit'), [
+    ('cells.left', lambda values: values - 100.0),
+    ('cells.fluidity', lambda values: -values),
+    ('cells.peaks', lambda values: -values),
+    ('cells.peaks', lambda values: 0.0 * values),
+    ('heat.temperature', lambda values: -values),
+    ('heat.temperature', lambda values: 0.0 * values),
+    ('heat.temperature', lambda values: values + 1e300),
+])
+def test_refuses_columns_that_no_simulation_has(name, edit, device):
+    changed = with_array(checkpoint_of('cells', device), name, edit)
+    with pytest.raises(LavaError, match=name):
+        Simulation.resume(changed, device=device)
 
 
 @pytest.mark.parametrize('axis', [0, 1])

@@ -220,6 +220,22 @@ def test_every_decision_has_a_reason_and_a_source():
     assert reasons['steep'].startswith('slope = 0.36 > ')
 
 
+@pytest.mark.parametrize(('constants', 'around', 'name', 'expected'), [
+    ({}, {}, 'wind', 'wind_speed is 0'),
+    ({}, {'wind_speed': 5.0}, 'wind', 'heat taken = '),
+    ({'emissivity': 0.0, 'convection': 0.0}, {'wind_speed': 5.0}, 'wind', 'the material has none'),
+    ({}, {}, 'cooling', 'heat lost = '),
+    ({'crust_cover': 0.9}, {}, 'cooling', 'cover replaces it'),
+    ({'crust_cover': 0.9}, {}, 'cover', 'heat lost = '),
+    ({}, {}, 'cover', 'the material has none'),
+    ({'vft_b': 6000.0, 'vft_c': 600.0}, {}, 'arrhenius', 'vft replaces it'),
+])
+def test_reason_of_an_effect_names_what_the_scene_lacks(constants, around, name, expected):
+    found = decide(Scene(slope(20.0), lava=Lava.paper(**constants), **around))
+    reasons = {item.name: item.reason for item in found}
+    assert reasons[name].startswith(expected)
+
+
 def test_expected_speed_is_that_of_a_sheet():
     scales = expected_scales(Scene(slope(5.0), lava=PLAIN))
     columns = scales.columns

@@ -13,6 +13,7 @@ from lava_ros.files.pictures import new_figure, save_picture
 from lava_ros.layers.recording import Recording
 from lava_ros.products.colours import time_unit
 from lava_ros.products.report.summary import RunSummary
+from lava_ros.simulation.output.budget import VolumeBudget
 
 #: Width and height of a chart [inches], and its resolution.
 SIZE, DPI = (4.6, 2.7), 100.0
@@ -20,18 +21,11 @@ SIZE, DPI = (4.6, 2.7), 100.0
 #: Colours and line styles of the curves of a chart, in their order.
 _LINES = (
     ('#a5360b', '-'), ('#1f6f8b', '--'), ('#5b7f1e', '-.'), ('#7b4fa3', ':'), ('#c08a00', '-'),
-    ('#333333', '--'), ('#b05a8c', '-.'),
+    ('#333333', '--'), ('#b05a8c', '-.'), ('#4a8f8f', ':'),
 )
 
-#: Curves of the volume, and curves that are only drawn if they are above 0.
-_VOLUMES = {'emitted': 'volume_emitted_m3', 'held': 'volume_held_m3'}
-_OTHERS = {
-    'lost': 'volume_left_m3',
-    'lost in no-data cells': 'volume_in_holes_m3',
-    'in the sea': 'volume_in_sea_m3',
-    'solidified': 'volume_frozen_m3',
-    'overdue in the vents': 'volume_late_m3',
-}
+#: Number of volumes of a budget whose curves are drawn even if they are 0: emitted and flowing.
+_MAIN = 2
 
 
 class Curve(NamedTuple):
@@ -84,13 +78,14 @@ def charts_of(recording: Recording, summary: RunSummary) -> list[Chart]:
     """Return charts of the volume, area, front and temperature of a run."""
     run = recording.timeline.last_run
     times = [item.time for item in run]
+    unknown = VolumeBudget(*[math.nan] * 4)
+    budgets = [(VolumeBudget.from_texts(item.values) or unknown).parts() for item in run]
     volumes = [
-        Curve(label, times, [item.number(name) for item in run])
-        for label, name in {**_VOLUMES, **_OTHERS}.items()
+        Curve(label, times, [budget[label] for budget in budgets]) for label in unknown.parts()
     ]
     volumes = [
-        item for item in volumes
-        if item.label in _VOLUMES or any(value > 0.0 for value in item.values)
+        item for number, item in enumerate(volumes)
+        if number < _MAIN or any(value > 0.0 for value in item.values)
     ]
     is_known = math.isfinite(summary.inundated[-1])
     return [

@@ -27,6 +27,7 @@ from lava_ros.scene.projection import system_name
 from lava_ros.simulation.carriers import across_key, count_key, COUNTED
 from lava_ros.simulation.numerical_error import NOT_MEASURED
 from lava_ros.simulation.output.budget import VolumeBudget
+from lava_ros.simulation.output.inundation import standing_part
 from lava_ros.simulation.presets import PRESETS
 
 
@@ -145,16 +146,13 @@ def depth_table(summary: RunSummary) -> Table | None:
     thickness = summary.frame.layers.get('thickness')
     if thickness is None:
         return None
-    depth = thickness.values[summary.frame.standing]
-    counts = np.histogram(depth, [0.0, *DEPTHS, np.inf])[0]
+    depth, parts = thickness.values, standing_part(summary.frame.standing, summary.frame.inundated)
+    bounds = [0.0, *DEPTHS, np.inf]
+    areas = [summary.frame.area(parts * ((depth >= a) & (depth < b))) for a, b in pairwise(bounds)]
     names = ('up to the knee', 'up to the height of a person', 'up to a roof', 'over a roof')
     ends = [f'below {DEPTHS[0]:g} m', *(f'{a:g} to {b:g} m' for a, b in pairwise(DEPTHS))]
     ends.append(f'{DEPTHS[-1]:g} m or more')
-    cell = summary.frame.resolution**2
-    rows = [
-        (end, name, area_words(float(count) * cell))
-        for end, name, count in zip(ends, names, counts, strict=True)
-    ]
+    rows = list(zip(ends, names, map(area_words, areas), strict=True))
     return Table(('depth', 'as deep as', 'area'), rows)
 
 

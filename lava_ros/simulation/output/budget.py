@@ -13,8 +13,9 @@ VOLUME_TOLERANCE = 1e-5
 #: Fraction of the emitted volume above which lava that has left the map causes a warning.
 GONE = 1e-3
 
-#: Fraction of the emitted volume above which lava too thin to inundate causes a warning.
-THIN = 0.1
+#: Fraction of the emitted volume above which lava too thin to inundate causes a warning, and
+#: above which lava that waits in the vents at the end of a run does.
+THIN = WAITING = 0.1
 
 #: Labels of the parts of a budget, in the order of their rows.
 _PARTS = {
@@ -98,12 +99,16 @@ class VolumeBudget:
         needed = {'emitted', 'held', 'left'} <= set(known)
         return cls(**{'pending': 0.0, **known}) if needed else None
 
+    def parts(self) -> dict[str, float]:
+        """Return the volumes [m3] by their labels for people."""
+        return {label: getattr(self, part) for part, label in _PARTS.items()}
+
     def rows(self) -> list[tuple[str, str]]:
         """Return labels and values for people, ending with the unaccounted volume."""
         rows = [
-            (name, f'{_shown(getattr(self, part))} m3') for part, name in _PARTS.items()
+            (label, f'{_shown(volume)} m3') for label, volume in self.parts().items()
             # scenes usually have no sea
-            if part != 'in_sea' or self.in_sea > 0.0
+            if label != _PARTS['in_sea'] or volume > 0.0
         ]
         error = 'below 1e-15' if self.error < 1e-15 else f'{self.error:.1e} of the emitted volume'
         return [*rows, ('unaccounted for', error)]
@@ -134,6 +139,19 @@ class VolumeBudget:
             if gone > most * self.emitted:
                 percent = 100.0 * gone / self.emitted if self.emitted > 0.0 else math.nan
                 texts.append(f'{percent:.3g} % of the lava {fate}')
+        return texts
+
+    def warnings_at_end(self) -> list[str]:
+        """Return ``warnings`` of a run that has ended: no more lava comes out."""
+        texts = self.warnings()
+        if self.emitted == 0.0:
+            texts.append('there is no lava: no vent has emitted any by the end')
+        if self.pending > WAITING * self.emitted:
+            percent = 100.0 * self.pending / self.emitted
+            texts.append(
+                f'{percent:.3g} % of the lava waits in the vents and is on no map: '
+                'a smaller spacing needs less of it for a particle'
+            )
         return texts
 
 

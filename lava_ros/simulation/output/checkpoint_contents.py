@@ -14,6 +14,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
+from lava_ros.scene.terrain import PARTS
 from lava_ros.scene.vent_keys import VENT_TEMPERATURE_RANGE
 from lava_ros.simulation.output.budget import VolumeBudget
 from lava_ros.simulation.output.checkpoint import Checkpoint
@@ -86,10 +87,22 @@ def _ranges(
     limit = (1.0 + TOLERANCE) * emitted + 1e-9
     particles = arrays['state.particle'].astype(np.float64)
     yield 'state.particle, volume', particles[:, 2].sum(), 0.0, limit, all_of_it
-    yield 'state.left', arrays.get('state.left', np.zeros(1)), 0.0, limit, all_of_it
+    for name in ('state.left', 'cells.left'):
+        yield name, arrays.get(name, np.zeros(1)), 0.0, limit, all_of_it
     coldest, hottest = temperature_range(scene)
     expected = f'a temperature from {coldest:g} to {hottest:.0f} K'
     yield 'state.particle, temperature', particles[:, 3], coldest, hottest, expected
+    if (columns := arrays.get('cells.thickness')) is not None:
+        temperature = arrays.get('heat.temperature', np.zeros(1))
+        if temperature.shape == columns.shape:
+            temperature = temperature[columns > 0.0]
+        yield 'heat.temperature', temperature, coldest, hottest, expected
+        fluidity = arrays.get('cells.fluidity', np.zeros(1))
+        yield 'cells.fluidity', fluidity, 0.0, math.inf, 'at least 0 1/(Pa s)'
+        largest = float(columns.max(initial=0.0))
+        thickest, rate = np.split(arrays.get('cells.peaks', np.zeros(2)), [1])
+        yield 'cells.peaks', thickest, largest, math.inf, f'at least {largest:g} m'
+        yield 'cells.peaks', rate, 0.0, math.inf, 'at least 0 1/s'
     remainder = arrays.get('state.temperature_remainder', np.zeros(1))
     expected = f'at most {MAX_REMAINDER:g} K'
     yield 'state.temperature_remainder', remainder, -MAX_REMAINDER, MAX_REMAINDER, expected
@@ -104,7 +117,13 @@ def _ranges(
     expected = f'at most {terrain.resolution:g} m'
     yield 'state.remainder', remainder, -terrain.resolution, terrain.resolution, expected
     expected = f'-1, or a time from 0 to {time:g} s'
-    yield 'arrived.times', arrays.get('arrived.times', np.zeros(1)), -1.0, time, expected
+    for name in ('arrived.times', 'arrived.half_inundated'):
+        yield name, arrays.get(name, np.zeros(1)), -1.0, time, expected
+    squares, every = arrays.get('arrived.squares', np.zeros(1)), (1 << PARTS * PARTS) - 1
+    yield 'arrived.squares', squares, 0, every, f'from 0 to {every}, the squares of a cell'
+    ends = np.split(arrays.get('arrived.bounds', np.zeros(4)), 2)
+    for bounds, count, what in zip(ends, terrain.shape, ('rows', 'columns'), strict=True):
+        yield 'arrived.bounds', bounds, 0, count, f'at most {count} {what}'
     cell = THICKNESS_UNIT * terrain.resolution**2
     for name in ('solidified.deposit', 'solidified.placed'):
         volume = arrays.get(name, np.zeros(1)).astype(np.float64) * cell

@@ -3,6 +3,7 @@
 
 """Reports of bags as HTML, and their charts."""
 
+from dataclasses import replace
 from html.parser import HTMLParser
 import math
 from pathlib import Path
@@ -20,10 +21,11 @@ from lava_ros.layers.recording import Recording
 from lava_ros.products.page_layout import Imprint
 from lava_ros.products.report.charts import Chart, charts_of, Curve
 from lava_ros.products.report.page import write_report
-from lava_ros.products.report.sections import facts, warnings
+from lava_ros.products.report.sections import depth_table, facts, warnings
 from lava_ros.products.report.summary import summarize
 from lava_ros.products.run_page import read_run
 from lava_ros.scene.onset import Onset
+from lava_ros.simulation.output.budget import VolumeBudget
 from products.report.conftest import HOSTILE
 import recording
 from recording import GRIDS, growing, record, TERRAIN
@@ -135,6 +137,10 @@ def test_curves_have_the_values_of_the_frames(run, read):
     volumes = [round(float(growing(time).sum()) * 25.0, 1) for time in area.times]
     for curve in charts['volume'].curves[:2]:
         assert curve.values == pytest.approx(volumes, rel=1e-4)
+    budget = VolumeBudget.from_texts(Recording(run).timeline.last_run[-1].values)
+    assert budget is not None
+    for curve in charts['volume'].curves:
+        assert curve.values[-1] == budget.parts()[curve.label]
     # from the vent in the centre of the first column to the corner of the last column
     tip = np.hypot(5.0 * (columns[-1] - 1), 22.5)
     assert front.values[-1] == pytest.approx(tip, rel=1e-4)
@@ -205,6 +211,20 @@ def test_picture_and_page_agree(tmp_path):
     assert read_run(bag).summary == '1800 m² standing lava  ·  up to 41.3 m thick'
     assert not any('thicker in places' in item for item in warnings(
         Recording(bag), summarize(Recording(bag))))
+
+
+@pytest.mark.parametrize('part', [1.0, 0.5, 0.2])
+def test_depth_classes_add_up_to_the_area_of_standing_lava(part, tmp_path):
+    run = record(tmp_path / 'run', [0.0, 400.0, 800.0])
+    summary = summarize(Recording(run))
+    covered = np.where(summary.frame.standing, np.float32(part), np.float32(0.0))
+    frame = replace(summary.frame, inundated=covered)
+    table = depth_table(replace(summary, frame=frame))
+    assert table is not None
+    whole = frame.standing.sum() * frame.resolution**2
+    assert frame.standing_area == pytest.approx(part * whole)
+    areas = [float(area.removesuffix(' m²')) for *_, area in table.rows]
+    assert sum(areas) == pytest.approx(frame.standing_area, rel=0.01)
 
 
 def test_page_without_lava_has_no_arrival(tmp_path):
