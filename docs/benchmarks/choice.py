@@ -91,6 +91,8 @@ def left_off(decisions: Sequence[Decision]) -> list[Decision]:
     return [
         item for item in decisions
         if not (item.is_on or math.isnan(item.value) or math.isinf(item.effect.threshold))
+        # lava of another kind has nothing of an effect that is limited to one
+        and (item.largest or not item.effect.kind)
     ]
 
 

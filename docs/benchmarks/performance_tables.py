@@ -52,3 +52,12 @@ def members() -> Iterator[Line]:
                 row = found.get((f'{name}: {count} members', size))
                 line.append('' if row is None else f'{float(row["value"]) / 1000.0:.2g}')
         yield f'{count:,}', *line
+
+
+def cell_stages() -> Iterator[Line]:
+    """Yield the time of a stage on cells, by the size of the window."""
+    rows = lines_of('cell_stages_h200.csv')
+    kinds = list(dict.fromkeys(row['lava'] for row in rows))
+    yield ('cells of the window', *(f'lava {kind} [us]' for kind in kinds))
+    for size in dict.fromkeys(row['cells'] for row in rows):
+        yield size, *(row['us_a_stage'] for row in rows if row['cells'] == size)

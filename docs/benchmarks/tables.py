@@ -25,7 +25,9 @@ PAGES = {
         model.carriers, model.grounds, model.kernel_radii, model.described, model.kernel_ratios,
         model.mobility_limits, validation.fluid,
     ),
-    'PERFORMANCE.md': named(performance.steps, performance.covered_cells, performance.members),
+    'PERFORMANCE.md': named(
+        performance.steps, performance.covered_cells, performance.members, performance.cell_stages,
+    ),
     'presets.md': named(
         presets.preset_costs, presets.preset_gains, presets.preset_scores, presets.command_times,
         presets.methods, presets.method_scores,

@@ -99,7 +99,8 @@ def _ranges(
         yield 'heat.temperature', temperature, coldest, hottest, expected
         fluidity = arrays.get('cells.fluidity', np.zeros(1))
         yield 'cells.fluidity', fluidity, 0.0, math.inf, 'at least 0 1/(Pa s)'
-        largest = float(columns.max(initial=0.0))
+        # peaks have the precision of a step
+        largest = float(columns.max(initial=0.0).astype(np.float32))
         thickest, rate = np.split(arrays.get('cells.peaks', np.zeros(2)), [1])
         yield 'cells.peaks', thickest, largest, math.inf, f'at least {largest:g} m'
         yield 'cells.peaks', rate, 0.0, math.inf, 'at least 0 1/s'
