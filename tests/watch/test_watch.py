@@ -492,7 +492,7 @@ def test_a_click_shows_coordinates(visit, frames):
 def test_a_bag_without_maps_waits(visit, tmp_path):
     frames = BagFrames(record(tmp_path / 'bag', []))
     visitor = visit(frames)
-    visitor.wait(lambda: 'layers of a simulation' in visitor.page.status.content)
+    visitor.wait(lambda: 'before its first map' in visitor.page.status.content)
     assert frames.status.level is Level.WARN and frames.times == []
 
 
