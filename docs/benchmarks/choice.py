@@ -3,7 +3,7 @@
 
 """Compare the effects that are chosen for scenes with more effects.
 
-    python docs/benchmarks/choice.py choice_cpu.csv --preset draft --runs 6 --particles 500
+    python docs/benchmarks/choice.py choice_cpu.csv --preset fine --runs 6 --particles 500
 
 For every effect that exists in a scene and is off to the end of the run, a row compares the run
 with one in which this effect is forced on. A last row compares it with all effects. If the effect
