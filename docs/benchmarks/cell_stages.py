@@ -34,7 +34,7 @@ SIDES = 64, 128, 256, 512
 CELL = 5.0
 
 #: Simulated time before the measured one, measured time, and length of a step [s].
-BEGIN, PERIOD, STEP = 1.0, 100.0, 0.02
+BEGIN, PERIOD, STEP = 1.0, 20.0, 0.02
 
 #: Effects that are on, by the lava.
 KINDS = {'of one temperature': ('steep',), 'that cools': ('steep', 'arrhenius', 'cooling')}
