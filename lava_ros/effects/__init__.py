@@ -152,16 +152,20 @@ def existing(scene: Scene) -> tuple[str, ...]:
     )
 
 
-def reason_without(name: str, scene: Scene) -> str:
-    """Return why a scene does not have an effect, or why another one replaces it; else empty."""
-    effect, others = EFFECTS[name], existing(scene)
-    if name in others:
-        return ''
-    if not effect.exists(scene.lava):
-        return 'the material has none'
-    if missing := _missing_around(name, scene):
-        return ' and '.join(f'{key} is 0' for key in missing)
-    return f'{next(other for other in others if name in EFFECTS[other].replaces)} replaces it'
+def reasons_without(scene: Scene) -> dict[str, str]:
+    """Return why a scene does not have an effect, or why another one replaces it, by its name."""
+    others, found = existing(scene), {}
+    for name, effect in EFFECTS.items():
+        if name in others:
+            continue
+        if not effect.exists(scene.lava):
+            found[name] = 'the material has none'
+        elif missing := _missing_around(name, scene):
+            found[name] = ' and '.join(f'{key} is 0' for key in missing)
+        else:
+            rival = next(other for other in others if name in EFFECTS[other].replaces)
+            found[name] = f'{rival} replaces it'
+    return found
 
 
 def _missing_around(name: str, scene: Scene) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.effects import compatible, EFFECTS, Effects, excluded_by, reason_without
+from lava_ros.effects import compatible, EFFECTS, Effects, excluded_by, reasons_without
 from lava_ros.effects.column import normal_thickness
 from lava_ros.effects.effect import Effect
 from lava_ros.effects.heat import heat_loss
@@ -349,12 +349,12 @@ def decide_by(
     Raises:
         LavaError: If a forced effect contradicts the formulation.
     """
-    implied = implied_effects(accuracy, forced)
+    implied, reasons = implied_effects(accuracy, forced), reasons_without(scales.scene)
     decisions: dict[str, Decision] = {}
     names = set(names)
     for name, effect in EFFECTS.items():
         if effect.number is not None and name in names:
-            missing, value = reason_without(name, scales.scene), math.nan
+            missing, value = reasons.get(name, ''), math.nan
             is_early = scales.emitted < MIN_EMITTED and effect.fraction < 1.0
             if not missing and (is_early or (effect.needs_extent and not scales.is_extended)):
                 # the number would be that of another flow

@@ -156,11 +156,17 @@ def test_solidified_lava_does_not_raise_the_ground_of_others(device):
     assert one.ground.elevation is one.height
 
 
-def test_shared_ground_is_freed_after_its_last_user(device):
+def test_shared_ground_is_kept_for_the_next_member_and_freed_after_newer_ones(device):
     terrain = plane()
-    one, other = (StaggeredTerrain(terrain, 'float32', device) for _ in range(2))
+    one = StaggeredTerrain(terrain, 'float32', device)
     bare = weakref.ref(one.bare)
     del one
+    gc.collect()
+    other = StaggeredTerrain(terrain, 'float32', device)
+    assert bare() is other.bare
+    newer = [StaggeredTerrain(plane(), 'float32', device) for _ in range(6)]
+    del newer
+    gc.collect()
     assert bare() is other.bare
     del other
     gc.collect()

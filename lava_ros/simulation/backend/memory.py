@@ -3,6 +3,7 @@
 
 """Arrays that simulations share, allocation of many, a failed allocation, and readback."""
 
+from collections import deque
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -82,8 +83,10 @@ def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
     return found
 
 
-#: Arrays of ``shared_array`` that are in use.
+#: Arrays of ``shared_array`` that are in use, and the newest ones: those of two terrains, for
+#: members that run one after the other with partners on coarser ground.
 _shared: WeakValueDictionary[tuple[Hashable, ...], Any] = WeakValueDictionary()
+_newest: deque[Any] = deque(maxlen=6)
 
 
 def shared_array(
@@ -91,7 +94,7 @@ def shared_array(
 ) -> Any:
     """Return the array of values of a source, which must not be written to.
 
-    All callers share it, and it lives as long as one of them uses it.
+    All callers share it. It lives as long as one of them uses it, or it is one of the newest.
 
     Args:
         values: Function of the source.
@@ -103,6 +106,7 @@ def shared_array(
     array = _shared.get(key)
     if array is None:
         array = _shared[key] = wp.array(values(source), dtype=dtype, device=device)
+        _newest.append(array)
     return array
 
 
