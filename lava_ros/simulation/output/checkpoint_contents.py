@@ -99,8 +99,8 @@ def _ranges(
         yield 'heat.temperature', temperature, coldest, hottest, expected
         fluidity = arrays.get('cells.fluidity', np.zeros(1))
         yield 'cells.fluidity', fluidity, 0.0, math.inf, 'at least 0 1/(Pa s)'
-        # peaks have the precision of a step
-        largest = float(columns.max(initial=0.0).astype(np.float32))
+        # a step finds the largest in float32
+        largest = float(columns.max(initial=0.0)) * (1.0 - float(np.finfo(np.float32).eps))
         thickest, rate = np.split(arrays.get('cells.peaks', np.zeros(2)), [1])
         yield 'cells.peaks', thickest, largest, math.inf, f'at least {largest:g} m'
         yield 'cells.peaks', rate, 0.0, math.inf, 'at least 0 1/s'
