@@ -67,7 +67,7 @@ def _flow_rows() -> dict[tuple[str, str], dict[str, dict[str, str]]]:
 
 
 def flows() -> Iterator[Line]:
-    """Yield the scores of all mapped flows at draft, fitted or not, beside two references."""
+    """Yield the scores of all mapped flows at draft, fitted or not, and of two references."""
     yield ('flow', *(title for title, _ in MATERIALS.values()), 'steepest descent',
            'outline before')
     scores: dict[str, dict[str, list[float]]] = {name: {} for name in MATERIALS}

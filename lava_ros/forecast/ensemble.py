@@ -19,14 +19,13 @@ from lava_ros import validation
 from lava_ros.errors import LavaError, RefusalError, refusing
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
-from lava_ros.forecast.member_processes import count_processes
-from lava_ros.forecast.members import batch_of, Plan, running
+from lava_ros.forecast.member_processes import count_processes, run_in_parts
+from lava_ros.forecast.members import batch_of, Plan
 from lava_ros.forecast.pool import DEATHS, Pool, process_number
 from lava_ros.forecast.probability import (
     EnsembleAccumulator,
     Footprint,
     footprint_by,
-    footprint_of,
 )
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.sentinels import is_sentinel, log_called, Sentinels
@@ -169,9 +168,9 @@ def run_here(
     ``device`` is the Warp device; None for the first GPU, or the CPU without one. ``sharing`` is
     the number of processes that run members on it.
     """
-    for fields in running(plan, members, device=device, sharing=sharing):
-        if fields is not None:
-            yield footprint_of(fields, plan)
+    for footprint in run_in_parts(plan, members, device=device, sharing=sharing):
+        if footprint is not None:
+            yield footprint
 
 
 def run_in_processes(
@@ -228,8 +227,10 @@ def _gpus(device: str | None, method: str) -> tuple[str, ...]:
     from lava_ros.simulation.setup.defaults import device_of
 
     used = device_of(device, method)
-    if device is not None or not used.is_cuda:
-        return (str(used),) if used.is_cuda else ()
+    if not used.is_cuda:
+        return ()
+    if device is not None:
+        return (str(used),)
     import warp as wp
 
     return tuple(map(str, wp.get_cuda_devices()))

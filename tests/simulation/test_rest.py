@@ -20,8 +20,8 @@ LAVA = Lava.paper(viscosity=5e3, density=2600.0, convection=500.0, solidus=1395.
 
 VENT = Vent((60.0, 120.0), ((0.0, 20.0), (300.0, 0.0)), radius=12.0)
 
-#: Longest step [s], and a long time: stepping through it would take minutes even on a GPU.
-LONGEST_STEP, LONG = 5.0, 1e9
+#: Maximum length of a step [s], and a long time: its steps would take minutes even on a GPU.
+MAX_STEP, LONG = 5.0, 1e9
 
 #: Particles wait on the host, cells within a launch: the same flow must rest in both.
 both = pytest.mark.parametrize('method', METHODS)
@@ -31,7 +31,7 @@ def begun(device, method, *vents):
     return Simulation(
         Scene(SLOPE, vents, LAVA), effects={'solidification': True}, device=device,
         accuracy=Accuracy(
-            spacing=8.0, thickness=1.0, longest_step=LONGEST_STEP, deterministic=True,
+            spacing=8.0, thickness=1.0, longest_step=MAX_STEP, deterministic=True,
             method=method,
         ),
     )
