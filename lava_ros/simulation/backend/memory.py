@@ -4,9 +4,10 @@
 """Arrays that simulations share, allocation of many, a failed allocation, and readback."""
 
 from collections import deque
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
+import math
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -55,11 +56,11 @@ def bytes_per_cell(*kinds: Any, without: Collection[str] = ()) -> int:
     return sum(_size(one.dtype) for one in maps)
 
 
-def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
+def zeros(items: Mapping[str, tuple[Any, tuple[int, ...]]], device: Any) -> dict[str, Any]:
     """Allocate arrays of zeros in one block of memory, three times as fast as one by one.
 
     Args:
-        items: Type and number of items of each array, by name.
+        items: Type and shape of each array, by name.
         device: The Warp device.
 
     Returns:
@@ -70,31 +71,42 @@ def zeros(items: Mapping[str, tuple[Any, int]], device: Any) -> dict[str, Any]:
     """
     piece = _size(_PIECE)
     starts, end = {}, 0
-    for name, (dtype, count) in items.items():
+    for name, (dtype, shape) in items.items():
         starts[name] = end
-        end += -(-count * _size(dtype) // piece)
+        end += -(-math.prod(shape) * _size(dtype) // piece)
     block = wp.zeros(end, dtype=_PIECE, device=device)
     found = {}
-    for name, (dtype, count) in items.items():
+    for name, (dtype, shape) in items.items():
         first = block.ptr + starts[name] * piece
-        array = wp.array(ptr=first, dtype=dtype, shape=count, device=device)
+        array = wp.array(ptr=first, dtype=dtype, shape=shape, device=device)
         array.block = block
         found[name] = array
     return found
 
 
-#: Arrays of ``shared_array`` that are in use, and the newest ones: those of two terrains, for
-#: members that run one after the other with partners on coarser ground.
+#: What is ``shared`` and in use, and the newest: that of two terrains, for members that run one
+#: after the other with partners on coarser ground.
 _shared: WeakValueDictionary[tuple[Hashable, ...], Any] = WeakValueDictionary()
-_newest: deque[Any] = deque(maxlen=6)
+_newest: deque[Any] = deque(maxlen=8)
+
+
+def shared(make: Callable[..., Any], *key: Hashable) -> Any:
+    """Return what a function makes of a key, which must not be written to.
+
+    All callers with this key share it. It lives as long as one of them uses it, or it is one of
+    the newest.
+    """
+    found = _shared.get((make, *key))
+    if found is None:
+        found = _shared[make, *key] = make(*key)
+        _newest.append(found)
+    return found
 
 
 def shared_array(
     values: Callable[[Any], np.ndarray], source: Hashable, dtype: Any, device: Any
 ) -> Any:
-    """Return the array of values of a source, which must not be written to.
-
-    All callers share it. It lives as long as one of them uses it, or it is one of the newest.
+    """Return the array of values of a source, which is ``shared``.
 
     Args:
         values: Function of the source.
@@ -102,12 +114,20 @@ def shared_array(
         dtype: Warp type of the array.
         device: The Warp device.
     """
-    key = values, source, dtype, str(device)
-    array = _shared.get(key)
-    if array is None:
-        array = _shared[key] = wp.array(values(source), dtype=dtype, device=device)
-        _newest.append(array)
-    return array
+    return shared(_array_of, values, source, dtype, str(device))
+
+
+def _array_of(
+    values: Callable[[Any], np.ndarray], source: Hashable, dtype: Any, device: str
+) -> Any:
+    return wp.array(values(source), dtype=dtype, device=device)
+
+
+def sum_of(array: Any) -> float:
+    """Return the sum of the items of a contiguous array, in an order that is always the same."""
+    if not array.device.is_cuda:
+        return float(array.numpy().sum())
+    return float(wp.utils.array_sum(array.flatten()))
 
 
 def forget_failure(device: Any) -> None:
@@ -137,6 +157,18 @@ def read(array: Any) -> np.ndarray:
     wp.copy(host, array)
     wp.synchronize_stream(wp.get_stream(array.device))
     return host.numpy()
+
+
+def read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> np.ndarray:
+    """Copy some rows and columns of several maps of one type to the host, waiting only once."""
+    shape = len(maps), *(max(one.stop - one.start, 0) for one in part)
+    dtype = maps[0].dtype
+    if not math.prod(shape):
+        return np.zeros(shape, dtype=wp.dtype_to_numpy(dtype))
+    parts = wp.empty(shape, dtype=dtype, device=maps[0].device)
+    for number, one in enumerate(maps):
+        wp.copy(parts[number], one[part])
+    return read(parts)
 
 
 class Readback:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from lava_ros.simulation.backend.memory import read_parts
+from lava_ros.simulation.cells.grid import within_ring
 from lava_ros.simulation.cells.highest import Highest
 
 
@@ -39,22 +41,16 @@ class CellPeaks:
             own.assign(np.fmax(own.numpy(), moved))
 
     def on_terrain(
-        self, onto: Callable[[np.ndarray], np.ndarray], rows: slice
+        self, onto: Callable[[np.ndarray], np.ndarray], cells: tuple[slice, slice]
     ) -> np.ndarray:
         """Return thickness and temperature on some of the terrain's cells: [2, rows, columns].
 
         In a cell of several smaller ones it is the mean of their peaks, and the temperature by
-        thickness. ``onto`` converts maps of the solver's cells, and needs these ``rows`` of them.
+        thickness. ``onto`` converts maps of these ``cells`` of the solver.
         """
-        thickness, temperature = (
-            np.zeros(np.subtract(self.highest.thickness.shape, 2), dtype=np.float32)
-            for _ in range(2)
+        thickness, temperature = read_parts(
+            [self.highest.thickness, self.highest.temperature], within_ring(cells)
         )
-        if rows.stop > rows.start:
-            for values, array in (
-                (thickness, self.highest.thickness), (temperature, self.highest.temperature)
-            ):
-                values[rows] = array[rows.start + 1 : rows.stop + 1].numpy()[:, 1:-1]
         mean = onto(thickness)
         with np.errstate(invalid='ignore', divide='ignore'):
             warm = onto(thickness * temperature) / mean

@@ -89,13 +89,6 @@ class World:
     highest: Highest
 
 
-def world_of(flow: Any, heat: Any, covered: Any, highest: Any) -> Any:
-    """Return a world of its parts."""
-    world = World()
-    world.flow, world.heat, world.covered, world.highest = flow, heat, covered, highest
-    return world
-
-
 @lru_cache
 def steps_kernel(effects: Effects, is_heated: bool, blocks: int, is_cuda: bool) -> Any:
     """Return the kernel that takes steps, at most a number, and records what lava covers.
@@ -201,9 +194,10 @@ class Worlds:
         number = self._orders.here[row, -1] + 1.0
         self._orders.write(row, np.array([[*clock, *window, float(records), number]]))
 
-    def is_current(self, row: int, report: np.ndarray) -> bool:
-        """Return True if the report of a row follows its latest order."""
-        return bool(report[NUMBER] == self._orders.here[row, -1])
+    def are_current(self, reports: np.ndarray) -> np.ndarray:
+        """Return for each row whether its report follows its latest order."""
+        current: np.ndarray = reports[:, NUMBER] == self._orders.here[:, -1]
+        return current
 
     def launch(
         self, rows: Sequence[int], effects: Effects, is_heated: bool, steps: int
@@ -317,14 +311,13 @@ class CellGroup:
 
         def end() -> list[tuple[Iterator[None], np.ndarray]]:
             reports = finish()
-            due = []
-            for row in rows:
-                report = reports[row]
-                if row not in self.under_way or not self._worlds.is_current(row, report):
-                    continue
-                clock = report[CLOCK]
-                if clock[TIME] >= clock[TARGET] or clock[WAITING] > 0.0:
-                    due.append((self.under_way.pop(row), report.copy()))
+            clocks = reports[:, CLOCK]
+            is_due = (clocks[:, TIME] >= clocks[:, TARGET]) | (clocks[:, WAITING] > 0.0)
+            is_due &= self._worlds.are_current(reports)
+            due = [
+                (self.under_way.pop(row), reports[row])
+                for row in rows if is_due[row] and row in self.under_way
+            ]
             spent = perf_counter() - begun
             more = self._steps * 2 if spent < _LAUNCH_TIME else self._steps // 2
             self._steps = min(max(more, 1), _MAX_STEPS)

@@ -122,9 +122,9 @@ class State(Arrays):
         for name, one in self._declared.items():
             (length,) = one.shape
             if length == 'particle':
-                items[name] = kinds[one.dtype], capacity
+                items[name] = kinds[one.dtype], (capacity,)
             elif name not in self._arrays:
-                others[name] = kinds[one.dtype], length
+                others[name] = kinds[one.dtype], (length,)
         arrays = zeros(items, self.device) | zeros(others, self.device)
         self.launches.forget()
         self._arrays |= arrays

@@ -15,7 +15,18 @@ from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.cells.flow import step_kernel
 from lava_ros.simulation.cells.ground import lay_ground
 from lava_ros.simulation.cells.heat import HeatState
-from lava_ros.simulation.cells.state import CellState, LENGTH, LIMITED, STAGES, STEPS, TIME
+from lava_ros.simulation.cells.state import (
+    CellState,
+    LENGTH,
+    LIMITED,
+    LONGEST,
+    MAX_END,
+    STAGES,
+    STEPS,
+    TARGET,
+    TIME,
+    UNTIL,
+)
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import GRAVITY, ISOTHERMAL, NU
 
@@ -41,7 +52,7 @@ def lava_on(
     terrain = Terrain(elevation, cell)
     state = CellState.on(terrain, 'cpu', lava=lava, weight=WEIGHT, film=film)
     scene = Scene(terrain, (), lava)
-    lay_ground(state.argument(), HeatState.on(state, scene, effects, 1.0).argument(), effects)
+    lay_ground(state, HeatState.on(state, scene, effects, 1.0), effects)
     state.thickness.assign(np.pad(thickness, 1))
     state.stage.assign(np.pad(thickness, 1).astype(np.float32))
     viscosity = np.full(elevation.shape, lava.viscosity) if viscosity is None else viscosity
@@ -55,7 +66,7 @@ def lava_on(
 
     def advance(until, longest=1e9, steps=10**7):
         clock = state.clock.numpy()
-        state.clock.assign([clock[TIME], clock[LENGTH], until, longest, until, clock[5]])
+        clock[[UNTIL, TARGET, LONGEST, MAX_END]] = until, until, longest, math.inf
         wp.launch(kernel, dim=1, inputs=[state.argument(), steps], device='cpu')
         return state.map_of('thickness')
 
