@@ -84,21 +84,22 @@ def zeros(items: Mapping[str, tuple[Any, tuple[int, ...]]], device: Any) -> dict
     return found
 
 
-#: What is ``shared`` and in use, and the newest: that of two terrains, for members that run one
+#: Objects that are shared and in use, and the newest: that of two terrains, for members that run one
 #: after the other with partners on coarser ground.
 _shared: WeakValueDictionary[tuple[Hashable, ...], Any] = WeakValueDictionary()
 _newest: deque[Any] = deque(maxlen=8)
 
 
-def shared(make: Callable[..., Any], *key: Hashable) -> Any:
+def shared_object(make: Callable[..., Any], *key: Hashable) -> Any:
     """Return what a function makes of a key, which must not be written to.
 
     All callers with this key share it. It lives as long as one of them uses it, or it is one of
     the newest.
     """
-    found = _shared.get((make, *key))
+    name = make, *key
+    found = _shared.get(name)
     if found is None:
-        found = _shared[make, *key] = make(*key)
+        found = _shared[name] = make(*key)
         _newest.append(found)
     return found
 
@@ -106,7 +107,7 @@ def shared(make: Callable[..., Any], *key: Hashable) -> Any:
 def shared_array(
     values: Callable[[Any], np.ndarray], source: Hashable, dtype: Any, device: Any
 ) -> Any:
-    """Return the array of values of a source, which is ``shared``.
+    """Return the array of values of a source (``shared_object``).
 
     Args:
         values: Function of the source.
@@ -114,7 +115,7 @@ def shared_array(
         dtype: Warp type of the array.
         device: The Warp device.
     """
-    return shared(_array_of, values, source, dtype, str(device))
+    return shared_object(_array_of, values, source, dtype, str(device))
 
 
 def _array_of(
@@ -127,7 +128,9 @@ def sum_of(array: Any) -> float:
     """Return the sum of the items of a contiguous array, in an order that is always the same."""
     if not array.device.is_cuda:
         return float(array.numpy().sum())
-    return float(wp.utils.array_sum(array.flatten()))
+    total = wp.empty(1, dtype=array.dtype, device=array.device)
+    wp.utils.array_sum(array.flatten(), out=total)
+    return float(read(total)[0])
 
 
 def forget_failure(device: Any) -> None:

@@ -10,11 +10,11 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.scene import Terrain
-from lava_ros.simulation.backend.memory import shared, shared_array, zeros
+from lava_ros.simulation.backend.memory import shared_array, shared_object, zeros
 from lava_ros.simulation.cells.heat import HeatState
 from lava_ros.simulation.cells.spans import WITHIN
 from lava_ros.simulation.cells.state import Cells, CellState, FACES, Heat
-from lava_ros.simulation.cells.threads import shared as shared_lines, THREADS
+from lava_ros.simulation.cells.threads import shared, THREADS
 from lava_ros.simulation.particles.terrain import ringed_heights
 
 #: Faces of rows by the ground with the solidified lava: of all, or beside one that is marked.
@@ -76,7 +76,7 @@ def ground_function(factor: Any, blocks: int = 1, *, is_whole: bool = False) -> 
     raising = _RAISE.replace('MARKED', 'false' if is_whole else 'true')
     own = _FACTOR.replace('CALL', factor.native_func) if factor else '1.0f'
     raising = raising.replace('FACTOR', own)
-    raising = raising.replace('SHARED', shared_lines(blocks)).replace('WITHIN', WITHIN)
+    raising = raising.replace('SHARED', shared(blocks)).replace('WITHIN', WITHIN)
 
     @wp.func_native(f'{{{raising}}}')
     def raise_native(s: Cells, m: Heat, top: int, bottom: int, left: int, right: int): ...
@@ -110,7 +110,7 @@ class _BareFaces:
 
     def __init__(self, terrain: Terrain, factor: Any, device: str) -> None:
         shape = tuple(number + 2 for number in terrain.shape)
-        maps = {name: (wp.float32, shape) for name in FACES}
+        maps = dict.fromkeys(FACES, (wp.float32, shape))
         self.arrays = zeros({**maps, 'frozen': (wp.float64, shape)}, device)
         cells, heat = Cells(), Heat()
         (cells.rows, cells.stride), cells.cell = shape, terrain.resolution
@@ -141,7 +141,7 @@ def lay_ground(
         is_bare: True if there is no solidified lava.
     """
     factor = effects.function('factor', wp.float32)
-    bare = shared(_BareFaces, state.terrain, factor, str(state.device))
+    bare = shared_object(_BareFaces, state.terrain, factor, str(state.device))
     is_shared = is_bare and not effects.any('freezes')
     for name, array in bare.arrays.items():
         # steps write to them where lava solidifies

@@ -16,7 +16,7 @@ from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.backend.memory import bytes_per_cell, read_parts, sum_of
+from lava_ros.simulation.backend.memory import bytes_per_cell, read, read_parts, sum_of
 from lava_ros.simulation.cells.covered import Covered
 from lava_ros.simulation.cells.grid import (
     cells_under,
@@ -327,7 +327,7 @@ class CellLava:
     def budget(self) -> VolumeBudget:
         """Return the budget of the lava's volume."""
         area = self.grid.resolution**2
-        left = self.state.left.numpy() * area
+        left = read(self.state.left) * area
         return VolumeBudget(
             emitted=self.volume_before + self.vents.emitted(self.time),
             held=sum_of(self.state.thickness) * area, pending=0.0,
@@ -392,7 +392,7 @@ class CellLava:
         grid, thickness = self.grid, _inner(self.state.thickness)
         i, j = np.nonzero(thickness > max(self._film, least))
         own = thickness[i, j]
-        east, north = self.state.first_x.numpy(), self.state.first_y.numpy()
+        east, north = read(self.state.first_x), read(self.state.first_y)
         # faces on both sides of the cell, in maps with a ring
         passed = np.stack([
             east[i + 1, j] + east[i + 1, j + 1], north[i, j + 1] + north[i + 1, j + 1],
@@ -433,5 +433,6 @@ def _fill(array: Any, values: np.ndarray | float) -> None:
 
 
 def _inner(array: Any) -> np.ndarray:
-    """Return a map without its ring, which shares the memory of the array."""
-    return array.numpy()[1:-1, 1:-1]
+    """Return a map without its ring, which on a CPU shares the memory of the array."""
+    values = read(array) if array.device.is_cuda else array.numpy()
+    return values[1:-1, 1:-1]

@@ -259,6 +259,8 @@ class CellSolver(CellLava):
 
     def _launch(self, clock: np.ndarray, steps: int) -> None:
         """Take at most some steps by a clock, and read where they ended; 0 records the lava."""
+        if (batch := current_batch()) is not None:
+            batch.wait_for_launches()
         if self._worlds is None:
             self._worlds = Worlds(1, self.device)
             self._worlds.put(0, self._world)

@@ -24,7 +24,6 @@ from lava_ros.simulation.cells.state import (
     STAGES,
     STEPS,
     TARGET,
-    TIME,
     UNTIL,
 )
 from lava_ros.verification import exact
