@@ -74,18 +74,24 @@ def zeros(items: Mapping[str, tuple[Any, tuple[int, ...]]], device: Any) -> dict
     for name, (dtype, shape) in items.items():
         starts[name] = end
         end += -(-math.prod(shape) * _size(dtype) // piece)
-    block = wp.zeros(end, dtype=_PIECE, device=device)
+    if wp.get_device(device).is_cuda:
+        block = wp.zeros(end, dtype=_PIECE, device=device)
+        first_piece = block.ptr
+    else:
+        # the system clears only pages that are used, and most of a terrain stays dry
+        block = np.zeros((end + 1) * piece, dtype=np.uint8)
+        first_piece = -(-block.ctypes.data // piece) * piece
     found = {}
     for name, (dtype, shape) in items.items():
-        first = block.ptr + starts[name] * piece
+        first = first_piece + starts[name] * piece
         array = wp.array(ptr=first, dtype=dtype, shape=shape, device=device)
         array.block = block
         found[name] = array
     return found
 
 
-#: Objects that are shared and in use, and the newest: that of two terrains, for members that run one
-#: after the other with partners on coarser ground.
+#: Objects that are shared and in use, and the newest: those of two terrains, for members that run
+#: one after the other with partners on coarser ground.
 _shared: WeakValueDictionary[tuple[Hashable, ...], Any] = WeakValueDictionary()
 _newest: deque[Any] = deque(maxlen=8)
 
@@ -124,15 +130,6 @@ def _array_of(
     return wp.array(values(source), dtype=dtype, device=device)
 
 
-def sum_of(array: Any) -> float:
-    """Return the sum of the items of a contiguous array, in an order that is always the same."""
-    if not array.device.is_cuda:
-        return float(array.numpy().sum())
-    total = wp.empty(1, dtype=array.dtype, device=array.device)
-    wp.utils.array_sum(array.flatten(), out=total)
-    return float(read(total)[0])
-
-
 def forget_failure(device: Any) -> None:
     """Clear the sticky CUDA error left by a failed allocation.
 
@@ -163,15 +160,22 @@ def read(array: Any) -> np.ndarray:
 
 
 def read_parts(maps: Sequence[Any], part: tuple[slice, slice]) -> np.ndarray:
-    """Copy some rows and columns of several maps of one type to the host, waiting only once."""
-    shape = len(maps), *(max(one.stop - one.start, 0) for one in part)
-    dtype = maps[0].dtype
-    if not math.prod(shape):
-        return np.zeros(shape, dtype=wp.dtype_to_numpy(dtype))
-    parts = wp.empty(shape, dtype=dtype, device=maps[0].device)
+    """Copy some rows and columns of several maps of one type and shape to the host.
+
+    A GPU copies whole rows: a kernel that gathers others would wait for those of other streams.
+    """
+    rows, columns = part
+    if not maps[0].device.is_cuda:
+        return np.stack([one.numpy()[part] for one in maps])
+    width, height = maps[0].shape[1], max(rows.stop - rows.start, 0)
+    host = wp.empty((len(maps), height, width), dtype=maps[0].dtype, device='cpu')
+    size = height * width
     for number, one in enumerate(maps):
-        wp.copy(parts[number], one[part])
-    return read(parts)
+        if size:
+            wp.copy(host, one, number * size, rows.start * width, size)
+    wp.synchronize_stream(wp.get_stream(maps[0].device))
+    values: np.ndarray = host.numpy()[:, :, columns]
+    return values
 
 
 class Readback:

@@ -16,7 +16,7 @@ from lava_ros.effects.laws import Rheology
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.backend.memory import bytes_per_cell, read, read_parts, sum_of
+from lava_ros.simulation.backend.memory import bytes_per_cell, read, read_parts
 from lava_ros.simulation.cells.covered import Covered
 from lava_ros.simulation.cells.grid import (
     cells_under,
@@ -174,6 +174,16 @@ class CellLava:
         self.covered.move(terrain, solid, self.accuracy.inundation_threshold)
         self.covered.attach(self._maps)
 
+    def _part_with_lava(self) -> Part:
+        """Return rows and columns of maps with their ring, outside of which there is no lava."""
+        ends = self._ends_at_start
+        if self.steps:
+            # no window before: the first step finds it
+            low, high = read(self.state.box).reshape(2, 2).T
+            ends = np.array([np.minimum(ends[0], low), np.maximum(ends[1], high + 1)])
+        rows, columns = ends.T.tolist()
+        return slice(*rows), slice(*columns)
+
     def columns(self) -> Columns:
         """Copy the lava."""
         heat = self.heat
@@ -186,6 +196,8 @@ class CellLava:
         self._temperatures: set[float] = set()
         self._lava_box = np.array([0, -1, 0, -1], dtype=np.int32)
         self._is_bare = True
+        #: First and end of rows and columns with any lava at the start, [2, 2].
+        self._ends_at_start = np.array([np.add(self.grid.shape, 2), [0, 0]])
         lay_ground(self.state, self.heat, self.effects, is_bare=True)
         self._warm(hottest_of(self.scene))
 
@@ -207,6 +219,9 @@ class CellLava:
         ends = rows.start, rows.stop - 1, columns.start, columns.stop - 1
         self._lava_box = np.array(ends, dtype=np.int32)
         _fill(heat.emission_time, lava.emission_time)
+        rows, columns = box_of(is_wet | (lava.solidified > 0.0))
+        self._ends_at_start = np.array([[rows.start, columns.start], [rows.stop, columns.stop]])
+        self._ends_at_start += 1
         is_solid = bool(lava.solidified.any())
         self._is_bare = not (is_wet.any() or is_solid)
         self.thickest = float(lava.thickness.max(initial=0.0))
@@ -239,9 +254,8 @@ class CellLava:
     @property
     def count(self) -> int:
         """Number of cells with lava that flows."""
-        count = 0
-        if self.steps or not self._is_bare:
-            count = int((self.state.thickness.numpy() > self._film).sum())
+        (thickness,) = read_parts([self.state.thickness], self._part_with_lava())
+        count = int((thickness > self._film).sum())
         self.most_particles = max(self.most_particles, count)
         return count
 
@@ -327,11 +341,11 @@ class CellLava:
     def budget(self) -> VolumeBudget:
         """Return the budget of the lava's volume."""
         area = self.grid.resolution**2
-        left = read(self.state.left) * area
+        left, maps = read(self.state.left) * area, [self.state.thickness, self.heat.frozen]
+        held, frozen = read_parts(maps, self._part_with_lava()).sum(axis=(1, 2)) * area
         return VolumeBudget(
             emitted=self.volume_before + self.vents.emitted(self.time),
-            held=sum_of(self.state.thickness) * area, pending=0.0,
-            left=float(left.sum()), frozen=sum_of(self.heat.frozen) * area,
+            held=float(held), pending=0.0, left=float(left.sum()), frozen=float(frozen),
             in_holes=float(left[HOLES]), in_sea=float(left[SEA]),
         )
 
