@@ -40,10 +40,10 @@ CLOCK, COUNTS, THICKEST, NUMBER = slice(0, 9), slice(9, 13), 13, 14
 #: what lava covers before the steps, and number.
 _REPORT, _ORDER = 15, 15
 
-#: Number of blocks of a world on a GPU if there are few worlds, in descending order, each a kernel
-#: of its own; minimum compute capability: those of a cluster run at the same time; and number of
+#: Numbers of blocks of a world on a GPU, each a kernel of its own: fewer for more worlds. Also
+#: the minimum compute capability: the blocks of a cluster run at the same time; and the number of
 #: blocks that run at the same time on a multiprocessor.
-_BLOCKS, _MIN_ARCH, _BLOCKS_AT_ONCE = (16, 4), 90, 2
+_BLOCKS, _MIN_ARCH, _BLOCKS_AT_ONCE = (16, 4, 2), 90, 2
 
 _BEGIN = """{
     const long top = 0, bottom = 0;
@@ -250,7 +250,7 @@ def blocks_of(device: Any, count: int) -> int:
     if not device.is_cuda or device.arch < _MIN_ARCH:
         return 1
     most = _BLOCKS_AT_ONCE * device.sm_count // count
-    return next((blocks for blocks in _BLOCKS if blocks <= most), 1)
+    return next((blocks for blocks in _BLOCKS if blocks <= most), _BLOCKS[-1])
 
 
 class _Mirror:
