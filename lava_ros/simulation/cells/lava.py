@@ -231,6 +231,8 @@ class CellLava:
 
     def _warm(self, temperature: np.ndarray | float) -> None:
         """Write temperature [K], a map or a number, and viscosity and yield strength by it."""
+        #: What has been written, if it is a number.
+        self._warmth = temperature if isinstance(temperature, float) else None
         rheology, state = Rheology(self.scene.lava, self.effects), self.state
         _fill(self.heat.temperature, temperature)
         found, which = np.unique(np.float32(temperature), return_inverse=True)

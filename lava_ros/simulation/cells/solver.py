@@ -193,7 +193,9 @@ class CellSolver(CellLava):
         if self._is_heated and not was_heated:
             wp.copy(self.heat.former, self.state.stage)
         elif not self._is_heated and self._temperatures:
-            self._warm(*self._temperatures)
+            (temperature,) = self._temperatures
+            if temperature != self._warmth:
+                self._warm(temperature)
         self._world = world = World()
         self.state.argument(world.flow)
         self.heat.argument(world.heat)

@@ -132,7 +132,7 @@ class ParticleLava:
         self._shown = self.raster.grids[-len(SHOWN) :]
         # times of cells that lava has not reached
         self._shown[1:].fill_(math.nan)
-        solid = None if self.raised is None else self.raised.thickness()
+        solid = None if self.raised is None or former is None else self.raised.thickness()
         self.covered.move(terrain, solid, accuracy.inundation_threshold)
         self.covered.attach(self.state)
         self.build_stage()
