@@ -72,7 +72,7 @@ def test_bare_simulations_share_the_ground_until_lava_solidifies():
     assert freezing.budget().frozen > 0.0
     first.advance(600.0)
     np.testing.assert_array_equal(former.snapshot().thickness, first.snapshot().thickness)
-    second.set_effects(dict.fromkeys(EFFECTS, False) | {name: True for name in FREEZING})
+    second.set_effects(dict.fromkeys(EFFECTS, False) | dict.fromkeys(FREEZING, True))
     faces = [one.solver.state.drop_x.ptr for one in (former, first, second, freezing)]
     assert len(set(faces)) == 3
     assert faces[0] == faces[1]
