@@ -7,7 +7,7 @@ Both ends share a pair of sockets. The child reads it in a thread (``received``)
 parent has closed it or is gone.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
@@ -35,18 +35,14 @@ class Child:
 
     Attributes:
         channel: The parent's end of the connection.
+        process: The process.
         pid: Process ID.
     """
 
     _connect: Callable[[], tuple[Any, Any]] = staticmethod(socket.socketpair)
 
     def __init__(
-        self,
-        module: str,
-        *arguments: str,
-        switches: Sequence[str] = (),
-        env: Mapping[str, str] | None = None,
-        **options: Any,
+        self, module: str, *arguments: str, switches: Sequence[str] = (), **options: Any
     ) -> None:
         """Start the process.
 
@@ -54,7 +50,6 @@ class Child:
             module: Name of the module.
             arguments: Arguments of its ``main``, after the descriptor of the connection.
             switches: Switches of Python.
-            env: Additions to the environment.
             options: Further options of ``subprocess.Popen``.
 
         Raises:
@@ -67,22 +62,19 @@ class Child:
             self.channel, theirs = self._connect()
             # the parent handles Ctrl+C in a terminal, and ends the process
             with theirs, interrupts_withheld():
-                self._process = subprocess.Popen(
+                self.process = subprocess.Popen(
                     [sys.executable, *switches, '-c', code, str(theirs.fileno()), *arguments],
-                    stdin=subprocess.DEVNULL,
-                    env={**os.environ, **(env or {})},
-                    pass_fds=[theirs.fileno()],
-                    **options,
+                    stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()], **options,
                 )
-                self.pid = self._process.pid
-                self._finalizer = weakref.finalize(self, _end, self._process, self._owner)
+                self.pid = self.process.pid
+                self._finalizer = weakref.finalize(self, _end, self.process, self._owner)
         except OSError as error:
             raise ChildProcessError(f'a process cannot be started: {error}') from error
 
     @property
     def is_usable(self) -> bool:
         """True if the process runs and was started by this process, not by its parent."""
-        return self._owner == os.getpid() and self._process.poll() is None
+        return self._owner == os.getpid() and self.process.poll() is None
 
     def exit_status(self) -> int | None:
         """Return the status of a process that has closed its connection.
@@ -91,7 +83,7 @@ class Child:
             The status, negative for a signal; None if the process does not end.
         """
         with suppress(subprocess.TimeoutExpired):
-            return self._process.wait(_END_TIMEOUT)
+            return self.process.wait(_END_TIMEOUT)
         return None
 
     def ended(self) -> ChildProcessError:

@@ -31,9 +31,6 @@ NICENESS = 10
 #: Wall time of a slice, wall time between two reports of progress, and maximum pause [s].
 SLICE_WALL_TIME, REPORT_TIME, _MAX_REST = 0.05, 0.5, 60.0
 
-#: Name of the reply of a loop that failed.
-_FAILED = 'failed'
-
 Request = tuple[str, dict[str, Any]]
 Answer = Callable[..., None]
 
@@ -77,7 +74,7 @@ class ChildProcess(Child):
         except (EOFError, OSError) as error:
             raise self.ended() from error
         name, values = pickle.loads(data)
-        if name == _FAILED:
+        if name == 'failed':
             raise values['error'] from ChildProcessError(values['trace'])
         return name, values
 
@@ -172,7 +169,7 @@ def main(descriptor: str, module: str, loop: str) -> None:
         while True:
             made.turn()
     except Exception as error:
-        answer(_FAILED, error=_portable(error), trace=traceback.format_exc())
+        answer('failed', error=_portable(error), trace=traceback.format_exc())
     # the parent ends this process
     threading.Event().wait()
 

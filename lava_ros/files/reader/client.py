@@ -58,7 +58,7 @@ class _Reader(Child):
             'lava_ros.files.reader.process',
             # hooks of .pth files are not run: they take longer than Python itself
             switches=['-I', '-S'], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            cwd='/', env=SWITCHES,
+            cwd='/', env={**os.environ, **SWITCHES},
         )
 
     def ask(self, request: dict[str, Any], files: Iterable[File]) -> Answer:
@@ -119,16 +119,16 @@ def read_in_process(
         reader = _running()
         try:
             answer = reader.ask(request, files)
-        except BaseException as error:
-            # an interrupted exchange cannot be continued
-            _readers.clear()
-            status = reader.exit_status() if isinstance(error, ChildProcessError) else None
+        except ChildProcessError as error:
+            status = reader.exit_status() or 0
             reader.end()
-            if status is not None and status > 0:
+            if status > 0:
                 problem = f'The process that reads {field} {value} ended with status {status}'
                 raise RefusalError(field, problem, "Run 'lava check install'") from error
-            if isinstance(error, ChildProcessError):
-                raise LavaError(field, str(value), _limit(status or 0)) from error
+            raise LavaError(field, str(value), _limit(status)) from error
+        except BaseException:
+            # an interrupted exchange cannot be continued
+            reader.end()
             raise
     for name, level, message in answer.data.get('log', ()):
         logging.getLogger(str(name)).log(int(level), '%s', message)

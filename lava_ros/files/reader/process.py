@@ -51,12 +51,13 @@ def main(descriptor: str) -> None:
     logging.getLogger('lava_ros').addHandler(log)
     logging.getLogger('lava_ros').setLevel(logging.WARNING)
     requests: SimpleQueue[tuple[dict[str, Any], list[int]]] = SimpleQueue()
-    with socket.socket(fileno=int(descriptor)) as connection:
-        receive_in_thread(partial(_received, connection), requests)
-        while True:
-            request, descriptors = requests.get()
-            log.found.clear()
-            _answer(connection, request, descriptors, log)
+    # it is not closed: a closed one means the end of the parent
+    connection = socket.socket(fileno=int(descriptor))
+    receive_in_thread(partial(_received, connection), requests)
+    while True:
+        request, descriptors = requests.get()
+        log.found.clear()
+        _answer(connection, request, descriptors, log)
 
 
 def _received(connection: socket.socket) -> tuple[dict[str, Any], list[int]]:
